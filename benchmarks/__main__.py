@@ -53,9 +53,15 @@ is told in [clean records](clean-records.md)."""
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("topics", nargs="*", metavar="topic", help=f"of {', '.join(TOPICS)}; default all")
-    parser.add_argument("--quick", action="store_true", help="tiny runs, to see that everything works; no page")
-    parser.add_argument("--out", type=Path, help="page to write; default docs/benchmarks.md after a full run of all")
+    parser.add_argument(
+        "topics", nargs="*", metavar="topic", help=f"of {', '.join(TOPICS)}; default all"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="tiny runs, to see that everything works; no page"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="page to write; default docs/benchmarks.md after a full run of all"
+    )
     chosen = parser.parse_args(arguments)
     unknown = [name for name in chosen.topics if name not in TOPICS]
     if unknown:

@@ -28,14 +28,28 @@ def measure(quick: bool = False) -> Topic:
     rows: list[list[Cell]] = []
     for name in (LIFE, STEPS):
         best = times.best(name)
-        rows.append([name, best, duration / best, best / (duration / STEP) * 1e6, times.median_ratio(name, LIFE)])
+        rows.append(
+            [
+                name,
+                best,
+                duration / best,
+                best / (duration / STEP) * 1e6,
+                times.median_ratio(name, LIFE),
+            ]
+        )
     speed = duration / times.best(LIFE)
     text = (
         f"{duration:g} s of cycling at {STEP} s: galvanostat, ageing actuator and degradation estimator, as native "
         "FMUs in one process under our master (Jacobi); 18 values are set or read at each step, and 12 are recorded. "
         f"Opening the FMUs counts too. Target {TARGET:,} times real time, {'met' if speed >= TARGET else 'missed'}."
     )
-    columns = ["what", "best, s", "times real time", "best, µs for a step of all three", "median ratio to the life"]
+    columns = [
+        "what",
+        "best, s",
+        "times real time",
+        "best, µs for a step of all three",
+        "median ratio to the life",
+    ]
     return Topic("The life of five hours", [text, Table(columns, rows)])
 
 

@@ -20,7 +20,9 @@ LEAST = 1.3  # noise widths that must be left of a hidden effect
 
 def right_names(effects: Mapping[str, type[Effect]], right: frozenset[str]) -> set[str]:
     """Labels of effects that are right: by themselves, or of a family that is."""
-    return {name for name, effect in effects.items() if name in right or effect.term.family in right}
+    return {
+        name for name, effect in effects.items() if name in right or effect.term.family in right
+    }
 
 
 def related(effects: Mapping[str, type[Effect]], right: set[str]) -> set[str]:
@@ -43,7 +45,9 @@ def excluded(row: Row) -> str:
 
 def alike(floor: Mapping[str, Fitted], right: set[str]) -> list[str]:
     """Effects that are not right and make the record so well that nobody could tell it from the truth."""
-    return [n for n, fit in floor.items() if n not in right and n != BASE and fit.evidence < EVIDENCE]
+    return [
+        n for n, fit in floor.items() if n not in right and n != BASE and fit.evidence < EVIDENCE
+    ]
 
 
 def held_out(result: DiagnosisResult, drawn: CleanRecord) -> Row:

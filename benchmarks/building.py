@@ -50,7 +50,9 @@ def measure(quick: bool = False) -> Topic:
     if not quick:
         seconds[FIRST] = _first()
     seconds |= {name: times.best(name) for name in times.seconds}
-    rows: list[list[Cell]] = [[name, spent, spent / seconds[NOTHING]] for name, spent in seconds.items()]
+    rows: list[list[Cell]] = [
+        [name, spent, spent / seconds[NOTHING]] for name, spent in seconds.items()
+    ]
     archives = {runtime: _archive(cls, runtime, platforms) for runtime in build.RUNTIMES}
     label = toolchain.find_compiler(host).label
     return Topic(
@@ -98,9 +100,13 @@ def sizes(archives: dict[str, bytes], platforms: list[str]) -> Table:
     for runtime, contents in archives.items():
         with zipfile.ZipFile(io.BytesIO(contents)) as archive:
             entries = archive.infolist()
-        binaries = {p: [e for e in entries if e.filename.startswith(f"binaries/{p}/")] for p in platforms}
+        binaries = {
+            p: [e for e in entries if e.filename.startswith(f"binaries/{p}/")] for p in platforms
+        }
         weights = [
-            f"{sum(e.compress_size for e in found):,} ({sum(e.file_size for e in found):,})" if found else "not built"
+            f"{sum(e.compress_size for e in found):,} ({sum(e.file_size for e in found):,})"
+            if found
+            else "not built"
             for found in binaries.values()
         ]
         rest = sum(e.compress_size for e in entries if not e.filename.startswith("binaries/"))

@@ -17,8 +17,14 @@ Array = NDArray[np.float64]
 
 
 def simulate_each(
-    path: Path, parameter: str, values: Sequence[float], time: Array, name: str, given: Array, output: str
-) -> Array:  # fmt: skip
+    path: Path,
+    parameter: str,
+    values: Sequence[float],
+    time: Array,
+    name: str,
+    given: Array,
+    output: str,
+) -> Array:
     """Call ``fmpy.simulate_fmu`` for every value.
 
     Parameters
@@ -47,16 +53,29 @@ def simulate_each(
     for value in values:
         with contextlib.redirect_stdout(None):  # it warns of every input that has no series
             result = fmpy.simulate_fmu(
-                str(path), stop_time=stop, step_size=step, output_interval=step, start_values={parameter: value},
-                input=series, output=[output], fmi_type="CoSimulation", set_input_derivatives=False,
-            )  # fmt: skip
+                str(path),
+                stop_time=stop,
+                step_size=step,
+                output_interval=step,
+                start_values={parameter: value},
+                input=series,
+                output=[output],
+                fmi_type="CoSimulation",
+                set_input_derivatives=False,
+            )
         found.append(_numbers(result[output]))
     return np.array(found)
 
 
 def reuse_one(
-    path: Path, parameter: str, values: Sequence[float], time: Array, name: str, given: Array, output: str
-) -> Array:  # fmt: skip
+    path: Path,
+    parameter: str,
+    values: Sequence[float],
+    time: Array,
+    name: str,
+    given: Array,
+    output: str,
+) -> Array:
     """Unpack once, reset one instance, and call FMI with arguments that are ready: as fast as a loop in Python gets.
 
     Parameters and result as of :func:`simulate_each`.
@@ -64,11 +83,19 @@ def reuse_one(
     description, folder = fmpy.read_model_description(path), fmpy.extract(str(path))
     references = {v.name: v.valueReference for v in description.modelVariables}
     slave = FMU2Slave(
-        guid=description.guid, unzipDirectory=folder, modelIdentifier=description.coSimulation.modelIdentifier
+        guid=description.guid,
+        unzipDirectory=folder,
+        modelIdentifier=description.coSimulation.modelIdentifier,
     )
     slave.instantiate()
-    set_real, do_step, get_real = (slave.dll[f"fmi2{verb}"] for verb in ("SetReal", "DoStep", "GetReal"))
-    component, one, step = ctypes.c_void_p(slave.component), ctypes.c_size_t(1), ctypes.c_double(time[1])
+    set_real, do_step, get_real = (
+        slave.dll[f"fmi2{verb}"] for verb in ("SetReal", "DoStep", "GetReal")
+    )
+    component, one, step = (
+        ctypes.c_void_p(slave.component),
+        ctypes.c_size_t(1),
+        ctypes.c_double(time[1]),
+    )
     into, out = ((ctypes.c_uint * 1)(references[n]) for n in (name, output))
     got, no = (ctypes.c_double * 1)(), ctypes.c_int(0)
     instants = [ctypes.c_double(t) for t in time.tolist()]

@@ -29,7 +29,9 @@ def library(source: str, folder: str | Path) -> Path:
     copy = Path(folder) / source  # in a new place: zig would remember the old one
     shutil.copyfile(SOURCES / source, copy)
     path = copy.with_suffix(toolchain.EXTENSIONS[target])
-    path.write_bytes(toolchain.compile_library([copy], [toolchain.fmi_headers()], target, libraries=("m",)))
+    path.write_bytes(
+        toolchain.compile_library([copy], [toolchain.fmi_headers()], target, libraries=("m",))
+    )
     return path
 
 

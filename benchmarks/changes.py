@@ -21,17 +21,27 @@ from fmus.kit.errors import UserError
 from tests.support.clean.records import Case, cases, draw
 
 Row = dict[str, Any]
-SUBJECTS = "Actuator", "Motor", "Pendulum", "ThermalNodes", "Cell"  # what is measured in seconds, not in minutes
+SUBJECTS = (
+    "Actuator",
+    "Motor",
+    "Pendulum",
+    "ThermalNodes",
+    "Cell",
+)  # what is measured in seconds, not in minutes
 COLUMNS = ["noise", "pairs", "claimed falsely", "changed", "told", "told alone"]
 
 
 def pairs(count: int, seed: int) -> list[tuple[Case, Case]]:
     """Cases of the first record and of the second one, stimulus, noise and seed being others."""
-    drawn = [case for case in cases(8 * count, seed) if case.plant in SUBJECTS and case.timing == "usual"]
+    drawn = [
+        case for case in cases(8 * count, seed) if case.plant in SUBJECTS and case.timing == "usual"
+    ]
     rng = np.random.default_rng([seed, 1])
     found = []
     for first in drawn[:count]:
-        others = [case for case in drawn if case.plant == first.plant and case.smooth == first.smooth]
+        others = [
+            case for case in drawn if case.plant == first.plant and case.smooth == first.smooth
+        ]
         second = others[rng.integers(len(others))]
         found.append((first, replace(second, seed=first.seed + 50_000, noise=first.noise)))
     return found
@@ -48,23 +58,42 @@ def judge(first: Case, second: Case, factor: float, effects: Sequence[str] | Non
     changed = physical[rng.integers(len(physical))] if factor != 1.0 else ""
     specimen = {n: before.truth[n] * (factor if n == changed else 1.0) for n in plant.nominal}
     after = draw(second, specimen)
-    row: Row = {"plant": plant.name, "noise": first.noise, "stimuli": [first.stimulus, second.stimulus]}
+    row: Row = {
+        "plant": plant.name,
+        "noise": first.noise,
+        "stimuli": [first.stimulus, second.stimulus],
+    }
     with tempfile.TemporaryDirectory() as folder:
-        paths = [record.write(Path(folder) / f"{k}.csv") for k, record in enumerate((before, after))]
+        paths = [
+            record.write(Path(folder) / f"{k}.csv") for k, record in enumerate((before, after))
+        ]
         began = clock.perf_counter()
         try:
             said = ppy.diagnose(
-                paths[0], plant.model, compare=paths[1], effects=effects, settings=dict(plant.settings), laws=False
+                paths[0],
+                plant.model,
+                compare=paths[1],
+                effects=effects,
+                settings=dict(plant.settings),
+                laws=False,
             )
         except UserError as error:
-            return row | {"refused": str(error).replace(folder, ""), "changed": changed, "claimed": []}
+            return row | {
+                "refused": str(error).replace(folder, ""),
+                "changed": changed,
+                "claimed": [],
+            }
     found = said.changes or []
     claimed = [c.name for c in found if c.changed]
     figures = {c.name: [c.before, c.after, c.gain] for c in found if c.changed or c.name == changed}
     return row | {
-        "changed": changed, "claimed": claimed, "figures": figures, "seconds": clock.perf_counter() - began,
-        "verdict": str(said.verdict), "causes": said.causes,
-    }  # fmt: skip
+        "changed": changed,
+        "claimed": claimed,
+        "figures": figures,
+        "seconds": clock.perf_counter() - began,
+        "verdict": str(said.verdict),
+        "causes": said.causes,
+    }
 
 
 def report(rows: Sequence[Row]) -> Topic:
@@ -85,10 +114,14 @@ def report(rows: Sequence[Row]) -> Topic:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.changes", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.changes", description=__doc__.split("\n\n")[0]
+    )
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--factor", type=float, default=1.0, help="of one parameter in the second record")
+    parser.add_argument(
+        "--factor", type=float, default=1.0, help="of one parameter in the second record"
+    )
     parser.add_argument("--catalogue", action="store_true", help="with all effects; default none")
     chosen = parser.parse_args(arguments)
     rows = []

@@ -64,10 +64,16 @@ def judge(case: Case, fitted: bool = True, effects: Sequence[str] | None = None)
         return row
     values = {n: e.value for n, e in result.parameters.items()}
     linear = [*(result.details.diagnosis.estimation.linear or ())]
-    return row | (_errors(drawn, values, linear) if not result.causes else {}) | (_least(drawn) if fitted else {})
+    return (
+        row
+        | (_errors(drawn, values, linear) if not result.causes else {})
+        | (_least(drawn) if fitted else {})
+    )
 
 
-def diagnosed(drawn: CleanRecord, effects: Sequence[str] | None = None) -> tuple[DiagnosisResult | None, Row]:
+def diagnosed(
+    drawn: CleanRecord, effects: Sequence[str] | None = None
+) -> tuple[DiagnosisResult | None, Row]:
     """Diagnose a record from its file: what it said, which is None where it refused, and the figures of it.
 
     Parameters
@@ -83,9 +89,15 @@ def diagnosed(drawn: CleanRecord, effects: Sequence[str] | None = None) -> tuple
         began, cpu = clock.perf_counter(), _processor_time()
         try:
             settings, known = settings_of(drawn), drawn.plant.known
-            result = ppy.diagnose(path, drawn.plant.model, settings=settings, hold=known, effects=effects, laws=False)
+            result = ppy.diagnose(
+                path, drawn.plant.model, settings=settings, hold=known, effects=effects, laws=False
+            )
         except UserError as error:
-            told = {"verdict": "refused", "why": [_without_figures(str(error))], "seconds": _processor_time() - cpu}
+            told = {
+                "verdict": "refused",
+                "why": [_without_figures(str(error))],
+                "seconds": _processor_time() - cpu,
+            }
             return None, told
     took = {"seconds": _processor_time() - cpu, "elapsed": clock.perf_counter() - began}
     physical = [n for n in drawn.plant.nominal if n in result.parameters]
@@ -97,14 +109,17 @@ def diagnosed(drawn: CleanRecord, effects: Sequence[str] | None = None) -> tuple
         "why": reasons(result.to_dict()),
         "inside": {
             n: bool(e.interval[0] <= drawn.truth[n] <= e.interval[1])
-            for n in physical if np.isfinite((e := result.parameters[n]).interval).all()
+            for n in physical
+            if np.isfinite((e := result.parameters[n]).interval).all()
         },
-    }  # fmt: skip
+    }
 
 
 def settings_of(drawn: CleanRecord) -> dict[str, float]:
     """Settings that a user of the model under test would give."""
-    return dict(drawn.plant.settings) | ({"sample_period": drawn.step} if drawn.case.plant == "VoiceCoil" else {})
+    return dict(drawn.plant.settings) | (
+        {"sample_period": drawn.step} if drawn.case.plant == "VoiceCoil" else {}
+    )
 
 
 def reasons(figures: dict[str, Any]) -> list[str]:
@@ -147,7 +162,9 @@ def _errors(drawn: CleanRecord, values: dict[str, float], linear: Collection[str
 
     Between samples the refitted model is simulated as the diagnosis took inputs to go.
     """
-    rests = {f"{n}_start": float(v) for n, v in zip(drawn.plant.states, drawn.plant.rest(), strict=True)}
+    rests = {
+        f"{n}_start": float(v) for n, v in zip(drawn.plant.states, drawn.plant.rest(), strict=True)
+    }
     tried = {"refit": values, "untouched": dict(drawn.plant.nominal) | rests, "true": drawn.truth}
     ways = {"refit": linear}
     errors = {
@@ -159,7 +176,9 @@ def _errors(drawn: CleanRecord, values: dict[str, float], linear: Collection[str
         noise = y - drawn.clean[output]
         colour = max(0.0, float(np.corrcoef(noise[:-1], noise[1:])[0, 1]))
         effective += y.size * (1.0 - colour) / (1.0 + colour)
-    return errors | {"per_parameter": effective / (len(drawn.plant.nominal) + len(drawn.plant.states))}
+    return errors | {
+        "per_parameter": effective / (len(drawn.plant.nominal) + len(drawn.plant.states))
+    }
 
 
 def _least(drawn: CleanRecord) -> Row:
@@ -167,16 +186,22 @@ def _least(drawn: CleanRecord) -> Row:
     rests = {f"{n}_start": float(v) for n, v in zip(plant.states, plant.rest(), strict=True)}
     sizes = {f"{n}_start": max(abs(drawn.truth[f"{n}_start"]), 1e-6) for n in plant.states}
     error, _ = least_squares_fit(
-        lambda values: drawn.simulated(values, COARSE), drawn.outputs, dict(plant.nominal) | rests, drawn.regular,
+        lambda values: drawn.simulated(values, COARSE),
+        drawn.outputs,
+        dict(plant.nominal) | rests,
+        drawn.regular,
         sizes=sizes,
-    )  # fmt: skip
+    )
     return {"least": error}
 
 
 def run(
-    wanted: Sequence[Case], kept: Path, every: int, progress: Callable[[str], None] = print,
+    wanted: Sequence[Case],
+    kept: Path,
+    every: int,
+    progress: Callable[[str], None] = print,
     effects: Sequence[str] | None = None,
-) -> list[Row]:  # fmt: skip
+) -> list[Row]:
     """Judge all cases that are not kept yet; every so-manieth is held against least squares."""
     numbers = {case: k for k, case in enumerate(wanted, start=1)}
 
@@ -220,7 +245,13 @@ def report(rows: Sequence[Row]) -> Topic:
 def _kind(row: Row) -> str:
     if row.get("causes"):
         return "false cause"
-    return "right" if right(row) else row["verdict"] if row["verdict"] in ("unexplained", "refused") else "other"
+    return (
+        "right"
+        if right(row)
+        else row["verdict"]
+        if row["verdict"] in ("unexplained", "refused")
+        else "other"
+    )
 
 
 def share(part: int, whole: int) -> str:
@@ -249,10 +280,17 @@ def _coverage(rows: Sequence[Row]) -> Table:
     for name, these in grouped(rows, "noise").items():
         cells: list[str | int] = [str(name)]
         for belongs in kinds.values():
-            hits = [hit for row in these if belongs(row) and not row["causes"] for hit in row["inside"].values()]
+            hits = [
+                hit
+                for row in these
+                if belongs(row) and not row["causes"]
+                for hit in row["inside"].values()
+            ]
             cells += [len(hits), f"{100.0 * np.mean(hits):.1f} %" if hits else ""]
         table.append(cells)
-    return Table(["noise", *(head for kind in kinds for head in (f"intervals, {kind}", "cover"))], table)
+    return Table(
+        ["noise", *(head for kind in kinds for head in (f"intervals, {kind}", "cover"))], table
+    )
 
 
 def _fits(rows: Sequence[Row]) -> list[str | Table]:
@@ -265,7 +303,10 @@ def _fits(rows: Sequence[Row]) -> list[str | Table]:
         f"{len(enough)} of {len(compared)} records have {EFFECTIVE:g} effective samples a parameter; "
         f"{share(len(bad), len(enough))} of them are beyond {WORSE:g}."
     )
-    worst = [[_named(row), _ratio(row), row["refit"], row["least"], row["untouched"], row["true"]] for row in bad[:12]]
+    worst = [
+        [_named(row), _ratio(row), row["refit"], row["least"], row["untouched"], row["true"]]
+        for row in bad[:12]
+    ]
     columns = ["record", "ratio", "refitted", "least squares", "untouched", "true"]
     return [text, *([Table(columns, worst)] if worst else [])]
 
@@ -289,15 +330,17 @@ def _why(rows: Sequence[Row]) -> list[str | Table]:
     wrong = [row for row in rows if not right(row)]
     for row in wrong:
         for kind in {
-            re.sub(r"^(region|correlation).*?(earlier|later|at once)?$", r"\1 \2", r).strip() for r in row["why"]
+            re.sub(r"^(region|correlation).*?(earlier|later|at once)?$", r"\1 \2", r).strip()
+            for r in row["why"]
         }:
             kinds[kind][row["noise"]] += 1
     table = [[kind, *(count[noise] for noise in KINDS)] for kind, count in sorted(kinds.items())]
     each = [[_named(row), row["verdict"], _shortened(row["why"])] for row in wrong]
     return [
-        "What was found where nothing is, in so many records:", Table(["found", *KINDS], table),
+        "What was found where nothing is, in so many records:",
+        Table(["found", *KINDS], table),
         Table(["record", "verdict", "found"], each),
-    ]  # fmt: skip
+    ]
 
 
 def _shortened(why: Sequence[str], most: int = 6) -> str:
@@ -306,15 +349,30 @@ def _shortened(why: Sequence[str], most: int = 6) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.clean", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.clean", description=__doc__.split("\n\n")[0]
+    )
     add_options(parser, 320, "clean")
-    parser.add_argument("--every", type=int, default=4, help="hold every so-manieth against least squares; 0 for none")
-    parser.add_argument("--effects", nargs="*", help="considered instead of those that the models list: families")
-    parser.add_argument("--out", type=Path, help="page; default docs/clean-records.md unless some are left out")
+    parser.add_argument(
+        "--every",
+        type=int,
+        default=4,
+        help="hold every so-manieth against least squares; 0 for none",
+    )
+    parser.add_argument(
+        "--effects", nargs="*", help="considered instead of those that the models list: families"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="page; default docs/clean-records.md unless some are left out"
+    )
     chosen = parser.parse_args(arguments)
     wanted = among(cases(chosen.records, chosen.seed), chosen)
     kept = chosen.kept or ROOT / "build" / "clean" / f"{chosen.seed}.jsonl"
-    text = str(report(run(wanted, kept, chosen.every, lambda line: print(line, flush=True), chosen.effects)))
+    text = str(
+        report(
+            run(wanted, kept, chosen.every, lambda line: print(line, flush=True), chosen.effects)
+        )
+    )
     print("\n" + text)
     page = chosen.out or (None if chosen.only or chosen.without or chosen.effects else PAGE)
     if page is not None:

@@ -21,16 +21,24 @@ _PERIOD = 1.0 / 30.0  # s, of the bench's controller
 # communication points, so that nothing kinks between them.
 SMOOTH: dict[str, tuple[list[float], float, dict[str, Callable[[Array], Array]], str]] = {
     "dma_bench": (
-        [_PERIOD / 128, _PERIOD / 256, _PERIOD / 512], 2 * _PERIOD,
-        {"force_reference": lambda t: np.full(t.size, 1.0)}, "bench.position",
+        [_PERIOD / 128, _PERIOD / 256, _PERIOD / 512],
+        2 * _PERIOD,
+        {"force_reference": lambda t: np.full(t.size, 1.0)},
+        "bench.position",
     ),
     "foot_gait": (
-        [4e-4, 2e-4, 1e-4], 0.1,
-        {"an_current": lambda t: np.sin(20.0 * t), "pl_current": lambda t: -0.5 * np.sin(30.0 * t)}, "foot.ankle_angle",
+        [4e-4, 2e-4, 1e-4],
+        0.1,
+        {"an_current": lambda t: np.sin(20.0 * t), "pl_current": lambda t: -0.5 * np.sin(30.0 * t)},
+        "foot.ankle_angle",
     ),
-}  # fmt: skip
+}
 WAYS: dict[str, dict[str, Any]] = {
-    f"{title}, {inputs}{where}": {"method": method, "extrapolation": extrapolation, "feedthrough": feedthrough}
+    f"{title}, {inputs}{where}": {
+        "method": method,
+        "extrapolation": extrapolation,
+        "feedthrough": feedthrough,
+    }
     for feedthrough, where in ((True, ""), (False, ", strict"))
     for extrapolation, inputs in ((0, "held"), (1, "linear"))
     for method, title in (("jacobi", "Jacobi"), ("gauss-seidel", "Gauss-Seidel"))
@@ -40,7 +48,9 @@ WAYS: dict[str, dict[str, Any]] = {
 def measured(name: str, quick: bool = False, **options: Any) -> CouplingError:
     """Coupling error of a system that ships."""
     steps, stop, inputs, _ = SMOOTH[name]
-    return coupling_error(library.system(name), steps[: 2 if quick else None], stop, inputs, **options)
+    return coupling_error(
+        library.system(name), steps[: 2 if quick else None], stop, inputs, **options
+    )
 
 
 def measure(quick: bool = False) -> Topic:
@@ -54,8 +64,16 @@ def measure(quick: bool = False) -> Topic:
     ]
     for name in list(SMOOTH)[: 1 if quick else None]:
         steps, stop, _, signal = SMOOTH[name]
-        rows = [_row(way, measured(name, quick, **options), signal) for way, options in WAYS.items()]
-        columns = ["", *(f"{1e3 * step:.3g} ms" for step in steps[: len(rows[0]) - 4]), "order", "energy", "its order"]
+        rows = [
+            _row(way, measured(name, quick, **options), signal) for way, options in WAYS.items()
+        ]
+        columns = [
+            "",
+            *(f"{1e3 * step:.3g} ms" for step in steps[: len(rows[0]) - 4]),
+            "order",
+            "energy",
+            "its order",
+        ]
         parts += [f"`{name}` for {1e3 * stop:.3g} ms, `{signal}`:", Table(columns, rows)]
     return Topic("Coupling error", parts)
 

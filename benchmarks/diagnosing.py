@@ -42,10 +42,18 @@ def measure(quick: bool = False) -> Topic:
         ]
         if not rows and not quick:  # whatever has to be compiled is compiled now
             subprocess.run(command, check=True, capture_output=True)
-        seconds, peak, cause = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+        seconds, peak, cause = subprocess.run(
+            command, check=True, capture_output=True, text=True
+        ).stdout.split()
         limit = LIMITS.get(count)
-        met = "" if limit is None else f"{'met' if float(seconds) <= limit else 'missed'}: {limit:g} s"
-        rows.append([count, float(seconds), float(seconds) / count * 1e6, float(peak) / 1e6, cause, met])
+        met = (
+            ""
+            if limit is None
+            else f"{'met' if float(seconds) <= limit else 'missed'}: {limit:g} s"
+        )
+        rows.append(
+            [count, float(seconds), float(seconds) / count * 1e6, float(peak) / 1e6, cause, met]
+        )
     text = (
         f"Records at {RATE:g} Hz of an emulated rig whose strain saturates; all effects of the actuator and of both "
         "measurements are looked at. The time is that of `diagnose` alone, models compiled before; the peak is the "
@@ -63,7 +71,9 @@ def once(count: int, effects: Collection[str] = ()) -> None:
     current = multilevel(instants, [-1.2, -0.5, 0.2, 0.8, 1.2], (2.0, 9.0), 1)
     force = multilevel(instants, [0.4, 1.0, 1.8, 2.8], (10.0, 30.0), 2)
     hidden = partial(SaturatingStrain, saturation=0.4)
-    rig = EmulatedRig(RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0, hidden=hidden)
+    rig = EmulatedRig(
+        RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0, hidden=hidden
+    )
     signals = {"current": current, "force": force} | rig.run(instants, current, force)
     record, model = Record(instants, signals, UNITS, Path("drawn.csv")), find_model(DRIVEN)
     began = time.perf_counter()
@@ -72,4 +82,8 @@ def once(count: int, effects: Collection[str] = ()) -> None:
     candidates = [effect for effect in known if not effects or label(effect) in effects]
     diagnosis = diagnose(model.cls, data, candidates)
     seconds = time.perf_counter() - began
-    print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, (diagnosis.causes or ["nothing"])[0])
+    print(
+        seconds,
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+        (diagnosis.causes or ["nothing"])[0],
+    )

@@ -48,7 +48,9 @@ class Fitted:
     evidence: float
 
 
-def listed(cls: type[Component], drawn: CleanRecord, settings: Mapping[str, float]) -> dict[str, type[Effect]]:
+def listed(
+    cls: type[Component], drawn: CleanRecord, settings: Mapping[str, float]
+) -> dict[str, type[Effect]]:
     """Effects that a diagnosis with families looks at, by label."""
     known = catalogue(cls, known_effects(cls), drawn.outputs)
     known += families(cls, typical(cls, drawn.time, drawn.inputs, settings)).values()
@@ -56,7 +58,10 @@ def listed(cls: type[Component], drawn: CleanRecord, settings: Mapping[str, floa
 
 
 def fitted_alone(
-    cls: type[Component], drawn: CleanRecord, effects: Mapping[str, type[Effect]], settings: Mapping[str, float]
+    cls: type[Component],
+    drawn: CleanRecord,
+    effects: Mapping[str, type[Effect]],
+    settings: Mapping[str, float],
 ) -> tuple[dict[str, Fitted], float]:
     """Every effect that can be fitted, the base as `BASE`, and the processor time that it took, s."""
     began = clock.process_time()
@@ -70,7 +75,10 @@ def fitted_alone(
 
 
 def _fit(
-    cls: type[Component], drawn: CleanRecord, effect: type[Effect] | None, settings: Mapping[str, float]
+    cls: type[Component],
+    drawn: CleanRecord,
+    effect: type[Effect] | None,
+    settings: Mapping[str, float],
 ) -> Fitted:
     plant = drawn.plant
     names = [*plant.nominal, *(f"{state}_start" for state in _own_states(cls, drawn))]
@@ -86,7 +94,9 @@ def _fit(
             e, _ = problem.evaluate(q)
         except UserError:
             return np.full(problem.samples, 1e9)
-        return np.nan_to_num(np.clip(np.concatenate([weights[o] * e[o] for o in e]), -1e9, 1e9), nan=1e9)
+        return np.nan_to_num(
+            np.clip(np.concatenate([weights[o] * e[o] for o in e]), -1e9, 1e9), nan=1e9
+        )
 
     def jacobian(q: Array) -> Array:
         _, j = problem.evaluate(q)
@@ -109,5 +119,7 @@ def _own_states(cls: type[Component], drawn: CleanRecord) -> list[str]:
 
 
 def _simulated(problem: Problem, q: Array) -> dict[str, Array]:
-    signals = problem.model.run(problem.time, problem.inputs, problem.start | problem.values(q)).signals
+    signals = problem.model.run(
+        problem.time, problem.inputs, problem.start | problem.values(q)
+    ).signals
     return {o: signals[o] for o in problem.measured}

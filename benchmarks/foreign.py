@@ -33,9 +33,13 @@ from tests.support.hidden.records import HiddenCase, draw_hidden, left
 from tests.support.hidden.records import cases as hidden_cases
 
 CODE = (
-    *DIAGNOSIS, "orchestration/api/diagnosis.py", "orchestration/discrepancy/foreign", "tests/support/hidden",
-    "tests/support/clean", "benchmarks/foreign.py",
-)  # fmt: skip
+    *DIAGNOSIS,
+    "orchestration/api/diagnosis.py",
+    "orchestration/discrepancy/foreign",
+    "tests/support/hidden",
+    "tests/support/clean",
+    "benchmarks/foreign.py",
+)
 PAGE = ROOT / "docs" / "foreign-fmus.md"
 NONE = "nothing"
 _HALF = 0.5
@@ -66,7 +70,11 @@ def judge_hidden(case: HiddenCase) -> Row:
 def _told(drawn: CleanRecord) -> Row:
     model = replace(find_model(drawn.plant.model), cls=None)
     starts = [] if drawn.case.at_rest else [f"{state}_start" for state in drawn.plant.states]
-    fit = [n for n in (*drawn.plant.nominal, *starts) if n not in drawn.plant.known and n in model.parameters]
+    fit = [
+        n
+        for n in (*drawn.plant.nominal, *starts)
+        if n not in drawn.plant.known and n in model.parameters
+    ]
     began = clock.process_time()
     with tempfile.TemporaryDirectory() as folder:
         path = drawn.write(Path(folder) / "record.csv")
@@ -77,10 +85,14 @@ def _told(drawn: CleanRecord) -> Row:
         naive = _naive(path, model, fit, settings_of(drawn))
     outputs = found.gain.before
     return {
-        "verdict": str(found.verdict), "causes": found.causes, "seconds": clock.process_time() - began,
+        "verdict": str(found.verdict),
+        "causes": found.causes,
+        "seconds": clock.process_time() - began,
         "naive": naive,
-        "left": float(np.mean([found.gain.after[o] / outputs[o] for o in outputs if outputs[o] > 0.0])),
-    }  # fmt: skip
+        "left": float(
+            np.mean([found.gain.after[o] / outputs[o] for o in outputs if outputs[o] > 0.0])
+        ),
+    }
 
 
 def _naive(path: Path, model: Model, fit: Sequence[str], settings: Mapping[str, float]) -> float:
@@ -108,7 +120,9 @@ def _said(row: Row) -> str:
     if not row["verdict"]:
         return f"not counted: {row['widths']:.1f} noise widths"
     told = ", ".join(row["causes"]) or row.get("why", "nothing named")
-    return f"{row['verdict']}, {told}" + (f", error to {100 * row['left']:.0f} %" if "left" in row else "")
+    return f"{row['verdict']}, {told}" + (
+        f", error to {100 * row['left']:.0f} %" if "left" in row else ""
+    )
 
 
 def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
@@ -120,10 +134,16 @@ def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
     for family, these in grouped([*answered, *counted], "family").items():
         lefts = [row["left"] for row in these if "left" in row]
         told = sorted({cause for row in these for cause in row["causes"]})
-        rows.append([
-            family, len(these), sum(bool(row["causes"]) for row in these), sum(x < _HALF for x in lefts),
-            float(np.median(lefts)) if lefts else float("nan"), ", ".join(told),
-        ])  # fmt: skip
+        rows.append(
+            [
+                family,
+                len(these),
+                sum(bool(row["causes"]) for row in these),
+                sum(x < _HALF for x in lefts),
+                float(np.median(lefts)) if lefts else float("nan"),
+                ", ".join(told),
+            ]
+        )
     inside = [row for row in counted if "left" in row]
     parts: list[str | Table] = [
         f"Nothing hidden: a cause is named in {share(false, len(answered))} of {len(answered)}; "
@@ -139,8 +159,13 @@ def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
     seconds = [row["seconds"] for row in (*clean, *inside) if "seconds" in row]
     if seconds:
         parts.append(f"Processor time of a diagnosis: median {np.median(seconds):.0f} s.")
-    refused = [[_name(row), row["why"]] for row in (*clean, *counted) if row["verdict"] == "refused"]
-    return Topic("FMUs without equations", [*parts, *([Table(["refused", "why"], refused)] if refused else [])])
+    refused = [
+        [_name(row), row["why"]] for row in (*clean, *counted) if row["verdict"] == "refused"
+    ]
+    return Topic(
+        "FMUs without equations",
+        [*parts, *([Table(["refused", "why"], refused)] if refused else [])],
+    )
 
 
 def _name(row: Row) -> str:
@@ -149,7 +174,9 @@ def _name(row: Row) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.foreign", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.foreign", description=__doc__.split("\n\n")[0]
+    )
     add_options(parser, 24, "foreign")
     parser.add_argument("--clean", type=int, default=24, help="records in which nothing is hidden")
     parser.add_argument("--out", type=Path, help="page to write")
@@ -159,15 +186,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     hidden = among(hidden_cases(chosen.records, chosen.seed, USUAL), chosen)
     progress = lambda line: print(line, flush=True)  # noqa: E731
     beside = kept.with_stem(f"{kept.stem}-clean")
-    text = str(report(judged(clean, beside, judge_clean, _said, progress),
-                      judged(hidden, kept, judge_hidden, _said, progress)))  # fmt: skip
+    text = str(
+        report(
+            judged(clean, beside, judge_clean, _said, progress),
+            judged(hidden, kept, judge_hidden, _said, progress),
+        )
+    )
     print("\n" + text)
     if chosen.out is not None:
         asked = f"--records {chosen.records} --clean {chosen.clean} --seed {chosen.seed}"
         asked += "".join(
-            f" --{name} {' '.join(words)}" for name in ("only", "without") if (words := getattr(chosen, name))
+            f" --{name} {' '.join(words)}"
+            for name in ("only", "without")
+            if (words := getattr(chosen, name))
         )
-        chosen.out.write_text(_HEAD.format(asked=asked, stamp=stamp(CODE)) + text + "\n", encoding="utf-8")
+        chosen.out.write_text(
+            _HEAD.format(asked=asked, stamp=stamp(CODE)) + text + "\n", encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

@@ -32,10 +32,17 @@ from tests.support.hidden.variations import OUTSIDE
 
 PAGE = ROOT / "docs" / "hidden-records.md"
 CODE = (
-    *DIAGNOSIS, "fmus/galvanostat", "fmus/voice_coil_dma", "orchestration/fmu/effects.py", "tests/support/hidden",
-    "tests/support/clean", "benchmarks/hidden.py", "benchmarks/hidden_two.py", "benchmarks/answers.py",
+    *DIAGNOSIS,
+    "fmus/galvanostat",
+    "fmus/voice_coil_dma",
+    "orchestration/fmu/effects.py",
+    "tests/support/hidden",
+    "tests/support/clean",
+    "benchmarks/hidden.py",
+    "benchmarks/hidden_two.py",
+    "benchmarks/answers.py",
     "benchmarks/floor.py",
-)  # fmt: skip
+)
 _HEAD = """# How often hidden effects are named, in models that nobody here prepared
 
 Drawn by `python -m benchmarks.hidden {asked}`, a seed that was not looked at before.
@@ -62,7 +69,11 @@ def judge(case: HiddenCase, with_floor: bool = True) -> Row:
         Without it nothing tells whether another effect could have made the record.
     """
     drawn = draw_hidden(case)
-    row = asdict(case) | {"family": case.variation.family, "shape": case.variation.shape, "widths": left(drawn)}
+    row = asdict(case) | {
+        "family": case.variation.family,
+        "shape": case.variation.shape,
+        "widths": left(drawn),
+    }
     if excluded(row):
         return row | {"seconds": 0.0}
     settings, model = settings_of(drawn), find_model(drawn.plant.model)
@@ -74,9 +85,12 @@ def judge(case: HiddenCase, with_floor: bool = True) -> Row:
         ranked = sorted(floor, key=lambda name: floor[name].bic)
         closest = min(floor, key=lambda name: floor[name].evidence)
         row |= {
-            "alike": alike(floor, right), "floor": ranked[:4], "floor_seconds": took,
-            "closest": closest in right, "evidence": floor[closest].evidence,
-        }  # fmt: skip
+            "alike": alike(floor, right),
+            "floor": ranked[:4],
+            "floor_seconds": took,
+            "closest": closest in right,
+            "evidence": floor[closest].evidence,
+        }
     if excluded(row):
         return row | {"seconds": 0.0}
     result, said = diagnosed(drawn, ["families"])
@@ -94,7 +108,11 @@ def named(row: Row) -> str:
         return "none"
     if row["causes"][0] in row["right"]:
         return "first"
-    return "in the group" if row["verdict"] == "ambiguous" and {*row["groups"][0]} & {*row["right"]} else "another"
+    return (
+        "in the group"
+        if row["verdict"] == "ambiguous" and {*row["groups"][0]} & {*row["right"]}
+        else "another"
+    )
 
 
 def floor_is_right(row: Row) -> bool:
@@ -123,20 +141,34 @@ def report(rows: Sequence[Row]) -> Topic:
     ]
     for axis in ("family", "plant", "strength", "stimulus", "noise", "timing"):
         columns = [axis, "records", *_KINDS, "false secondary"]
-        parts.append(Table(columns, [[str(name), *_counts(these)] for name, these in grouped(counted, axis).items()]))
-    return Topic("Hidden effects", [*parts, *_quality(inside), *_excluded(rows), *_confusion(counted)])
+        parts.append(
+            Table(
+                columns,
+                [[str(name), *_counts(these)] for name, these in grouped(counted, axis).items()],
+            )
+        )
+    return Topic(
+        "Hidden effects", [*parts, *_quality(inside), *_excluded(rows), *_confusion(counted)]
+    )
 
 
 def _counts(rows: Sequence[Row]) -> list[int]:
     kinds = Counter(named(row) for row in rows)
-    return [len(rows), *(kinds[kind] for kind in _KINDS), sum(bool(false_secondary(row)) for row in rows)]
+    return [
+        len(rows),
+        *(kinds[kind] for kind in _KINDS),
+        sum(bool(false_secondary(row)) for row in rows),
+    ]
 
 
 def _beside_floor(rows: Sequence[Row]) -> list[str]:
     both = [row for row in rows if "floor" in row]
     if not both:
         return []
-    ours, floor = ([row for row in both if is_right(row)] for is_right in (lambda r: named(r) in _GOOD, floor_is_right))
+    ours, floor = (
+        [row for row in both if is_right(row)]
+        for is_right in (lambda r: named(r) in _GOOD, floor_is_right)
+    )
     closest = sum(row["closest"] for row in both)
     only = sum(row not in ours for row in floor)
     return [
@@ -155,7 +187,13 @@ def _quality(rows: Sequence[Row]) -> list[str | Table]:
         covered = [hit for row in these if row in hits for hit in row["inside"].values()]
         cover = f"{100.0 * np.mean(covered):.1f} %" if covered else ""
         table.append(
-            [str(name), len(ratios), float(np.median(ratios)) if ratios else float("nan"), len(covered), cover]
+            [
+                str(name),
+                len(ratios),
+                float(np.median(ratios)) if ratios else float("nan"),
+                len(covered),
+                cover,
+            ]
         )
     seconds = [row["seconds"] for row in rows if row["seconds"]]
     if not seconds:
@@ -165,13 +203,27 @@ def _quality(rows: Sequence[Row]) -> list[str | Table]:
     return [
         f"Held-out error over that of the truth: median {np.median(ratios):.3f}. Processor time of a diagnosis: median "
         f"{np.median(seconds):.1f} s, 90 % {np.quantile(seconds, 0.9):.1f} s; of the floor: median {floor:.1f} s.",
-        Table(["noise", "records", "held out / truth, median", "intervals where named first", "cover"], table),
+        Table(
+            [
+                "noise",
+                "records",
+                "held out / truth, median",
+                "intervals where named first",
+                "cover",
+            ],
+            table,
+        ),
     ]
 
 
 def _excluded(rows: Sequence[Row]) -> list[str | Table]:
     table = [
-        [name, len(these), sum(excluded(r) == "too little" for r in these), sum(excluded(r) == "alike" for r in these)]
+        [
+            name,
+            len(these),
+            sum(excluded(r) == "too little" for r in these),
+            sum(excluded(r) == "alike" for r in these),
+        ]
         for name, these in grouped(rows, "family").items()
     ]
     return ["Not counted, by family:", Table(["family", "records", "too little", "alike"], table)]
@@ -179,7 +231,10 @@ def _excluded(rows: Sequence[Row]) -> list[str | Table]:
 
 def _confusion(rows: Sequence[Row]) -> list[str | Table]:
     wrong = [row for row in rows if named(row) not in _GOOD or false_secondary(row)]
-    return ["What was said of the others:", Table(["record", "said"], [[title(row), told(row)] for row in wrong])]
+    return [
+        "What was said of the others:",
+        Table(["record", "said"], [[title(row), told(row)] for row in wrong]),
+    ]
 
 
 def told(row: Row) -> str:
@@ -194,7 +249,10 @@ def told(row: Row) -> str:
 
 
 def run(
-    wanted: Sequence[HiddenCase], kept: Path, with_floor: bool = True, progress: Callable[[str], None] = print
+    wanted: Sequence[HiddenCase],
+    kept: Path,
+    with_floor: bool = True,
+    progress: Callable[[str], None] = print,
 ) -> list[Row]:
     """Judge all cases that are not kept yet."""
     return judged(wanted, kept, lambda case: judge(case, with_floor), told, progress)
@@ -202,10 +260,19 @@ def run(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.hidden", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.hidden", description=__doc__.split("\n\n")[0]
+    )
     add_options(parser, 120, "hidden")
-    parser.add_argument("--two", type=int, default=0, help="records with two effects at once, kept in SEED-two.jsonl")
-    parser.add_argument("--no-floor", action="store_true", help="do not fit every effect alone, which takes longest")
+    parser.add_argument(
+        "--two",
+        type=int,
+        default=0,
+        help="records with two effects at once, kept in SEED-two.jsonl",
+    )
+    parser.add_argument(
+        "--no-floor", action="store_true", help="do not fit every effect alone, which takes longest"
+    )
     parser.add_argument("--out", type=Path, help="page to write")
     chosen = parser.parse_args(arguments)
     plants = [name for name in ON_REQUEST if name in chosen.only] or USUAL
@@ -216,13 +283,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     topics = [report(run(wanted, kept, not chosen.no_floor, progress))] if wanted else []
     if pairs:
         beside = kept.with_stem(f"{kept.stem}-two")
-        topics.append(hidden_two.report(judged(pairs, beside, hidden_two.judge, hidden_two.told, progress)))
+        topics.append(
+            hidden_two.report(judged(pairs, beside, hidden_two.judge, hidden_two.told, progress))
+        )
     text = "\n\n".join(map(str, topics))
     print("\n" + text)
     if chosen.out is not None:
         asked = [f"--records {chosen.records} --seed {chosen.seed}"]
         asked += [f"--two {chosen.two}"] if pairs else []
-        asked += [f"--{name} {' '.join(words)}" for name in ("only", "without") if (words := getattr(chosen, name))]
+        asked += [
+            f"--{name} {' '.join(words)}"
+            for name in ("only", "without")
+            if (words := getattr(chosen, name))
+        ]
         head = _HEAD.format(asked=" ".join(asked), least=LEAST, stamp=stamp(CODE))
         chosen.out.write_text(head + text + "\n", encoding="utf-8")
 

@@ -27,7 +27,11 @@ def judge(case: HiddenCase) -> Row:
     """Draw a record, leave it if it does not count, and diagnose it."""
     drawn, alone = draw_hidden(case), {one.variation: draw_hidden(one) for one in case.alone()}
     pair = " + ".join(sorted(variation.family for variation in alone))
-    row = asdict(case) | {"pair": pair, "widths": min(*left_beside(drawn), *map(left, alone.values())), "seconds": 0.0}
+    row = asdict(case) | {
+        "pair": pair,
+        "widths": min(*left_beside(drawn), *map(left, alone.values())),
+        "seconds": 0.0,
+    }
     if left_out(row):
         return row
     settings, model = settings_of(drawn), find_model(drawn.plant.model)
@@ -35,8 +39,12 @@ def judge(case: HiddenCase) -> Row:
     effects = listed(model.cls, drawn, settings)
     right = [right_names(effects, variation.right) for variation in alone]
     floors = [fitted_alone(model.cls, one, effects, settings)[0] for one in alone.values()]
-    row["alike"] = sorted({name for floor, names in zip(floors, right, strict=True) for name in alike(floor, names)})
-    row["alone"] = [] if left_out(row) else alike(fitted_alone(model.cls, drawn, effects, settings)[0], set())
+    row["alike"] = sorted(
+        {name for floor, names in zip(floors, right, strict=True) for name in alike(floor, names)}
+    )
+    row["alone"] = (
+        [] if left_out(row) else alike(fitted_alone(model.cls, drawn, effects, settings)[0], set())
+    )
     if left_out(row):
         return row
     result, said = diagnosed(drawn, ["families"])
@@ -52,7 +60,9 @@ def left_out(row: Row) -> str:
 
 def steps_of(row: Row, right: Collection[str]) -> set[int]:
     """Causes that are one of these effects, or cannot be told from one where the verdict says so; by their numbers."""
-    said = [group if row["verdict"] == "ambiguous" else group[:1] for group in row.get("groups", [])]
+    said = [
+        group if row["verdict"] == "ambiguous" else group[:1] for group in row.get("groups", [])
+    ]
     return {k for k, names in enumerate(said) if {*names} & {*right}}
 
 
@@ -109,10 +119,17 @@ def report(rows: Sequence[Row]) -> Topic:
             f"Processor time of a diagnosis: median {np.median(seconds):.1f} s, 90 % {np.quantile(seconds, 0.9):.1f} s."
         )
     wrong = [row for row in counted if named(row) != "both" or false_causes(row)]
-    parts += ["What was said of the others:", Table(["record", "said"], [[title(row), told(row)] for row in wrong])]
+    parts += [
+        "What was said of the others:",
+        Table(["record", "said"], [[title(row), told(row)] for row in wrong]),
+    ]
     return Topic("Two at once", parts)
 
 
 def _counts(rows: Sequence[Row]) -> list[int]:
     kinds = Counter(named(row) for row in rows)
-    return [len(rows), *(kinds[kind] for kind in _KINDS), sum(bool(false_causes(row)) for row in rows)]
+    return [
+        len(rows),
+        *(kinds[kind] for kind in _KINDS),
+        sum(bool(false_causes(row)) for row in rows),
+    ]

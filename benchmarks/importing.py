@@ -23,9 +23,16 @@ _IMPORT = re.compile(r"^import time:\s+(\d+) \|\s+(\d+) \|\s*([\w.]+)$", re.M)
 
 def measure(quick: bool = False) -> Topic:
     """Time the commands in fresh processes, and add up the imports by package."""
-    times = take_turns({name: _process(arguments) for name, arguments in COMMANDS.items()}, 2 if quick else 20)
+    times = take_turns(
+        {name: _process(arguments) for name, arguments in COMMANDS.items()}, 2 if quick else 20
+    )
     rows: list[list[Cell]] = [
-        [name, times.best(name) * 1e3, times.ratio_of_best(name, NOTHING), times.median_ratio(name, NOTHING)]
+        [
+            name,
+            times.best(name) * 1e3,
+            times.ratio_of_best(name, NOTHING),
+            times.median_ratio(name, NOTHING),
+        ]
         for name in COMMANDS
     ]
     parts: list[str | Table] = [
@@ -42,7 +49,9 @@ def measure(quick: bool = False) -> Topic:
 
 def _process(arguments: tuple[str, ...]) -> Callable[[], object]:
     command = [sys.executable, *arguments]
-    return lambda: subprocess.run(command, check=True, capture_output=True, stdin=subprocess.DEVNULL)
+    return lambda: subprocess.run(
+        command, check=True, capture_output=True, stdin=subprocess.DEVNULL
+    )
 
 
 def own_times(report: str) -> dict[str, float]:
@@ -73,8 +82,14 @@ def _heaviest(name: str, quick: bool) -> Table:
     """Shortest time of each package over a few runs, without those that every Python imports at its start."""
     reports = [_report(COMMANDS[name]) for _ in range(1 if quick else 5)]
     at_start = _report(COMMANDS[NOTHING])
-    shortest = {p: min(r[p] for r in reports if p in r) for r in reports for p in r if p not in at_start}
+    shortest = {
+        p: min(r[p] for r in reports if p in r) for r in reports for p in r if p not in at_start
+    }
     everything = sum(shortest.values())
     first = sorted(shortest.items(), key=lambda item: -item[1])[:_HEAVIEST]
-    rows: list[list[Cell]] = [[package, spent, 100 * spent / everything] for package, spent in first]
-    return Table(["package", "own time, ms", "share of all imports, %"], [*rows, ["all", everything, 100.0]])
+    rows: list[list[Cell]] = [
+        [package, spent, 100 * spent / everything] for package, spent in first
+    ]
+    return Table(
+        ["package", "own time, ms", "share of all imports, %"], [*rows, ["all", everything, 100.0]]
+    )

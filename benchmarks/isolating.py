@@ -60,17 +60,23 @@ def measure(quick: bool = False) -> Topic:
     )
 
 
-def _costs(model: Model, name: str, few: int, many: int, rounds: int) -> tuple[dict[str, float], dict[str, float]]:
+def _costs(
+    model: Model, name: str, few: int, many: int, rounds: int
+) -> tuple[dict[str, float], dict[str, float]]:
     """Microseconds for a step, and seconds for the shorter run, by where it is made."""
     actions = {}
     for where in (HERE, BESIDE):
         for steps in (few, many):
             clock = _STEP * np.arange(steps + 1)
             driven, isolate = {name: np.sin(clock)}, where == BESIDE
-            actions[f"{where} {steps}"] = partial(ppy.simulate, model, driven, time=clock, isolate=isolate)
+            actions[f"{where} {steps}"] = partial(
+                ppy.simulate, model, driven, time=clock, isolate=isolate
+            )
     times = take_turns(actions, rounds)
     each = {
-        where: 1e6 * (times.median(f"{where} {many}") - times.median(f"{where} {few}")) / (many - few)
+        where: 1e6
+        * (times.median(f"{where} {many}") - times.median(f"{where} {few}"))
+        / (many - few)
         for where in (HERE, BESIDE)
     }
     return each, {where: times.median(f"{where} {few}") for where in (HERE, BESIDE)}

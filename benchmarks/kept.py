@@ -53,13 +53,19 @@ def add_options(parser: argparse.ArgumentParser, records: int, folder: str) -> N
     parser.add_argument("--records", type=int, default=records)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
-    parser.add_argument("--without", nargs="*", default=[], help="words that a case must not contain")
-    parser.add_argument("--kept", type=Path, help=f"JSON lines, one a record; default build/{folder}/SEED.jsonl")
+    parser.add_argument(
+        "--without", nargs="*", default=[], help="words that a case must not contain"
+    )
+    parser.add_argument(
+        "--kept", type=Path, help=f"JSON lines, one a record; default build/{folder}/SEED.jsonl"
+    )
 
 
 def among(cases: Sequence[C], chosen: argparse.Namespace) -> list[C]:
     """Leave out the cases that were not asked for."""
     return [
-        case for case in cases
-        if all(word in str(case) for word in chosen.only) and not any(word in str(case) for word in chosen.without)
-    ]  # fmt: skip
+        case
+        for case in cases
+        if all(word in str(case) for word in chosen.only)
+        and not any(word in str(case) for word in chosen.without)
+    ]

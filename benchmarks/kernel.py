@@ -39,15 +39,26 @@ def measure(quick: bool = False) -> Topic:
             YARDSTICK: hosts.build_one_state_fmu(folder),
             NATIVE: build_cached(component("ppy_actuator"), "native"),
         }
-        measured = {name: _time(path, *_SIGNALS.get(name, ("u", "x")), steps, rounds) for name, path in fmus.items()}
+        measured = {
+            name: _time(path, *_SIGNALS.get(name, ("u", "x")), steps, rounds)
+            for name, path in fmus.items()
+        }
     ratio = measured[NATIVE].median_ratio(KERNEL, BARE)
     rows: list[list[Cell]] = [
-        [name, *(1e6 * times.best(loop) for loop in (BARE, KERNEL, PYTHON)), times.median_ratio(KERNEL, BARE),
-         times.median_ratio(PYTHON, KERNEL)]
+        [
+            name,
+            *(1e6 * times.best(loop) for loop in (BARE, KERNEL, PYTHON)),
+            times.median_ratio(KERNEL, BARE),
+            times.median_ratio(PYTHON, KERNEL),
+        ]
         for name, times in measured.items()
-    ]  # fmt: skip
-    columns = ["FMU", *(f"{loop}, best, µs" for loop in (BARE, KERNEL, PYTHON)), "kernel over bare loop, median",
-               "Python over kernel, median"]  # fmt: skip
+    ]
+    columns = [
+        "FMU",
+        *(f"{loop}, best, µs" for loop in (BARE, KERNEL, PYTHON)),
+        "kernel over bare loop, median",
+        "Python over kernel, median",
+    ]
     return Topic(
         "Stepping kernel",
         [
@@ -66,8 +77,12 @@ def _time(path: Path, name: str, output: str, steps: int, rounds: int) -> Times:
     values = 0.9 * np.sin(points)
     loops: dict[str, Callable[[Fmu, int], Callable[[], np.ndarray]]] = {
         BARE: lambda fmu, n: bare_loop(fmu, points[:n], name, values[:n], output),
-        KERNEL: lambda fmu, n: partial(_stepped, one_fmu.stepped, fmu, points[:n], {name: values[:n]}, output),
-        PYTHON: lambda fmu, n: partial(_stepped, stepping.stepped, fmu, points[:n], {name: values[:n]}, output),
+        KERNEL: lambda fmu, n: partial(
+            _stepped, one_fmu.stepped, fmu, points[:n], {name: values[:n]}, output
+        ),
+        PYTHON: lambda fmu, n: partial(
+            _stepped, stepping.stepped, fmu, points[:n], {name: values[:n]}, output
+        ),
     }
     seconds = {loop: np.empty(rounds) for loop in loops}
     for k in range(-1, rounds):  # the first does not count
@@ -86,10 +101,21 @@ def _time(path: Path, name: str, output: str, steps: int, rounds: int) -> Times:
 
 
 def _stepped(
-    way: Callable[..., None], fmu: Fmu, points: np.ndarray, inputs: dict[str, np.ndarray], output: str
+    way: Callable[..., None],
+    fmu: Fmu,
+    points: np.ndarray,
+    inputs: dict[str, np.ndarray],
+    output: str,
 ) -> np.ndarray:
     result = np.empty((len(points), 1))
-    way(fmu, course(fmu, points, inputs, (), 1), [output], result, _silent, max(1, len(points) // 200))
+    way(
+        fmu,
+        course(fmu, points, inputs, (), 1),
+        [output],
+        result,
+        _silent,
+        max(1, len(points) // 200),
+    )
     return result[:, 0]
 
 

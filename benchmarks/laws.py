@@ -43,17 +43,35 @@ from tests.support.clean.records import CleanRecord
 from tests.support.hidden_laws.naive import least_bic
 from tests.support.hidden_laws.place import Answer, is_right
 from tests.support.hidden_laws.plants import Lawful
-from tests.support.hidden_laws.records import Base, LawCase, base_of, cases, curve_of, draw_lack, lack_of, series
+from tests.support.hidden_laws.records import (
+    Base,
+    LawCase,
+    base_of,
+    cases,
+    curve_of,
+    draw_lack,
+    lack_of,
+    series,
+)
 
 if TYPE_CHECKING:
     from orchestration.api.laws import LawsResult
 
 PAGE = ROOT / "docs" / "hidden-laws.md"
 CODE = (
-    *DIAGNOSIS, "orchestration/discrepancy/laws", "fmus/kit/corrections.py", "fmus/voice_coil_dma", "fmus/ppy_actuator",
-    "tests/support/hidden_laws", "tests/support/hidden", "tests/support/clean", "benchmarks/laws.py",
-    "benchmarks/laws_answers.py", "benchmarks/laws_report.py", "benchmarks/laws_clean.py",
-)  # fmt: skip
+    *DIAGNOSIS,
+    "orchestration/discrepancy/laws",
+    "fmus/kit/corrections.py",
+    "fmus/voice_coil_dma",
+    "fmus/ppy_actuator",
+    "tests/support/hidden_laws",
+    "tests/support/hidden",
+    "tests/support/clean",
+    "benchmarks/laws.py",
+    "benchmarks/laws_answers.py",
+    "benchmarks/laws_report.py",
+    "benchmarks/laws_clean.py",
+)
 _HEAD = """# How often a law is found that lacks what no catalogue has
 
 Drawn by `python -m benchmarks.laws {asked}`, a seed that was not looked at before.
@@ -75,7 +93,12 @@ def judge(case: LawCase) -> Row:
     ----------
     case : LawCase
     """
-    row = asdict(case) | {"kind": case.kind.kind, "shape": case.kind.shape, "widths": 0.0, "seconds": 0.0}
+    row = asdict(case) | {
+        "kind": case.kind.kind,
+        "shape": case.kind.shape,
+        "widths": 0.0,
+        "seconds": 0.0,
+    }
     try:
         drawn = draw_lack(case)
     except OverflowError:  # a plant in a loop that runs away makes no record
@@ -114,7 +137,9 @@ def _naive(drawn: CleanRecord, base: Base, case: LawCase, known: dict[str, Any])
     return {"naive": ranked[:3], "naive_right": right}
 
 
-def told_of(result: LawsResult, right: frozenset[Answer], known: dict[str, Any], step: float) -> Row:
+def told_of(
+    result: LawsResult, right: frozenset[Answer], known: dict[str, Any], step: float
+) -> Row:
     """What was said, each with whether it is right."""
     found = result.details
     corrections = found.corrections if found else []
@@ -122,7 +147,12 @@ def told_of(result: LawsResult, right: frozenset[Answer], known: dict[str, Any],
     alike = [answer(e) for e in corrections[0].alike] if corrections else []
     return {
         "said": [
-            {"label": c.entry.label, "gain": c.gain, "confirmed": c.confirmed, "right": is_right(a, right, known, step)}
+            {
+                "label": c.entry.label,
+                "gain": c.gain,
+                "confirmed": c.confirmed,
+                "right": is_right(a, right, known, step),
+            }
             for c, a in zip(corrections, names, strict=True)
         ],
         "alike": [
@@ -134,7 +164,7 @@ def told_of(result: LawsResult, right: frozenset[Answer], known: dict[str, Any],
         "in_map": rank([answer(e) for e in found.entries] if found else [], right, known, step),
         "shapes": [name for name, _ in corrections[0].shapes] if corrections else [],
         "shape_told": corrections[0].shape if corrections else "",
-    }  # fmt: skip
+    }
 
 
 def _judged(result: LawsResult, drawn: CleanRecord, case: LawCase, known: dict[str, Any]) -> Row:
@@ -150,7 +180,7 @@ def _judged(result: LawsResult, drawn: CleanRecord, case: LawCase, known: dict[s
             best, case.kind, curve_of(drawn, lack), known, drawn.step, drawn.plant, drawn.truth
         ),
         "closed": closed_form(row["shapes"], case.kind, answer(best.entry), from_zero),
-    }  # fmt: skip
+    }
 
 
 def _held_out(result: LawsResult, drawn: CleanRecord) -> Row:
@@ -164,15 +194,23 @@ def _held_out(result: LawsResult, drawn: CleanRecord) -> Row:
         max((e / best[o] for o, e in errors.items() if best[o] > 0.0), default=float("nan"))
         for errors in found.corrections[0].errors
     )
-    return {"ratio": float(after), "ratio_before": float(before)} if np.isfinite([before, after]).all() else {}
+    return (
+        {"ratio": float(after), "ratio_before": float(before)}
+        if np.isfinite([before, after]).all()
+        else {}
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.laws", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.laws", description=__doc__.split("\n\n")[0]
+    )
     add_options(parser, 0, "laws")
     parser.add_argument("--clean", type=int, default=0, help="records in which nothing is hidden")
-    parser.add_argument("--actuator", type=int, default=0, metavar="SEEDS", help="of each variation of the rig")
+    parser.add_argument(
+        "--actuator", type=int, default=0, metavar="SEEDS", help="of each variation of the rig"
+    )
     parser.add_argument("--out", type=Path, help="page to write")
     chosen = parser.parse_args(arguments)
     records = chosen.records or (0 if chosen.clean or chosen.actuator else 120)
@@ -181,9 +219,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     text = "\n\n".join(map(str, topics))
     print("\n" + text)
     if chosen.out is not None:
-        words = {"records": records, "clean": chosen.clean, "actuator": chosen.actuator, "seed": chosen.seed}
+        words = {
+            "records": records,
+            "clean": chosen.clean,
+            "actuator": chosen.actuator,
+            "seed": chosen.seed,
+        }
         head = [f"--{name} {count}" for name, count in words.items() if count]
-        head += [f"--{name} {' '.join(words)}" for name in ("only", "without") if (words := getattr(chosen, name))]
+        head += [
+            f"--{name} {' '.join(words)}"
+            for name in ("only", "without")
+            if (words := getattr(chosen, name))
+        ]
         page = _HEAD.format(asked=" ".join(head), least=LEAST, stamp=stamp(CODE)) + text + "\n"
         chosen.out.write_text(page, encoding="utf-8")
 
@@ -194,10 +241,13 @@ def _topics(chosen: argparse.Namespace, records: int, kept: Path) -> Sequence[To
 
     topics = []
     if records:
-        topics.append(report(judged(among(cases(records, chosen.seed), chosen), kept, judge, told, progress)))
+        topics.append(
+            report(judged(among(cases(records, chosen.seed), chosen), kept, judge, told, progress))
+        )
     for name, count, study in (
-        ("clean", chosen.clean, laws_clean.clean), ("actuator", chosen.actuator, laws_clean.actuator)
-    ):  # fmt: skip
+        ("clean", chosen.clean, laws_clean.clean),
+        ("actuator", chosen.actuator, laws_clean.actuator),
+    ):
         if count:
             topics.append(study(count, chosen, kept.with_stem(f"{kept.stem}-{name}"), progress))
     return topics

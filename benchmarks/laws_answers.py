@@ -24,7 +24,10 @@ GROUP = 3  # members of a group of which it is of use to be told
 SAID = ("first", "in the group", "large group", "further down", "another", "none", "refused")
 GOOD = SAID[:2]
 NEAR_TRUTH = 1.02  # of the error of the truth on what was held out
-_POINTS, _ENDS = 41, (0.01, 0.99)  # where a band is held against the truth, and quantiles of the signal
+_POINTS, _ENDS = (
+    41,
+    (0.01, 0.99),
+)  # where a band is held against the truth, and quantiles of the signal
 _STILL = 1e-9  # of its size, within which a signal stands still
 _FEWEST = 4  # points, below which a line goes through all of them
 
@@ -69,18 +72,29 @@ def wrongly_confirmed(row: Row) -> bool:
 
 def as_good(row: Row) -> bool:
     """Whether what is not right predicts unseen data as well as the truth: the record hardly tells them apart."""
-    return bool(row.get("said")) and named(row) not in GOOD and row.get("ratio", np.inf) <= NEAR_TRUTH
+    return (
+        bool(row.get("said")) and named(row) not in GOOD and row.get("ratio", np.inf) <= NEAR_TRUTH
+    )
 
 
-def rank(entries: Sequence[Answer], right: Iterable[Answer], series: Mapping[str, Array], step: float) -> int | None:
+def rank(
+    entries: Sequence[Answer], right: Iterable[Answer], series: Mapping[str, Array], step: float
+) -> int | None:
     """Place of the first right answer among several, from 1; None if none is right."""
     known = frozenset(right)
-    return next((k for k, said in enumerate(entries, start=1) if is_right(said, known, series, step)), None)
+    return next(
+        (k for k, said in enumerate(entries, start=1) if is_right(said, known, series, step)), None
+    )
 
 
-def other_way(said: Answer, right: Iterable[Answer], series: Mapping[str, Array], step: float) -> bool:
+def other_way(
+    said: Answer, right: Iterable[Answer], series: Mapping[str, Array], step: float
+) -> bool:
     """Whether law and signal are right, but something is added that should be multiplied, or the other way round."""
-    known, turned = frozenset(right), replace(said, kind="add" if said.kind == "multiply" else "multiply")
+    known, turned = (
+        frozenset(right),
+        replace(said, kind="add" if said.kind == "multiply" else "multiply"),
+    )
     return is_right(turned, known, series, step) and not is_right(said, known, series, step)
 
 
@@ -88,11 +102,15 @@ def naive_is_right(name: str, right: Iterable[Answer], series: Mapping[str, Arra
     """Whether a signal is one that some right answer is a curve of as it is, whatever its law."""
     signals = {a.signal for a in right if not a.memory}
     mine = series.get(name)
-    return name in signals or (mine is not None and any(proportional(mine, series.get(s)) for s in signals))
+    return name in signals or (
+        mine is not None and any(proportional(mine, series.get(s)) for s in signals)
+    )
 
 
 def covered(
-    band: Callable[[Array], tuple[Array, Array, Array]], truth: Callable[[float], float], visited: Array
+    band: Callable[[Array], tuple[Array, Array, Array]],
+    truth: Callable[[float], float],
+    visited: Array,
 ) -> float | None:
     """Share of the range that a record visited in which a band holds the true curve, straight parts apart.
 
@@ -118,15 +136,23 @@ def covered(
     curve, least, most = band(at)
     true = np.array([truth(float(one)) for one in at])
     width = most - least
-    line = np.polyfit(at, curve - true, 1, w=1.0 / np.maximum(width, 1e-9 * max(float(width.max()), 1e-300)))
+    line = np.polyfit(
+        at, curve - true, 1, w=1.0 / np.maximum(width, 1e-9 * max(float(width.max()), 1e-300))
+    )
     aligned = true + np.polyval(line, at)
     return float(np.mean((aligned >= least) & (aligned <= most)))
 
 
 def true_curve(
-    said: Answer, kind: Kind, curve: Callable[[float], float] | None, series: Mapping[str, Array], step: float,
-    plant: Lawful, truth: Mapping[str, float], fitted: Mapping[str, float],
-) -> tuple[Callable[[float], float], Array] | None:  # fmt: skip
+    said: Answer,
+    kind: Kind,
+    curve: Callable[[float], float] | None,
+    series: Mapping[str, Array],
+    step: float,
+    plant: Lawful,
+    truth: Mapping[str, float],
+    fitted: Mapping[str, float],
+) -> tuple[Callable[[float], float], Array] | None:
     """What a right answer should look like: a function of its signal in the unit of its law, and where that has been.
 
     A law to which something is added does so in its own unit and sign; of one that is multiplied the model's own
@@ -156,11 +182,18 @@ def true_curve(
 
 
 def band_covers(
-    best: Correction, kind: Kind, curve: Callable[[float], float] | None, series: Mapping[str, Array], step: float,
-    plant: Lawful, truth: Mapping[str, float],
-) -> float | None:  # fmt: skip
+    best: Correction,
+    kind: Kind,
+    curve: Callable[[float], float] | None,
+    series: Mapping[str, Array],
+    step: float,
+    plant: Lawful,
+    truth: Mapping[str, float],
+) -> float | None:
     """Share of the visited range in which the band of a right answer holds the truth; None where none can be told."""
-    found = true_curve(answer(best.entry), kind, curve, series, step, plant, truth, best.fitted.values)
+    found = true_curve(
+        answer(best.entry), kind, curve, series, step, plant, truth, best.fitted.values
+    )
     if found is None:
         return None
     return covered(best.band_at, *found)

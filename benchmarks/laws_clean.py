@@ -71,7 +71,11 @@ class RigCase:
 
 def clean(count: int, chosen: argparse.Namespace, kept: Path, progress: Progress) -> Topic:
     """Ask clean records."""
-    return clean_report(judged(among(cases(count, chosen.seed), chosen), kept, _judge_clean, _said_of_clean, progress))
+    return clean_report(
+        judged(
+            among(cases(count, chosen.seed), chosen), kept, _judge_clean, _said_of_clean, progress
+        )
+    )
 
 
 def actuator(seeds: int, chosen: argparse.Namespace, kept: Path, progress: Progress) -> Topic:
@@ -105,7 +109,13 @@ def clean_report(rows: Sequence[Row]) -> Topic:
     columns = ["records", "confirmed", "worth looking at", "refused"]
     for axis in ("noise", "stimulus", "plant"):
         table = [
-            [str(name), len(r), sum(map(_sure, r)), sum(map(_worth, r)), sum("refused" in row for row in r)]
+            [
+                str(name),
+                len(r),
+                sum(map(_sure, r)),
+                sum(map(_worth, r)),
+                sum("refused" in row for row in r),
+            ]
             for name, r in grouped(rows, axis).items()
         ]
         parts.append(Table([axis, *columns], table))
@@ -138,7 +148,11 @@ def _judge_rig(case: RigCase) -> Row:
         result, row = asked(Path(folder) / "record.csv", DRIVEN)
     row = asdict(case) | row | {"widths": drawn.truth.hidden[0].widths}
     step = float(drawn.time[1] - drawn.time[0])
-    return row if result is None else row | told_of(result, right_of(case.variation), dict(drawn.inputs), step)
+    return (
+        row
+        if result is None
+        else row | told_of(result, right_of(case.variation), dict(drawn.inputs), step)
+    )
 
 
 def _said_of_rig(row: Row) -> str:
@@ -156,11 +170,19 @@ def rig_report(rows: Sequence[Row]) -> Topic:
     for name, these in grouped(drawn, "variation").items():
         said = [named(row) for row in these]
         table.append([str(name), len(these), *(said.count(kind) for kind in SAID)])
-    wrong = [[str(RigCase(row["variation"], row["seed"], row["strength"])), _said_of_rig(row)]
-             for row in drawn if named(row) not in GOOD]  # fmt: skip
-    return Topic("The emulated rig, with the catalogue off", [
-        f"{len(drawn)} records of variations of which the catalogue has an effect; it is not looked at. The law and "
-        f"signal of that effect, or one that does the same, are first or in a first group in "
-        f"{share(good, len(drawn))}; confirmed in {share(sure, len(drawn))}. Left out are variations of sensors.",
-        Table(["variation", "records", *SAID], table), "What was said of the others:", Table(["record", "said"], wrong),
-    ])  # fmt: skip
+    wrong = [
+        [str(RigCase(row["variation"], row["seed"], row["strength"])), _said_of_rig(row)]
+        for row in drawn
+        if named(row) not in GOOD
+    ]
+    return Topic(
+        "The emulated rig, with the catalogue off",
+        [
+            f"{len(drawn)} records of variations of which the catalogue has an effect; it is not looked at. The law and "
+            f"signal of that effect, or one that does the same, are first or in a first group in "
+            f"{share(good, len(drawn))}; confirmed in {share(sure, len(drawn))}. Left out are variations of sensors.",
+            Table(["variation", "records", *SAID], table),
+            "What was said of the others:",
+            Table(["record", "said"], wrong),
+        ],
+    )

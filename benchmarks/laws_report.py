@@ -33,7 +33,11 @@ def told(row: Row) -> str:
     """What was said of a record."""
     if excluded(row):
         return f"not counted ({'it stands still' if row.get('still') else format(row['widths'], '.1f') + ' widths'})"
-    naive = f"; naive {row['naive'][0]}{'' if row['naive_right'] else ' (wrong)'}" if row.get("naive") else ""
+    naive = (
+        f"; naive {row['naive'][0]}{'' if row['naive_right'] else ' (wrong)'}"
+        if row.get("naive")
+        else ""
+    )
     return f"{named(row)}: {words(row)}{naive} ({row['widths']:.1f} widths, {row['seconds']:.0f} s)"
 
 
@@ -91,7 +95,9 @@ def _table(rows: Sequence[Row], axis: str) -> Table:
         naive = sum(row["naive_right"] for row in these)
         good = sum(map(as_good, these))
         way = sum(bool(row.get("another_way")) for row in these)
-        table.append([str(name), len(these), *(said[kind] for kind in SAID), sure, wrong, way, good, naive])
+        table.append(
+            [str(name), len(these), *(said[kind] for kind in SAID), sure, wrong, way, good, naive]
+        )
     return Table(columns, table)
 
 
@@ -109,10 +115,18 @@ def _quality(rows: Sequence[Row]) -> list[str | Table]:
             right = [row["ratio"] for row in these if "ratio" in row and named(row) == "first"]
             cover = [row["covered"] for row in these if row.get("covered") is not None]
             forms = [row["closed"] for row in these if row.get("closed") is not None]
-            table.append([
-                f"{axis} {name}", len(ratios), _median(before), _median(ratios), _median(right), len(cover),
-                f"{100.0 * np.mean(cover):.0f} %" if cover else "", share(sum(forms), len(forms)) if forms else "",
-            ])  # fmt: skip
+            table.append(
+                [
+                    f"{axis} {name}",
+                    len(ratios),
+                    _median(before),
+                    _median(ratios),
+                    _median(right),
+                    len(cover),
+                    f"{100.0 * np.mean(cover):.0f} %" if cover else "",
+                    share(sum(forms), len(forms)) if forms else "",
+                ]
+            )
     seconds = [row["seconds"] for row in rows]
     cover = [row["covered"] for row in rows if row.get("covered") is not None]
     forms = [row["closed"] for row in rows if row.get("closed") is not None]
@@ -126,11 +140,19 @@ def _quality(rows: Sequence[Row]) -> list[str | Table]:
         f"closed form has it among the first two shapes in {share(sum(forms), len(forms))}. Time: median "
         f"{_median(seconds):.1f} s, 90 % {np.quantile(seconds, 0.9):.1f} s, worst {max(seconds):.1f} s.",
         Table(
-            ["of", "records", "without / truth, median", "held out / truth, median", "where first", "bands", "cover",
-             "closed form told"],
+            [
+                "of",
+                "records",
+                "without / truth, median",
+                "held out / truth, median",
+                "where first",
+                "bands",
+                "cover",
+                "closed form told",
+            ],
             table,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _excluded(rows: Sequence[Row]) -> list[str | Table]:
@@ -139,7 +161,10 @@ def _excluded(rows: Sequence[Row]) -> list[str | Table]:
         [name, len(these), sum(map(excluded, these)), sum(bool(row.get("still")) for row in these)]
         for name, these in grouped(of, "of").items()
     ]
-    return ["Not counted, by kind:", Table(["kind", "records", "not counted", "of these still"], table)]
+    return [
+        "Not counted, by kind:",
+        Table(["kind", "records", "not counted", "of these still"], table),
+    ]
 
 
 def _wrong(rows: Sequence[Row]) -> list[str | Table]:

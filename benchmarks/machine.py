@@ -37,7 +37,10 @@ def _processor() -> str:
             return found[1].strip()
     if platform.system() == "Darwin":
         command = ["sysctl", "-n", "machdep.cpu.brand_string"]
-        return subprocess.run(command, capture_output=True, text=True).stdout.strip() or platform.processor()
+        return (
+            subprocess.run(command, capture_output=True, text=True).stdout.strip()
+            or platform.processor()
+        )
     return platform.processor() or "unknown"
 
 

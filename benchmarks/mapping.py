@@ -32,17 +32,39 @@ def measure(quick: bool = False) -> Topic:
             subprocess.run(command, check=True, capture_output=True)
         numbers = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
         seconds, peak, entries, simulation = map(float, numbers)
-        met = "" if count != LIMIT[0] else "met" if seconds <= LIMIT[1] and peak / 1e6 <= LIMIT[2] else "missed"
-        rows.append([
-            count, int(entries), seconds, seconds / count * 1e6, peak / 1e6, entries * simulation / seconds, met,
-        ])  # fmt: skip
+        met = (
+            ""
+            if count != LIMIT[0]
+            else "met"
+            if seconds <= LIMIT[1] and peak / 1e6 <= LIMIT[2]
+            else "missed"
+        )
+        rows.append(
+            [
+                count,
+                int(entries),
+                seconds,
+                seconds / count * 1e6,
+                peak / 1e6,
+                entries * simulation / seconds,
+                met,
+            ]
+        )
     text = (
         f"Records at {RATE:g} Hz of an emulated rig in which nothing is hidden; every law of the actuator is asked of "
         "every signal and what is remembered of it. The peak is the memory of the whole process. Beside it stands one "
         "simulation of the model with its derivatives, for every entry that would explain anything: what as many "
         f"corrections cost that are only simulated once. Target: {LIMIT[1]:g} s and {LIMIT[2]:g} GB for ten minutes."
     )
-    columns = ["samples", "entries", "s", "µs for a sample", "peak, GB", "simulations of each / map", "target"]
+    columns = [
+        "samples",
+        "entries",
+        "s",
+        "µs for a sample",
+        "peak, GB",
+        "simulations of each / map",
+        "target",
+    ]
     return Topic("What laws lack", [text, Table(columns, rows)])
 
 

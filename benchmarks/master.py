@@ -26,7 +26,11 @@ from .record import exponent
 from .tables import Cell, Table, Topic
 from .timing import Times
 
-OURS, OURS_IN_TURN, CALLS = "ours, Jacobi", "ours, Gauss–Seidel", "its FMI calls alone, in a loop in Python"
+OURS, OURS_IN_TURN, CALLS = (
+    "ours, Jacobi",
+    "ours, Gauss–Seidel",
+    "its FMI calls alone, in a loop in Python",
+)
 ECOS, COSIM, FUSED = "Ecos", "libcosim", "ours, fused"
 ALONE, RECORDED = "Steps alone", "Every output recorded"
 STEP = 1e-3  # s
@@ -45,7 +49,9 @@ def measure(quick: bool = False) -> Topic:
     library.system("dma_bench")  # built here, not in the measuring process
     finished = hosts.finish_in_subprocess(compare, steps, rounds, clean_exit=False, timeout=600.0)
     if finished.result is None:
-        raise RuntimeError(f"the measuring process ended with return code {finished.returncode}\n{finished.output}")
+        raise RuntimeError(
+            f"the measuring process ended with return code {finished.returncode}\n{finished.output}"
+        )
     alone = finished.result[ALONE]
     floor, remaining = (alone.median_ratio(name, ECOS) for name in (CALLS, OURS))
     recorded = finished.result[RECORDED].median_ratio(OURS, ECOS)
@@ -62,9 +68,13 @@ def measure(quick: bool = False) -> Topic:
     ]
     for title, times in finished.result.items():
         rows: list[list[Cell]] = [
-            [name, times.best(name) / steps * 1e6, times.median_ratio(OURS, name)] for name in times.seconds
+            [name, times.best(name) / steps * 1e6, times.median_ratio(OURS, name)]
+            for name in times.seconds
         ]
-        parts += [f"{title}:", Table(["master", "best, µs", "median of ours, Jacobi, over it"], rows)]
+        parts += [
+            f"{title}:",
+            Table(["master", "best, µs", "median of ours, Jacobi, over it"], rows),
+        ]
     parts += _growth(quick)
     return Topic("Co-simulation masters", parts)
 
@@ -81,7 +91,7 @@ def compare(steps: int, rounds: int) -> dict[str, Times]:
             CALLS: _calls(system, steps, opened),
             ECOS: lambda: _ecos(system, steps, positions, None),
             COSIM: lambda: _libcosim(system, steps, positions, False),
-        }  # fmt: skip
+        }
         folder = opened.enter_context(tempfile.TemporaryDirectory(prefix="benchmark_"))
         recorded = {
             OURS: lambda: _ours(system, steps, {}, OURS, method="jacobi"),
@@ -99,7 +109,9 @@ def check_agreement(positions: Mapping[str, float]) -> None:
     """All masters came to the same position, or their times mean nothing; RuntimeError if not."""
     for name, position in positions.items():
         if abs(position - positions[OURS]) > AGREEMENT * abs(positions[OURS]):
-            raise RuntimeError(f"{name}: position {position!r} after the last step, ours {positions[OURS]!r}")
+            raise RuntimeError(
+                f"{name}: position {position!r} after the last step, ours {positions[OURS]!r}"
+            )
 
 
 def _in_turns(actions: Mapping[str, Timed], rounds: int) -> Times:
@@ -116,7 +128,9 @@ def _points(steps: int) -> NDArray[np.float64]:
     return STEP * np.arange(steps + 1, dtype=np.float64)
 
 
-def _ours(system: System, steps: int, positions: dict[str, float], name: str, **options: object) -> float:
+def _ours(
+    system: System, steps: int, positions: dict[str, float], name: str, **options: object
+) -> float:
     inputs = {key: np.full(steps + 1, value) for key, value in INPUTS.items()}
     result = master.run(system, _points(steps), inputs, **options)  # type: ignore[arg-type]
     positions[name] = float(result.signals["bench.position"][-1])
@@ -143,11 +157,18 @@ def _calls(system: System, steps: int, opened: ExitStack) -> Timed:
         fmu = opened.enter_context(Fmu(member.fmu, member.parameters))
         fmu.start()
         calls.append(fmu.bound("fmi2DoStep", now, size, ctypes.c_int(1)))
-        for verb, names in (("Set", ["tension", "force_reference", "length_change", "current"]), ("Get", fmu.outputs)):
-            references = [fmu.variables[name].valueReference for name in names if name in fmu.variables]
+        for verb, names in (
+            ("Set", ["tension", "force_reference", "length_change", "current"]),
+            ("Get", fmu.outputs),
+        ):
+            references = [
+                fmu.variables[name].valueReference for name in names if name in fmu.variables
+            ]
             count, values = len(references), (ctypes.c_double * len(references))()
             shown = ctypes.byref((ctypes.c_uint * count)(*references))
-            calls.append(fmu.bound(f"fmi2{verb}Real", shown, ctypes.c_size_t(count), ctypes.byref(values)))
+            calls.append(
+                fmu.bound(f"fmi2{verb}Real", shown, ctypes.c_size_t(count), ctypes.byref(values))
+            )
 
     def go() -> float:
         nonlocal done
@@ -170,7 +191,10 @@ def _reference(system: System, port: Port) -> int:
 def _references(fmu: str) -> dict[str, int]:
     import fmpy
 
-    return {v.name: v.valueReference for v in fmpy.read_model_description(fmu, validate=False).modelVariables}
+    return {
+        v.name: v.valueReference
+        for v in fmpy.read_model_description(fmu, validate=False).modelVariables
+    }
 
 
 def _outputs(system: System) -> list[Port]:
@@ -190,13 +214,21 @@ def _ecos(system: System, steps: int, positions: dict[str, float], file: Path | 
     for member in system.members:
         structure.add_model(member.name, str(member.fmu))
     for c in system.connections:
-        structure.make_real_connection(*(f"{port.member}::{port.variable}" for port in (c.source, c.target)))
-    values = {f"{p.member}::{p.variable}": INPUTS[name] for name, ports in system.inputs.items() for p in ports}
+        structure.make_real_connection(
+            *(f"{port.member}::{port.variable}" for port in (c.source, c.target))
+        )
+    values = {
+        f"{p.member}::{p.variable}": INPUTS[name]
+        for name, ports in system.inputs.items()
+        for p in ports
+    }
     structure.add_parameter_set("start", values)
     simulation = EcosSimulation(structure=structure, step_size=STEP)
     try:
         if file is not None:
-            simulation.add_csv_writer(str(file), identifiers=[f"{p.member}::{p.variable}" for p in _outputs(system)])
+            simulation.add_csv_writer(
+                str(file), identifiers=[f"{p.member}::{p.variable}" for p in _outputs(system)]
+            )
         simulation.init(0.0, "start")
         begin = time.perf_counter()
         simulation.step(steps)
@@ -219,7 +251,9 @@ def _libcosim(system: System, steps: int, positions: dict[str, float], record: b
     log_output_level(CosimLogLevel.ERROR)
     execution = CosimExecution.from_step_size(round(STEP * hosts.NANOSECONDS))
     slaves = {
-        member.name: execution.add_local_slave(CosimLocalSlave(fmu_path=str(member.fmu), instance_name=member.name))
+        member.name: execution.add_local_slave(
+            CosimLocalSlave(fmu_path=str(member.fmu), instance_name=member.name)
+        )
         for member in system.members
     }
     for c in system.connections:
@@ -227,13 +261,17 @@ def _libcosim(system: System, steps: int, positions: dict[str, float], record: b
         execution.connect_real_variables(*ends[0], *ends[1])
     for name, ports in system.inputs.items():
         for port in ports:
-            execution.real_initial_value(slaves[port.member], _reference(system, port), INPUTS[name])
+            execution.real_initial_value(
+                slaves[port.member], _reference(system, port), INPUTS[name]
+            )
     observer = CosimObserver.create_last_value()
     if record:
         observer = CosimObserver.create_time_series(buffer_size=steps)
         execution.add_observer(observer)
         for port in _outputs(system):
-            observer.start_time_series(slaves[port.member], _reference(system, port), CosimVariableType.REAL)
+            observer.start_time_series(
+                slaves[port.member], _reference(system, port), CosimVariableType.REAL
+            )
     begin = time.perf_counter()
     execution.step(steps)
     spent = time.perf_counter() - begin
@@ -249,7 +287,10 @@ def _libcosim(system: System, steps: int, positions: dict[str, float], record: b
 
 def bundle(actuators: int) -> System:
     """Return a bench that pulls at many actuators at once and feels the first of them."""
-    bench, actuator = (build_cached(component(f), "native") for f in ("voice_coil_dma", "ppy_actuator_length_driven"))
+    bench, actuator = (
+        build_cached(component(f), "native")
+        for f in ("voice_coil_dma", "ppy_actuator_length_driven")
+    )
     names = [f"actuator{i}" for i in range(actuators)]
     members = [Member("bench", bench, {"hold": 0.0, "force_reference": 1.0})]
     members += [Member(name, actuator, {"current": 0.5}) for name in names]
@@ -272,9 +313,12 @@ def _growth(quick: bool) -> list[str | Table]:
     grown = _in_turns({str(n): of_size(n) for n in sizes}, rounds)
     longer = _in_turns({str(n): of_length(n) for n in lengths}, rounds)
     rows: list[list[Cell]] = [
-        [n, grown.best(str(n)) / points * 1e6, grown.best(str(n)) / points / (n + 1) * 1e6] for n in sizes
+        [n, grown.best(str(n)) / points * 1e6, grown.best(str(n)) / points / (n + 1) * 1e6]
+        for n in sizes
     ]
-    rows_longer: list[list[Cell]] = [[n, longer.best(str(n)), longer.best(str(n)) / n * 1e6] for n in lengths]
+    rows_longer: list[list[Cell]] = [
+        [n, longer.best(str(n)), longer.best(str(n)) / n * 1e6] for n in lengths
+    ]
     slope = np.polyfit(sizes, [grown.best(str(n)) / points * 1e6 for n in sizes], 1)[0]
     return [
         f"Ours, a bench with more and more actuators, every output recorded: {slope:.3g} µs for another actuator.",

@@ -30,11 +30,15 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "naming.md"
 CODE = (*DIAGNOSIS, "benchmarks/naming.py", "fmus/ppy_actuator", "orchestration/rig/emulator")
 PAIRS = (
-    ("strain_saturation", "double_layer"), ("resistance_growth", "quadratic_strain"),
-    ("second_kelvin", "charge_dependent_capacitance"), ("nonlinear_stiffness", "force_to_voltage"),
-    ("strain_hysteresis", "capacitance_fade"), ("transport_delay.voltage", "slack"),
-    ("self_heating", "strain_lag"), ("sensor_drift.voltage", "charge_dependent_stiffness"),
-)  # fmt: skip
+    ("strain_saturation", "double_layer"),
+    ("resistance_growth", "quadratic_strain"),
+    ("second_kelvin", "charge_dependent_capacitance"),
+    ("nonlinear_stiffness", "force_to_voltage"),
+    ("strain_hysteresis", "capacitance_fade"),
+    ("transport_delay.voltage", "slack"),
+    ("self_heating", "strain_lag"),
+    ("sensor_drift.voltage", "charge_dependent_stiffness"),
+)
 VARIANTS: dict[str, dict[str, Any]] = {
     "voltage only": {"outputs": ("voltage",)},
     "displacement only": {"outputs": ("displacement",)},
@@ -86,10 +90,17 @@ def cases(seeds: int, first: int = 1) -> Iterator[Case]:
                 yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
             for k in range(50):
                 yield Case(f"clean, φ = {colour:g}", (), 50 * seed + k, {"noise_colour": colour})
-        yield from (Case("outside the catalogue", (name,), 10 * seed + k) for name in UNKNOWN for k in range(2))
+        yield from (
+            Case("outside the catalogue", (name,), 10 * seed + k)
+            for name in UNKNOWN
+            for k in range(2)
+        )
         yield from (Case("two effects", pair, seed) for pair in PAIRS)
         for group, (_, factors) in CHANGES.items():
-            yield from (Case(group, (), 10 * seed + k, {"changed": factors, "spread": 0.0}) for k in range(2))
+            yield from (
+                Case(group, (), 10 * seed + k, {"changed": factors, "spread": 0.0})
+                for k in range(2)
+            )
         if seed - first < max(1, seeds // 2):
             for group, options in VARIANTS.items():
                 yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
@@ -124,14 +135,20 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
         data = dataset(read_record(Path(folder) / "record.csv", model), model, {})
     began = clock.perf_counter()
     # what follows in the pipeline, an FMU and an experiment, names nothing
-    diagnosis = diagnose(model.cls, data, catalogue(model.cls, known_effects(model.cls), data.measured))
+    diagnosis = diagnose(
+        model.cls, data, catalogue(model.cls, known_effects(model.cls), data.measured)
+    )
     took = clock.perf_counter() - began
     first = diagnosis.validation.first
-    best = {o: normalised_rms(y[first:], drawn.truth.outputs[o][first:]) for o, y in data.measured.items()}
+    best = {
+        o: normalised_rms(y[first:], drawn.truth.outputs[o][first:])
+        for o, y in data.measured.items()
+    }
     inside = {
         n: bool(e.interval[0] <= getattr(drawn.truth.parameters, n) <= e.interval[1])
-        for n, e in diagnosis.estimates.items() if n in asdict(drawn.truth.parameters) and np.isfinite(e.interval).all()
-    }  # fmt: skip
+        for n, e in diagnosis.estimates.items()
+        if n in asdict(drawn.truth.parameters) and np.isfinite(e.interval).all()
+    }
     return asdict(case) | {
         "wanted": [h.id + (f"({h.output})" if h.output else "") for h in drawn.truth.hidden],
         "alike": any(h.alike for h in drawn.truth.hidden),
@@ -144,7 +161,7 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
         "ratio": max(error / best[o] for o, error in diagnosis.after.items()),
         "inside": inside,
         "seconds": took,
-    }  # fmt: skip
+    }
 
 
 @cache
@@ -153,7 +170,10 @@ def _families() -> dict[str, str]:
     from orchestration.fmu.model import catalogue, find_model
     from orchestration.rig import DRIVEN
 
-    return {name: effect.term.family or name for name, effect in catalogue(find_model(DRIVEN).cls).items()}
+    return {
+        name: effect.term.family or name
+        for name, effect in catalogue(find_model(DRIVEN).cls).items()
+    }
 
 
 def _cause(name: str) -> str:
@@ -174,7 +194,9 @@ def right(row: dict[str, Any], rivals: bool = True, shapes: bool = True) -> bool
     """
     cause = _cause if shapes else str
     if row["group"] in CHANGES:
-        return row["verdict"] == "recalibrate" and row["differing"][:1] == [CHANGES[row["group"]][0]]
+        return row["verdict"] == "recalibrate" and row["differing"][:1] == [
+            CHANGES[row["group"]][0]
+        ]
     if row["group"] == "outside the catalogue":
         return row["verdict"] == "unexplained"
     if not row["hidden"]:
@@ -183,19 +205,29 @@ def right(row: dict[str, Any], rivals: bool = True, shapes: bool = True) -> bool
         each = zip(row["causes"], row["rivals"], strict=True)
         groups = [{*map(cause, (name, *(others if rivals else ())))} for name, others in each]
         chosen = permutations(groups, len(row["wanted"]))
-        return any(all(cause(w) in group for w, group in zip(row["wanted"], some, strict=True)) for some in chosen)
+        return any(
+            all(cause(w) in group for w, group in zip(row["wanted"], some, strict=True))
+            for some in chosen
+        )
     if row["alike"] and not row["causes"]:
-        return row["verdict"] == "recalibrate"  # other parameters of the base model do just the same
+        return (
+            row["verdict"] == "recalibrate"
+        )  # other parameters of the base model do just the same
     named = [*row["causes"][:1], *(row["rivals"][0] if row["causes"] and rivals else ())]
     return cause(row["wanted"][0]) in map(cause, named)
 
 
 def too_many(row: dict[str, Any]) -> bool:
     """Whether more causes are named than were hidden, shapes of one counted once."""
-    return len({*map(_cause, row["causes"])}) > len(row["hidden"]) and row["group"] != "outside the catalogue"
+    return (
+        len({*map(_cause, row["causes"])}) > len(row["hidden"])
+        and row["group"] != "outside the catalogue"
+    )
 
 
-def run(wanted: Iterable[Case], folder: Path, workers: int, records: Path | None = None) -> list[dict[str, Any]]:
+def run(
+    wanted: Iterable[Case], folder: Path, workers: int, records: Path | None = None
+) -> list[dict[str, Any]]:
     """Judge all cases that are not in the folder yet, side by side."""
     folder.mkdir(parents=True, exist_ok=True)
     todo, rows = [], []
@@ -217,7 +249,8 @@ def run(wanted: Iterable[Case], folder: Path, workers: int, records: Path | None
                 or f"{'ok ' if right(row) else 'NO '} {row['verdict']} {row['causes']} {row['rivals']}"
             )
             print(
-                f"{k}/{len(todo)} {case.group}: {' + '.join(case.hidden) or 'nothing'} {case.seed}: {said}", flush=True
+                f"{k}/{len(todo)} {case.group}: {' + '.join(case.hidden) or 'nothing'} {case.seed}: {said}",
+                flush=True,
             )
     return rows
 
@@ -242,32 +275,56 @@ def page(rows: list[dict[str, Any]], asked: str = "") -> str:
     ]
     for group in groups:
         these = [row for row in rows if row["group"] == group]
-        first, shape = (sum(right(row, rivals=False, shapes=any_) for row in these) for any_ in (True, False))
+        first, shape = (
+            sum(right(row, rivals=False, shapes=any_) for row in these) for any_ in (True, False)
+        )
         counts = [first, shape, sum(map(right, these)), sum(map(too_many, these))]
         ratios = [row["ratio"] for row in these]
         spread = f"{np.median(ratios):.3f}, {np.quantile(ratios, 0.9):.3f}"
-        lines.append(f"| {group} | " + " | ".join(map(str, counts)) + f" | {len(these)} | {spread} |")
-    lines += ["", "## By effect", "", "| hidden | " + " | ".join(g for g in groups if "strength" in g) + " | all |"]
+        lines.append(
+            f"| {group} | " + " | ".join(map(str, counts)) + f" | {len(these)} | {spread} |"
+        )
+    lines += [
+        "",
+        "## By effect",
+        "",
+        "| hidden | " + " | ".join(g for g in groups if "strength" in g) + " | all |",
+    ]
     lines += ["|" + "---|" * (2 + sum("strength" in g for g in groups))]
     columns = [g for g in groups if "strength" in g]
-    single = [row for row in rows if len(row["hidden"]) == 1 and row["group"] != "outside the catalogue"]
+    single = [
+        row for row in rows if len(row["hidden"]) == 1 and row["group"] != "outside the catalogue"
+    ]
     for name in dict.fromkeys(row["hidden"][0] for row in single):
         cells = []
         for group in [*columns, None]:
-            these = [row for row in single if row["hidden"][0] == name and group in (row["group"], None)]
+            these = [
+                row for row in single if row["hidden"][0] == name and group in (row["group"], None)
+            ]
             cells.append(f"{sum(map(right, these))}/{len(these)}")
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     lines += ["", "## What was named first", "", "| hidden | named first: times |", "|---|---|"]
     said: dict[str, Counter[str]] = defaultdict(Counter)
     for row in rows:
-        said[" + ".join(row["wanted"]) or row["group"]][row["causes"][0] if row["causes"] else row["verdict"]] += 1
+        said[" + ".join(row["wanted"]) or row["group"]][
+            row["causes"][0] if row["causes"] else row["verdict"]
+        ] += 1
     for hidden in sorted(said):
-        lines.append(f"| {hidden} | " + ", ".join(f"{name}: {n}" for name, n in said[hidden].most_common()) + " |")
+        lines.append(
+            f"| {hidden} | "
+            + ", ".join(f"{name}: {n}" for name, n in said[hidden].most_common())
+            + " |"
+        )
     inside = [hit for row in rows if right(row) for hit in row["inside"].values()]
     share = f"{100 * np.mean(inside):.1f} %"
-    lines += ["", f"Of {len(inside)} physical parameters of rightly judged records, {share} lie within their interval."]
+    lines += [
+        "",
+        f"Of {len(inside)} physical parameters of rightly judged records, {share} lie within their interval.",
+    ]
     lines += [""]
-    clean = [hit for row in rows if row["group"].startswith("clean") for hit in row["inside"].values()]
+    clean = [
+        hit for row in rows if row["group"].startswith("clean") for hit in row["inside"].values()
+    ]
     if clean:
         lines += [f"On clean records, {100 * np.mean(clean):.1f} % of {len(clean)} do.", ""]
     seconds = [row["seconds"] for row in rows]
@@ -275,23 +332,43 @@ def page(rows: list[dict[str, Any]], asked: str = "") -> str:
         "The rig's effects have other forms than the catalogue's, which moves parameters that trade with them.",
         "",
     ]
-    lines += [f"A diagnosis took {np.median(seconds):.1f} s (median), {np.quantile(seconds, 0.95):.1f} s (95 %).", ""]
+    lines += [
+        f"A diagnosis took {np.median(seconds):.1f} s (median), {np.quantile(seconds, 0.95):.1f} s (95 %).",
+        "",
+    ]
     return "\n".join(lines)
 
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.naming", description=__doc__.split("\n\n")[0])
-    parser.add_argument("--seeds", type=int, default=4, help="of every variation; 4 are some 900 records")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.naming", description=__doc__.split("\n\n")[0]
+    )
+    parser.add_argument(
+        "--seeds", type=int, default=4, help="of every variation; 4 are some 900 records"
+    )
     parser.add_argument("--seed", type=int, default=1, help="the first of the seeds")
-    parser.add_argument("--folder", type=Path, help="where diagnoses are kept; default build/naming/DIGEST")
-    parser.add_argument("--records", type=Path, help="where drawn records are kept; default nowhere")
+    parser.add_argument(
+        "--folder", type=Path, help="where diagnoses are kept; default build/naming/DIGEST"
+    )
+    parser.add_argument(
+        "--records", type=Path, help="where drawn records are kept; default nowhere"
+    )
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--only", nargs="*", default=[], help="words that the group or the hidden effect must contain")
-    parser.add_argument("--out", type=Path, help="page to write; default docs/naming.md unless --only is given")
+    parser.add_argument(
+        "--only",
+        nargs="*",
+        default=[],
+        help="words that the group or the hidden effect must contain",
+    )
+    parser.add_argument(
+        "--out", type=Path, help="page to write; default docs/naming.md unless --only is given"
+    )
     chosen = parser.parse_args()
     wanted = [
-        c for c in cases(chosen.seeds, chosen.seed) if all(word in f"{c.group} {c.hidden}" for word in chosen.only)
+        c
+        for c in cases(chosen.seeds, chosen.seed)
+        if all(word in f"{c.group} {c.hidden}" for word in chosen.only)
     ]
     folder = chosen.folder or ROOT / "build" / "naming" / digest(CODE)
     asked = f" --seeds {chosen.seeds} --seed {chosen.seed}"

@@ -34,11 +34,24 @@ def measure(quick: bool = False) -> Topic:
                 points = np.arange(max(3, round(seconds * rate)) + 1) / rate
                 found = paced(system, points) if name == MASTER else bare(points)
                 late[name] = np.concatenate([late[name], found])
-        figures = {name: [*np.percentile(values, _SHARES), values.max()] for name, values in late.items()}
+        figures = {
+            name: [*np.percentile(values, _SHARES), values.max()] for name, values in late.items()
+        }
         for name, values in figures.items():
-            ratios = [ours / other for ours, other in zip(values[:2], figures[BARE][:2], strict=True)]
-            rows.append([f"{rate} Hz, {name}", *(1e6 * float(x) for x in values), *map(float, ratios)])
-    columns = ["rate, who", "median, µs", "99 %, µs", "worst, µs", "median over the bare loop's", "99 % over it"]
+            ratios = [
+                ours / other for ours, other in zip(values[:2], figures[BARE][:2], strict=True)
+            ]
+            rows.append(
+                [f"{rate} Hz, {name}", *(1e6 * float(x) for x in values), *map(float, ratios)]
+            )
+    columns = [
+        "rate, who",
+        "median, µs",
+        "99 %, µs",
+        "worst, µs",
+        "median over the bare loop's",
+        "99 % over it",
+    ]
     remark = (
         "How much later than its deadline each communication point was reached. Deadlines are absolute in both; the "
         f"bare loop computes nothing and sleeps. {rounds} rounds of {seconds:g} s each, in turns. The master sleeps a "
@@ -54,7 +67,9 @@ def paced(system: System, points: Array) -> Array:
     pace = master.RealTime(watch=lambda k, values, lag, missed: late.append(lag))
     inputs = {"current": np.full(points.size, 0.5), "force": np.full(points.size, 1.0)}
     master.run(system, points, inputs, real_time=pace)
-    return np.array(late[2:])  # the watch is told of the point before; there is none before the second
+    return np.array(
+        late[2:]
+    )  # the watch is told of the point before; there is none before the second
 
 
 def bare(points: Array) -> Array:

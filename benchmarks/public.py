@@ -21,9 +21,20 @@ from benchmarks.tables import Cell, Table, Topic
 from fmus.kit.errors import UserError
 from tests.support.clean.judge import least_squares_fit
 
-DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+DATA = Path(
+    os.environ.get("PPY_PUBLIC_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")
+)
 GAINS = 1.0, 2.0, 3.0, 4.0, 5.0  # rad/s/V, from which the motor's fit starts
-COLUMNS = ["record", "untouched", "least squares", "refitted", "refitted/best", "verdict", "causes", "s"]
+COLUMNS = [
+    "record",
+    "untouched",
+    "least squares",
+    "refitted",
+    "refitted/best",
+    "verdict",
+    "causes",
+    "s",
+]
 
 
 @dataclass(frozen=True)
@@ -73,14 +84,25 @@ def questions(folder: Path) -> list[Question]:
     motor = DATA / "dc_motor_dead_zone.csv"
     speed = {"speed": "speed[rpm]"}
     return [
-        *(Question(f"cell, pulse {k}", path, "lfp_cell.py:Cell") for k, path in enumerate(pulses(folder))),
+        *(
+            Question(f"cell, pulse {k}", path, "lfp_cell.py:Cell")
+            for k, path in enumerate(pulses(folder))
+        ),
         Question("supercapacitor at 3 A", maxwell[0], "supercapacitor.py:Supercap"),
-        Question("fitted at 3 A, judged at 2.2 A", maxwell[0], "supercapacitor.py:Supercap", holdout=maxwell[1]),
+        Question(
+            "fitted at 3 A, judged at 2.2 A",
+            maxwell[0],
+            "supercapacitor.py:Supercap",
+            holdout=maxwell[1],
+        ),
         *(
             Question(f"motor, gain from {g}", motor, "dc_motor.py:Motor", {"gain": float(g)}, speed)
             for g in range(1, 6)
         ),
-        *(Question(f"supercapacitor {path.stem.split('_')[1]} ageing", path, "ppy_actuator") for path in ageing),
+        *(
+            Question(f"supercapacitor {path.stem.split('_')[1]} ageing", path, "ppy_actuator")
+            for path in ageing
+        ),
     ]
 
 
@@ -109,7 +131,11 @@ def errors(question: Question) -> dict[str, float]:
     trial = _Trial(question, bare.details.model.cls, bare.details.diagnosis.estimation.linear)
     nominal = {n: e.nominal for n, e in bare.parameters.items()}
     _, least = trial.least_squares(nominal)
-    tried = {"untouched": nominal, "least squares": least, "refitted": {n: e.value for n, e in bare.parameters.items()}}
+    tried = {
+        "untouched": nominal,
+        "least squares": least,
+        "refitted": {n: e.value for n, e in bare.parameters.items()},
+    }
     return {name: trial.error(values) for name, values in tried.items()}
 
 
@@ -120,7 +146,11 @@ def answer(question: Question) -> dict[str, Any]:
     row: dict[str, Any] = {"record": question.title} | errors(question)
     began = clock.process_time()
     full = ppy.diagnose(question.record, question.subject, laws=False, **question.known)
-    return row | {"verdict": str(full.verdict), "causes": full.causes, "seconds": clock.process_time() - began}
+    return row | {
+        "verdict": str(full.verdict),
+        "causes": full.causes,
+        "seconds": clock.process_time() - began,
+    }
 
 
 class _Trial:
@@ -130,13 +160,21 @@ class _Trial:
         import orchestration as ppy
         from fmus.kit.record.compiled import CompiledModel
 
-        self._model, self._settings, self._linear = CompiledModel(cls), dict(question.settings), linear
+        self._model, self._settings, self._linear = (
+            CompiledModel(cls),
+            dict(question.settings),
+            linear,
+        )
         layout = cls.layout
         self._inputs, outputs = [v.name for v in layout.inputs], [v.name for v in layout.outputs]
         self._starts = {p.name: p for p in layout.parameters if p.starts}
         paths = [question.record, *([question.holdout] if question.holdout else [])]
-        self._records = [ppy.read_record(path, question.subject, dict(question.mapping)) for path in paths]
-        self._measured = [{o: r.signals[o] for o in outputs if o in r.signals} for r in self._records]
+        self._records = [
+            ppy.read_record(path, question.subject, dict(question.mapping)) for path in paths
+        ]
+        self._measured = [
+            {o: r.signals[o] for o in outputs if o in r.signals} for r in self._records
+        ]
 
     def simulated(self, values: Mapping[str, float], which: int = 0) -> dict[str, Any]:
         record = self._records[which]
@@ -147,11 +185,16 @@ class _Trial:
         except UserError:
             return {o: np.full(record.time.size, np.nan) for o in self._measured[which]}
 
-    def least_squares(self, nominal: Mapping[str, float], which: int = 0) -> tuple[float, dict[str, float]]:
+    def least_squares(
+        self, nominal: Mapping[str, float], which: int = 0
+    ) -> tuple[float, dict[str, float]]:
         """Of the record, all parameters that the diagnosis fits being free."""
         sizes = {n: max(abs(v), 1.0) for n, v in nominal.items() if n in self._starts or v <= 0.0}
         return least_squares_fit(
-            lambda values: self.simulated(values, which), self._measured[which], nominal, sizes=sizes
+            lambda values: self.simulated(values, which),
+            self._measured[which],
+            nominal,
+            sizes=sizes,
         )
 
     def error(self, values: Mapping[str, float]) -> float:
@@ -161,7 +204,11 @@ class _Trial:
             free = {n: values[n] for n in self._starts if n in values}
             sizes = {n: max(abs(v), 1.0) for n, v in free.items()}
             _, best = least_squares_fit(
-                lambda v: self.simulated(at | v, which), self._measured[which], free, sizes=sizes, starts=1
+                lambda v: self.simulated(at | v, which),
+                self._measured[which],
+                free,
+                sizes=sizes,
+                starts=1,
             )
             at |= best
         simulated = self.simulated(at, which)
@@ -186,17 +233,34 @@ def report(asked: Sequence[Question], progress: Callable[[str], None] = print) -
             missing.append(f"{question.title}: {error}")
             continue
         best = min(row["untouched"], row["least squares"])
-        shown: list[Cell] = [row[name] for name in ("record", "untouched", "least squares", "refitted")]
-        rows.append([*shown, row["refitted"] / best, row["verdict"], ", ".join(row["causes"]), row["seconds"]])
-        progress(" | ".join(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in rows[-1]))
-    return Topic("Public records", [Table(COLUMNS, rows), *(["Left out: " + "; ".join(missing)] if missing else [])])
+        shown: list[Cell] = [
+            row[name] for name in ("record", "untouched", "least squares", "refitted")
+        ]
+        rows.append(
+            [
+                *shown,
+                row["refitted"] / best,
+                row["verdict"],
+                ", ".join(row["causes"]),
+                row["seconds"],
+            ]
+        )
+        progress(
+            " | ".join(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in rows[-1])
+        )
+    return Topic(
+        "Public records",
+        [Table(COLUMNS, rows), *(["Left out: " + "; ".join(missing)] if missing else [])],
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
     import tempfile
 
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.public", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.public", description=__doc__.split("\n\n")[0]
+    )
     parser.add_argument("--only", nargs="*", default=[], help="words that a title must contain")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:

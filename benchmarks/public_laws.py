@@ -24,13 +24,22 @@ if TYPE_CHECKING:
 
 PAGE = ROOT / "docs" / "laws-public.md"
 CODE = (
-    *DIAGNOSIS, "orchestration/api/laws.py", "fmus/kit/corrections.py", "fmus/kit/symbolic/perturbed.py",
-    "examples/mass_spring_damper.py", "examples/positioning_stage.py", "examples/follow_stage.py",
+    *DIAGNOSIS,
+    "orchestration/api/laws.py",
+    "fmus/kit/corrections.py",
+    "fmus/kit/symbolic/perturbed.py",
+    "examples/mass_spring_damper.py",
+    "examples/positioning_stage.py",
+    "examples/follow_stage.py",
     "benchmarks/public_laws.py",
-)  # fmt: skip
+)
 _EXAMPLES = ROOT / "examples"
 _ROWS = 5  # of the map
-_ARROW, _MULTISINE, _FITTED = 40_000, 49_000, 8192  # samples: the end of one, the beginning of the other, how many
+_ARROW, _MULTISINE, _FITTED = (
+    40_000,
+    49_000,
+    8192,
+)  # samples: the end of one, the beginning of the other, how many
 _NONE = "–"
 _HEAD = """# What the laws of four measured systems lack
 
@@ -84,7 +93,10 @@ class System:
 
 def _silverbox(folder: Path) -> dict[str, Any]:
     head, *rows = (DATA / "silverbox_snls80mV.csv").read_text(encoding="utf-8").splitlines()
-    for name, part in (("arrow", rows[:_ARROW]), ("multisine", rows[_MULTISINE : _MULTISINE + _FITTED])):
+    for name, part in (
+        ("arrow", rows[:_ARROW]),
+        ("multisine", rows[_MULTISINE : _MULTISINE + _FITTED]),
+    ):
         (folder / f"{name}.csv").write_text("\n".join([head, *part]), encoding="utf-8")
     return {
         "record": folder / "multisine.csv",
@@ -166,7 +178,11 @@ SYSTEMS = (
         "Current in, voltage out; one capacitance behind one resistance. Fitted at 3 A, judged at 2.2 A.",
         "The capacitance depends on the voltage, so that the voltage is a curve of the charge; a second pair of RC "
         "comes after that.",
-        ("supercapacitor_maxwell_3A.csv", "supercapacitor_maxwell_2p2A.csv", "models/supercapacitor.py"),
+        (
+            "supercapacitor_maxwell_3A.csv",
+            "supercapacitor_maxwell_2p2A.csv",
+            "models/supercapacitor.py",
+        ),
         ("open_voltage",),
         ("charge", "open_voltage"),
         _cell,
@@ -183,7 +199,12 @@ def ask(system: System, folder: Path) -> LawsResult:
 
 def section(system: System, result: LawsResult, seconds: float, pictures: Path) -> str:
     """What was found of a system, with its picture."""
-    parts = [f"## {system.title}", system.about, f"What is known: {system.known}", f"> {result.sentence}"]
+    parts = [
+        f"## {system.title}",
+        system.about,
+        f"What is known: {system.known}",
+        f"> {result.sentence}",
+    ]
     parts.append(_agreement(system, result))
     picture = pictures / f"laws_{system.name}.svg"
     picture.unlink(missing_ok=True)
@@ -195,21 +216,37 @@ def section(system: System, result: LawsResult, seconds: float, pictures: Path) 
     if result.law_map:
         parts.append(_figures(result))
     details = result.details
-    rows, looked_at = result.diagnosis.details.diagnosis.estimation.time.size, len(details.entries) if details else 0
-    parts.append(f"{rows:,} samples were fitted and {looked_at:,} entries of the map told anything; {seconds:.0f} s.")
+    rows, looked_at = (
+        result.diagnosis.details.diagnosis.estimation.time.size,
+        len(details.entries) if details else 0,
+    )
+    parts.append(
+        f"{rows:,} samples were fitted and {looked_at:,} entries of the map told anything; {seconds:.0f} s."
+    )
     return "\n\n".join(parts)
 
 
 def _agreement(system: System, result: LawsResult) -> str:
     """Whether that is what is known."""
-    wanted, best = f"`{system.laws[0]}` over `{system.signals[0]}`", next(iter(result.law_map), None)
-    if best is not None and system.is_right(best["law"], best["signal"], best["memory"], best["kind"]):
+    wanted, best = (
+        f"`{system.laws[0]}` over `{system.signals[0]}`",
+        next(iter(result.law_map), None),
+    )
+    if best is not None and system.is_right(
+        best["law"], best["signal"], best["memory"], best["kind"]
+    ):
         confirmed = "" if best["confirmed"] else ", but unseen data do not bear it out"
         return f"That is the law and the signal that are known: {wanted}{confirmed}."
     entries = result.details.entries if result.details else []
-    right = (k for k, e in enumerate(entries, 1) if system.is_right(e.law, e.signal.name, e.signal.memory, e.kind))
+    right = (
+        k
+        for k, e in enumerate(entries, 1)
+        if system.is_right(e.law, e.signal.name, e.signal.memory, e.kind)
+    )
     place = next(right, None)
-    where = f"to first order it stands at place {place} of the map" if place else "it is not on the map"
+    where = (
+        f"to first order it stands at place {place} of the map" if place else "it is not on the map"
+    )
     return f"**That is not what is known**, which would be {wanted}: {where}."
 
 
@@ -219,10 +256,18 @@ def _map(result: LawsResult) -> Table:
     fitted = result.details.corrections if result.details else []
     rows: list[list[Cell]] = []
     for k in range(min(_ROWS, max(len(entries), len(fitted)))):
-        first = [entries[k].label, f"{entries[k].curve.gain:,.0f}"] if k < len(entries) else [_NONE, _NONE]
-        then = [fitted[k].entry.label, f"{fitted[k].gain:,.0f}"] if k < len(fitted) else [_NONE, _NONE]
+        first = (
+            [entries[k].label, f"{entries[k].curve.gain:,.0f}"]
+            if k < len(entries)
+            else [_NONE, _NONE]
+        )
+        then = (
+            [fitted[k].entry.label, f"{fitted[k].gain:,.0f}"] if k < len(fitted) else [_NONE, _NONE]
+        )
         rows.append([k + 1, *first, *then])
-    return Table(["", "to first order: law, signal", "evidence", "fitted: law, signal", "fall of BIC"], rows)
+    return Table(
+        ["", "to first order: law, signal", "evidence", "fitted: law, signal", "fall of BIC"], rows
+    )
 
 
 def _figures(result: LawsResult) -> str:
@@ -235,8 +280,13 @@ def _figures(result: LawsResult) -> str:
     rows = {
         "Shape": best["shape"] or "none; a table over the knots",
         "Shapes that were tried, by how far their BIC is above the curve's": nearest,
-        "Parameters, SI": ", ".join(f"`{name}` {of['value']:.3g}" for name, of in best["parameters"].items()),
-        **{f"Error of {o} on unseen data": f"{percent(before[o])} before, {percent(after[o])} after" for o in before},
+        "Parameters, SI": ", ".join(
+            f"`{name}` {of['value']:.3g}" for name, of in best["parameters"].items()
+        ),
+        **{
+            f"Error of {o} on unseen data": f"{percent(before[o])} before, {percent(after[o])} after"
+            for o in before
+        },
         "Unseen data": said_of(correction),
         "Not told apart from it": ", ".join(best["alike"]),
     }
@@ -263,9 +313,17 @@ def page(systems: Sequence[System], target: Path, progress: Callable[[str], None
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.public_laws", description=__doc__.split("\n\n")[0])
-    parser.add_argument("--only", nargs="*", default=[], help=f"of {', '.join(s.name for s in SYSTEMS)}")
-    parser.add_argument("--out", type=Path, help="page to write; default docs/laws-public.md unless some are left out")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.public_laws", description=__doc__.split("\n\n")[0]
+    )
+    parser.add_argument(
+        "--only", nargs="*", default=[], help=f"of {', '.join(s.name for s in SYSTEMS)}"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="page to write; default docs/laws-public.md unless some are left out",
+    )
     chosen = parser.parse_args(arguments)
     systems = [s for s in SYSTEMS if not chosen.only or s.name in chosen.only]
     out = chosen.out or (PAGE if not chosen.only else ROOT / "build" / "laws" / PAGE.name)

@@ -23,7 +23,12 @@ Array = NDArray[np.float64]
 PARAMETERS = ("R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2")
 OUTPUTS = ("voltage", "electrochemical_displacement", "mechanical_displacement", "displacement")
 STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
-BARE, PLAIN, SENSITIVE, MACHINE = "bare loop in C", "compiled model", "with 8 sensitivities", "CasADi's VM"
+BARE, PLAIN, SENSITIVE, MACHINE = (
+    "bare loop in C",
+    "compiled model",
+    "with 8 sensitivities",
+    "CasADi's VM",
+)
 _STEP = 0.1  # s
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
@@ -63,16 +68,31 @@ def exponent(times: Times, lengths: tuple[int, ...]) -> float:
 
 def _against(times: Times, samples: int) -> Table:
     rows: list[list[Cell]] = [
-        [name, times.best(name) * 1e3, times.best(name) / samples * 1e9, times.ratio_of_best(name, BARE),
-         times.median_ratio(name, BARE), times.median_ratio(name, PLAIN)]
+        [
+            name,
+            times.best(name) * 1e3,
+            times.best(name) / samples * 1e9,
+            times.ratio_of_best(name, BARE),
+            times.median_ratio(name, BARE),
+            times.median_ratio(name, PLAIN),
+        ]
         for name in times.seconds
-    ]  # fmt: skip
-    columns = ["", "best, ms", "per sample, ns", f"of the {BARE}, best", "the same, median", f"of the {PLAIN}, median"]
+    ]
+    columns = [
+        "",
+        "best, ms",
+        "per sample, ns",
+        f"of the {BARE}, best",
+        "the same, median",
+        f"of the {PLAIN}, median",
+    ]
     return Table(columns, rows)
 
 
 def _growth(times: Times, lengths: tuple[int, ...]) -> Table:
-    rows: list[list[Cell]] = [[n, times.best(str(n)) * 1e3, times.best(str(n)) / n * 1e9] for n in lengths]
+    rows: list[list[Cell]] = [
+        [n, times.best(str(n)) * 1e3, times.best(str(n)) / n * 1e9] for n in lengths
+    ]
     return Table(["samples", "best, ms", "per sample, ns"], rows)
 
 
@@ -94,18 +114,29 @@ def _simulation(model: CompiledModel, n: int) -> Callable[[], Trajectory]:
     return lambda: model.run(time, inputs)
 
 
-def _actions(model: CompiledModel, n: int, library: ctypes.CDLL) -> tuple[dict[str, Callable[[], object]], int]:
+def _actions(
+    model: CompiledModel, n: int, library: ctypes.CDLL
+) -> tuple[dict[str, Callable[[], object]], int]:
     """What to time, after a look at the results; and how many internal steps the record takes."""
     sensitive = CompiledModel(component("ppy_actuator"), PARAMETERS)
     bare, machine = _bare(library, n), _machine(n)
     signals, tried = bare()
     expected = model.run(*_record(n)).signals
-    for name, result in ((BARE, signals), (MACHINE, machine()), (SENSITIVE, sensitive.run(*_record(n)).signals)):
+    for name, result in (
+        (BARE, signals),
+        (MACHINE, machine()),
+        (SENSITIVE, sensitive.run(*_record(n)).signals),
+    ):
         for signal, values in expected.items():
             error = np.max(np.abs(result[signal] - values)) / np.max(np.abs(values))
             if not error <= AGREEMENT:
                 raise RuntimeError(f"{name}: {signal} differs by {error:g} of its largest value")
-    actions = {BARE: bare, PLAIN: _simulation(model, n), SENSITIVE: _simulation(sensitive, n), MACHINE: machine}
+    actions = {
+        BARE: bare,
+        PLAIN: _simulation(model, n),
+        SENSITIVE: _simulation(sensitive, n),
+        MACHINE: machine,
+    }
     return actions, tried
 
 

@@ -52,14 +52,27 @@ def measure(seconds: float = 60.0, rates: Sequence[int] = RATES) -> Topic:
     rows: list[list[Cell]] = []
     for rate in rates:
         rows += _at(rate, seconds)
-    columns = ["rate, Hz", "who", "exchanges", *(f"p{p:g}, us" for p in _PERCENTILES), "longest, us"]
-    columns += [*(f"p{p:g}, ratio" for p in _PERCENTILES), "client's deadlines missed", "rig's deadlines missed"]
+    columns = [
+        "rate, Hz",
+        "who",
+        "exchanges",
+        *(f"p{p:g}, us" for p in _PERCENTILES),
+        "longest, us",
+    ]
+    columns += [
+        *(f"p{p:g}, ratio" for p in _PERCENTILES),
+        "client's deadlines missed",
+        "rig's deadlines missed",
+    ]
     return Topic(
         "Round trip of an exchange on loopback",
-        [f"{seconds:g} s at each rate. The ratio is that to the echo; the target for p99 is {TARGET:g}. A deadline of "
-         "the client is missed when both answers took longer than a period; one of the rig when it took its sample a "
-         "period late.", Table(columns, rows)],
-    )  # fmt: skip
+        [
+            f"{seconds:g} s at each rate. The ratio is that to the echo; the target for p99 is {TARGET:g}. A deadline of "
+            "the client is missed when both answers took longer than a period; one of the rig when it took its sample a "
+            "period late.",
+            Table(columns, rows),
+        ],
+    )
 
 
 def _echo(pipe: Any) -> None:
@@ -78,8 +91,12 @@ def _at(rate: int, seconds: float) -> list[list[Cell]]:
     here, there = multiprocessing.get_context("spawn").Pipe()
     echo = multiprocessing.get_context("spawn").Process(target=_echo, args=(there,), daemon=True)
     echo.start()
-    with tempfile.TemporaryDirectory() as folder, Server(Path(folder), "Logged", "--rate", rate, "--watchdog", 5,
-                                                         options={"log": "/dev/null"}) as server:  # fmt: skip
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Server(
+            Path(folder), "Logged", "--rate", rate, "--watchdog", 5, options={"log": "/dev/null"}
+        ) as server,
+    ):
         server.wait_ready()
         with zmq.Context() as context:
             client = _Client(context, server.endpoint, f"tcp://127.0.0.1:{here.recv()}")
@@ -92,10 +109,29 @@ def _at(rate: int, seconds: float) -> list[list[Cell]]:
     found = {name: np.percentile(1e6 * values, _PERCENTILES) for name, values in times.items()}
     ratios = found[SERVER] / found[ECHO]
     return [
-        [rate, SERVER, len(times[SERVER]), *map(float, found[SERVER]), 1e6 * float(times[SERVER].max()),
-         *map(float, ratios), missed, late],
-        [rate, ECHO, len(times[ECHO]), *map(float, found[ECHO]), 1e6 * float(times[ECHO].max()), 1.0, 1.0, 1.0, "", ""],
-    ]  # fmt: skip
+        [
+            rate,
+            SERVER,
+            len(times[SERVER]),
+            *map(float, found[SERVER]),
+            1e6 * float(times[SERVER].max()),
+            *map(float, ratios),
+            missed,
+            late,
+        ],
+        [
+            rate,
+            ECHO,
+            len(times[ECHO]),
+            *map(float, found[ECHO]),
+            1e6 * float(times[ECHO].max()),
+            1.0,
+            1.0,
+            1.0,
+            "",
+            "",
+        ],
+    ]
 
 
 class _Client:
@@ -139,9 +175,15 @@ class _Client:
     def _frame(self) -> bytes:
         self._sequence += 1
         return encode(
-            "exchange", session=self.session, sequence=self._sequence, sent=monotonic(), seen=self._seen, time=0.0,
-            step=0.0, values=[0.5, 1.0],
-        )  # fmt: skip
+            "exchange",
+            session=self.session,
+            sequence=self._sequence,
+            sent=monotonic(),
+            seen=self._seen,
+            time=0.0,
+            step=0.0,
+            values=[0.5, 1.0],
+        )
 
     def _learn(self, frame: bytes) -> None:
         sample = decode(frame, REPLIES)
@@ -167,11 +209,16 @@ def _timed(socket: Any, frame: bytes, then: Callable[[bytes], None] | None) -> f
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rig_latency", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0, help="at each rate; the page is written for 60 only")
+    parser.add_argument(
+        "--seconds", type=float, default=60.0, help="at each rate; the page is written for 60 only"
+    )
     parser.add_argument("--out", type=Path, help="page to write; default docs/rig-latency.md")
     chosen = parser.parse_args(arguments)
-    parts = ["# Latency of the rig's server\n\nWritten by `python -m benchmarks.rig_latency`.",
-             str(machine.describe()), str(measure(chosen.seconds))]  # fmt: skip
+    parts = [
+        "# Latency of the rig's server\n\nWritten by `python -m benchmarks.rig_latency`.",
+        str(machine.describe()),
+        str(measure(chosen.seconds)),
+    ]
     print("\n\n".join(parts[1:]))
     page = chosen.out or (PAGE if chosen.seconds >= 60.0 else None)
     if page is not None:

@@ -25,10 +25,16 @@ from .tables import Table, Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "rig-soak.md"
 RATE = 100.0  # Hz
-_WATCHDOG = 2.0  # s: a machine that does other work may pause a process for longer than the usual 0.2 s
-_SETTLED = 60.0  # s after which memory is looked at; allocators and caches have what they need by then
+_WATCHDOG = (
+    2.0  # s: a machine that does other work may pause a process for longer than the usual 0.2 s
+)
+_SETTLED = (
+    60.0  # s after which memory is looked at; allocators and caches have what they need by then
+)
 _EVERY = 5.0  # s between two looks
-_ALLOWED = 1.0  # MB that a process may have grown by at the end, of which pages of the system are a part
+_ALLOWED = (
+    1.0  # MB that a process may have grown by at the end, of which pages of the system are a part
+)
 
 
 def measure(seconds: float) -> tuple[Topic, bool]:
@@ -52,11 +58,19 @@ def measure(seconds: float) -> tuple[Topic, bool]:
         processes = {"the master with both proxies": Path("/proc/self/statm")}
         for runtime in RUNTIMES:
             folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="ppy-soak-")))
-            server = opened.enter_context(Server(folder, "emulator", "--rate", RATE, "--watchdog", _WATCHDOG))
-            fmu = Fmu(build_cached(component("rig_proxy"), runtime), {"endpoint": server.wait_ready()}, runtime)
+            server = opened.enter_context(
+                Server(folder, "emulator", "--rate", RATE, "--watchdog", _WATCHDOG)
+            )
+            fmu = Fmu(
+                build_cached(component("rig_proxy"), runtime),
+                {"endpoint": server.wait_ready()},
+                runtime,
+            )
             proxies[runtime] = opened.enter_context(fmu)
             for number, process in enumerate(sorted(server.family())):
-                processes[f"server of the {runtime} proxy, process {number + 1}"] = Path(f"/proc/{process}/statm")
+                processes[f"server of the {runtime} proxy, process {number + 1}"] = Path(
+                    f"/proc/{process}/statm"
+                )
         names = ["current", "force"]
         setters = [fmu.writer(names) for fmu in proxies.values()]
         for fmu in proxies.values():
@@ -73,16 +87,32 @@ def measure(seconds: float) -> tuple[Topic, bool]:
                 looked = now
                 if now - begin >= settled:
                     for name, path in processes.items():
-                        seen.setdefault(name, []).append(int(path.read_text().split()[1]) * 4096 / 1e6)
-                    print(f"{now - begin:.0f} s of {seconds:.0f} s", end="\r", flush=True, file=sys.stderr)
+                        seen.setdefault(name, []).append(
+                            int(path.read_text().split()[1]) * 4096 / 1e6
+                        )
+                    print(
+                        f"{now - begin:.0f} s of {seconds:.0f} s",
+                        end="\r",
+                        flush=True,
+                        file=sys.stderr,
+                    )
         for runtime, fmu in proxies.items():
             missed[runtime] = _missed(fmu)
     growth = {name: memory[-1] - memory[0] for name, memory in seen.items()}
     flat = all(grown <= _ALLOWED for grown in growth.values())
-    rows = [[name, f"{memory[0]:.1f}", f"{memory[-1]:.1f}", f"{growth[name]:+.2f}"] for name, memory in seen.items()]
-    told = ", ".join(f"{count:.0f} of {steps} by the {runtime} one" for runtime, count in missed.items())
-    table = Table(["process", f"MB after {settled:.0f} s", f"MB after {seconds:.0f} s", "growth, MB"], rows)
-    text = [f"{seconds:.0f} s at {RATE:g} Hz. Deadlines missed: {told}. Allowed growth: {_ALLOWED:g} MB."]
+    rows = [
+        [name, f"{memory[0]:.1f}", f"{memory[-1]:.1f}", f"{growth[name]:+.2f}"]
+        for name, memory in seen.items()
+    ]
+    told = ", ".join(
+        f"{count:.0f} of {steps} by the {runtime} one" for runtime, count in missed.items()
+    )
+    table = Table(
+        ["process", f"MB after {settled:.0f} s", f"MB after {seconds:.0f} s", "growth, MB"], rows
+    )
+    text = [
+        f"{seconds:.0f} s at {RATE:g} Hz. Deadlines missed: {told}. Allowed growth: {_ALLOWED:g} MB."
+    ]
     return Topic("Memory of a long session", [*text, table]), flat
 
 
@@ -96,7 +126,9 @@ def main() -> int:
     """Run the command line; the exit status tells whether memory stayed flat."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rig_soak", description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--out", type=Path, help="page to write; default docs/rig-soak.md after ten minutes")
+    parser.add_argument(
+        "--out", type=Path, help="page to write; default docs/rig-soak.md after ten minutes"
+    )
     chosen = parser.parse_args()
     topic, flat = measure(chosen.seconds)
     page = chosen.out or (PAGE if chosen.seconds >= 600.0 else None)

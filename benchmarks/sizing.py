@@ -32,9 +32,15 @@ def measure(cases: int = 2000, points: int = 1001) -> Topic:
     told, sizes = [], []
     for engine in ("compiled", "fmu"):
         task = Task(
-            model.path, ("C",), {}, clock, {"current": np.sin(clock)}, ("displacement",),
-            ("last", "smallest", "largest"), chosen(model, engine),
-        )  # fmt: skip
+            model.path,
+            ("C",),
+            {},
+            clock,
+            {"current": np.sin(clock)},
+            ("displacement",),
+            ("last", "smallest", "largest"),
+            chosen(model, engine),
+        )
         case, head, size, part = _measured(task, np.linspace(5.0, 10.0, cases)[:, np.newaxis])
         parts = sized(case, head, size, part)
         rows += [[f"{engine}: {what}", each, whole] for what, (each, whole) in parts.items()]
@@ -56,7 +62,7 @@ def measure(cases: int = 2000, points: int = 1001) -> Topic:
             "workers come to be it, from the length on at which a case takes as long on all cores as its largest "
             "other share.",
         ],
-    )  # fmt: skip
+    )
 
 
 def sized(case: float, head: float, size: float, part: int) -> dict[str, tuple[float, float]]:
@@ -92,7 +98,10 @@ def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float, int]:
         case = repeated.run(cases[:part]).seconds / len(cases[:part])
         part = max(1, min(LARGEST, part, int(SECONDS / case)))
         found = [repeated.run(cases[at : at + part]) for at in range(0, len(cases), part)]
-    answers, case = [pickle.dumps(one) for one in found], sum(one.seconds for one in found) / len(cases)
+    answers, case = (
+        [pickle.dumps(one) for one in found],
+        sum(one.seconds for one in found) / len(cases),
+    )
     with tempfile.TemporaryDirectory() as folder:
         journal = Journal(Path(folder), task, cases, "")
         begin = time.process_time()

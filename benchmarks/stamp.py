@@ -24,9 +24,12 @@ _OURS = "fmus", "orchestration"
 _CARRIES = "orchestration/fmu/"
 # what a diagnosis is made of: its module, its data, the families and their sizes, with all that these import, and C
 DIAGNOSIS = (
-    "orchestration/discrepancy/diagnosis.py", "orchestration/discrepancy/data",
-    "orchestration/discrepancy/candidates/typical.py", "fmus/kit/symbolic/families.py", "fmus/kit/fmi2",
-)  # fmt: skip
+    "orchestration/discrepancy/diagnosis.py",
+    "orchestration/discrepancy/data",
+    "orchestration/discrepancy/candidates/typical.py",
+    "fmus/kit/symbolic/families.py",
+    "fmus/kit/fmi2",
+)
 
 
 def digest(paths: Iterable[str]) -> str:
@@ -63,7 +66,11 @@ def stamped(page: str) -> str:
 
 
 def _modules(path: Path) -> list[Path]:
-    return [path] if path.is_file() else [file for kind in ("py", "c", "h") for file in path.rglob(f"*.{kind}")]
+    return (
+        [path]
+        if path.is_file()
+        else [file for kind in ("py", "c", "h") for file in path.rglob(f"*.{kind}")]
+    )
 
 
 def _with_imported(files: set[Path]) -> set[Path]:
@@ -71,7 +78,11 @@ def _with_imported(files: set[Path]) -> set[Path]:
     known, new = set(files), set(files)
     while new:
         # what a study itself imports only hands records over
-        ours = [file for file in new if file.suffix == ".py" and file.relative_to(ROOT).parts[0] in _OURS]
+        ours = [
+            file
+            for file in new
+            if file.suffix == ".py" and file.relative_to(ROOT).parts[0] in _OURS
+        ]
         new = {other for file in ours for other in _imported(file) if not _carries(other)} - known
         known |= new
     return known
@@ -87,13 +98,19 @@ def _imported(file: Path) -> Iterator[Path]:
         if name[0] in _OURS:
             # the name is of a module, or else of something in it; a package on the way to a module adds nothing
             places = ROOT.joinpath(*name), ROOT.joinpath(*name[:-1])
-            files = [each for place in places for each in (place / "__init__.py", place.with_suffix(".py"))]
+            files = [
+                each
+                for place in places
+                for each in (place / "__init__.py", place.with_suffix(".py"))
+            ]
             yield from [each for each in files if each.is_file()][:1]
 
 
 def _meaning(file: Path) -> str:
     text = file.read_text(encoding="utf-8")
-    return _without_remarks(text) if file.suffix == ".py" else _without_empty_lines(text.splitlines())
+    return (
+        _without_remarks(text) if file.suffix == ".py" else _without_empty_lines(text.splitlines())
+    )
 
 
 @cache

@@ -21,7 +21,11 @@ from . import c_code
 from .tables import Cell, Table, Topic
 from .timing import Times, pooled, take_turns
 
-EMPTY, YARDSTICK, STOCK = "empty C FMU (the floor)", "one state, C by hand", "one state, stock pythonfmu"
+EMPTY, YARDSTICK, STOCK = (
+    "empty C FMU (the floor)",
+    "one state, C by hand",
+    "one state, stock pythonfmu",
+)
 NATIVE, PYTHON = "ppy_actuator, native", "ppy_actuator, Python"
 TARGETS = {NATIVE: (YARDSTICK, 1.0), PYTHON: (STOCK, 1.5)}
 STEP = 0.1  # s
@@ -67,26 +71,51 @@ def measure(quick: bool = False) -> Topic:
     return Topic("Co-simulation step", parts)
 
 
-def _in_a_process(fmus: dict[str, Path], loop: Path, rounds: int, steps: int) -> dict[tuple[str, str], Times]:
+def _in_a_process(
+    fmus: dict[str, Path], loop: Path, rounds: int, steps: int
+) -> dict[tuple[str, str], Times]:
     """Measure in a process of its own, left without clean-up, in which stock pythonfmu may read freed memory."""
     finished = hosts.finish_in_subprocess(time_steps, fmus, loop, rounds, steps, clean_exit=False)
     if finished.result is None:
-        raise RuntimeError(f"the measuring process ended with return code {finished.returncode}\n{finished.output}")
+        raise RuntimeError(
+            f"the measuring process ended with return code {finished.returncode}\n{finished.output}"
+        )
     return finished.result
 
 
 def _table(several: list[Times], steps: int) -> Table:
-    others = {EMPTY: YARDSTICK, YARDSTICK: YARDSTICK, NATIVE: YARDSTICK, PYTHON: STOCK, STOCK: STOCK}
+    others = {
+        EMPTY: YARDSTICK,
+        YARDSTICK: YARDSTICK,
+        NATIVE: YARDSTICK,
+        PYTHON: STOCK,
+        STOCK: STOCK,
+    }
     times = pooled(several)
     rows: list[list[Cell]] = []
     for name, other in others.items():
         medians = [part.median_ratio(name, other) for part in several]
         above = times.best(name) - times.best(EMPTY)
         rows.append(
-            [name, times.best(name) / steps * 1e6, above / steps * 1e6, other, times.ratio_of_best(name, other),
-             times.median_ratio(name, other), f"{min(medians):.3g} ... {max(medians):.3g}"]
-        )  # fmt: skip
-    columns = ["FMU", "best, µs", "above the floor, µs", "held against", "ratio of best", "median ratio", "range"]
+            [
+                name,
+                times.best(name) / steps * 1e6,
+                above / steps * 1e6,
+                other,
+                times.ratio_of_best(name, other),
+                times.median_ratio(name, other),
+                f"{min(medians):.3g} ... {max(medians):.3g}",
+            ]
+        )
+    columns = [
+        "FMU",
+        "best, µs",
+        "above the floor, µs",
+        "held against",
+        "ratio of best",
+        "median ratio",
+        "range",
+    ]
     return Table(columns, rows)
 
 
@@ -129,19 +158,29 @@ class _Stepper:
 
     def in_c(self, run_steps: Any, inputs: np.ndarray) -> float:
         last = ctypes.c_double()
-        functions = (getattr(self.model.dll, f"fmi2{name}") for name in ("SetReal", "DoStep", "GetReal"))
+        functions = (
+            getattr(self.model.dll, f"fmi2{name}") for name in ("SetReal", "DoStep", "GetReal")
+        )
         status = run_steps(
-            *(ctypes.cast(function, ctypes.c_void_p) for function in functions), ctypes.c_void_p(self.model.component),
-            self.input, self.output, ctypes.c_long(self.count), ctypes.c_long(len(inputs)), ctypes.c_double(STEP),
-            inputs.ctypes.data_as(ctypes.c_void_p), ctypes.byref(last),
-        )  # fmt: skip
+            *(ctypes.cast(function, ctypes.c_void_p) for function in functions),
+            ctypes.c_void_p(self.model.component),
+            self.input,
+            self.output,
+            ctypes.c_long(self.count),
+            ctypes.c_long(len(inputs)),
+            ctypes.c_double(STEP),
+            inputs.ctypes.data_as(ctypes.c_void_p),
+            ctypes.byref(last),
+        )
         if status != 0:
             raise RuntimeError(f"a step answered with status {status}")
         self.count += len(inputs)
         return last.value
 
 
-def time_steps(fmus: dict[str, Path], loop: Path, rounds: int, steps: int) -> dict[tuple[str, str], Times]:
+def time_steps(
+    fmus: dict[str, Path], loop: Path, rounds: int, steps: int
+) -> dict[tuple[str, str], Times]:
     """Load all FMUs and time them in turns.
 
     Parameters
@@ -163,7 +202,9 @@ def time_steps(fmus: dict[str, Path], loop: Path, rounds: int, steps: int) -> di
 
     def turn(stepper: _Stepper, host: str, inputs: np.ndarray) -> Callable[[], float]:
         values = inputs.tolist()
-        return lambda: stepper.through_fmpy(values) if host == FMPY else stepper.in_c(run_steps, inputs)
+        return lambda: (
+            stepper.through_fmpy(values) if host == FMPY else stepper.in_c(run_steps, inputs)
+        )
 
     found = {}
     with contextlib.ExitStack() as stack:
@@ -172,7 +213,10 @@ def time_steps(fmus: dict[str, Path], loop: Path, rounds: int, steps: int) -> di
             for load in (HELD, CHANGING):
                 n = steps * times
                 inputs = np.full(n, 0.9) if load == HELD else 0.9 * np.sin(np.arange(1.0, n + 1))
-                actions = {name: turn(_Stepper(folder, name), host, inputs) for name, folder in folders.items()}
+                actions = {
+                    name: turn(_Stepper(folder, name), host, inputs)
+                    for name, folder in folders.items()
+                }
                 for name, act in actions.items():
                     if name != EMPTY and act() == 0.0:
                         raise RuntimeError(f"{name}: nothing moved")

@@ -35,7 +35,9 @@ def measure(quick: bool = False) -> Topic:
         times = take_turns({"explicit": explicit, "chosen": chosen}, rounds)
         ratio = times.median_ratio("explicit", "chosen")
         parameters = len(searched(component(name)))
-        rows.append([name, parameters, times.best("explicit") * 1e3, times.best("chosen") * 1e3, ratio])
+        rows.append(
+            [name, parameters, times.best("explicit") * 1e3, times.best("chosen") * 1e3, ratio]
+        )
     text = (
         f"{samples:,} samples at {1.0 / _STEP:g} Hz, inputs held at changing levels, sensitivities included; the "
         "galvanostat with a lag of 0.1 ms."
@@ -46,11 +48,16 @@ def measure(quick: bool = False) -> Topic:
 
 def _simulation(name: str, samples: int, explicit: bool) -> Callable[[], Trajectory]:
     time = _STEP * np.arange(samples)
-    inputs = {n: multilevel(time, levels, (0.1, 0.5), _SEED + i) for i, (n, levels) in enumerate(_INPUTS[name].items())}
+    inputs = {
+        n: multilevel(time, levels, (0.1, 0.5), _SEED + i)
+        for i, (n, levels) in enumerate(_INPUTS[name].items())
+    }
     model = CompiledModel(component(name), searched(component(name)))
 
     def run() -> Trajectory:
-        never = patch.object(Linearisation, "ladder", return_value=None) if explicit else nullcontext()
+        never = (
+            patch.object(Linearisation, "ladder", return_value=None) if explicit else nullcontext()
+        )
         with never:
             return model.run(time, inputs, _SETTINGS.get(name))
 

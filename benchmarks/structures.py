@@ -31,11 +31,17 @@ from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "black-box-structures.md"
 # table 3-2: fit to identification and to validation data in percent, Akaike's criterion
 PRINTED = {
-    "ARX": (86.8, 80.1, -9.5), "ARMAX": (75.0, 58.7, -9.2), "OE": (95.8, 92.9, -7.6), "SS": (92.8, 86.4, -9.7),
+    "ARX": (86.8, 80.1, -9.5),
+    "ARMAX": (75.0, 58.7, -9.2),
+    "OE": (95.8, 92.9, -7.6),
+    "SS": (92.8, 86.4, -9.7),
     "BJ": (94.3, 90.1, -9.5),
-}  # fmt: skip
+}
 STEP, SAMPLES, SEEDS = 0.1, 6000, 6  # s, ten minutes, pairs of records
-LEVELS, DWELL = (0.5, 1.0, 1.5, 2.0, 2.75), (15.0, 45.0)  # N and s, as the experiment fig_3_12 has them
+LEVELS, DWELL = (
+    (0.5, 1.0, 1.5, 2.0, 2.75),
+    (15.0, 45.0),
+)  # N and s, as the experiment fig_3_12 has them
 # In mm and as a one-step correlation: what OE leaves is the disturbance, exp(-7.6 / 2), and what BJ leaves its
 # innovation, exp(-9.5 / 2).
 RMS = float(np.exp(0.5 * PRINTED["OE"][2]))
@@ -77,11 +83,16 @@ def record(case: Case, seed: int, older: bool = False) -> InputOutputData:
     time = STEP * np.arange(SAMPLES)
     current, force = square_wave(time, 0.9, 0.1), multilevel(time, LEVELS, DWELL, seed)
     nominal = RigParameters()
-    changed = {name: getattr(nominal, name) * factor for name, factor in OLDER.items()} if older else {}
+    changed = (
+        {name: getattr(nominal, name) * factor for name, factor in OLDER.items()} if older else {}
+    )
     rig = EmulatedRig(
         replace(nominal, **changed), seed, displacement_noise=1e-3 * RMS, noise_colour=case.memory
-    )  # fmt: skip
-    inputs, output = np.column_stack([current, force]), 1e3 * rig.run(time, current, force)["displacement"]
+    )
+    inputs, output = (
+        np.column_stack([current, force]),
+        1e3 * rig.run(time, current, force)["displacement"],
+    )
     if case.trend == "trend removed":
         inputs, output = inputs - inputs.mean(axis=0), np.asarray(detrend(output))
     return input_output_data(inputs, output, STEP, ("current", "force"), "displacement")
@@ -90,9 +101,13 @@ def record(case: Case, seed: int, older: bool = False) -> InputOutputData:
 def figures(case: Case, seed: int) -> dict[str, tuple[float, float, float]]:
     """Fit to identification and validation data in percent and Akaike's criterion, by structure, of order 3."""
     found = search_orders(
-        record(case, 2 * seed), record(case, 2 * seed + 1, older=True), path_orders=[3], noise_orders=[3],
-        nk=case.delay, criterion="AIC",
-    )  # fmt: skip
+        record(case, 2 * seed),
+        record(case, 2 * seed + 1, older=True),
+        path_orders=[3],
+        noise_orders=[3],
+        nk=case.delay,
+        criterion="AIC",
+    )
     return {row.structure: (row.fit, row.validation_fit, row.aic) for row in found.rows}
 
 
@@ -158,13 +173,20 @@ def _head() -> Iterator[str]:
 def _table(found: dict[Case, dict[str, Figures]], part: int) -> Iterator[str]:
     digits = 2 if part == 2 else 1
     rows = {"printed": {name: PRINTED[name][part] for name in STRUCTURES}}
-    rows |= {str(case): {name: float(f[name][part]) for name in STRUCTURES} for case, f in found.items()}
+    rows |= {
+        str(case): {name: float(f[name][part]) for name in STRUCTURES} for case, f in found.items()
+    }
     yield from ("", f"## {_TITLES[part]}", "")
     yield f"| record | {' | '.join(STRUCTURES)} | order |"
     yield "|---" * (len(STRUCTURES) + 2) + "|"
     for label, values in rows.items():
-        shown = {name: round(value, digits if label != "printed" else 1) for name, value in values.items()}
-        cells = " | ".join(f"{value:.{1 if label == 'printed' else digits}f}" for value in shown.values())
+        shown = {
+            name: round(value, digits if label != "printed" else 1)
+            for name, value in values.items()
+        }
+        cells = " | ".join(
+            f"{value:.{1 if label == 'printed' else digits}f}" for value in shown.values()
+        )
         yield f"| {label} | {cells} | {ranked(shown if part < 2 else {n: -v for n, v in shown.items()})} |"
 
 

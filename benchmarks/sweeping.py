@@ -30,7 +30,10 @@ TARGETS = ((FMU, EACH, 20.0), (FMU, REUSE, 8.0), (COMPILED, EACH, 100.0))
 TWO_WORKERS = 1.8
 KEEP = ("last", "smallest", "largest")
 # outputs without feedthrough: fmpy reads them before it sets the input of the same point, not after
-_SUBJECTS = {NATIVE: ("C", 5.0, 10.0, "current", "displacement"), YARDSTICK: ("tau", 0.5, 4.0, "u", "x")}
+_SUBJECTS = {
+    NATIVE: ("C", 5.0, 10.0, "current", "displacement"),
+    YARDSTICK: ("tau", 0.5, 4.0, "u", "x"),
+}
 _STEP = 0.01  # s
 
 
@@ -40,13 +43,23 @@ def measure(quick: bool = False) -> Topic:
     many, by_fmu, whole = (40, 40, 80) if quick else (40_000, 400_000, 100_000)
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
         paths = {NATIVE: "ppy_actuator", YARDSTICK: str(hosts.build_one_state_fmu(folder))}
-        measured = {name: _time(model, *_SUBJECTS[name], cases, points, rounds) for name, model in paths.items()}
+        measured = {
+            name: _time(model, *_SUBJECTS[name], cases, points, rounds)
+            for name, model in paths.items()
+        }
         beside = [_beside(FMU, paths[YARDSTICK], YARDSTICK, by_fmu, points, rounds)]
-        beside += [_beside(COMPILED, paths[NATIVE], NATIVE, n, points, rounds) for n in (cases, many)]
+        beside += [
+            _beside(COMPILED, paths[NATIVE], NATIVE, n, points, rounds) for n in (cases, many)
+        ]
     rows: list[list[Cell]] = [
-        [f"{name}: {way}", 1e6 * times.best(way), *(_slower(times, other, way) for other in (EACH, REUSE))]
-        for name, times in measured.items() for way in times.seconds
-    ]  # fmt: skip
+        [
+            f"{name}: {way}",
+            1e6 * times.best(way),
+            *(_slower(times, other, way) for other in (EACH, REUSE)),
+        ]
+        for name, times in measured.items()
+        for way in times.seconds
+    ]
     spent = _seconds(NATIVE, "ppy_actuator", COMPILED, whole, points)
     return Topic(
         "Sweeps",
@@ -57,15 +70,27 @@ def measure(quick: bool = False) -> Topic:
             "resets one instance and calls the functions of the FMU with arguments made ready beforehand. One process "
             "each; that the numbers agree to 1e-9 was verified.",
             _told(measured),
-            Table(["FMU and way", "best, µs", *(f"{way}: times as long, median" for way in (EACH, REUSE))], rows),
+            Table(
+                [
+                    "FMU and way",
+                    "best, µs",
+                    *(f"{way}: times as long, median" for way in (EACH, REUSE)),
+                ],
+                rows,
+            ),
             f"Two workers beside one (target {TWO_WORKERS:g} times as fast). Each needs a core of its own. Of compiled "
             "code they are threads; of an FMU processes, each with an interpreter that has to start first.",
-            Table(["", "cases", "one worker, s", "two workers, s", "times as fast, median"], beside),
+            Table(
+                ["", "cases", "one worker, s", "two workers, s", "times as fast, median"], beside
+            ),
             f"{whole:,} cases of {NATIVE}, compiled, one worker: {spent:.3g} s, {whole / spent:,.0f} cases a second. "
             "Memory of the process at its largest, by the number of cases of ten steps:",
-            Table(["cases", "largest, MB"], [[n, _memory(n)] for n in ((10, 40) if quick else (1000, 100_000))]),
+            Table(
+                ["cases", "largest, MB"],
+                [[n, _memory(n)] for n in ((10, 40) if quick else (1000, 100_000))],
+            ),
         ],
-    )  # fmt: skip
+    )
 
 
 def _slower(times: Times, other: str, way: str) -> float | str:
@@ -79,25 +104,48 @@ def _told(measured: dict[str, Times]) -> str:
             if way in times.seconds:
                 ratio = times.median_ratio(other, way)
                 result = "met" if ratio >= target else "missed"
-                told.append(f"{name}: {way} {ratio:.3g} times as fast as {other} (target {target:g}, {result})")
+                told.append(
+                    f"{name}: {way} {ratio:.3g} times as fast as {other} (target {target:g}, {result})"
+                )
     return "; ".join(told) + "."
 
 
 def _time(
-    model: str, parameter: str, low: float, high: float, name: str, output: str, cases: int, points: int, rounds: int
-) -> Times:  # fmt: skip
+    model: str,
+    parameter: str,
+    low: float,
+    high: float,
+    name: str,
+    output: str,
+    cases: int,
+    points: int,
+    rounds: int,
+) -> Times:
     """Seconds of the processor for a case, in turns; each way has one process and waits for nothing."""
     clock, values = _STEP * np.arange(points), np.linspace(low, high, cases)
     given = np.sin(clock)
     found_model = ppy.find_model(model)
     path = found_model.path
     ways: dict[str, Callable[[], NDArray[np.float64]]] = {
-        EACH: partial(by_hand.simulate_each, path, parameter, values[::SHARE].tolist(), clock, name, given, output),
-        REUSE: partial(by_hand.reuse_one, path, parameter, values.tolist(), clock, name, given, output),
+        EACH: partial(
+            by_hand.simulate_each,
+            path,
+            parameter,
+            values[::SHARE].tolist(),
+            clock,
+            name,
+            given,
+            output,
+        ),
+        REUSE: partial(
+            by_hand.reuse_one, path, parameter, values.tolist(), clock, name, given, output
+        ),
     }
     for way, engine in ENGINES.items():
         if engine == "fmu" or model == "ppy_actuator":
-            ways[way] = partial(_swept, found_model, parameter, values, clock, {name: given}, output, engine)
+            ways[way] = partial(
+                _swept, found_model, parameter, values, clock, {name: given}, output, engine
+            )
     seconds = {way: np.empty(rounds) for way in ways}
     for k in range(-1, rounds):  # the first does not count
         found = {}
@@ -105,7 +153,9 @@ def _time(
             begin = time.process_time()
             found[way] = ways[way]()
             seconds[way][k] = (time.process_time() - begin) / len(found[way])
-        check_agreement({way: numbers if way == EACH else numbers[::SHARE] for way, numbers in found.items()})
+        check_agreement(
+            {way: numbers if way == EACH else numbers[::SHARE] for way, numbers in found.items()}
+        )
     return Times(seconds)
 
 
@@ -117,14 +167,26 @@ def check_agreement(found: dict[str, NDArray[np.float64]]) -> None:
 
 
 def _swept(
-    model: Model | str, parameter: str, values: NDArray[np.float64], clock: NDArray[np.float64],
-    inputs: dict[str, NDArray[np.float64]], output: str, engine: str, workers: int = 1,
-) -> NDArray[np.float64]:  # fmt: skip
+    model: Model | str,
+    parameter: str,
+    values: NDArray[np.float64],
+    clock: NDArray[np.float64],
+    inputs: dict[str, NDArray[np.float64]],
+    output: str,
+    engine: str,
+    workers: int = 1,
+) -> NDArray[np.float64]:
     """Run them as a user does; last, smallest and largest (cases, 3)."""
     found = ppy.sweep(
-        model, {parameter: values.tolist()}, inputs, time=clock, outputs=[output], keep=KEEP, engine=engine,
+        model,
+        {parameter: values.tolist()},
+        inputs,
+        time=clock,
+        outputs=[output],
+        keep=KEEP,
+        engine=engine,
         workers=workers,
-    )  # fmt: skip
+    )
     return np.column_stack([found[f"{output}_{kept}"].values for kept in KEEP])
 
 
@@ -133,7 +195,14 @@ def _seconds(name: str, model: str, way: str, cases: int, points: int, workers: 
     clock = _STEP * np.arange(points)
     begin = time.perf_counter()
     _swept(
-        model, parameter, np.linspace(low, high, cases), clock, {driven: np.sin(clock)}, output, ENGINES[way], workers
+        model,
+        parameter,
+        np.linspace(low, high, cases),
+        clock,
+        {driven: np.sin(clock)},
+        output,
+        ENGINES[way],
+        workers,
     )
     return time.perf_counter() - begin
 
@@ -151,7 +220,9 @@ def _beside(way: str, model: str, name: str, cases: int, points: int, rounds: in
 def _memory(cases: int) -> float:
     """Largest memory in MB of a process that runs so many short cases."""
     program = f"from benchmarks.sweeping import _short; _short({cases})"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     return float(done.stdout)
 
 

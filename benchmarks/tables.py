@@ -26,11 +26,19 @@ class Table:
     def __str__(self) -> str:
         """Write the table in aligned Markdown, numbers to the right."""
         text = [[_shown(cell) for cell in row] for row in self.rows]
-        numeric = [all(not isinstance(row[i], str) for row in self.rows) for i in range(len(self.columns))]
-        widths = [max(3, *(len(row[i]) for row in [self.columns, *text])) for i in range(len(self.columns))]
+        numeric = [
+            all(not isinstance(row[i], str) for row in self.rows) for i in range(len(self.columns))
+        ]
+        widths = [
+            max(3, *(len(row[i]) for row in [self.columns, *text]))
+            for i in range(len(self.columns))
+        ]
 
         def line(cells: Sequence[str]) -> str:
-            placed = [c.rjust(w) if n else c.ljust(w) for c, w, n in zip(cells, widths, numeric, strict=True)]
+            placed = [
+                c.rjust(w) if n else c.ljust(w)
+                for c, w, n in zip(cells, widths, numeric, strict=True)
+            ]
             return "| " + " | ".join(placed) + " |"
 
         rule = ["-" * (w - 1) + ":" if n else "-" * w for w, n in zip(widths, numeric, strict=True)]
@@ -64,4 +72,6 @@ class Topic:
 def _shown(cell: Cell) -> str:
     if isinstance(cell, float):
         return f"{cell:.3g}" if abs(cell) < 1000 else f"{cell:,.0f}"
-    return f"{cell:,}" if isinstance(cell, int) else cell.replace("|", "\\|")  # which would end the cell
+    return (
+        f"{cell:,}" if isinstance(cell, int) else cell.replace("|", "\\|")
+    )  # which would end the cell

@@ -42,7 +42,9 @@ class Times:
 
 def pooled(parts: Sequence[Times]) -> Times:
     """Put the rounds of several measurements of the same things one after another."""
-    return Times({name: np.concatenate([part.seconds[name] for part in parts]) for name in parts[0].seconds})
+    return Times(
+        {name: np.concatenate([part.seconds[name] for part in parts]) for name in parts[0].seconds}
+    )
 
 
 def take_turns(actions: Mapping[str, Callable[[], object]], rounds: int) -> Times:

@@ -49,7 +49,13 @@ def draw(folder: Path) -> None:
         from orchestration.rig.variations import CATALOGUE, UNKNOWN  # type: ignore[no-redef, import-not-found]
 
     folder.mkdir(parents=True, exist_ok=True)
-    hidden = [*((name,) for name in CATALOGUE), *((name,) for name in UNKNOWN), (), (), ("slack", "double_layer")]
+    hidden = [
+        *((name,) for name in CATALOGUE),
+        *((name,) for name in UNKNOWN),
+        (),
+        (),
+        ("slack", "double_layer"),
+    ]
     for k in range(RECORDS):
         ids = hidden[k % len(hidden)]
         options = {"noise_colour": 0.9 * (k % 3 == 2), "duration": 300.0 + 60.0 * (k % 4)}
@@ -67,9 +73,24 @@ def _said(record: Path, options: list[str]) -> tuple[str, dict[str, Any]]:
     """Diagnose in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "result.json"
-        command = [sys.executable, "-m", "orchestration.cli", "diagnose", str(record), *options, "--json", str(result)]
-        done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
-        figures = json.loads(result.read_text(encoding="utf-8")) if result.exists() else {"error": done.stderr}
+        command = [
+            sys.executable,
+            "-m",
+            "orchestration.cli",
+            "diagnose",
+            str(record),
+            *options,
+            "--json",
+            str(result),
+        ]
+        done = subprocess.run(
+            command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}
+        )
+        figures = (
+            json.loads(result.read_text(encoding="utf-8"))
+            if result.exists()
+            else {"error": done.stderr}
+        )
     print(record.stem, figures.get("verdict", figures), flush=True)
     return record.stem, figures
 
@@ -77,13 +98,23 @@ def _said(record: Path, options: list[str]) -> tuple[str, dict[str, Any]]:
 def _built() -> dict[str, dict[str, str]]:
     """Hash every file of every FMU, by build and component."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "orchestration.cli", "build", "--platforms", "linux64", "--out", folder]
+        command = [
+            sys.executable,
+            "-m",
+            "orchestration.cli",
+            "build",
+            "--platforms",
+            "linux64",
+            "--out",
+            folder,
+        ]
         subprocess.run(command, check=True, capture_output=True)
         hashes = {}
         for path in sorted(Path(folder).rglob("*.fmu")):
             with zipfile.ZipFile(path) as archive:
                 hashes[f"{path.parent.name}/{path.name}"] = {
-                    name: hashlib.sha256(archive.read(name)).hexdigest() for name in archive.namelist()
+                    name: hashlib.sha256(archive.read(name)).hexdigest()
+                    for name in archive.namelist()
                 }
     return hashes
 
@@ -97,7 +128,9 @@ def keep(folder: Path, result: Path, public: Path | None, workers: int) -> None:
             todo.append((public / f"{name}.csv", options))
     with ThreadPoolExecutor(workers) as pool:
         figures = dict(pool.map(lambda job: _said(*job), todo))
-    result.write_text(json.dumps({"diagnoses": figures, "fmus": _built()}, indent=1), encoding="utf-8")
+    result.write_text(
+        json.dumps({"diagnoses": figures, "fmus": _built()}, indent=1), encoding="utf-8"
+    )
 
 
 def _differences(name: str, a: Any, b: Any, places: list[tuple[str, Any, Any]]) -> None:
@@ -121,7 +154,9 @@ def _shift(before: dict[str, Any], after: dict[str, Any]) -> float:
     for name, old in before.get("parameters", {}).items():
         new = after.get("parameters", {}).get(name)
         if new and None not in old["ci95"] and old["ci95"][1] > old["ci95"][0]:
-            largest = max(largest, abs(new["value"] - old["value"]) * 3.92 / (old["ci95"][1] - old["ci95"][0]))
+            largest = max(
+                largest, abs(new["value"] - old["value"]) * 3.92 / (old["ci95"][1] - old["ci95"][0])
+            )
     return largest
 
 
@@ -134,24 +169,34 @@ def compare(before: Path, after: Path) -> bool:
         names = [[c["effect"] for c in x.get("causes", [])] for x in (a, b)]
         if a.get("verdict") != b.get("verdict") or names[0] != names[1]:
             same = False
-            print(f"{record}: {a.get('verdict')} {names[0]} has become {b.get('verdict')} {names[1]}")
+            print(
+                f"{record}: {a.get('verdict')} {names[0]} has become {b.get('verdict')} {names[1]}"
+            )
         places: list[tuple[str, Any, Any]] = []
         _differences("", a, b, places)
         if places:
-            print(f"{record}: {len(places)} places differ, a parameter by {_shift(a, b):.2g} standard errors at most")
+            print(
+                f"{record}: {len(places)} places differ, a parameter by {_shift(a, b):.2g} standard errors at most"
+            )
             for place in places[:12]:
                 print("   ", *place)
-    print(f"{len(old['diagnoses'])} records: verdicts and causes are {'the same' if same else 'NOT the same'}")
+    print(
+        f"{len(old['diagnoses'])} records: verdicts and causes are {'the same' if same else 'NOT the same'}"
+    )
     for name, files in old["fmus"].items():
         others = new["fmus"].get(name, {})
-        places = [file for file in dict.fromkeys([*files, *others]) if files.get(file) != others.get(file)]
+        places = [
+            file for file in dict.fromkeys([*files, *others]) if files.get(file) != others.get(file)
+        ]
         print(f"{name}: {'identical' if not places else 'differs in ' + ', '.join(places)}")
     return same
 
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.unchanged", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.unchanged", description=__doc__.split("\n\n")[0]
+    )
     parser.add_argument("--public", type=Path, help="folder of the public records; default none")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("what", choices=("draw", "keep", "compare"))

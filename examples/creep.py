@@ -19,13 +19,21 @@ class Creep(Component):
     name = "creep"
     experiment = (3000.0, 1.0)
 
-    modulus = Parameter(1e4, "Pa", min=1e-6, max=1e15, doc="modulus of the spring that answers at once (E)")
+    modulus = Parameter(
+        1e4, "Pa", min=1e-6, max=1e15, doc="modulus of the spring that answers at once (E)"
+    )
     viscosity = Parameter(5e4, "Pa*s", min=1e-6, max=1e18, doc="viscosity of the dashpot (eta)")
-    compliance = Parameter(1e-3, "1/Pa", min=1e-15, max=1e6, doc="compliance of the Kelvin element (J)")
-    retardation_time = Parameter(30.0, "s", min=1e-6, max=1e9, doc="time constant of the Kelvin element (T)")
+    compliance = Parameter(
+        1e-3, "1/Pa", min=1e-15, max=1e6, doc="compliance of the Kelvin element (J)"
+    )
+    retardation_time = Parameter(
+        30.0, "s", min=1e-6, max=1e9, doc="time constant of the Kelvin element (T)"
+    )
 
     stress = Input("Pa", nominal=10.0, doc="stress (sigma)")
-    spring_stress = State("Pa", rate="spring_stress_rate", nominal=10.0, doc="stress that the Kelvin spring bears (f)")
+    spring_stress = State(
+        "Pa", rate="spring_stress_rate", nominal=10.0, doc="stress that the Kelvin spring bears (f)"
+    )
     flow = State("1", rate="flow_rate", doc="strain of the dashpot")
 
     def spring_stress_rate(self):

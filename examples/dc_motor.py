@@ -16,7 +16,11 @@ for seconds in (0.01, 1.0, 60.0, 600.0):
     spool, film = (1e3 * float(body.displacement(LOAD, seconds)) for body in (motor, muscle))
     print(f"  {seconds:6g} s   motor {spool:10.4g} mm   actuator {film:6.3f} mm")
 volts, watts = motor.holding(LOAD)
-print(f"the motor resists for {1e3 * motor.time_constant:.0f} ms; to hold it needs {volts:.2f} V and {watts:.2f} W")
-print(f"the actuator is a spring for {muscle.time_constant:.0f} s, then it flows: it has a free integrator too")
+print(
+    f"the motor resists for {1e3 * motor.time_constant:.0f} ms; to hold it needs {volts:.2f} V and {watts:.2f} W"
+)
+print(
+    f"the actuator is a spring for {muscle.time_constant:.0f} s, then it flows: it has a free integrator too"
+)
 save(figure(), Path("dc_motor.png"))
 print("drew dc_motor.png")

@@ -25,12 +25,21 @@ def follow(source: Path, target: Path) -> None:
     record = read_record(source, {"position": "m", "motor_voltage": "V"})
     time = record.time
     rate = 1.0 / np.median(np.diff(time))
-    position, voltage = (filtfilt(*butter(4, PASS, fs=rate), record.signals[n]) for n in ("position", "motor_voltage"))
+    position, voltage = (
+        filtfilt(*butter(4, PASS, fs=rate), record.signals[n])
+        for n in ("position", "motor_voltage")
+    )
     velocity = np.gradient(position, time)
     kept = slice(round(EDGE * rate), -round(EDGE * rate), round(rate / (2.0 * PASS)))
-    signals = {"velocity": velocity, "acceleration": np.gradient(velocity, time), "motor_voltage": voltage}
+    signals = {
+        "velocity": velocity,
+        "acceleration": np.gradient(velocity, time),
+        "motor_voltage": voltage,
+    }
     units = {"velocity": "m/s", "acceleration": "m/s^2", "motor_voltage": "V"}
-    write_record(target, time[kept], {name: values[kept] for name, values in signals.items()}, units)
+    write_record(
+        target, time[kept], {name: values[kept] for name, values in signals.items()}, units
+    )
 
 
 if __name__ == "__main__":

@@ -19,7 +19,9 @@ class Stage(Component):
 
     mass = Parameter(100.0, "kg", min=1e-3, max=1e6, doc="moving mass (M)")
     damping = Parameter(300.0, "N*s/m", min=0, max=1e9, doc="viscous friction (F_v)")
-    force_constant = Parameter(35.15065, "N/V", min=1e-6, max=1e6, doc="force of the drive per volt (K)")
+    force_constant = Parameter(
+        35.15065, "N/V", min=1e-6, max=1e6, doc="force of the drive per volt (K)"
+    )
 
     def friction(self):
         """Force of the slide against its velocity."""
@@ -32,7 +34,9 @@ class PositioningStage(Stage):
     name = "positioning_stage"
 
     motor_voltage = Input("V", doc="command to the drive (u)")
-    velocity = State("m/s", rate="acceleration", nominal=0.1, output=True, doc="velocity of the slide (v)")
+    velocity = State(
+        "m/s", rate="acceleration", nominal=0.1, output=True, doc="velocity of the slide (v)"
+    )
     travel = State("m", rate="travel_rate", nominal=0.1, doc="position of the slide")
 
     def acceleration(self):

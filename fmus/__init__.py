@@ -59,4 +59,8 @@ def effects(name: str) -> dict[str, type[Effect]]:
     if not importlib.util.find_spec(module):
         return {}
     known: dict[str, type[Effect]] = importlib.import_module(module).EFFECTS
-    return {id: effect for id, effect in known.items() if not effect.term.law or hasattr(cls, effect.term.law)}
+    return {
+        id: effect
+        for id, effect in known.items()
+        if not effect.term.law or hasattr(cls, effect.term.law)
+    }

@@ -49,9 +49,24 @@ _HOME = {
     "System": "orchestration.system.model",
 }
 __all__ = [
-    "System", "bands", "black_box", "build", "check", "compare", "diagnose", "find_model", "fit", "laws", "read_record",
-    "run", "sensitivity", "simulate", "sweep", "sweep_file", "tornado",
-]  # fmt: skip
+    "System",
+    "bands",
+    "black_box",
+    "build",
+    "check",
+    "compare",
+    "diagnose",
+    "find_model",
+    "fit",
+    "laws",
+    "read_record",
+    "run",
+    "sensitivity",
+    "simulate",
+    "sweep",
+    "sweep_file",
+    "tornado",
+]
 
 
 def __getattr__(name: str) -> Any:

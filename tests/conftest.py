@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers on two cores; before numpy is loaded
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # two workers on two cores; before numpy is loaded
 
 import gc
 import shutil
@@ -19,7 +21,9 @@ from fmus import COMPONENTS, component
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 
-pytest.register_assert_rewrite("tests.contract", "tests.support")  # their assertions explain themselves, too
+pytest.register_assert_rewrite(
+    "tests.contract", "tests.support"
+)  # their assertions explain themselves, too
 
 from tests.support.punctual import Watch  # noqa: E402
 
@@ -34,7 +38,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 def pytest_itemcollected(item: pytest.Item) -> None:
     """Leave to the slow tests what is asked of the gait in Python: it costs as much as all other FMUs together."""
     given = item.callspec.params if hasattr(item, "callspec") else {}
-    if given.get("runtime") == "python" and "foot_dynamic" in (given.get("name"), given.get("model")):
+    if given.get("runtime") == "python" and "foot_dynamic" in (
+        given.get("name"),
+        given.get("model"),
+    ):
         item.add_marker(pytest.mark.slow)
 
 
@@ -60,7 +67,10 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     pause = 0.0 if judged else _watch.longest(call.start, call.stop, **mark.kwargs)
     if pause:
         report.outcome = "skipped"
-        report.longrepr = (*item.location[:2], f"Skipped: not judged, the machine paused for {1e3 * pause:.0f} ms")
+        report.longrepr = (
+            *item.location[:2],
+            f"Skipped: not judged, the machine paused for {1e3 * pause:.0f} ms",
+        )
 
 
 def pytest_unconfigure() -> None:

@@ -19,7 +19,9 @@ def exists(estimate: Vector, held: Any) -> Any:
     """Whether an estimate is that of a circuit with positive R1, R2 and C; parameters are those of :func:`solved`."""
     b0, b1, a = estimate
     decays = logical_and(1.0 + a > _SMALL, where(held, -a, b0 - b1) > _SMALL)
-    return logical_and(decays, logical_and(logical_and(b0 > _SMALL, b0 + b1 > _SMALL), b1 - a * b0 > _SMALL))
+    return logical_and(
+        decays, logical_and(logical_and(b0 > _SMALL, b0 + b1 > _SMALL), b1 - a * b0 > _SMALL)
+    )
 
 
 def solved(estimate: Vector, held: Any, period: Any) -> Vector:
@@ -54,4 +56,6 @@ def solved(estimate: Vector, held: Any, period: Any) -> Vector:
 def magnitude(circuit: Vector, angular_frequency: Any) -> Any:
     """Magnitude of the impedance of a circuit in ohm, at an angular frequency in rad/s (eq. 4.10)."""
     R1, R2, C = circuit
-    return R2 * hypot(1.0, R1 * C * angular_frequency) / hypot(1.0, (R1 + R2) * C * angular_frequency)
+    return (
+        R2 * hypot(1.0, R1 * C * angular_frequency) / hypot(1.0, (R1 + R2) * C * angular_frequency)
+    )

@@ -29,7 +29,12 @@ class LeadResistance(EstimatorEffect):
     term = Term("measured_voltage", "current", "v + R_l i", "measured_voltage over current")
 
     resistance_of_leads = Parameter(
-        0.0, "ohm", min=-1e3, max=1e3, nominal=0.1, doc="resistance of leads and contacts in the measured voltage (R_l)"
+        0.0,
+        "ohm",
+        min=-1e3,
+        max=1e3,
+        nominal=0.1,
+        doc="resistance of leads and contacts in the measured voltage (R_l)",
     )
 
     def measured_voltage(self) -> Any:
@@ -50,7 +55,13 @@ class VoltageGain(EstimatorEffect):
     term = Term("measured_voltage", "voltage", "g v", "measured_voltage over voltage")
 
     voltage_gain_error = Parameter(
-        0.0, "1", min=-0.99, max=1e2, nominal=0.01, display="%", doc="relative error of the sampled voltage (g)"
+        0.0,
+        "1",
+        min=-0.99,
+        max=1e2,
+        nominal=0.01,
+        display="%",
+        doc="relative error of the sampled voltage (g)",
     )
 
     def measured_voltage(self) -> Any:
@@ -69,13 +80,27 @@ class SamplingSkew(EstimatorEffect):
     id = "sampling_skew"
     neutral = "voltage_skew"
     assumption = 2
-    term = Term("measured_voltage", "voltage", "s (v(t - T_s) - v(t))", "measured_voltage remembering voltage")
+    term = Term(
+        "measured_voltage",
+        "voltage",
+        "s (v(t - T_s) - v(t))",
+        "measured_voltage remembering voltage",
+    )
 
     voltage_skew = Parameter(
-        0.0, "1", min=0, max=1.0, nominal=0.1, display="%", doc="share of the period by which the voltage is old (s)"
+        0.0,
+        "1",
+        min=0,
+        max=1.0,
+        nominal=0.1,
+        display="%",
+        doc="share of the period by which the voltage is old (s)",
     )
     punctual_voltage = Discrete(
-        "V", update="next_punctual_voltage", period="sample_period", doc="voltage at the instant of the latest sample"
+        "V",
+        update="next_punctual_voltage",
+        period="sample_period",
+        doc="voltage at the instant of the latest sample",
     )
 
     def next_punctual_voltage(self) -> Any:

@@ -20,46 +20,93 @@ class Excitation(Measurement):
     """How the current moves."""
 
     minimum_swing = Parameter(
-        0.1, "A", min=1e-9, max=1e3, doc="change of the current that counts as a reversal of its direction"
+        0.1,
+        "A",
+        min=1e-9,
+        max=1e3,
+        doc="change of the current that counts as a reversal of its direction",
     )
     excitation_timeout = Parameter(
-        20.0, "s", min=1e-3, max=1e7, doc="time after the latest reversal when estimation stops until the next"
+        20.0,
+        "s",
+        min=1e-3,
+        max=1e7,
+        doc="time after the latest reversal when estimation stops until the next",
     )
     angular_frequency = Parameter(
-        0.628, "rad/s", min=0, max=1e6, source="thesis section 4.3",
+        0.628,
+        "rad/s",
+        min=0,
+        max=1e6,
+        source="thesis section 4.3",
         doc="where the impedance is evaluated, unless the frequency is tracked and known",
-    )  # fmt: skip
+    )
     track_frequency = Parameter(
-        False, "1", type="boolean", doc="whether the impedance is evaluated at the fundamental frequency of the current"
+        False,
+        "1",
+        type="boolean",
+        doc="whether the impedance is evaluated at the fundamental frequency of the current",
     )
     tracking_time = Parameter(
-        30.0, "s", min=0.1, max=1e6, doc="time constant with which the tracked frequency follows the reversals"
+        30.0,
+        "s",
+        min=0.1,
+        max=1e6,
+        doc="time constant with which the tracked frequency follows the reversals",
     )
 
     direction = Discrete(
-        "1", update="next_direction", period="sample_period", min=-1, max=1,
+        "1",
+        update="next_direction",
+        period="sample_period",
+        min=-1,
+        max=1,
         doc="direction in which the current moves; 0 before it has moved",
-    )  # fmt: skip
+    )
     turning_current = Discrete(
-        "A", update="next_turning_current", period="sample_period", doc="extreme of the current since it turned"
+        "A",
+        update="next_turning_current",
+        period="sample_period",
+        doc="extreme of the current since it turned",
     )
     reversals = Discrete(
-        "1", update="next_reversals", period="sample_period", min=0, doc="how often the current changed its direction"
+        "1",
+        update="next_reversals",
+        period="sample_period",
+        min=0,
+        doc="how often the current changed its direction",
     )
     time_since_reversal = Discrete(
-        "s", update="next_time_since_reversal", period="sample_period", min=0, doc="time since the latest reversal"
+        "s",
+        update="next_time_since_reversal",
+        period="sample_period",
+        min=0,
+        doc="time since the latest reversal",
     )
-    excited_time = Discrete("s", update="next_excited_time", period="sample_period", min=0, doc="time spent estimating")
+    excited_time = Discrete(
+        "s", update="next_excited_time", period="sample_period", min=0, doc="time spent estimating"
+    )
     steady_reversals = Discrete(
-        "1", update="next_steady_reversals", period="sample_period", min=0, doc="reversals since excitation began"
+        "1",
+        update="next_steady_reversals",
+        period="sample_period",
+        min=0,
+        doc="reversals since excitation began",
     )
     half_period = Discrete(
-        "s", update="next_half_period", period="sample_period", min=0, doc="time between the latest two reversals"
+        "s",
+        update="next_half_period",
+        period="sample_period",
+        min=0,
+        doc="time between the latest two reversals",
     )
     excitation_period = Discrete(
-        "s", update="next_excitation_period", period="sample_period", min=0,
+        "s",
+        update="next_excitation_period",
+        period="sample_period",
+        min=0,
         doc="period of the current as tracked; 0 before it is known",
-    )  # fmt: skip
+    )
 
     # --- reversals --------------------------------------------------------------------------------------------------
 
@@ -67,7 +114,9 @@ class Excitation(Measurement):
         """Extreme of the current in its direction, this sample included."""
         now, before = self.measured_current(), self.turning_current
         return where(
-            self.direction > 0.0, maximum(before, now), where(self.direction < 0.0, minimum(before, now), before)
+            self.direction > 0.0,
+            maximum(before, now),
+            where(self.direction < 0.0, minimum(before, now), before),
         )
 
     def reverses(self) -> Any:
@@ -116,14 +165,20 @@ class Excitation(Measurement):
 
     def next_half_period(self) -> Any:
         """Time between the latest two reversals."""
-        return where(self.reverses(), self.time_since_reversal + self.sample_period, self.half_period)
+        return where(
+            self.reverses(), self.time_since_reversal + self.sample_period, self.half_period
+        )
 
     def next_excitation_period(self) -> Any:
         """Period, a low-pass of the time between reversals of equal sign; held while none is known anew."""
         latest = self.time_since_reversal + self.sample_period
-        steady = logical_and(self.turned_lately(), self.steady_reversals >= _REVERSALS_BEFORE_A_PERIOD)
+        steady = logical_and(
+            self.turned_lately(), self.steady_reversals >= _REVERSALS_BEFORE_A_PERIOD
+        )
         share = where(self.excitation_period > 0.0, 1.0 - exp(-latest / self.tracking_time), 1.0)
-        followed = self.excitation_period + share * (self.half_period + latest - self.excitation_period)
+        followed = self.excitation_period + share * (
+            self.half_period + latest - self.excitation_period
+        )
         return where(logical_and(self.reverses(), steady), followed, self.excitation_period)
 
     def fundamental(self, period: Any) -> Any:

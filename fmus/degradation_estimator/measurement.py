@@ -14,18 +14,32 @@ class Measurement(Component):
         0.1, "s", min=1e-3, max=1e3, source="thesis appendix A3", doc="time between samples (T_s)"
     )
     largest_current = Parameter(
-        10.0, "A", min=1e-6, max=1e6, doc="reading beyond which there is a fault, and the one before is used"
+        10.0,
+        "A",
+        min=1e-6,
+        max=1e6,
+        doc="reading beyond which there is a fault, and the one before is used",
     )
     largest_voltage = Parameter(
-        20.0, "V", min=1e-6, max=1e6, doc="reading beyond which there is a fault, and the one before is used"
+        20.0,
+        "V",
+        min=1e-6,
+        max=1e6,
+        doc="reading beyond which there is a fault, and the one before is used",
     )
 
     current = Input("A", doc="measured current into the actuator")
     voltage = Input("V", doc="measured voltage across the actuator")
 
-    samples = Discrete("1", update="next_samples", period="sample_period", min=0, doc="samples so far")
-    last_current = Discrete("A", update="measured_current", period="sample_period", doc="current at the latest sample")
-    last_voltage = Discrete("V", update="measured_voltage", period="sample_period", doc="voltage at the latest sample")
+    samples = Discrete(
+        "1", update="next_samples", period="sample_period", min=0, doc="samples so far"
+    )
+    last_current = Discrete(
+        "A", update="measured_current", period="sample_period", doc="current at the latest sample"
+    )
+    last_voltage = Discrete(
+        "V", update="measured_voltage", period="sample_period", doc="voltage at the latest sample"
+    )
 
     def next_samples(self) -> Any:
         """Count the sample."""

@@ -24,56 +24,113 @@ class DegradationEstimator(Regression):
     experiment = (600.0, 0.1)
 
     zero_order_hold = Parameter(
-        True, "1", type="boolean", doc="conversion exact for held current; false is Tustin (eqs. 4.3-4.5)"
+        True,
+        "1",
+        type="boolean",
+        doc="conversion exact for held current; false is Tustin (eqs. 4.3-4.5)",
     )
     minimum_reversals = Parameter(
         6, "1", type="integer", min=1, max=1000000, doc="reversals before the estimate is valid"
     )
-    settling_time = Parameter(120.0, "s", min=0, max=1e7, doc="excited time before the estimate is valid")
+    settling_time = Parameter(
+        120.0, "s", min=0, max=1e7, doc="excited time before the estimate is valid"
+    )
     initial_voltage_limit = Parameter(
         1.5, "V", min=0, max=100.0, source=_DESIGN, doc="voltage limit before derating (V_max)"
     )
     voltage_step = Parameter(
-        0.05, "V", min=0, max=100.0, source=_DESIGN, doc="what a derating step takes off (delta V_der)"
+        0.05,
+        "V",
+        min=0,
+        max=100.0,
+        source=_DESIGN,
+        doc="what a derating step takes off (delta V_der)",
     )
     impedance_step = Parameter(
-        0.05, "1", min=1e-4, max=100.0, display="%", source=_DESIGN, doc="impedance change of a derating step (delta Z)"
+        0.05,
+        "1",
+        min=1e-4,
+        max=100.0,
+        display="%",
+        source=_DESIGN,
+        doc="impedance change of a derating step (delta Z)",
     )
     minimum_voltage_limit = Parameter(
-        0.5, "V", min=0, max=100.0, source=_DESIGN, doc="voltage limit below which derating does not go"
+        0.5,
+        "V",
+        min=0,
+        max=100.0,
+        source=_DESIGN,
+        doc="voltage limit below which derating does not go",
     )
 
     R1 = Discrete(
-        "ohm", update="next_R1", period="sample_period", min=0, output=True,
+        "ohm",
+        update="next_R1",
+        period="sample_period",
+        min=0,
+        output=True,
         doc="series resistance; 0 before there is an estimate",
-    )  # fmt: skip
+    )
     R2 = Discrete(
-        "ohm", update="next_R2", period="sample_period", min=0, output=True,
+        "ohm",
+        update="next_R2",
+        period="sample_period",
+        min=0,
+        output=True,
         doc="leakage resistance; 0 before there is an estimate",
-    )  # fmt: skip
+    )
     C = Discrete(
-        "F", update="next_C", period="sample_period", min=0, output=True,
+        "F",
+        update="next_C",
+        period="sample_period",
+        min=0,
+        output=True,
         doc="capacitance; 0 before there is an estimate",
-    )  # fmt: skip
+    )
     estimate_valid = Discrete(
-        "1", update="next_estimate_valid", period="sample_period", type="boolean", start=False, output=True,
+        "1",
+        update="next_estimate_valid",
+        period="sample_period",
+        type="boolean",
+        start=False,
+        output=True,
         doc="whether excitation and settling suffice and the estimate is a circuit",
-    )  # fmt: skip
+    )
     reference_R1 = Discrete(
-        "ohm", update="next_reference_R1", period="sample_period", min=0, doc="R1 of the first valid estimate"
+        "ohm",
+        update="next_reference_R1",
+        period="sample_period",
+        min=0,
+        doc="R1 of the first valid estimate",
     )
     reference_R2 = Discrete(
-        "ohm", update="next_reference_R2", period="sample_period", min=0, doc="R2 of the first valid estimate"
+        "ohm",
+        update="next_reference_R2",
+        period="sample_period",
+        min=0,
+        doc="R2 of the first valid estimate",
     )
     reference_C = Discrete(
-        "F", update="next_reference_C", period="sample_period", min=0, doc="C of the first valid estimate"
+        "F",
+        update="next_reference_C",
+        period="sample_period",
+        min=0,
+        doc="C of the first valid estimate",
     )
     reference_impedance = Discrete(
-        "ohm", update="next_reference_impedance", period="sample_period", min=0,
+        "ohm",
+        update="next_reference_impedance",
+        period="sample_period",
+        min=0,
         doc="impedance of the first valid estimate; 0 before there is one",
-    )  # fmt: skip
+    )
     derating_steps = Discrete(
-        "1", update="next_derating_steps", period="sample_period", min=0, doc="derating steps taken so far"
+        "1",
+        update="next_derating_steps",
+        period="sample_period",
+        min=0,
+        doc="derating steps taken so far",
     )
 
     # --- circuit ----------------------------------------------------------------------------------------------------
@@ -106,7 +163,9 @@ class DegradationEstimator(Regression):
 
     def next_estimate_valid(self) -> Any:
         """Whether to trust the estimate; without excitation it stays what it was, as the estimate does."""
-        now = where(logical_and(self.settled(), exists(self.estimate(), self.zero_order_hold)), 1.0, 0.0)
+        now = where(
+            logical_and(self.settled(), exists(self.estimate(), self.zero_order_hold)), 1.0, 0.0
+        )
         return where(self.excited(), now, where(self.estimate_valid, 1.0, 0.0))
 
     # --- reference: the first valid estimate, the base of all changes (section 4.2) -----------------------------------
@@ -153,13 +212,17 @@ class DegradationEstimator(Regression):
     def next_derating_steps(self) -> Any:
         """Steps taken: one per ``impedance_step`` of a valid estimate's change, and none taken back (fig. 4-3)."""
         due = floor(self.relative_change(*self.next_impedances()) / self.impedance_step)
-        return where(self.next_estimate_valid() > 0.5, maximum(self.derating_steps, due), self.derating_steps)
+        return where(
+            self.next_estimate_valid() > 0.5, maximum(self.derating_steps, due), self.derating_steps
+        )
 
     # --- outputs ----------------------------------------------------------------------------------------------------
 
     def present_impedance(self) -> Any:
         """Magnitude of the impedance of the latest circuit (eq. 4.10)."""
-        return magnitude((self.R1, self.R2, self.C), self.evaluation_frequency(self.excitation_period))
+        return magnitude(
+            (self.R1, self.R2, self.C), self.evaluation_frequency(self.excitation_period)
+        )
 
     @Output("ohm")
     def impedance(self) -> Any:
@@ -179,16 +242,31 @@ class DegradationEstimator(Regression):
 
     presets = {
         "thesis_10_hz": Preset(
-            {"sample_period": 0.1, "forgetting_time": 10.0, "remaining_weight": 0.91**100, "initial_covariance": 1.0,
-             "reset_interval": 10.0, "maximum_trace": 1e15, "instrumental_variable": 0, "zero_order_hold": 0},
+            {
+                "sample_period": 0.1,
+                "forgetting_time": 10.0,
+                "remaining_weight": 0.91**100,
+                "initial_covariance": 1.0,
+                "reset_interval": 10.0,
+                "maximum_trace": 1e15,
+                "instrumental_variable": 0,
+                "zero_order_hold": 0,
+            },
             doc="least squares of appendix A3: 10 Hz, forgetting factor 0.91, covariance reset to unity every 10 s, "
             "Tustin conversion; biased by noise (errata 8, 9, 11)",
         ),
         "thesis_15_hz": Preset(
-            {"sample_period": 1.0 / 15.0, "forgetting_time": 5.0, "remaining_weight": 0.985**75,
-             "initial_covariance": 1.0, "reset_interval": 5.0, "maximum_trace": 1e15, "instrumental_variable": 0,
-             "zero_order_hold": 0},
+            {
+                "sample_period": 1.0 / 15.0,
+                "forgetting_time": 5.0,
+                "remaining_weight": 0.985**75,
+                "initial_covariance": 1.0,
+                "reset_interval": 5.0,
+                "maximum_trace": 1e15,
+                "instrumental_variable": 0,
+                "zero_order_hold": 0,
+            },
             doc="least squares of section 4.3: 15 Hz, forgetting factor 0.985, covariance reset to unity every 5 s, "
             "Tustin conversion; biased by noise (errata 8, 9, 11)",
         ),
-    }  # fmt: skip
+    }

@@ -47,7 +47,11 @@ def gain(p: Matrix, phi: Vector, zeta: Vector, forgetting: Any) -> Vector:
     denominator = forgetting + dot(phi, direction)
     usable = denominator > _LEAST_DENOMINATOR * forgetting
     below = where(usable, denominator, 1.0)
-    return where(usable, x / below, 0.0), where(usable, y / below, 0.0), where(usable, z / below, 0.0)
+    return (
+        where(usable, x / below, 0.0),
+        where(usable, y / below, 0.0),
+        where(usable, z / below, 0.0),
+    )
 
 
 def corrected(theta: Vector, by: Vector, residual: Any) -> Vector:

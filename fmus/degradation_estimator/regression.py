@@ -9,7 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..kit import Discrete, Parameter, clip, exp, log, logical_and, logical_not, logical_or, maximum, where
+from ..kit import (
+    Discrete,
+    Parameter,
+    clip,
+    exp,
+    log,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    where,
+)
 from . import recursion
 from .excitation import Excitation
 from .recursion import Matrix, Vector
@@ -41,51 +52,111 @@ class Regression(Excitation):
     """Estimate of ``b0``, ``b1`` and ``a`` while there is excitation."""
 
     forgetting_time = Parameter(
-        600.0, "s", min=0.1, max=1e7, doc="age at which a sample has the remaining weight (T_f, eq. 4.11)"
+        600.0,
+        "s",
+        min=0.1,
+        max=1e7,
+        doc="age at which a sample has the remaining weight (T_f, eq. 4.11)",
     )
     remaining_weight = Parameter(
-        0.1, "1", min=1e-6, max=0.999, display="%", doc="weight of a sample of that age (epsilon, eq. 4.11)"
+        0.1,
+        "1",
+        min=1e-6,
+        max=0.999,
+        display="%",
+        doc="weight of a sample of that age (epsilon, eq. 4.11)",
     )
     initial_covariance = Parameter(
-        1e4, "1", min=1e-6, max=1e9, nominal=1e4, doc="diagonal of the covariance matrix at the start and after a reset"
+        1e4,
+        "1",
+        min=1e-6,
+        max=1e9,
+        nominal=1e4,
+        doc="diagonal of the covariance matrix at the start and after a reset",
     )
     reset_interval = Parameter(
-        0.0, "s", min=0, max=1e7, doc="excited time between resets of the covariance matrix; 0 is never"
+        0.0,
+        "s",
+        min=0,
+        max=1e7,
+        doc="excited time between resets of the covariance matrix; 0 is never",
     )
     maximum_trace = Parameter(
-        3e4, "1", min=1e-6, max=1e15, nominal=1e4, doc="largest trace of the covariance matrix, which is scaled down"
+        3e4,
+        "1",
+        min=1e-6,
+        max=1e15,
+        nominal=1e4,
+        doc="largest trace of the covariance matrix, which is scaled down",
     )
     instrumental_variable = Parameter(
-        True, "1", type="boolean", doc="instrumental variable, without bias from noise; false is plain least squares"
+        True,
+        "1",
+        type="boolean",
+        doc="instrumental variable, without bias from noise; false is plain least squares",
     )
     least_squares_time = Parameter(
-        60.0, "s", min=0, max=1e6, doc="excited time at the start with least squares, before there is an instrument"
+        60.0,
+        "s",
+        min=0,
+        max=1e6,
+        doc="excited time at the start with least squares, before there is an instrument",
     )
     instrument_time = Parameter(
-        30.0, "s", min=0.1, max=1e6, doc="time constant with which the auxiliary model follows the estimate"
+        30.0,
+        "s",
+        min=0.1,
+        max=1e6,
+        doc="time constant with which the auxiliary model follows the estimate",
     )
 
-    b0 = Discrete("ohm", update="next_b0", period="sample_period", doc="estimate of the gain of the current")
-    b1 = Discrete("ohm", update="next_b1", period="sample_period", doc="estimate of the gain of the current before")
+    b0 = Discrete(
+        "ohm", update="next_b0", period="sample_period", doc="estimate of the gain of the current"
+    )
+    b1 = Discrete(
+        "ohm",
+        update="next_b1",
+        period="sample_period",
+        doc="estimate of the gain of the current before",
+    )
     a = _number("estimate of the gain of the voltage before, negative", "next_a")
     p11, p12, p13, p21, p22, p23, p31, p32, p33 = (
-        _number(f"covariance matrix, row {row + 1}, column {column + 1}", f"next_p{row + 1}{column + 1}")
+        _number(
+            f"covariance matrix, row {row + 1}, column {column + 1}", f"next_p{row + 1}{column + 1}"
+        )
         for row, column in _PLACES
     )
     time_since_reset = Discrete(
-        "s", update="next_time_since_reset", period="sample_period", min=0, doc="time since the latest covariance reset"
+        "s",
+        update="next_time_since_reset",
+        period="sample_period",
+        min=0,
+        doc="time since the latest covariance reset",
     )
-    auxiliary_b0 = Discrete("ohm", update="next_auxiliary_b0", period="sample_period", doc="b0 of the auxiliary model")
-    auxiliary_b1 = Discrete("ohm", update="next_auxiliary_b1", period="sample_period", doc="b1 of the auxiliary model")
+    auxiliary_b0 = Discrete(
+        "ohm", update="next_auxiliary_b0", period="sample_period", doc="b0 of the auxiliary model"
+    )
+    auxiliary_b1 = Discrete(
+        "ohm", update="next_auxiliary_b1", period="sample_period", doc="b1 of the auxiliary model"
+    )
     auxiliary_a = _number("a of the auxiliary model", "next_auxiliary_a")
     filtered_current = Discrete(
-        "A", update="next_filtered_current", period="sample_period", doc="current through the auxiliary model's pole"
+        "A",
+        update="next_filtered_current",
+        period="sample_period",
+        doc="current through the auxiliary model's pole",
     )
     filtered_voltage = Discrete(
-        "V", update="next_filtered_voltage", period="sample_period", doc="voltage through the auxiliary model's pole"
+        "V",
+        update="next_filtered_voltage",
+        period="sample_period",
+        doc="voltage through the auxiliary model's pole",
     )
     instrument = Discrete(
-        "V", update="next_instrument", period="sample_period", doc="filtered voltage of the auxiliary model, noise-free"
+        "V",
+        update="next_instrument",
+        period="sample_period",
+        doc="filtered voltage of the auxiliary model, noise-free",
     )
 
     # --- regressor and instrument -----------------------------------------------------------------------------------
@@ -109,7 +180,10 @@ class Regression(Excitation):
 
     def next_instrument(self) -> Any:
         """Voltage of the auxiliary model from the filtered current alone: free of noise."""
-        driven = self.auxiliary_b0 * self.next_filtered_current() + self.auxiliary_b1 * self.filtered_current
+        driven = (
+            self.auxiliary_b0 * self.next_filtered_current()
+            + self.auxiliary_b1 * self.filtered_current
+        )
         return driven + self.auxiliary_pole() * self.instrument
 
     def regression(self) -> tuple[Vector, Vector, Any]:
@@ -130,11 +204,24 @@ class Regression(Excitation):
 
     def forgetting_factor(self) -> Any:
         """Forgetting factor of eq. 4.11, ``epsilon^(T_s / T_f)`` with the weight as a fraction; at least 0.01."""
-        return maximum(exp(log(self.remaining_weight) * self.sample_period / self.forgetting_time), _LEAST_FORGETTING)
+        return maximum(
+            exp(log(self.remaining_weight) * self.sample_period / self.forgetting_time),
+            _LEAST_FORGETTING,
+        )
 
     def covariance(self) -> Matrix:
         """Covariance matrix before this sample."""
-        return self.p11, self.p12, self.p13, self.p21, self.p22, self.p23, self.p31, self.p32, self.p33
+        return (
+            self.p11,
+            self.p12,
+            self.p13,
+            self.p21,
+            self.p22,
+            self.p23,
+            self.p31,
+            self.p32,
+            self.p33,
+        )
 
     def gain(self, phi: Vector, zeta: Vector) -> Vector:
         """Gain of this sample (eq. 4.7 with errata 6); zero without excitation."""
@@ -146,7 +233,9 @@ class Regression(Excitation):
         """Estimate after this sample (eq. 4.7)."""
         before = self.b0, self.b1, self.a
         phi, zeta, wanted = self.regression()
-        return recursion.corrected(before, self.gain(phi, zeta), wanted - recursion.dot(phi, before))
+        return recursion.corrected(
+            before, self.gain(phi, zeta), wanted - recursion.dot(phi, before)
+        )
 
     def next_b0(self) -> Any:
         """First element of :meth:`estimate`."""
@@ -181,7 +270,10 @@ class Regression(Excitation):
 
     def reset_due(self) -> Any:
         """Whether the covariance matrix is reset after this sample (section 4.1.1)."""
-        full = self.time_since_reset + self.sample_period >= self.reset_interval - ROUNDING * self.sample_period
+        full = (
+            self.time_since_reset + self.sample_period
+            >= self.reset_interval - ROUNDING * self.sample_period
+        )
         return logical_and(self.reset_interval > 0.0, full)
 
     def next_time_since_reset(self) -> Any:
@@ -200,7 +292,11 @@ class Regression(Excitation):
         carried = recursion.transposed_times(before, phi)
         total = (recursion.trace(before) - recursion.dot(gain, carried)) / forgetting
         old = before[3 * row + column]
-        new = (old - gain[row] * carried[column]) / forgetting * recursion.bound(total, self.maximum_trace)
+        new = (
+            (old - gain[row] * carried[column])
+            / forgetting
+            * recursion.bound(total, self.maximum_trace)
+        )
         initial = self.initial_covariance if row == column else 0.0
         fresh = logical_or(self.reset_due(), logical_not(total > 0.0))
         kept = where(self.excited_time > 0.0, old, initial)

@@ -10,13 +10,25 @@ from .statics import FootStatics
 
 def _inertia(default: float, joint: str) -> Any:
     return Parameter(
-        default, "kg*m^2", min=1e-7, max=1.0, nominal=1e-4, source="assumed", doc=f"moment of inertia about the {joint}"
+        default,
+        "kg*m^2",
+        min=1e-7,
+        max=1.0,
+        nominal=1e-4,
+        source="assumed",
+        doc=f"moment of inertia about the {joint}",
     )
 
 
 def _friction(default: float, joint: str) -> Any:
     return Parameter(
-        default, "N*m*s/rad", min=0, max=1e3, nominal=1e-2, source="assumed", doc=f"damping in the {joint}"
+        default,
+        "N*m*s/rad",
+        min=0,
+        max=1e3,
+        nominal=1e-2,
+        source="assumed",
+        doc=f"damping in the {joint}",
     )
 
 
@@ -41,39 +53,78 @@ class FootDynamic(FootStatics):
     mtp_damping = _friction(1e-3, "metatarsal-phalangeal joint")
     ankle_lower = _limit(-0.7, -0.7, 0.0, "angle of the ankle at which plantarflexion is stopped")
     ankle_upper = _limit(0.7, 0.0, 0.7, "angle of the ankle at which dorsiflexion is stopped")
-    tm_lower = _limit(-0.26, -0.26, 0.0, "angle of the tarsal-metatarsal joint at which plantarflexion is stopped")
-    tm_upper = _limit(0.26, 0.0, 0.26, "angle of the tarsal-metatarsal joint at which dorsiflexion is stopped")
+    tm_lower = _limit(
+        -0.26, -0.26, 0.0, "angle of the tarsal-metatarsal joint at which plantarflexion is stopped"
+    )
+    tm_upper = _limit(
+        0.26, 0.0, 0.26, "angle of the tarsal-metatarsal joint at which dorsiflexion is stopped"
+    )
     mtp_lower = _limit(-0.15, -0.15, 0.0, "angle of the toe at which plantarflexion is stopped")
     mtp_upper = _limit(1.05, 0.0, 1.05, "angle of the toe at which dorsiflexion is stopped")
     stop_frequency = Parameter(
-        200.0, "rad/s", min=1.0, max=1e4, nominal=100.0, source="assumed",
+        200.0,
+        "rad/s",
+        min=1.0,
+        max=1e4,
+        nominal=100.0,
+        source="assumed",
         doc="natural frequency of each joint's inertia on its stop; the stop's stiffness is its square times inertia",
-    )  # fmt: skip
+    )
 
     ankle_angle = State(
-        "rad", rate="ankle_rate_law", min=-1.5, max=1.5, nominal=0.5, display="deg", output=True,
+        "rad",
+        rate="ankle_rate_law",
+        min=-1.5,
+        max=1.5,
+        nominal=0.5,
+        display="deg",
+        output=True,
         doc="angle of the ankle, zero in the reference configuration",
-    )  # fmt: skip
+    )
     tm_angle = State(
-        "rad", rate="tm_rate_law", min=-1.5, max=1.5, nominal=0.1, display="deg", output=True,
+        "rad",
+        rate="tm_rate_law",
+        min=-1.5,
+        max=1.5,
+        nominal=0.1,
+        display="deg",
+        output=True,
         doc="angle of the tarsal-metatarsal joint",
-    )  # fmt: skip
+    )
     mtp_angle = State(
-        "rad", rate="mtp_rate_law", min=-1.5, max=1.5, nominal=0.5, display="deg", output=True,
+        "rad",
+        rate="mtp_rate_law",
+        min=-1.5,
+        max=1.5,
+        nominal=0.5,
+        display="deg",
+        output=True,
         doc="angle of the metatarsal-phalangeal joint",
-    )  # fmt: skip
+    )
     ankle_rate = State(
-        "rad/s", rate="ankle_acceleration", nominal=0.1, display="deg/s", output=True,
+        "rad/s",
+        rate="ankle_acceleration",
+        nominal=0.1,
+        display="deg/s",
+        output=True,
         doc="angular velocity of the ankle",
-    )  # fmt: skip
+    )
     tm_rate = State(
-        "rad/s", rate="tm_acceleration", nominal=1e-2, display="deg/s", output=True,
+        "rad/s",
+        rate="tm_acceleration",
+        nominal=1e-2,
+        display="deg/s",
+        output=True,
         doc="angular velocity of the tarsal-metatarsal joint",
-    )  # fmt: skip
+    )
     mtp_rate = State(
-        "rad/s", rate="mtp_acceleration", nominal=0.1, display="deg/s", output=True,
+        "rad/s",
+        rate="mtp_acceleration",
+        nominal=0.1,
+        display="deg/s",
+        output=True,
         doc="angular velocity of the metatarsal-phalangeal joint",
-    )  # fmt: skip
+    )
 
     def ankle_rate_law(self) -> Any:
         """Rate of the ankle's angle."""
@@ -111,7 +162,9 @@ class FootDynamic(FootStatics):
     def ankle_acceleration(self) -> Any:
         """Angular acceleration of the ankle."""
         torque = self.joint_torques()[0] - self.ankle_friction()
-        return torque / self.ankle_inertia + self.stop(self.ankle_angle, self.ankle_lower, self.ankle_upper)
+        return torque / self.ankle_inertia + self.stop(
+            self.ankle_angle, self.ankle_lower, self.ankle_upper
+        )
 
     def tm_acceleration(self) -> Any:
         """Angular acceleration of the tarsal-metatarsal joint, which the arch pulls back."""

@@ -27,7 +27,11 @@ _DRY = 1e-3  # N*m, typical of dry friction in a small joint
 
 def _stretch(actuator: str) -> Any:
     return State(
-        "m", rate=f"{actuator}_stretch_rate", nominal=1e-4, display="mm", doc=f"stretch of {actuator}'s tendon"
+        "m",
+        rate=f"{actuator}_stretch_rate",
+        nominal=1e-4,
+        display="mm",
+        doc=f"stretch of {actuator}'s tendon",
     )
 
 
@@ -46,9 +50,14 @@ class PlantarTendonAcrossArch(FootEffect):
     term = Term("joint_torques", "pl_tension", "a T_pl", "joint_torques over pl_tension")
 
     pl_arch_radius = Parameter(
-        0.0, "m", min=-0.05, max=0.05, nominal=1e-2, display="mm",
+        0.0,
+        "m",
+        min=-0.05,
+        max=0.05,
+        nominal=1e-2,
+        display="mm",
         doc="radius on which the tendon of pl lies about the tarsal-metatarsal joint (a)",
-    )  # fmt: skip
+    )
 
     def pl_arch_arm(self) -> Any:
         """Moment arm of pl about the tarsal-metatarsal joint."""
@@ -76,8 +85,12 @@ class PlantarTendonAcrossArch(FootEffect):
         k, a, r = self.k_pl, self.pl_arch_arm(), self.pl_arm()
         dorsal = toe - k * r * r
         both = r * (tm[row] * mtp[column] + mtp[row] * tm[column])
-        apart = a * (tm[row] * tm[column] * dorsal / arch - mtp[row] * mtp[column] * k * r * r / toe)
-        return super().compliance(row, column) - k * a * (both + apart) / (arch * toe + k * a * a * dorsal)
+        apart = a * (
+            tm[row] * tm[column] * dorsal / arch - mtp[row] * mtp[column] * k * r * r / toe
+        )
+        return super().compliance(row, column) - k * a * (both + apart) / (
+            arch * toe + k * a * a * dorsal
+        )
 
 
 class TendonStretch(FootEffect):
@@ -90,14 +103,26 @@ class TendonStretch(FootEffect):
     id = "tendon_stretch"
     neutral = "tendon_compliance"
     assumption = 7
-    term = Term("length_changes", "", "-s with tau ds/dt = c T - s", "length_changes remembering tensions")
+    term = Term(
+        "length_changes", "", "-s with tau ds/dt = c T - s", "length_changes remembering tensions"
+    )
 
     tendon_compliance = Parameter(
-        0.0, "m/N", min=0, max=1.0, nominal=1e-4, display="mm/N", doc="stretch of every tendon per tension (c)"
+        0.0,
+        "m/N",
+        min=0,
+        max=1.0,
+        nominal=1e-4,
+        display="mm/N",
+        doc="stretch of every tendon per tension (c)",
     )
-    tendon_time = Parameter(0.05, "s", min=1e-3, max=1e3, nominal=0.05, doc="time in which a tendon stretches (tau)")
+    tendon_time = Parameter(
+        0.05, "s", min=1e-3, max=1e3, nominal=0.05, doc="time in which a tendon stretches (tau)"
+    )
 
-    an_stretch, po_stretch, do_stretch, pl_stretch = (_stretch(actuator) for actuator in ("an", "po", "do", "pl"))
+    an_stretch, po_stretch, do_stretch, pl_stretch = (
+        _stretch(actuator) for actuator in ("an", "po", "do", "pl")
+    )
 
     def an_stretch_rate(self) -> Any:
         """Rate of the stretch of an's tendon."""
@@ -118,15 +143,22 @@ class TendonStretch(FootEffect):
     def length_changes(self) -> tuple[Any, Any, Any, Any]:
         """Changes of length, each less by what its tendon is longer."""
         an, po, do, pl = super().length_changes()
-        return an - self.an_stretch, po - self.po_stretch, do - self.do_stretch, pl - self.pl_stretch
+        return (
+            an - self.an_stretch,
+            po - self.po_stretch,
+            do - self.do_stretch,
+            pl - self.pl_stretch,
+        )
 
     def length_rates(self) -> tuple[Any, Any, Any, Any]:
         """Rates of length, the derivatives of :meth:`length_changes`."""
         an, po, do, pl = super().length_rates()
         return (
-            an - self.an_stretch_rate(), po - self.po_stretch_rate(), do - self.do_stretch_rate(),
+            an - self.an_stretch_rate(),
+            po - self.po_stretch_rate(),
+            do - self.do_stretch_rate(),
             pl - self.pl_stretch_rate(),
-        )  # fmt: skip
+        )
 
 
 class TendonFriction(FootEffect):
@@ -143,12 +175,22 @@ class TendonFriction(FootEffect):
     term = Term("tensions", "", "T exp(w tanh(v / v_w))", "tensions over length rates")
 
     tendon_wrap_friction = Parameter(
-        0.0, "1", min=0, max=10.0, nominal=0.1, doc="coefficient of friction times angle of wrap (w)"
+        0.0,
+        "1",
+        min=0,
+        max=10.0,
+        nominal=0.1,
+        doc="coefficient of friction times angle of wrap (w)",
     )
     tendon_friction_velocity = Parameter(
-        1e-3, "m/s", min=1e-6, max=1.0, nominal=1e-3, display="mm/s",
+        1e-3,
+        "m/s",
+        min=1e-6,
+        max=1.0,
+        nominal=1e-3,
+        display="mm/s",
         doc="rate of length within which the friction changes its sign (v_w)",
-    )  # fmt: skip
+    )
 
     def tensions(self) -> tuple[Any, Any, Any, Any]:
         """Tensions at the joints, more or less than those of the actuators."""
@@ -162,13 +204,24 @@ class TendonFriction(FootEffect):
 def _dry_friction(joint: str) -> type[Effect]:
     law = f"{joint}_friction"
     effect = curve(
-        FootDynamic, law, f"{joint}_rate", "sign", "N*m", _DRY, id="coulomb_friction",
-        suffixes=("coulomb", "coulomb_velocity"), qualifier=law,
-    )  # fmt: skip
-    return described(effect, 8, f"""Dry friction of the {joint}: ``M_c tanh(omega / omega_c)`` more, a smooth sign.
+        FootDynamic,
+        law,
+        f"{joint}_rate",
+        "sign",
+        "N*m",
+        _DRY,
+        id="coulomb_friction",
+        suffixes=("coulomb", "coulomb_velocity"),
+        qualifier=law,
+    )
+    return described(
+        effect,
+        8,
+        f"""Dry friction of the {joint}: ``M_c tanh(omega / omega_c)`` more, a smooth sign.
 
     Relaxes assumption 8, that friction in the joints is viscous; ``M_c = 0`` is the base model.
-    """)  # fmt: skip
+    """,
+    )
 
 
 EFFECTS: dict[str, type[Effect]] = by_name(

@@ -36,7 +36,10 @@ def length_changes(time: Any) -> dict[str, Any]:
 
 def lengths(time: Any, foot: FootKinematics) -> dict[str, Any]:
     """Length of each actuator in the stance phase, in metres; see :func:`length_changes`."""
-    return {a: foot.scale * getattr(foot, f"l_{a}") + change for a, change in length_changes(time).items()}
+    return {
+        a: foot.scale * getattr(foot, f"l_{a}") + change
+        for a, change in length_changes(time).items()
+    }
 
 
 def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
@@ -77,5 +80,7 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
             f"{abs(base - radius):.6g} m and {base + radius:.6g} m"
         )
     # law of cosines for the angle at the joint, against that of the reference configuration
-    turned = math.acos((base**2 + radius**2 - length**2) / (2.0 * base * radius)) - math.atan2(across, along)
+    turned = math.acos((base**2 + radius**2 - length**2) / (2.0 * base * radius)) - math.atan2(
+        across, along
+    )
     return turned if actuator == "po" else -turned

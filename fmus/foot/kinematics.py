@@ -17,11 +17,22 @@ _TABLE = "thesis table 5-1"
 
 
 def _angle(degrees: float, low: float, high: float, doc: str) -> Any:
-    return Parameter(radians(degrees), "rad", min=low, max=high, nominal=0.1, display="deg", source=_TABLE, doc=doc)
+    return Parameter(
+        radians(degrees),
+        "rad",
+        min=low,
+        max=high,
+        nominal=0.1,
+        display="deg",
+        source=_TABLE,
+        doc=doc,
+    )
 
 
 def _length(metres: float, low: float, high: float, doc: str) -> Any:
-    return Parameter(metres, "m", min=low, max=high, nominal=1e-2, display="mm", source=_TABLE, doc=doc)
+    return Parameter(
+        metres, "m", min=low, max=high, nominal=1e-2, display="mm", source=_TABLE, doc=doc
+    )
 
 
 def attached_length(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
@@ -45,33 +56,58 @@ def attached_length(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
     """
     along = radius - length * cos(angle)
     half = sin(0.5 * turn)  # 1 - cos(turn) = 2 half^2 without cancellation
-    return sqrt(length * length + 2.0 * radius * (2.0 * along * half * half + length * sin(angle) * sin(turn)))
+    return sqrt(
+        length * length
+        + 2.0 * radius * (2.0 * along * half * half + length * sin(angle) * sin(turn))
+    )
 
 
 def attached_arm(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
     """Moment arm of such an actuator, the derivative of :func:`attached_length` with respect to ``turn``, in m/rad."""
     along = radius - length * cos(angle)
     across = length * sin(angle)
-    return radius * (along * sin(turn) + across * cos(turn)) / attached_length(length, radius, angle, turn)
+    return (
+        radius
+        * (along * sin(turn) + across * cos(turn))
+        / attached_length(length, radius, angle, turn)
+    )
 
 
 class FootKinematics(Component):
     """Geometry of the foot in a posture and its rate."""
 
-    scale = Parameter(1.0, "1", min=0.1, max=10.0, source=_TABLE, doc="size of the foot relative to table 5-1")
+    scale = Parameter(
+        1.0, "1", min=0.1, max=10.0, source=_TABLE, doc="size of the foot relative to table 5-1"
+    )
     l1 = _length(0.0508, 0.045, 0.06, "link 1, ankle to tarsal-metatarsal joint")
     l2 = _length(0.0625, 0.055, 0.07, "link 2, tarsal-metatarsal to metatarsal-phalangeal joint")
-    l3 = _length(0.0236, 0.015, 0.04, "link 3, metatarsal-phalangeal joint to the middle of the first phalanx")
+    l3 = _length(
+        0.0236,
+        0.015,
+        0.04,
+        "link 3, metatarsal-phalangeal joint to the middle of the first phalanx",
+    )
     l_an = _length(0.0975, 0.08, 0.12, "length of the an actuator in the reference configuration")
     l_po = _length(0.0932, 0.085, 0.12, "length of the po actuator in the reference configuration")
     l_do = _length(0.1133, 0.09, 0.14, "length of the do actuator in the reference configuration")
     l_pl = _length(0.1392, 0.1, 0.18, "length of the pl actuator in the reference configuration")
     r_an = _length(0.0180, 0.01, 0.03, "radius from the ankle to the attachment of an")
     r_po = _length(0.0417, 0.03, 0.045, "radius from the ankle to the attachment of po")
-    r_do = _length(0.0231, 0.01, 0.03, "radius from the metatarsal-phalangeal joint to the attachment of do")
-    r_pl = _length(0.0163, 0.005, 0.03, "radius on which the tendon of pl lies about the metatarsal-phalangeal joint")
-    beta_pf = _angle(49.0, 0.7, 1.0, "angle of link 1 from the x axis in the reference configuration")
-    beta_df = _angle(30.9, 0.45, 0.7, "angle of link 2 from link 1 in the reference configuration (printed af)")
+    r_do = _length(
+        0.0231, 0.01, 0.03, "radius from the metatarsal-phalangeal joint to the attachment of do"
+    )
+    r_pl = _length(
+        0.0163,
+        0.005,
+        0.03,
+        "radius on which the tendon of pl lies about the metatarsal-phalangeal joint",
+    )
+    beta_pf = _angle(
+        49.0, 0.7, 1.0, "angle of link 1 from the x axis in the reference configuration"
+    )
+    beta_df = _angle(
+        30.9, 0.45, 0.7, "angle of link 2 from link 1 in the reference configuration (printed af)"
+    )
     beta_p = _angle(10.1, 0.15, 0.3, "angle of link 3 from link 2 in the reference configuration")
     beta_an = _angle(50.7, 0.6, 1.3, "angle locating the attachment of an, from the leg")
     beta_po = _angle(57.7, 0.9, 1.3, "angle locating the attachment of po, from the leg")
@@ -125,7 +161,9 @@ class FootKinematics(Component):
     def length_changes(self) -> tuple[Any, Any, Any, Any]:
         """Changes of the lengths of an, po, do and pl from the reference configuration."""
         triangles = self.an_triangle(), self.po_triangle(), self.do_triangle()
-        an, po, do = (self.scale * (attached_length(*triangle) - triangle[0]) for triangle in triangles)
+        an, po, do = (
+            self.scale * (attached_length(*triangle) - triangle[0]) for triangle in triangles
+        )
         return an, po, do, self.scale * self.r_pl * self.mtp_angle
 
     def length_rates(self) -> tuple[Any, Any, Any, Any]:
@@ -144,7 +182,9 @@ class FootKinematics(Component):
     def toe_position(self) -> tuple[Any, Any]:
         """Middle of the first phalanx, x and y."""
         pairs = list(zip((self.l1, self.l2, self.l3), self.link_angles(), strict=True))
-        return self.scale * sum(l * cos(a) for l, a in pairs), self.scale * sum(l * sin(a) for l, a in pairs)
+        return self.scale * sum(l * cos(a) for l, a in pairs), self.scale * sum(
+            l * sin(a) for l, a in pairs
+        )
 
     def shape_jacobian(self) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
         """Columns of J for ankle, tm and mtp at the size of table 5-1."""
@@ -245,5 +285,7 @@ class FootKinematics(Component):
         return self.toe_velocity(1)
 
     presets = {
-        "prototype": Preset({"scale": 2.5}, doc="the printed 2.5:1 prototype (thesis section 5.2, fig. 5-3)"),
+        "prototype": Preset(
+            {"scale": 2.5}, doc="the printed 2.5:1 prototype (thesis section 5.2, fig. 5-3)"
+        ),
     }

@@ -19,12 +19,31 @@ class Foot(FootStatics):
     experiment = (1.0, 0.01)
 
     ankle_angle = Input(
-        "rad", min=-0.7, max=0.7, nominal=0.1, display="deg", doc="angle of the ankle, zero in the reference"
+        "rad",
+        min=-0.7,
+        max=0.7,
+        nominal=0.1,
+        display="deg",
+        doc="angle of the ankle, zero in the reference",
     )
-    tm_angle = Input("rad", min=-0.26, max=0.26, nominal=0.1, display="deg", doc="angle of the tarsal-metatarsal joint")
+    tm_angle = Input(
+        "rad",
+        min=-0.26,
+        max=0.26,
+        nominal=0.1,
+        display="deg",
+        doc="angle of the tarsal-metatarsal joint",
+    )
     mtp_angle = Input(
-        "rad", min=-0.15, max=1.05, nominal=0.1, display="deg", doc="angle of the metatarsal-phalangeal joint"
+        "rad",
+        min=-0.15,
+        max=1.05,
+        nominal=0.1,
+        display="deg",
+        doc="angle of the metatarsal-phalangeal joint",
     )
     ankle_rate = Input("rad/s", display="deg/s", doc="angular velocity of the ankle")
     tm_rate = Input("rad/s", display="deg/s", doc="angular velocity of the tarsal-metatarsal joint")
-    mtp_rate = Input("rad/s", display="deg/s", doc="angular velocity of the metatarsal-phalangeal joint")
+    mtp_rate = Input(
+        "rad/s", display="deg/s", doc="angular velocity of the metatarsal-phalangeal joint"
+    )

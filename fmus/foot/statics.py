@@ -19,13 +19,25 @@ _LOCKED = 1e-9
 
 def _stiffness(actuator: str) -> Any:
     return Parameter(
-        9100.0, "N/m", min=1e-3, max=1e12, nominal=1e4, source=_FIGURE, doc=f"stiffness of the {actuator} actuator"
+        9100.0,
+        "N/m",
+        min=1e-3,
+        max=1e12,
+        nominal=1e4,
+        source=_FIGURE,
+        doc=f"stiffness of the {actuator} actuator",
     )
 
 
 def _damping(actuator: str) -> Any:
     return Parameter(
-        1.7e6, "N*s/m", min=1e-3, max=1e15, nominal=1e6, source=_FIGURE, doc=f"damping of the {actuator} actuator"
+        1.7e6,
+        "N*s/m",
+        min=1e-3,
+        max=1e15,
+        nominal=1e6,
+        source=_FIGURE,
+        doc=f"damping of the {actuator} actuator",
     )
 
 
@@ -35,9 +47,13 @@ class FootStatics(FootKinematics):
     k_an, k_po, k_do, k_pl = (_stiffness(actuator) for actuator in ("an", "po", "do", "pl"))
     b_an, b_po, b_do, b_pl = (_damping(actuator) for actuator in ("an", "po", "do", "pl"))
     tm_stiffness = Parameter(
-        100.0, "N*m/rad", min=1e-3, max=1e9, source="assumed: ten times that of the ankle",
+        100.0,
+        "N*m/rad",
+        min=1e-3,
+        max=1e9,
+        source="assumed: ten times that of the ankle",
         doc="stiffness of the arch, in the tarsal-metatarsal joint, which no actuator crosses",
-    )  # fmt: skip
+    )
 
     an_tension = Input("N", doc="tension in the an actuator (anterior, lifts the foot)")
     po_tension = Input("N", doc="tension in the po actuator (posterior, presses the foot down)")
@@ -60,7 +76,9 @@ class FootStatics(FootKinematics):
 
     def joint_stiffnesses(self) -> tuple[Any, Any, Any]:
         """Stiffnesses of ankle, tm and mtp: R^T K_l R, which is diagonal, with the arch."""
-        ankle = self.k_an * self.an_arm() * self.an_arm() + self.k_po * self.po_arm() * self.po_arm()
+        ankle = (
+            self.k_an * self.an_arm() * self.an_arm() + self.k_po * self.po_arm() * self.po_arm()
+        )
         mtp = self.k_do * self.do_arm() * self.do_arm() + self.k_pl * self.pl_arm() * self.pl_arm()
         return ankle, self.tm_stiffness, mtp
 
@@ -83,7 +101,10 @@ class FootStatics(FootKinematics):
         turned_ankle, turned_mtp = (-ankle[1], ankle[0]), (-mtp[1], mtp[0])
         determinant = ankle[0] * mtp[1] - ankle[1] * mtp[0]
         of_ankle, of_mtp = self.shape_dampings()
-        products = of_ankle * turned_mtp[row] * turned_mtp[column] + of_mtp * turned_ankle[row] * turned_ankle[column]
+        products = (
+            of_ankle * turned_mtp[row] * turned_mtp[column]
+            + of_mtp * turned_ankle[row] * turned_ankle[column]
+        )
         return products / maximum(determinant * determinant, _LOCKED * _LOCKED)
 
     # --- outputs ----------------------------------------------------------------------------------------------------

@@ -50,7 +50,9 @@ def printed(unit: float = 1.0, offset: float = 1e-4) -> Printed:
         If a length is not positive, or without an offset, where the plantar triangle is singular.
     """
     if unit <= 0.0 or offset <= 0.0:
-        raise ValueError(f"unit {unit:g} and offset {offset:g} must be positive: at 0 the plantar triangle is singular")
+        raise ValueError(
+            f"unit {unit:g} and offset {offset:g} must be positive: at 0 the plantar triangle is singular"
+        )
     l1, l2, l3 = 2.00 * unit, 2.46 * unit, 0.93 * unit
     b_pf, b_df, b_po, b_an = np.radians([49.03, 30.896, 57.66, 50.71])
     g_po, g_an, g_do = np.radians([12.901, 6.126, 15.064])
@@ -59,10 +61,12 @@ def printed(unit: float = 1.0, offset: float = 1e-4) -> Printed:
 
     # joint to Cartesian; eq. 5.3 has cosines where sines are, and terms that are not here
     s = l2 * np.sin(b_pf + b_df)
-    to_x = np.array([
-        [-l1 * np.sin(b_pf) - s - l3, s - l3, -l3],
-        [-l1 * np.cos(b_pf) - s, -s, 0.0],
-    ])  # fmt: skip
+    to_x = np.array(
+        [
+            [-l1 * np.sin(b_pf) - s - l3, s - l3, -l3],
+            [-l1 * np.cos(b_pf) - s, -s, 0.0],
+        ]
+    )
 
     # actuator to joint, dtheta/dl
     to_joint = np.zeros((3, 4))

@@ -25,11 +25,18 @@ class CurrentSaturation(GalvanostatEffect):
 
     id = "current_saturation"
     neutral = "current_limit_loss"
-    term = Term("maximum_current", "current_command", "(1 - l) I", "maximum_current over current_command")
+    term = Term(
+        "maximum_current", "current_command", "(1 - l) I", "maximum_current over current_command"
+    )
     assumption = 1
 
     current_limit_loss = Parameter(
-        0.0, "1", min=0, max=0.999, nominal=0.1, doc="share of the declared current limit that the drive lacks (l)"
+        0.0,
+        "1",
+        min=0,
+        max=0.999,
+        nominal=0.1,
+        doc="share of the declared current limit that the drive lacks (l)",
     )
 
     def maximum_current(self) -> Any:
@@ -49,7 +56,13 @@ class CurrentOffset(GalvanostatEffect):
     term = Term("tolerated_current", "", "b", "tolerated_current offset")
 
     drive_offset = Parameter(
-        0.0, "A", min=-1e3, max=1e3, nominal=1e-3, display="mA", doc="current besides the wanted (b)"
+        0.0,
+        "A",
+        min=-1e3,
+        max=1e3,
+        nominal=1e-3,
+        display="mA",
+        doc="current besides the wanted (b)",
     )
 
     def tolerated_current(self) -> Any:
@@ -66,9 +79,13 @@ class CurrentGain(GalvanostatEffect):
     id = "current_gain"
     neutral = "drive_gain_error"
     assumption = 2
-    term = Term("tolerated_current", "current_command", "g i", "tolerated_current over current_command")
+    term = Term(
+        "tolerated_current", "current_command", "g i", "tolerated_current over current_command"
+    )
 
-    drive_gain_error = Parameter(0.0, "1", min=-0.99, max=1e2, nominal=0.01, doc="relative error of the current (g)")
+    drive_gain_error = Parameter(
+        0.0, "1", min=-0.99, max=1e2, nominal=0.01, doc="relative error of the current (g)"
+    )
 
     def tolerated_current(self) -> Any:
         """Wanted current times 1 + g."""

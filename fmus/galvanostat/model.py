@@ -9,7 +9,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Component, Discrete, Input, Output, Parameter, Preset, State, clip, floor, logical_or, maximum, where
+from ..kit import (
+    Component,
+    Discrete,
+    Input,
+    Output,
+    Parameter,
+    Preset,
+    State,
+    clip,
+    floor,
+    logical_or,
+    maximum,
+    where,
+)
 
 _TABLE = "thesis table 2-2 (HA-151)"
 # Response time below which the instrument counts as ideal, in seconds: no lag is integrated, however stiff.
@@ -26,39 +39,80 @@ class Galvanostat(Component):
     name = "galvanostat"
     experiment = (60.0, 0.01)
 
-    current_limit = Parameter(1.3, "A", min=1e-9, max=1e6, source=_TABLE, doc="largest current in either direction")
+    current_limit = Parameter(
+        1.3, "A", min=1e-9, max=1e6, source=_TABLE, doc="largest current in either direction"
+    )
     compliance_voltage = Parameter(
-        15.0, "V", min=1e-6, max=1e6, source=_TABLE, doc="largest voltage against which the current is driven"
+        15.0,
+        "V",
+        min=1e-6,
+        max=1e6,
+        source=_TABLE,
+        doc="largest voltage against which the current is driven",
     )
     response_time = Parameter(
-        0.0, "s", min=0, max=1e3, nominal=5e-5, display="us",
+        0.0,
+        "s",
+        min=0,
+        max=1e3,
+        nominal=5e-5,
+        display="us",
         doc="time constant of the current; below 1 us the instrument is ideal, without lag",
-    )  # fmt: skip
+    )
     control_tolerance = Parameter(
-        0.0, "A", min=0, max=1e3, nominal=1e-3, display="mA",
+        0.0,
+        "A",
+        min=0,
+        max=1e3,
+        nominal=1e-3,
+        display="mA",
         doc="deviation of the setpoint from the current wanted, a dead band in either direction; 0 is exact",
-    )  # fmt: skip
+    )
     recovery_time = Parameter(
-        0.5, "s", min=0, max=1e3, source="choice; thesis section 4.2 gives no number",
+        0.5,
+        "s",
+        min=0,
+        max=1e3,
+        source="choice; thesis section 4.2 gives no number",
         doc="time without current after the voltage was beyond its limit, in whole protection periods and at least one",
-    )  # fmt: skip
+    )
     protection_period = Parameter(
-        0.01, "s", min=1e-4, max=1e3, doc="sample period at which protection and compliance look at the voltage"
+        0.01,
+        "s",
+        min=1e-4,
+        max=1e3,
+        doc="sample period at which protection and compliance look at the voltage",
     )
     potentiostat = Parameter(
-        False, "1", type="boolean", doc="whether the voltage is regulated to voltage_command; current_command is unused"
+        False,
+        "1",
+        type="boolean",
+        doc="whether the voltage is regulated to voltage_command; current_command is unused",
     )
-    control_period = Parameter(0.01, "s", min=1e-4, max=1e3, doc="sample period of the potentiostat's control law")
-    proportional_gain = Parameter(0.0, "A/V", min=0, max=1e6, doc="proportional gain of the potentiostat")
-    integral_gain = Parameter(100.0, "A/V/s", min=0, max=1e9, nominal=100.0, doc="integral gain of the potentiostat")
+    control_period = Parameter(
+        0.01, "s", min=1e-4, max=1e3, doc="sample period of the potentiostat's control law"
+    )
+    proportional_gain = Parameter(
+        0.0, "A/V", min=0, max=1e6, doc="proportional gain of the potentiostat"
+    )
+    integral_gain = Parameter(
+        100.0, "A/V/s", min=0, max=1e9, nominal=100.0, doc="integral gain of the potentiostat"
+    )
     voltage_tolerance = Parameter(
-        0.0, "V", min=0, max=1e3, nominal=1e-3, display="mV",
+        0.0,
+        "V",
+        min=0,
+        max=1e3,
+        nominal=1e-3,
+        display="mV",
         doc="voltage error up to which the potentiostat is content; 0 is exact",
-    )  # fmt: skip
+    )
 
     current_command = Input("A", doc="current wanted from the galvanostat")
     voltage = Input("V", doc="voltage across the actuator")
-    voltage_limit = Input("V", start=15.0, min=0, doc="magnitude of the voltage beyond which the protection acts")
+    voltage_limit = Input(
+        "V", start=15.0, min=0, doc="magnitude of the voltage beyond which the protection acts"
+    )
     voltage_command = Input("V", doc="voltage wanted from the potentiostat")
 
     lagged_current = State("A", rate="lagged_current_rate", doc="current behind the response time")
@@ -70,17 +124,31 @@ class Galvanostat(Component):
         doc="protection periods left without current",
     )
     sampled_voltage = Discrete(
-        "V", update="next_sampled_voltage", period="protection_period", doc="voltage at the latest sample"
+        "V",
+        update="next_sampled_voltage",
+        period="protection_period",
+        doc="voltage at the latest sample",
     )
     compliance_share = Discrete(
-        "1", update="next_compliance_share", period="protection_period", start=1.0, min=0, max=1,
+        "1",
+        update="next_compliance_share",
+        period="protection_period",
+        start=1.0,
+        min=0,
+        max=1,
         doc="share of the largest current that the compliance voltage allows",
-    )  # fmt: skip
+    )
     control_current = Discrete(
-        "A", update="next_control_current", period="control_period", doc="current wanted by the potentiostat"
+        "A",
+        update="next_control_current",
+        period="control_period",
+        doc="current wanted by the potentiostat",
     )
     control_error = Discrete(
-        "V", update="next_control_error", period="control_period", doc="voltage error at the latest control sample"
+        "V",
+        update="next_control_error",
+        period="control_period",
+        doc="voltage error at the latest control sample",
     )
 
     # --- limits -----------------------------------------------------------------------------------------------------
@@ -91,11 +159,15 @@ class Galvanostat(Component):
 
     def upper_current(self) -> Any:
         """Largest current; less than the maximum if the voltage is positive and at the compliance."""
-        return self.maximum_current() * where(self.sampled_voltage > 0.0, self.compliance_share, 1.0)
+        return self.maximum_current() * where(
+            self.sampled_voltage > 0.0, self.compliance_share, 1.0
+        )
 
     def lower_current(self) -> Any:
         """Smallest current; less in magnitude if the voltage is negative and at the compliance."""
-        return -(self.maximum_current() * where(self.sampled_voltage < 0.0, self.compliance_share, 1.0))
+        return -(
+            self.maximum_current() * where(self.sampled_voltage < 0.0, self.compliance_share, 1.0)
+        )
 
     def next_compliance_share(self) -> Any:
         """Scale the share by V_c / |v|, at most doubling it: into a resistance R the current settles at V_c / R."""
@@ -139,7 +211,9 @@ class Galvanostat(Component):
             error - self.control_error
         )
         following = clip(self.control_current + change, self.lower_current(), self.upper_current())
-        return where(self.potentiostat, where(self.in_recovery(), self.control_current, following), 0.0)
+        return where(
+            self.potentiostat, where(self.in_recovery(), self.control_current, following), 0.0
+        )
 
     # --- current ----------------------------------------------------------------------------------------------------
 
@@ -160,7 +234,11 @@ class Galvanostat(Component):
     def lagged_current_rate(self) -> Any:
         """First-order response to the setpoint, (i_set - i) / T; none if the instrument is ideal."""
         response = maximum(self.response_time, _SHORTEST_RESPONSE)
-        return where(self.response_time < _SHORTEST_RESPONSE, 0.0, (self.setpoint() - self.lagged_current) / response)
+        return where(
+            self.response_time < _SHORTEST_RESPONSE,
+            0.0,
+            (self.setpoint() - self.lagged_current) / response,
+        )
 
     def delivered_current(self) -> Any:
         """Setpoint itself, or behind the response time."""
@@ -191,9 +269,14 @@ class Galvanostat(Component):
 
     presets = {
         "ha_151": Preset(
-            {"current_limit": 1.3, "compliance_voltage": 15.0, "response_time": 50e-6, "control_tolerance": 1e-3,
-             "voltage_tolerance": 3e-3},
+            {
+                "current_limit": 1.3,
+                "compliance_voltage": 15.0,
+                "response_time": 50e-6,
+                "control_tolerance": 1e-3,
+                "voltage_tolerance": 3e-3,
+            },
             doc="Hokuto Denko HA-151 with the response time and the tolerances of thesis table 2-2, where the printed "
             "response, an upper bound, is taken as the time constant; a lag so short takes many internal steps",
         ),
-    }  # fmt: skip
+    }

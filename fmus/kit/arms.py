@@ -20,31 +20,67 @@ from .functions import absolute, clip
 _Form = Callable[[Any, Any, Any], Any]
 ARMS: dict[str, tuple[_Form, str, float, _Form]] = {
     "lagging": (lambda x, s, T: s, "a s with T ds/dt = x - s", 0.0, lambda x, s, T: (x - s) / T),
-    "leading": (lambda x, s, T: x - s, "a (x - s) with T ds/dt = x - s", 0.0, lambda x, s, T: (x - s) / T),
-    "heating": (lambda x, s, T: s * x, "a s x with T ds/dt = x^2 - s", 0.0, lambda x, s, T: (x * x - s) / T),
-    "warming": (lambda x, s, T: s, "a s with T ds/dt = x^2 - s", 0.0, lambda x, s, T: (x * x - s) / T),
-    "sliding": (lambda x, s, w: s, "a s with w ds/dt = x - |x| s", 0.0, lambda x, s, w: (x - absolute(x) * s) / w),
+    "leading": (
+        lambda x, s, T: x - s,
+        "a (x - s) with T ds/dt = x - s",
+        0.0,
+        lambda x, s, T: (x - s) / T,
+    ),
+    "heating": (
+        lambda x, s, T: s * x,
+        "a s x with T ds/dt = x^2 - s",
+        0.0,
+        lambda x, s, T: (x * x - s) / T,
+    ),
+    "warming": (
+        lambda x, s, T: s,
+        "a s with T ds/dt = x^2 - s",
+        0.0,
+        lambda x, s, T: (x * x - s) / T,
+    ),
+    "sliding": (
+        lambda x, s, w: s,
+        "a s with w ds/dt = x - |x| s",
+        0.0,
+        lambda x, s, w: (x - absolute(x) * s) / w,
+    ),
     "hysteresis": (
-        lambda x, s, w: s, "a s with w ds/dt = dx/dt (1 - s^2 (1 + sign(s dx/dt)) / 2)", 0.0,
+        lambda x, s, w: s,
+        "a s with w ds/dt = dx/dt (1 - s^2 (1 + sign(s dx/dt)) / 2)",
+        0.0,
         lambda v, s, w: (v - 0.5 * (v * s + absolute(v) * absolute(s)) * s) / w,
     ),
     "play": (
-        lambda x, s, w: clip(x - s, -w, w), "a clip(x - s, -w, w), s being dragged", 0.0,
+        lambda x, s, w: clip(x - s, -w, w),
+        "a clip(x - s, -w, w), s being dragged",
+        0.0,
         lambda x, s, w: (x - clip(x - s, -w, w) - s) / GIVES,
     ),
-}  # fmt: skip
+}
 _ONE = "sliding", "hysteresis"  # whose state is a share of its limit, and whose constant is a way
 _SQUARE = "heating", "warming"  # whose state is the mean square of the signal
-_SETTLED = "lagging", "leading", "play"  # which a signal that stayed where it starts has brought to equilibrium
+_SETTLED = (
+    "lagging",
+    "leading",
+    "play",
+)  # which a signal that stayed where it starts has brought to equilibrium
 _LOOPS = "sliding", "hysteresis", "play"
 GIVES = 0.01  # s, in which a play has followed; shorter is as good as at once
 
 
 def arm(
-    component: type[Component], law: str, signal: str, kind: str, constant: float, unit: str = "1",
-    nominal: float = 1.0, scale: float | None = None, id: str = "", names: tuple[str, str, str] | None = None,
+    component: type[Component],
+    law: str,
+    signal: str,
+    kind: str,
+    constant: float,
+    unit: str = "1",
+    nominal: float = 1.0,
+    scale: float | None = None,
+    id: str = "",
+    names: tuple[str, str, str] | None = None,
     qualifier: str = "",
-) -> type[Effect]:  # fmt: skip
+) -> type[Effect]:
     """Let a law remember: a state of first order is added to it.
 
     Parameters
@@ -100,7 +136,11 @@ def arm(
     if kind == "hysteresis" and not speed:
         raise UserError(f"{kind} is over a state, which {signal!r} is not")
     size = scale or of.nominal
-    amount, time, state = names or (f"{law}_{id or kind}", f"{law}_{id or kind}_constant", f"{law}_{id or kind}_state")
+    amount, time, state = names or (
+        f"{law}_{id or kind}",
+        f"{law}_{id or kind}_constant",
+        f"{law}_{id or kind}_state",
+    )
     rate = f"{state}_rate"
     began = component.layout.start_of.get(signal, "") if kind in _SETTLED else ""
 
@@ -122,22 +162,41 @@ def arm(
     power = 0 if slides else 3 if kind == "heating" else 2 if kind == "warming" else 1
     square = f"({of.unit})^2" if kind in _SQUARE else of.unit
     constant_unit = f"({of.unit})*s" if kind == "sliding" else of.unit if way else "s"
-    remembered = f"{law} loop of {signal}" if kind in ("hysteresis", "play") else f"{law} remembering {signal}"
-    return added(arm, component, (law, signal, kind, constant, unit, nominal, scale, id, names, qualifier), more, {
-        "id": id or kind,
-        "term": Term(law, signal, text, remembered, qualifier),
-        "assumption": f"{law} remembers nothing of {signal}",
-        "__doc__": f"More in {law}: {text}, x = {signal}; a = 0 is the base model.",
-        amount: coefficient(
-            per(unit, of.unit, power), nominal / size**power, f"part of {law} that remembers {signal} (a)", least=least
-        ),
-        time: Parameter(
-            constant, constant_unit, min=1e-3 * min(constant, 1.0), max=1e9, nominal=constant,
-            doc=f"{'way until it gives (w)' if way else 'time constant (T)'} of {amount}",
-        ),
-        state: State(
-            "1" if slides else square, rate=rate, nominal=1.0 if slides else size**2 if kind in _SQUARE else size,
-            doc=f"what {amount} remembers of {signal}",
-        ),
-        rate: moves,
-    })  # fmt: skip
+    remembered = (
+        f"{law} loop of {signal}"
+        if kind in ("hysteresis", "play")
+        else f"{law} remembering {signal}"
+    )
+    return added(
+        arm,
+        component,
+        (law, signal, kind, constant, unit, nominal, scale, id, names, qualifier),
+        more,
+        {
+            "id": id or kind,
+            "term": Term(law, signal, text, remembered, qualifier),
+            "assumption": f"{law} remembers nothing of {signal}",
+            "__doc__": f"More in {law}: {text}, x = {signal}; a = 0 is the base model.",
+            amount: coefficient(
+                per(unit, of.unit, power),
+                nominal / size**power,
+                f"part of {law} that remembers {signal} (a)",
+                least=least,
+            ),
+            time: Parameter(
+                constant,
+                constant_unit,
+                min=1e-3 * min(constant, 1.0),
+                max=1e9,
+                nominal=constant,
+                doc=f"{'way until it gives (w)' if way else 'time constant (T)'} of {amount}",
+            ),
+            state: State(
+                "1" if slides else square,
+                rate=rate,
+                nominal=1.0 if slides else size**2 if kind in _SQUARE else size,
+                doc=f"what {amount} remembers of {signal}",
+            ),
+            rate: moves,
+        },
+    )

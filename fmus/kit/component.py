@@ -86,7 +86,9 @@ class Component:
         known |= {text.name: text.start for text in layout.texts}
         for name in values:
             if name not in known:
-                raise UserError(f"{self.name or type(self).__name__}: no parameter or input named {name!r}")
+                raise UserError(
+                    f"{self.name or type(self).__name__}: no parameter or input named {name!r}"
+                )
         # setattr rather than __dict__: an instance whose __dict__ was touched is slower for good in CPython
         for name, value in (known | values).items():
             setattr(self, name, value)
@@ -189,7 +191,11 @@ def _label(effect: type[Effect]) -> str:
 def _joined(parts: list[str]) -> str:
     """Join names into one; a long one ends in a checksum of the whole, because it becomes a file name."""
     name = "_with_".join(parts)
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
+    return (
+        name
+        if len(name) <= _LONGEST_NAME
+        else f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
+    )
 
 
 def _owners(cls: type[Component]) -> dict[str, type]:
@@ -197,15 +203,25 @@ def _owners(cls: type[Component]) -> dict[str, type]:
     return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
 
 
-def _redeclared(prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float | str]) -> dict[str, Any]:
+def _redeclared(
+    prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float | str]
+) -> dict[str, Any]:
     """Declare parameters anew with other defaults; the start value of a state is in the state's declaration."""
-    holders: dict[str, Any] = {p.name: p for part in parts for p in (*part.layout.parameters, *part.layout.texts)}
+    holders: dict[str, Any] = {
+        p.name: p for part in parts for p in (*part.layout.parameters, *part.layout.texts)
+    }
     layouts = [part.layout for part in parts]
-    holders |= {layout.start_of[s.name]: s for layout in layouts for s in (*layout.states, *layout.discretes)}
+    holders |= {
+        layout.start_of[s.name]: s
+        for layout in layouts
+        for s in (*layout.states, *layout.discretes)
+    }
     for name in defaults:
         if name not in holders:
             raise UserError(f"{prefix}: no parameter named {name!r}{suggestion(name, holders)}")
-    return {holders[name].name: replace(holders[name], start=value) for name, value in defaults.items()}
+    return {
+        holders[name].name: replace(holders[name], start=value) for name, value in defaults.items()
+    }
 
 
 def stack(
@@ -240,7 +256,9 @@ def stack(
     """
     prefix, remark = base.name, base.remark
     if effects and base.engine is not None:
-        raise UserError(f"{prefix} has no laws that an effect could change: it stands for something outside")
+        raise UserError(
+            f"{prefix} has no laws that an effect could change: it stands for something outside"
+        )
     name = name or _joined([prefix, *map(_label, effects)])
     values = {**vars(base).get("stacked_with", {}), **(defaults or {})}
     base, earlier = vars(base).get("stacked", (base, ()))
@@ -254,12 +272,20 @@ def stack(
         for variable, owner in _owners(effect).items():
             other = owners.setdefault(variable, owner)
             if other is not owner:
-                raise UserError(f"{prefix}: {other.__name__} and {owner.__name__} both declare variable {variable!r}")
+                raise UserError(
+                    f"{prefix}: {other.__name__} and {owner.__name__} both declare variable {variable!r}"
+                )
     outputs = {o.name for part in (base, *effects) for o in part.layout.outputs}
     for effect in effects:
         if effect.output and effect.output not in outputs:
-            raise UserError(f"{prefix}: {effect.id} is of {effect.output!r}, which is none of its outputs")
+            raise UserError(
+                f"{prefix}: {effect.id} is of {effect.output!r}, which is none of its outputs"
+            )
     title = "".join(e.__name__ for e in reversed(effects)) + base.__name__
     about = {"name": name, "remark": remark, "__doc__": base.__doc__, "__module__": base.__module__}
     made = {"stacked": (base, effects), "stacked_with": values}
-    return type(title, (*reversed(effects), base), about | made | _redeclared(prefix, (base, *effects), values))
+    return type(
+        title,
+        (*reversed(effects), base),
+        about | made | _redeclared(prefix, (base, *effects), values),
+    )

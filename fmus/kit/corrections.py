@@ -35,10 +35,18 @@ class _Function:
 
 
 def correction(
-    component: type[Component], law: str, of: Of | tuple[Any, ...], shape: str | Sequence[float], unit: str = "1",
-    nominal: float = 1.0, kind: str = "add", values: Sequence[float] = (), fixed: bool = False, number: int = 1,
+    component: type[Component],
+    law: str,
+    of: Of | tuple[Any, ...],
+    shape: str | Sequence[float],
+    unit: str = "1",
+    nominal: float = 1.0,
+    kind: str = "add",
+    values: Sequence[float] = (),
+    fixed: bool = False,
+    number: int = 1,
     beside: bool = False,
-) -> type[Effect]:  # fmt: skip
+) -> type[Effect]:
     """Let a law hang on a signal.
 
     Parameters
@@ -115,12 +123,13 @@ def correction(
         "made_by": correction,
         # plain numbers, because a Python FMU writes them down
         "made_with": (law, astuple(of), shape, unit, nominal, kind, values, fixed, number, beside),
-        "assumption": f"{law} does not hang on {of.words}" + (" like this" if isinstance(shape, str) else ""),
+        "assumption": f"{law} does not hang on {of.words}"
+        + (" like this" if isinstance(shape, str) else ""),
         "__doc__": f"{law} hangs on {of.words}: {function.text}, "
         + ("added." if kind == "add" else "multiplied with one and it."),
         "__module__": __name__,
         law: corrected,
-    }  # fmt: skip
+    }
     remembers = _remembering(law, of, memory, now) if of.memory else {}
     title = f"{own}_correction".title().replace("_", "")
     effect: type[Effect] = type(title, (Effect,), about | function.declared | remembers)
@@ -132,26 +141,40 @@ def _plain(of: Of) -> Of:
     return replace(of, constant=float(of.constant), scale=float(of.scale), start=float(of.start))
 
 
-def _shaped(law: str, of: Of, shape: str, own: str, size: str, wanted: float, beside: bool) -> _Function:
+def _shaped(
+    law: str, of: Of, shape: str, own: str, size: str, wanted: float, beside: bool
+) -> _Function:
     """One of the shapes; ``size`` and ``wanted`` are unit and typical magnitude of its values."""
     chosen, width, constant = SHAPES[shape], f"{own}_width", f"{own}_beside"
     text = with_constant(chosen.text) if beside else chosen.text
     declared = {
-        own: coefficient(per(size, of.unit_of_memory, chosen.power), wanted / of.scale**chosen.power,
-                         f"{text} in {law}, x being {of.counted} (a)")
-    }  # fmt: skip
+        own: coefficient(
+            per(size, of.unit_of_memory, chosen.power),
+            wanted / of.scale**chosen.power,
+            f"{text} in {law}, x being {of.counted} (a)",
+        )
+    }
     if chosen.width:
         begin = chosen.width * of.scale
         # a stop may be anywhere; a width is none at zero
         least = -ANY * of.scale if chosen.power else 1e-9 * of.scale
         declared[width] = Parameter(
-            begin, of.unit_of_memory, min=least, max=1e3 * of.scale, nominal=begin,
+            begin,
+            of.unit_of_memory,
+            min=least,
+            max=1e3 * of.scale,
+            nominal=begin,
             doc=f"{of.counted} at which {law} bends (w)",
-        )  # fmt: skip
+        )
     if beside:
         unit, typical = _power(of.unit_of_memory, chosen.power), of.scale**chosen.power
         declared[constant] = Parameter(
-            0.0, unit, min=-ANY * typical, max=ANY * typical, nominal=typical, doc=f"beside the shape in {law} (b)"
+            0.0,
+            unit,
+            min=-ANY * typical,
+            max=ANY * typical,
+            nominal=typical,
+            doc=f"beside the shape in {law} (b)",
         )
 
     def value(self: Any, x: Any) -> Any:
@@ -177,7 +200,13 @@ def _power(unit: str, power: float) -> str:
 
 
 def _tabulated(
-    law: str, of: Of, points: tuple[Sequence[float], Sequence[float]], own: str, size: str, wanted: float, fixed: bool
+    law: str,
+    of: Of,
+    points: tuple[Sequence[float], Sequence[float]],
+    own: str,
+    size: str,
+    wanted: float,
+    fixed: bool,
 ) -> _Function:
     """A table of knots and values, of unit ``size`` and of typical magnitude ``wanted``."""
     knots, given = points
@@ -186,7 +215,9 @@ def _tabulated(
     declared = {own: Parameter(0.0, "1", min=-ANY, max=ANY, doc=how_much)}
     for name, x, y in zip(names, knots, given, strict=False):  # no names of what is fixed
         text = f"{law} has so much more at {of.words} = {x:g}"
-        declared[name] = Parameter(y, size, min=-ANY * wanted, max=ANY * wanted, nominal=wanted, doc=text)
+        declared[name] = Parameter(
+            y, size, min=-ANY * wanted, max=ANY * wanted, nominal=wanted, doc=text
+        )
 
     def value(self: Any, x: Any) -> Any:
         values = given if fixed else [getattr(self, name) for name in names]
@@ -201,26 +232,36 @@ def _remembering(law: str, of: Of, memory: str, now: Callable[[Any], Any]) -> di
 
     def lagging(self: Any) -> Any:
         x = now(self)
-        return ((x * x if of.memory == "heat" else x) - getattr(self, memory)) / getattr(self, constant)
+        return ((x * x if of.memory == "heat" else x) - getattr(self, memory)) / getattr(
+            self, constant
+        )
 
     def integral(self: Any) -> Any:
         x = now(self)
         return absolute(x) if of.memory == "throughput" else x
 
     state = State(
-        of.unit_of_memory, rate=rate, start=of.start, nominal=of.scale, doc=f"{of.words}, on which {law} hangs"
+        of.unit_of_memory,
+        rate=rate,
+        start=of.start,
+        nominal=of.scale,
+        doc=f"{of.words}, on which {law} hangs",
     )
     if of.memory not in LAGS:
         return {memory: state, rate: integral}
     least = 1e-3 * min(of.constant, 1.0)
-    lag = Parameter(of.constant, "s", min=least, max=1e9, nominal=of.constant, doc=f"lag of {of.name}")
+    lag = Parameter(
+        of.constant, "s", min=least, max=1e9, nominal=of.constant, doc=f"lag of {of.name}"
+    )
     return {memory: state, rate: lagging, constant: lag}
 
 
 def _check_choices(of: Of, shape: str | Sequence[float], kind: str, nominal: float) -> None:
     for what, given, allowed in (("memory", of.memory, MEMORIES), ("kind", kind, KINDS)):
         if given not in allowed:
-            raise UserError(f"no {what} named {given!r}{suggestion(given, list(filter(None, allowed)))}")
+            raise UserError(
+                f"no {what} named {given!r}{suggestion(given, list(filter(None, allowed)))}"
+            )
     if isinstance(shape, str) and shape not in SHAPES:
         raise UserError(f"no shape named {shape!r}{suggestion(shape, SHAPES)}")
     sizes = {f"typical magnitude of {of.name}": of.scale, "typical magnitude of the law": nominal}
@@ -230,7 +271,9 @@ def _check_choices(of: Of, shape: str | Sequence[float], kind: str, nominal: flo
         if not 0.0 < size < inf:
             raise UserError(f"{what} must be positive, which {size:g} is not")
     if not isfinite(of.start):
-        raise UserError(f"what is remembered of {of.name} at first must be a number, which {of.start:g} is not")
+        raise UserError(
+            f"what is remembered of {of.name} at first must be a number, which {of.start:g} is not"
+        )
 
 
 def _check_table(knots: Sequence[float], values: Sequence[float]) -> None:
@@ -249,21 +292,30 @@ def _check_laws(component: type[Component], law: str, of: Of) -> None:
         raise UserError(f"{label}: no law named {law!r}{suggestion(law, laws)}")
     known = [v.name for v in (*layout.inputs, *layout.states, *layout.discretes)] + ["time"]
     if of.name not in (*known, *laws):
-        raise UserError(f"{label}: no input, state or law named {of.name!r}{suggestion(of.name, [*known, *laws])}")
+        raise UserError(
+            f"{label}: no input, state or law named {of.name!r}{suggestion(of.name, [*known, *laws])}"
+        )
     for name in {law, of.name} - set(known):
         arguments = len(signature(getattr(component, name)).parameters) - 1
         if arguments and name == of.name:
             raise UserError(f"{label}: {name} takes arguments, and is no signal")
         if not arguments and isinstance(_asked(component, name)[0], Sequence):
             raise UserError(f"{label}: {name} gives several numbers, not one")
-    if of.name not in known and of.name != law and of.memory in ("", "leading") and _asked(component, of.name, law)[1]:
+    if (
+        of.name not in known
+        and of.name != law
+        and of.memory in ("", "leading")
+        and _asked(component, of.name, law)[1]
+    ):
         raise UserError(f"{label}: {law} cannot hang on {of.name}, which is computed from it")
 
 
 def _laws(component: type[Component]) -> Iterator[str]:
     """Names of methods that the component has beyond what every component has."""
     every = set(dir(Component))
-    return (name for name in dir(component) if name not in every and callable(getattr(component, name)))
+    return (
+        name for name in dir(component) if name not in every and callable(getattr(component, name))
+    )
 
 
 def _asked(component: type[Component], law: str, other: str = "") -> tuple[Any, bool]:
@@ -278,6 +330,8 @@ def _asked(component: type[Component], law: str, other: str = "") -> tuple[Any, 
     about: dict[str, Any] = {"__module__": component.__module__}
     seen = type(component.__name__, (component,), about | ({other: spy} if other else {}))
     value = None
-    with suppress(ArithmeticError, AttributeError):  # at its defaults it may divide by zero, or lack a law
+    with suppress(
+        ArithmeticError, AttributeError
+    ):  # at its defaults it may divide by zero, or lack a law
         value = getattr(seen(), law)()
     return value, called

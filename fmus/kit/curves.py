@@ -20,7 +20,9 @@ from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
-_STEEPEST = 30.0  # exponent beyond which an exponential is cut off: ten million million times its unit
+_STEEPEST = (
+    30.0  # exponent beyond which an exponential is cut off: ten million million times its unit
+)
 _ROUND = 1e-6  # of the nominal signal, below which a square root is straight
 _STEEP = 10.0  # of the sign in Stribeck's curve, relative to the velocity at which it falls
 _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical size
@@ -66,8 +68,12 @@ SHAPES: dict[str, Shape] = {
         "a sign(x) beyond |x| = w, smooth",
     ),
     "levelling": Shape(lambda x, w, s: x - w * tanh(x / w), 1, 0.5, "a (x - w tanh(x / w))"),
-    "exponential": Shape(lambda x, w, s: exp(minimum(x / w, _STEEPEST)) - 1.0, 0, 1.0, "a (exp(x / w) - 1)"),
-    "square_root": Shape(lambda x, w, s: x / sqrt(absolute(x) / s + _ROUND), 1, 0.0, "a x / sqrt(|x| / n)"),
+    "exponential": Shape(
+        lambda x, w, s: exp(minimum(x / w, _STEEPEST)) - 1.0, 0, 1.0, "a (exp(x / w) - 1)"
+    ),
+    "square_root": Shape(
+        lambda x, w, s: x / sqrt(absolute(x) / s + _ROUND), 1, 0.0, "a x / sqrt(|x| / n)"
+    ),
     "stribeck": Shape(
         lambda x, w, s: tanh(_STEEP * x / w) * exp(-minimum((x / w) * (x / w), _STEEPEST)),
         0,
@@ -89,10 +95,18 @@ SHAPES: dict[str, Shape] = {
 
 
 def curve(
-    component: type[Component], law: str, signal: str, shape: str, unit: str = "1", nominal: float = 1.0,
-    scale: float | None = None, id: str = "", suffixes: tuple[str, ...] = (), qualifier: str = "",
+    component: type[Component],
+    law: str,
+    signal: str,
+    shape: str,
+    unit: str = "1",
+    nominal: float = 1.0,
+    scale: float | None = None,
+    id: str = "",
+    suffixes: tuple[str, ...] = (),
+    qualifier: str = "",
     either_way: bool = False,
-) -> type[Effect]:  # fmt: skip
+) -> type[Effect]:
     """Let a law do more: a shape of one signal is added to it.
 
     Parameters
@@ -135,44 +149,71 @@ def curve(
     chosen, of = SHAPES[shape], variable(component, signal)
     size = scale or of.nominal
     amount, width = (
-        f"{law}_{end}" for end in ((*suffixes, "") if len(suffixes) == 1 else suffixes or (shape, f"{shape}_width"))
+        f"{law}_{end}"
+        for end in (
+            (*suffixes, "") if len(suffixes) == 1 else suffixes or (shape, f"{shape}_width")
+        )
     )
 
     def more(self: Any) -> Any:
         x = getattr(self, signal)
-        return getattr(self, amount) * chosen.form(x, getattr(self, width) if chosen.width else 1.0, of.nominal)
+        return getattr(self, amount) * chosen.form(
+            x, getattr(self, width) if chosen.width else 1.0, of.nominal
+        )
 
     members: dict[str, Any] = {
         "assumption": f"{law} has no part {chosen.text} with x = {signal}",
         "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
-            per(unit, of.unit, chosen.power), nominal / size**chosen.power,
-            f"part {chosen.text} of {law}, x being {signal} (a)", least=-ANY if either_way else chosen.least,
+            per(unit, of.unit, chosen.power),
+            nominal / size**chosen.power,
+            f"part {chosen.text} of {law}, x being {signal} (a)",
+            least=-ANY if either_way else chosen.least,
         ),
-    }  # fmt: skip
+    }
     if chosen.width:
         begin = chosen.width * size
         # a stop may be anywhere; a width is none at zero
         least = -ANY * size if chosen.power else 1e-9 * size
         members[width] = Parameter(
-            begin, of.unit, min=least, max=1e3 * size, nominal=begin, doc=f"{signal} at which {law} bends (w)"
+            begin,
+            of.unit,
+            min=least,
+            max=1e3 * size,
+            nominal=begin,
+            doc=f"{signal} at which {law} bends (w)",
         )
     given = (law, signal, shape, unit, nominal, scale, id, suffixes, qualifier, either_way)
-    about = {"id": id or shape, "term": Term(law, signal, chosen.text, f"{law} over {signal}", qualifier)}
+    about = {
+        "id": id or shape,
+        "term": Term(law, signal, chosen.text, f"{law} over {signal}", qualifier),
+    }
     return added(curve, component, given, more, members | about)
 
 
 def variable(component: type[Component], name: str) -> Declaration:
     """Look up the declared input or state that an effect depends on."""
-    known = {v.name: v for v in (*component.layout.inputs, *component.layout.states, *component.layout.discretes)}
+    known = {
+        v.name: v
+        for v in (*component.layout.inputs, *component.layout.states, *component.layout.discretes)
+    }
     if name not in known:
-        raise UserError(f"{_label(component)}: no input or state named {name!r}{suggestion(name, known)}")
+        raise UserError(
+            f"{_label(component)}: no input or state named {name!r}{suggestion(name, known)}"
+        )
     return known[name]
 
 
 def coefficient(unit: str, nominal: float, doc: str, least: float = -ANY) -> Any:
     """Declare the parameter that switches an effect; without it at 0."""
-    return Parameter(0.0, unit, min=least * nominal, max=ANY * nominal, nominal=nominal, doc=f"{doc}; 0 is without")
+    return Parameter(
+        0.0,
+        unit,
+        min=least * nominal,
+        max=ANY * nominal,
+        nominal=nominal,
+        doc=f"{doc}; 0 is without",
+    )
 
 
 def in_brackets(unit: str) -> str:
@@ -188,9 +229,12 @@ def per(unit: str, below: str, power: float = 1) -> str:
 
 
 def added(
-    make: Callable[..., type[Effect]], component: type[Component], arguments: tuple[Any, ...],
-    more: Callable[[Any], Any], members: dict[str, Any],
-) -> type[Effect]:  # fmt: skip
+    make: Callable[..., type[Effect]],
+    component: type[Component],
+    arguments: tuple[Any, ...],
+    more: Callable[[Any], Any],
+    members: dict[str, Any],
+) -> type[Effect]:
     """Make the effect that adds to a law; the first parameter among the members switches it."""
     law = arguments[0]
     if not callable(getattr(component, law, None)):
@@ -208,7 +252,7 @@ def added(
         "__doc__": str(make.__doc__).partition("\n\n    Parameters\n")[0],
         "__module__": __name__,
         law: enlarged,
-    }  # fmt: skip
+    }
     body = about | members
     title = f"{body['id']}_of_{law}".title().replace("_", "")
     effect: type[Effect] = type(title, (Effect,), body)

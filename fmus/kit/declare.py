@@ -270,7 +270,12 @@ def State(unit: str, rate: str, start: Number = 0.0, output: bool = False, **abo
 
 
 def Discrete(
-    unit: str, update: str, period: str | float, start: Number = 0.0, output: bool = False, **about: Any
+    unit: str,
+    update: str,
+    period: str | float,
+    start: Number = 0.0,
+    output: bool = False,
+    **about: Any,
 ) -> Any:
     """Declare a state that changes only at sample instants.
 
@@ -295,7 +300,9 @@ def Discrete(
     **about
         See :func:`Parameter`.
     """
-    return DiscreteDeclaration(unit=unit, update=update, period=period, start=start, output=output, **about)
+    return DiscreteDeclaration(
+        unit=unit, update=update, period=period, start=start, output=output, **about
+    )
 
 
 @dataclass(frozen=True)

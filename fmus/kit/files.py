@@ -55,7 +55,9 @@ def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
         with open(temporary, "xb", opener=functools.partial(os.open, mode=mode)) as file:
             file.write(contents)
             file.flush()
-            os.fsync(file.fileno())  # else a file may have its name, and after a power failure nothing in it
+            os.fsync(
+                file.fileno()
+            )  # else a file may have its name, and after a power failure nothing in it
         temporary.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):

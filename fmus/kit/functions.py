@@ -13,9 +13,12 @@ from typing import Any
 
 _SCALARS = (float, int, bool)
 _IN_CASADI = {
-    "absolute": "fabs", "logical_and": "logic_and", "logical_or": "logic_or", "logical_not": "logic_not",
+    "absolute": "fabs",
+    "logical_and": "logic_and",
+    "logical_or": "logic_or",
+    "logical_not": "logic_not",
     "where": "if_else",
-}  # fmt: skip
+}
 
 
 def _of_library(name: str, value: Any) -> Any:
@@ -58,15 +61,27 @@ sqrt = _unary("sqrt", math.sqrt, "Square root.")
 sin = _unary("sin", math.sin, "Sine of an angle in rad.")
 cos = _unary("cos", math.cos, "Cosine of an angle in rad.")
 arccos = _unary("arccos", math.acos, "Angle in rad, from 0 to pi, whose cosine is x.")
-arctan2 = _binary("arctan2", math.atan2, "Angle in rad, from -pi to pi, of the point with ordinate a and abscissa b.")
-hypot = _binary("hypot", math.hypot, "Square root of the sum of the squares, without overflow on the way.")
+arctan2 = _binary(
+    "arctan2",
+    math.atan2,
+    "Angle in rad, from -pi to pi, of the point with ordinate a and abscissa b.",
+)
+hypot = _binary(
+    "hypot", math.hypot, "Square root of the sum of the squares, without overflow on the way."
+)
 tanh = _unary("tanh", math.tanh, "Hyperbolic tangent.")
 absolute = _unary("absolute", math.fabs, "Magnitude.")
 floor = _unary("floor", lambda x: float(math.floor(x)), "Largest integer not above x.")
 sign = _unary("sign", lambda x: float(x > 0) - float(x < 0) if x == x else math.nan, "-1, 0 or 1.")
-logical_and = _binary("logical_and", lambda a, b: bool(a and b), "Whether both hold; ``and`` for conditions in laws.")
-logical_or = _binary("logical_or", lambda a, b: bool(a or b), "Whether one holds; ``or`` for conditions in laws.")
-logical_not = _unary("logical_not", lambda x: not x, "Whether it does not hold; ``not`` for conditions in laws.")
+logical_and = _binary(
+    "logical_and", lambda a, b: bool(a and b), "Whether both hold; ``and`` for conditions in laws."
+)
+logical_or = _binary(
+    "logical_or", lambda a, b: bool(a or b), "Whether one holds; ``or`` for conditions in laws."
+)
+logical_not = _unary(
+    "logical_not", lambda x: not x, "Whether it does not hold; ``not`` for conditions in laws."
+)
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:
@@ -172,7 +187,10 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
     for left, right, low, high, (rise, fall) in zip(xs, xs[1:], ys, ys[1:], ends, strict=False):
         width, beyond = right - left, x - left
         chord = (high - low) / width
-        bend, twist = (3.0 * chord - 2.0 * rise - fall) / width, (rise + fall - 2.0 * chord) / (width * width)
+        bend, twist = (
+            (3.0 * chord - 2.0 * rise - fall) / width,
+            (rise + fall - 2.0 * chord) / (width * width),
+        )
         found = where(x > left, low + beyond * (rise + beyond * (bend + beyond * twist)), found)
     return where(x >= xs[-1], ys[-1] + ends[-1][1] * (x - xs[-1]), found)
 

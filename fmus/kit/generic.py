@@ -49,7 +49,15 @@ def coulomb_friction(
         If the component has no such law or variable.
     """
     effect = curve(
-        component, law, velocity, "sign", unit, nominal, None, "coulomb_friction", ("coulomb", "coulomb_velocity")
+        component,
+        law,
+        velocity,
+        "sign",
+        unit,
+        nominal,
+        None,
+        "coulomb_friction",
+        ("coulomb", "coulomb_velocity"),
     )
     return _known(effect, coulomb_friction, "friction is viscous")
 
@@ -82,11 +90,23 @@ def asymmetric_friction(
     -----
     Janot, Gautier, Brunot: Data set and reference models of EMPS, Nonlinear System Identification Benchmarks, 2019.
     """
-    effect = curve(component, law, velocity, "asymmetric", unit, nominal, None, "asymmetric_friction", ("asymmetry",))
+    effect = curve(
+        component,
+        law,
+        velocity,
+        "asymmetric",
+        unit,
+        nominal,
+        None,
+        "asymmetric_friction",
+        ("asymmetry",),
+    )
     return _known(effect, asymmetric_friction, "friction is the same in both directions")
 
 
-def force_offset(component: type[Component], law: str, unit: str = "N", nominal: float = 1.0) -> type[Effect]:
+def force_offset(
+    component: type[Component], law: str, unit: str = "N", nominal: float = 1.0
+) -> type[Effect]:
     """Constant force more, as of a weight or a drive with an offset; 0 is the base model.
 
     Parameters
@@ -105,11 +125,17 @@ def force_offset(component: type[Component], law: str, unit: str = "N", nominal:
         If the component has no such law.
     """
     offset = f"{law}_offset"
-    return added(force_offset, component, (law, unit, nominal), lambda self: getattr(self, offset), {
-        "assumption": "nothing pushes at rest",
-        "term": Term(law, "", "a"),
-        offset: coefficient(unit, nominal, f"constant part of {law}"),
-    })  # fmt: skip
+    return added(
+        force_offset,
+        component,
+        (law, unit, nominal),
+        lambda self: getattr(self, offset),
+        {
+            "assumption": "nothing pushes at rest",
+            "term": Term(law, "", "a"),
+            offset: coefficient(unit, nominal, f"constant part of {law}"),
+        },
+    )
 
 
 def cubic_stiffness(
@@ -136,12 +162,20 @@ def cubic_stiffness(
     UserError
         If the component has no such law or variable.
     """
-    effect = curve(component, law, position, "cubic", unit, nominal, None, "cubic_stiffness", ("cubic",))
+    effect = curve(
+        component, law, position, "cubic", unit, nominal, None, "cubic_stiffness", ("cubic",)
+    )
     return _known(effect, cubic_stiffness, "the spring is linear")
 
 
 def extra_kelvin(
-    component: type[Component], law: str, load: str, ordinal: str, time: float, unit: str = "m", nominal: float = 1.0
+    component: type[Component],
+    law: str,
+    load: str,
+    ordinal: str,
+    time: float,
+    unit: str = "m",
+    nominal: float = 1.0,
 ) -> type[Effect]:
     """One more Kelvin element in a chain that creeps: ``J f`` more, where ``T df/dt = F - f`` is its spring's force.
 
@@ -176,7 +210,9 @@ def extra_kelvin(
     """
     own = f"{ordinal}_{law}"
     names = f"{own}_compliance", f"{own}_time", f"{own}_force"
-    effect = arm(component, law, load, "lagging", time, unit, nominal, None, f"{ordinal}_kelvin", names)
+    effect = arm(
+        component, law, load, "lagging", time, unit, nominal, None, f"{ordinal}_kelvin", names
+    )
     return _known(effect, extra_kelvin, "creep has no further time constant")
 
 
@@ -186,6 +222,8 @@ def described(effect: type[Effect], assumption: int | str, text: str) -> type[Ef
     return effect
 
 
-def _known(effect: type[Effect], make: Callable[..., type[Effect]], assumption: str) -> type[Effect]:
+def _known(
+    effect: type[Effect], make: Callable[..., type[Effect]], assumption: str
+) -> type[Effect]:
     """Let an effect be described as engineers know it."""
     return described(effect, assumption, str(make.__doc__).partition("\n\n    Parameters\n")[0])

@@ -46,31 +46,43 @@ class _AsItArrives:
 
 
 def _feeding(
-    make: Callable[..., type[Effect]], component: type[Component], name: str, arguments: tuple[Any, ...], text: str,
-    arrives: Callable[[Any, Any], Any], members: dict[str, Any],
-    follows: tuple[str, Callable[[Any, Any], Any]] | None = None, family: str = "{} as it arrives",
-) -> type[Effect]:  # fmt: skip
+    make: Callable[..., type[Effect]],
+    component: type[Component],
+    name: str,
+    arguments: tuple[Any, ...],
+    text: str,
+    arrives: Callable[[Any, Any], Any],
+    members: dict[str, Any],
+    follows: tuple[str, Callable[[Any, Any], Any]] | None = None,
+    family: str = "{} as it arrives",
+) -> type[Effect]:
     """Make the effect on an input; the first parameter among the members switches it, a state may follow the input."""
     passed = _AsItArrives(name, arrives)
     if follows:
         members[follows[0]] = lambda self: follows[1](self, passed.below(self))
-    effect: type[Effect] = type(f"{make.__name__}_of_{name}".title().replace("_", ""), (Effect,), {
-        "id": make.__name__,
-        "term": Term("", name, text, family.format(name), name),
-        "assumption": f"{name} arrives as it is commanded",
-        "neutral": next(n for n, value in members.items() if isinstance(value, Declaration)),
-        "made_by": make,
-        "made_with": (name, *arguments),
-        "__doc__": str(make.__doc__).partition("\n\n    Parameters\n")[0],
-        "__module__": __name__,
-        name: passed,
-        **members,
-    })  # fmt: skip
+    effect: type[Effect] = type(
+        f"{make.__name__}_of_{name}".title().replace("_", ""),
+        (Effect,),
+        {
+            "id": make.__name__,
+            "term": Term("", name, text, family.format(name), name),
+            "assumption": f"{name} arrives as it is commanded",
+            "neutral": next(n for n, value in members.items() if isinstance(value, Declaration)),
+            "made_by": make,
+            "made_with": (name, *arguments),
+            "__doc__": str(make.__doc__).partition("\n\n    Parameters\n")[0],
+            "__module__": __name__,
+            name: passed,
+            **members,
+        },
+    )
     passed.effect = effect
     return effect
 
 
-def _input(component: type[Component], name: str, scale: float | None) -> tuple[InputDeclaration, float]:
+def _input(
+    component: type[Component], name: str, scale: float | None
+) -> tuple[InputDeclaration, float]:
     known = {v.name: v for v in component.layout.inputs if v.type == "real"}
     if name not in known:
         label = component.name or component.__name__
@@ -101,16 +113,30 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     """
     of, size = _input(component, input, scale)
     width = f"{input}_dead_zone"
-    return _feeding(dead_zone, component, input, (scale,), "x - clip(x, -d, d)",
-        lambda self, x: x - clip(x, -getattr(self, width), getattr(self, width)), {
-        width: Parameter(
-            0.0, of.unit, min=0.0, max=_ANY * size, nominal=0.1 * size, display=of.display,
-            doc=f"{input} below which nothing arrives (d); 0 is without",
-        ),
-    })  # fmt: skip
+    return _feeding(
+        dead_zone,
+        component,
+        input,
+        (scale,),
+        "x - clip(x, -d, d)",
+        lambda self, x: x - clip(x, -getattr(self, width), getattr(self, width)),
+        {
+            width: Parameter(
+                0.0,
+                of.unit,
+                min=0.0,
+                max=_ANY * size,
+                nominal=0.1 * size,
+                display=of.display,
+                doc=f"{input} below which nothing arrives (d); 0 is without",
+            ),
+        },
+    )
 
 
-def asymmetric_dead_zone(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
+def asymmetric_dead_zone(
+    component: type[Component], input: str, scale: float | None = None
+) -> type[Effect]:
     """Dead zone of an input whose ends differ: from ``-r d`` to ``d`` nothing arrives.
 
     Parameters
@@ -134,16 +160,38 @@ def asymmetric_dead_zone(component: type[Component], input: str, scale: float | 
     def arrives(self: Any, x: Any) -> Any:
         return x - clip(x, -(getattr(self, ratio) * getattr(self, end)), getattr(self, end))
 
-    return _feeding(asymmetric_dead_zone, component, input, (scale,), "x - clip(x, -r d, d)", arrives, {
-        end: Parameter(
-            0.0, of.unit, min=0.0, max=_ANY * size, nominal=0.1 * size, display=of.display,
-            doc=f"positive {input} below which nothing arrives (d); 0 is without",
-        ),
-        ratio: Parameter(1.0, "1", min=0.0, max=1e3, nominal=1.0, doc=f"lower end of it relative to {end} (r)"),
-    })  # fmt: skip
+    return _feeding(
+        asymmetric_dead_zone,
+        component,
+        input,
+        (scale,),
+        "x - clip(x, -r d, d)",
+        arrives,
+        {
+            end: Parameter(
+                0.0,
+                of.unit,
+                min=0.0,
+                max=_ANY * size,
+                nominal=0.1 * size,
+                display=of.display,
+                doc=f"positive {input} below which nothing arrives (d); 0 is without",
+            ),
+            ratio: Parameter(
+                1.0,
+                "1",
+                min=0.0,
+                max=1e3,
+                nominal=1.0,
+                doc=f"lower end of it relative to {end} (r)",
+            ),
+        },
+    )
 
 
-def input_offset(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
+def input_offset(
+    component: type[Component], input: str, scale: float | None = None
+) -> type[Effect]:
     """Offset of an input: something arrives where nothing is commanded.
 
     Parameters
@@ -163,16 +211,30 @@ def input_offset(component: type[Component], input: str, scale: float | None = N
     """
     of, size = _input(component, input, scale)
     offset = f"{input}_input_offset"
-    return _feeding(input_offset, component, input, (scale,), "x + a",
-        lambda self, x: x + getattr(self, offset), {
-        offset: Parameter(
-            0.0, of.unit, min=-_ANY * size, max=_ANY * size, nominal=0.1 * size, display=of.display,
-            doc=f"{input} that arrives where none is commanded; 0 is without",
-        ),
-    })  # fmt: skip
+    return _feeding(
+        input_offset,
+        component,
+        input,
+        (scale,),
+        "x + a",
+        lambda self, x: x + getattr(self, offset),
+        {
+            offset: Parameter(
+                0.0,
+                of.unit,
+                min=-_ANY * size,
+                max=_ANY * size,
+                nominal=0.1 * size,
+                display=of.display,
+                doc=f"{input} that arrives where none is commanded; 0 is without",
+            ),
+        },
+    )
 
 
-def input_saturation(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
+def input_saturation(
+    component: type[Component], input: str, scale: float | None = None
+) -> type[Effect]:
     """Input that levels off: ``x / sqrt(1 + c x^2)`` arrives, which never passes ``1 / sqrt(c)``.
 
     Parameters
@@ -192,13 +254,24 @@ def input_saturation(component: type[Component], input: str, scale: float | None
     """
     of, size = _input(component, input, scale)
     level = f"{input}_saturation"
-    return _feeding(input_saturation, component, input, (scale,), "x / sqrt(1 + c x^2)",
-        lambda self, x: x / sqrt(1.0 + getattr(self, level) * (x * x)), {
-        level: Parameter(
-            0.0, per("1", of.unit, 2), min=0.0, max=_ANY / size**2, nominal=0.1 / size**2,
-            doc=f"inverse square of the {input} that is never passed (c); 0 is without",
-        ),
-    })  # fmt: skip
+    return _feeding(
+        input_saturation,
+        component,
+        input,
+        (scale,),
+        "x / sqrt(1 + c x^2)",
+        lambda self, x: x / sqrt(1.0 + getattr(self, level) * (x * x)),
+        {
+            level: Parameter(
+                0.0,
+                per("1", of.unit, 2),
+                min=0.0,
+                max=_ANY / size**2,
+                nominal=0.1 / size**2,
+                doc=f"inverse square of the {input} that is never passed (c); 0 is without",
+            ),
+        },
+    )
 
 
 def backlash(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
@@ -230,13 +303,34 @@ def backlash(component: type[Component], input: str, scale: float | None = None)
     def rate(self: Any, x: Any) -> Any:
         return (arrives(self, x) - getattr(self, place)) / GIVES
 
-    return _feeding(backlash, component, input, (scale,), "x - clip(x - z, -d, d)", arrives, {
-        gap: Parameter(
-            0.0, of.unit, min=0.0, max=_ANY * size, nominal=0.1 * size, display=of.display,
-            doc=f"half of the play of {input} (d); 0 is without",
-        ),
-        place: State(of.unit, rate=f"{place}_rate", nominal=size, display=of.display, doc=f"{input} as passed on"),
-    }, (f"{place}_rate", rate), "loop of {} on its way")  # fmt: skip
+    return _feeding(
+        backlash,
+        component,
+        input,
+        (scale,),
+        "x - clip(x - z, -d, d)",
+        arrives,
+        {
+            gap: Parameter(
+                0.0,
+                of.unit,
+                min=0.0,
+                max=_ANY * size,
+                nominal=0.1 * size,
+                display=of.display,
+                doc=f"half of the play of {input} (d); 0 is without",
+            ),
+            place: State(
+                of.unit,
+                rate=f"{place}_rate",
+                nominal=size,
+                display=of.display,
+                doc=f"{input} as passed on",
+            ),
+        },
+        (f"{place}_rate", rate),
+        "loop of {} on its way",
+    )
 
 
 def input_lag(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
@@ -267,11 +361,43 @@ def input_lag(component: type[Component], input: str, scale: float | None = None
     def rate(self: Any, x: Any) -> Any:
         return (x - getattr(self, behind)) / getattr(self, time)
 
-    return _feeding(input_lag, component, input, (scale,), "x + p (s - x) with T ds/dt = x - s", arrives, {
-        share: Parameter(0.0, "1", min=0.0, max=1.0, nominal=0.3, doc=f"share of {input} that lags (p); 0 is without"),
-        time: Parameter(0.1, "s", min=1e-4, max=1e6, nominal=0.1, doc="time by which it lags (T)"),
-        behind: State(of.unit, rate=f"{behind}_rate", nominal=size, display=of.display, doc=f"{input} that lags"),
-    }, (f"{behind}_rate", rate), "{} arriving late")  # fmt: skip
+    return _feeding(
+        input_lag,
+        component,
+        input,
+        (scale,),
+        "x + p (s - x) with T ds/dt = x - s",
+        arrives,
+        {
+            share: Parameter(
+                0.0,
+                "1",
+                min=0.0,
+                max=1.0,
+                nominal=0.3,
+                doc=f"share of {input} that lags (p); 0 is without",
+            ),
+            time: Parameter(
+                0.1, "s", min=1e-4, max=1e6, nominal=0.1, doc="time by which it lags (T)"
+            ),
+            behind: State(
+                of.unit,
+                rate=f"{behind}_rate",
+                nominal=size,
+                display=of.display,
+                doc=f"{input} that lags",
+            ),
+        },
+        (f"{behind}_rate", rate),
+        "{} arriving late",
+    )
 
 
-INPUT_EFFECTS = (dead_zone, asymmetric_dead_zone, input_offset, input_saturation, backlash, input_lag)
+INPUT_EFFECTS = (
+    dead_zone,
+    asymmetric_dead_zone,
+    input_offset,
+    input_saturation,
+    backlash,
+    input_lag,
+)

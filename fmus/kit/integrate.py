@@ -50,7 +50,10 @@ def _unrolled(names: list[str], batch: bool) -> str:
         "    g = 0.5 * h",
     ]
     for letter, time, state in stages:
-        body += [f"    m.time = {time}; " + each("m.{s} = " + state), "    " + each(letter + "{i} = r{i}()")]
+        body += [
+            f"    m.time = {time}; " + each("m.{s} = " + state),
+            "    " + each(letter + "{i} = r{i}()"),
+        ]
     worst = "max({})" if len(names) > 1 else "{}"
     body += [
         "    g = h / 32.0; m.time = t + 0.75 * h",
@@ -180,7 +183,12 @@ class Integrator:
         trial = self._step
         if trial is None:
             return 0
-        component, tolerance, nominal, rates = self.component, self.tolerance, self.nominal, self.rates
+        component, tolerance, nominal, rates = (
+            self.component,
+            self.tolerance,
+            self.nominal,
+            self.rates,
+        )
         for used in range(self._budget):
             remaining = target - time
             h = self.hint if self.hint <= 0.999 * remaining else remaining
@@ -199,7 +207,11 @@ class Integrator:
                 if h == remaining:
                     return used
             elif h < MIN_STEP * max(1.0, abs(time)):
-                reason = f"accuracy {tolerance:g} cannot be reached" if error < math.inf else self._culprit()
+                reason = (
+                    f"accuracy {tolerance:g} cannot be reached"
+                    if error < math.inf
+                    else self._culprit()
+                )
                 raise UserError(f"{reason} at {time:.10g} s")
             else:
                 self.hint = following

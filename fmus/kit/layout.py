@@ -85,7 +85,11 @@ class Layout:
     @property
     def measurable(self) -> list[Declaration]:
         """What a master can read as output: outputs, and the states declared ``output=True``."""
-        return [v for v in self.variables if isinstance(v, OutputDeclaration) or getattr(v, "output", False)]
+        return [
+            v
+            for v in self.variables
+            if isinstance(v, OutputDeclaration) or getattr(v, "output", False)
+        ]
 
 
 def extract(owner: type) -> dict[str, Declaration]:
@@ -102,7 +106,9 @@ def extract(owner: type) -> dict[str, Declaration]:
     dict of str to Declaration
         By name.
     """
-    declared = {name: value for name, value in vars(owner).items() if isinstance(value, Declaration)}
+    declared = {
+        name: value for name, value in vars(owner).items() if isinstance(value, Declaration)
+    }
     for name, declaration in declared.items():
         if isinstance(declaration, OutputDeclaration):
             setattr(owner, name, declaration.law)
@@ -131,12 +137,24 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
     starts = []
     for state in (*of(StateDeclaration), *of(DiscreteDeclaration)):
         start = ParameterDeclaration(
-            start=state.start, unit=state.unit, doc=f"value of {state.name} at the start", min=state.min, max=state.max,
-            nominal=state.nominal, display=state.display, type=state.type,
-        )  # fmt: skip
+            start=state.start,
+            unit=state.unit,
+            doc=f"value of {state.name} at the start",
+            min=state.min,
+            max=state.max,
+            nominal=state.nominal,
+            display=state.display,
+            type=state.type,
+        )
         starts.append(starting(start, state.name))
     parameters = (*of(ParameterDeclaration), *starts)
-    kinds = (InputDeclaration, StateDeclaration, DiscreteDeclaration, OutputDeclaration, TextDeclaration)
+    kinds = (
+        InputDeclaration,
+        StateDeclaration,
+        DiscreteDeclaration,
+        OutputDeclaration,
+        TextDeclaration,
+    )
     return Layout(parameters, *map(of, kinds))
 
 
@@ -164,10 +182,21 @@ def _check_variables(owner: Any, layout: Layout) -> None:
     component = owner.__mro__[-2]
     names = set()
     # parameters last, so that a mistake in a state is not blamed on its start parameter
-    for v in (*layout.inputs, *layout.states, *layout.discretes, *layout.outputs, *layout.parameters, *layout.texts):
-        holder = component if isinstance(v, OutputDeclaration) else owner  # the law of an output has its name
+    for v in (
+        *layout.inputs,
+        *layout.states,
+        *layout.discretes,
+        *layout.outputs,
+        *layout.parameters,
+        *layout.texts,
+    ):
+        holder = (
+            component if isinstance(v, OutputDeclaration) else owner
+        )  # the law of an output has its name
         if not _is_name(v.name) or v.name.startswith("_"):
-            raise _mistake(owner, v, "must be named by an ASCII identifier without an underscore in front")
+            raise _mistake(
+                owner, v, "must be named by an ASCII identifier without an underscore in front"
+            )
         if v.name in names:
             raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
         if v.name in component.__annotations__ or hasattr(holder, v.name):
@@ -176,7 +205,9 @@ def _check_variables(owner: Any, layout: Layout) -> None:
         if not v.min < v.max:
             raise _mistake(owner, v, f"has an empty range, {_span(v)}")
         if not 0.0 < v.nominal < inf:
-            raise _mistake(owner, v, f"has the nominal value {v.nominal:g} {v.unit}; it must be positive")
+            raise _mistake(
+                owner, v, f"has the nominal value {v.nominal:g} {v.unit}; it must be positive"
+            )
         if isinstance(v, TextDeclaration):
             if len(v.start.encode()) > _LONGEST_TEXT:
                 raise _mistake(owner, v, f"starts with a text of more than {_LONGEST_TEXT} bytes")
@@ -187,13 +218,17 @@ def _check_variables(owner: Any, layout: Layout) -> None:
         if isinstance(v, Started) and v.type == "integer" and v.start != int(v.start):
             raise _mistake(owner, v, f"is an integer but starts at {v.start:g}")
         if isinstance(v, Started) and not v.min <= v.start <= v.max:
-            raise _mistake(owner, v, f"starts at {v.start:g} {v.unit}, outside its range, {_span(v)}")
+            raise _mistake(
+                owner, v, f"starts at {v.start:g} {v.unit}, outside its range, {_span(v)}"
+            )
 
 
 def _check_references(owner: Any, layout: Layout) -> None:
     """Check what declarations name: methods of the class, parameters of the presets and sample periods."""
     if not _is_name(owner.name):
-        raise UserError(f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII identifier")
+        raise UserError(
+            f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII identifier"
+        )
     for kind, group in (("rate", layout.states), ("update", layout.discretes)):
         for v in group:
             law = getattr(v, kind)
@@ -203,7 +238,9 @@ def _check_references(owner: Any, layout: Layout) -> None:
     for title, preset in owner.presets.items():
         for name, value in preset.values.items():
             if name not in parameters or not parameters[name].min <= value <= parameters[name].max:
-                raise UserError(f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter allows")
+                raise UserError(
+                    f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter allows"
+                )
     for d in layout.discretes:
         known = d.period in parameters if isinstance(d.period, str) else 0.0 < d.period < inf
         if not known:
@@ -212,7 +249,9 @@ def _check_references(owner: Any, layout: Layout) -> None:
 
 
 def _mistake(owner: Any, variable: Declaration, reason: str) -> UserError:
-    return UserError(f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}")
+    return UserError(
+        f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}"
+    )
 
 
 def _span(variable: Declaration) -> str:

@@ -6,7 +6,11 @@ from dataclasses import dataclass, replace
 
 MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
 LAGS = "lagged", "leading", "heat"
-_FAMILIES = {"": "over {}", "heat": "over temperature", "throughput": "over throughput"}  # others remember
+_FAMILIES = {
+    "": "over {}",
+    "heat": "over temperature",
+    "throughput": "over throughput",
+}  # others remember
 
 
 @dataclass(frozen=True)

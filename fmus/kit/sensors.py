@@ -72,7 +72,9 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
         declared = {o.name: o for o in component.layout.outputs if o.type == "real"}
         if output not in declared:
             named = component.name or component.__name__
-            raise UserError(f"{named}: no measured output named {output!r}{suggestion(output, declared)}")
+            raise UserError(
+                f"{named}: no measured output named {output!r}{suggestion(output, declared)}"
+            )
         of = declared[output]
 
         def below(self: Any) -> Any:
@@ -106,13 +108,15 @@ def sensor_lag(of: _Quantity) -> dict[str, Any]:
     """
     lag, change, reference, started = (
         f"{of.name}_lag_{part}" for part in ("time", "change", "reference", "started")
-    )  # fmt: skip
+    )
 
     def rate(self: Any) -> Any:
         value, time = of.below(self), getattr(self, lag)
         # until the first sample, which is taken when the first step begins, the start is now
         at_start = where(getattr(self, started), getattr(self, reference), value)
-        return (value - at_start - getattr(self, change)) / (time + SHORTEST_LAG * exp(-time / SHORTEST_LAG))
+        return (value - at_start - getattr(self, change)) / (
+            time + SHORTEST_LAG * exp(-time / SHORTEST_LAG)
+        )
 
     def measured(self: Any) -> Any:
         return of.below(self) - getattr(self, lag) * rate(self)
@@ -120,19 +124,29 @@ def sensor_lag(of: _Quantity) -> dict[str, Any]:
     return {
         "neutral": lag,
         "assumption": "the sensor follows at once",
-        lag: Parameter(0.0, "s", min=0, max=1e6, doc=f"time constant of the sensor of {of.name}; 0 is without"),
-        change: State(rate=f"{change}_rate", doc=f"change of the lagged {of.name} since the start", **of.about()),
+        lag: Parameter(
+            0.0, "s", min=0, max=1e6, doc=f"time constant of the sensor of {of.name}; 0 is without"
+        ),
+        change: State(
+            rate=f"{change}_rate",
+            doc=f"change of the lagged {of.name} since the start",
+            **of.about(),
+        ),
         reference: Discrete(
             update=f"{reference}_update", period=_ONCE, doc=f"{of.name} at the start", **of.about()
         ),
         started: Discrete(
-            "1", update=f"{started}_update", period=_ONCE, type="boolean", doc=f"whether {reference} is known"
+            "1",
+            update=f"{started}_update",
+            period=_ONCE,
+            type="boolean",
+            doc=f"whether {reference} is known",
         ),
         of.name: measured,
         f"{change}_rate": rate,
         f"{reference}_update": of.below,
         f"{started}_update": lambda self: 1.0,
-    }  # fmt: skip
+    }
 
 
 @_measurement
@@ -145,7 +159,9 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
     of the time before the start is a line: two states that start at 0, which is at rest at the value at the start.
     """
     delay = f"{of.name}_delay"
-    latest, instant, started, begin = (f"{delay}_{part}" for part in ("sample", "instant", "started", "begin"))
+    latest, instant, started, begin = (
+        f"{delay}_{part}" for part in ("sample", "instant", "started", "begin")
+    )
     history, slope = f"{delay}_history", f"{delay}_history_slope"
     changes = [f"{delay}_change_{k}" for k in range(1, DELAY_SAMPLES + 1)]
 
@@ -173,11 +189,20 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
         "neutral": delay,
         "assumption": "the measurement arrives at once",
         delay: Parameter(
-            0.0, "s", min=0, max=DELAY_PERIOD * DELAY_SAMPLES, nominal=0.1, doc=f"delay of {of.name}; 0 is without"
+            0.0,
+            "s",
+            min=0,
+            max=DELAY_PERIOD * DELAY_SAMPLES,
+            nominal=0.1,
+            doc=f"delay of {of.name}; 0 is without",
         ),
         latest: sampled(f"{of.name} at the latest sample", update=f"{latest}_update", **of.about()),
-        instant: sampled(f"time of the latest sample of {of.name}", unit="s", update=f"{instant}_update"),
-        started: sampled(f"whether {latest} is known", unit="1", type="boolean", update=f"{started}_update"),
+        instant: sampled(
+            f"time of the latest sample of {of.name}", unit="s", update=f"{instant}_update"
+        ),
+        started: sampled(
+            f"whether {latest} is known", unit="1", type="boolean", update=f"{started}_update"
+        ),
         begin: Discrete("s", update=f"{begin}_update", period=_ONCE, doc="time of the start"),
         history: State(
             rate=f"{history}_rate",
@@ -195,7 +220,9 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
     }
     register = [lambda self: change_to(self, of.below(self)), *map(value_of, changes[:-1])]
     for change, before in zip(changes, register, strict=True):
-        members[change] = sampled(f"change of {of.name} between two samples", update=f"{change}_update", **of.about())
+        members[change] = sampled(
+            f"change of {of.name} between two samples", update=f"{change}_update", **of.about()
+        )
         members[f"{change}_update"] = before
     return members
 
@@ -207,7 +234,13 @@ def sensor_gain(of: _Quantity) -> dict[str, Any]:
     return {
         "neutral": gain,
         "assumption": "the sensor is calibrated",
-        gain: Parameter(1.0, "1", min=-_ANY, max=_ANY, doc=f"scale of the measured {of.name}; 1 is without error"),
+        gain: Parameter(
+            1.0,
+            "1",
+            min=-_ANY,
+            max=_ANY,
+            doc=f"scale of the measured {of.name}; 1 is without error",
+        ),
         of.name: lambda self: getattr(self, gain) * of.below(self),
     }
 
@@ -219,7 +252,9 @@ def sensor_offset(of: _Quantity) -> dict[str, Any]:
     return {
         "neutral": offset,
         "assumption": "the sensor has its zero at zero",
-        offset: Parameter(0.0, min=-_ANY, max=_ANY, doc=f"bias of the measured {of.name}", **of.about()),
+        offset: Parameter(
+            0.0, min=-_ANY, max=_ANY, doc=f"bias of the measured {of.name}", **of.about()
+        ),
         of.name: lambda self: of.below(self) + getattr(self, offset),
     }
 
@@ -233,16 +268,26 @@ def sensor_drift(of: _Quantity) -> dict[str, Any]:
         "neutral": drift,
         "assumption": "the zero of the sensor stays",
         drift: Parameter(
-            0.0, min=-_ANY, max=_ANY, doc=f"rate at which the bias of {of.name} grows", **of.about("/s", 1e-3)
+            0.0,
+            min=-_ANY,
+            max=_ANY,
+            doc=f"rate at which the bias of {of.name} grows",
+            **of.about("/s", 1e-3),
         ),
-        since: State("s", rate=f"{since}_rate", nominal=1e3, doc=f"time since the start, for the drift of {of.name}"),
+        since: State(
+            "s",
+            rate=f"{since}_rate",
+            nominal=1e3,
+            doc=f"time since the start, for the drift of {of.name}",
+        ),
         of.name: lambda self: of.below(self) + getattr(self, drift) * getattr(self, since),
         f"{since}_rate": lambda self: 1.0,
     }
 
 
 MEASUREMENTS: dict[str, Factory] = {
-    make.__name__: make for make in (sensor_lag, transport_delay, sensor_gain, sensor_offset, sensor_drift)
+    make.__name__: make
+    for make in (sensor_lag, transport_delay, sensor_gain, sensor_offset, sensor_drift)
 }
 
 

@@ -16,7 +16,9 @@ from .component import Component
 from .errors import UserError
 from .integrate import Integrator
 
-_HINT, _START_TIME, _TOLERANCE, _PARAMETERS_CHANGED, _COUNTERS = range(5)  # internals, in the order of fmi2/engine.h
+_HINT, _START_TIME, _TOLERANCE, _PARAMETERS_CHANGED, _COUNTERS = range(
+    5
+)  # internals, in the order of fmi2/engine.h
 
 
 @cache
@@ -52,7 +54,8 @@ class Slave:
         first_state = first_input + len(layout.inputs)
         first_output = first_state + len(layout.states) + len(layout.discretes)
         load = [
-            f"m.{v.name} = y[{i}]" + (" != 0.0" if v.type == "boolean" else "") for i, v in enumerate(layout.variables)
+            f"m.{v.name} = y[{i}]" + (" != 0.0" if v.type == "boolean" else "")
+            for i, v in enumerate(layout.variables)
         ]
         store = [f"y[{i}] = m.{v.name}" for i, v in enumerate(layout.variables)]
         self._load_parameters = _transfer(*load[:first_input])
@@ -68,7 +71,9 @@ class Slave:
 
     def initialize(self) -> str | None:
         """Run once at the end of initialization; a message means that the parameters cannot work."""
-        self.memory[self._internals + _PARAMETERS_CHANGED] = 1.0  # the host may have set the tolerance last
+        self.memory[self._internals + _PARAMETERS_CHANGED] = (
+            1.0  # the host may have set the tolerance last
+        )
         return self.evaluate(0.0)
 
     def evaluate(self, time: float) -> str | None:
@@ -117,7 +122,12 @@ class Slave:
             Message of an error.
         """
         try:
-            memory, component, integrator, internals = self.memory, self.component, self.integrator, self._internals
+            memory, component, integrator, internals = (
+                self.memory,
+                self.component,
+                self.integrator,
+                self._internals,
+            )
             if memory[internals + _PARAMETERS_CHANGED]:
                 self._take_parameters()
             self._load(component, memory)

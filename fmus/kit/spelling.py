@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import re
 
-_FACTOR = re.compile(r"([^\W\d_]+)([+-]?\d{1,2}(?!\w))?")  # a name and, at once behind it, its power
+_FACTOR = re.compile(
+    r"([^\W\d_]+)([+-]?\d{1,2}(?!\w))?"
+)  # a name and, at once behind it, its power
 _DIVISORS = re.compile(r"/\(([^()/]*)\)")
 
 
@@ -81,7 +83,9 @@ def from_modelica(unit: str) -> str:
     >>> [from_modelica(unit) for unit in ("N.m", "mOhm", "m/s2", "A/(V.s)", "s-1", "N*s/m")]
     ['N*m', 'mohm', 'm/s^2', 'A/V/s', 's^-1', 'N*s/m']
     """
-    text = _FACTOR.sub(lambda found: _renamed(found[1]) + (f"^{found[2]}" if found[2] else ""), unit)
+    text = _FACTOR.sub(
+        lambda found: _renamed(found[1]) + (f"^{found[2]}" if found[2] else ""), unit
+    )
     text = re.sub(r"\.(?!\d)", "*", text)
     return _DIVISORS.sub(lambda found: "/" + found[1].replace("*", "/"), text)
 

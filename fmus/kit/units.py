@@ -16,9 +16,15 @@ if TYPE_CHECKING:
 
 # pint's name of each base unit -> attribute of FMI's BaseUnit
 _BASE = {
-    "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A",
-    "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
-}  # fmt: skip
+    "kilogram": "kg",
+    "meter": "m",
+    "second": "s",
+    "ampere": "A",
+    "kelvin": "K",
+    "mole": "mol",
+    "candela": "cd",
+    "radian": "rad",
+}
 _LONGEST = 100  # characters of a unit
 _WRITTEN = re.compile(
     r"\s*(?:1\s*(?=/)|[^\W\d]\w*|[°%Ω]\w*|[()*/·.]|\s"
@@ -128,7 +134,9 @@ def base_unit(unit: str) -> BaseUnit:
     )
     powers = {str(name): float(str(power)) for name, power in one.unit_items()}
     if not all(name in _BASE and power.is_integer() for name, power in powers.items()):
-        raise UserError(f"unit {unit!r} is not made of integer powers of SI base units, as FMI requires")
+        raise UserError(
+            f"unit {unit!r} is not made of integer powers of SI base units, as FMI requires"
+        )
     exponents = {_BASE[name]: int(power) for name, power in powers.items()}
     return BaseUnit(exponents, float(one.magnitude - zero.magnitude), float(zero.magnitude))
 
@@ -181,7 +189,11 @@ def convertible(source: pint.Unit, target: pint.Unit) -> bool:
 def _angles(unit: pint.Unit) -> float:
     """Power of the angle in a unit: 1 for rad/s and rpm, 0 for Hz."""
     powers = registry().Quantity(1.0, unit)._units
-    turning = (power for name, power in powers.items() if "radian" in str(registry().get_root_units(name)[1]))
+    turning = (
+        power
+        for name, power in powers.items()
+        if "radian" in str(registry().get_root_units(name)[1])
+    )
     return sum(float(str(power)) for power in turning)
 
 
@@ -201,7 +213,9 @@ class Described(Protocol):
 
     type: str
     unit: str
-    display: Any  # str | None would not match a class that always has one, for an attribute can be set
+    display: (
+        Any  # str | None would not match a class that always has one, for an attribute can be set
+    )
     min: float
     max: float
 
@@ -260,7 +274,9 @@ def unit_of_differences(variable: Described) -> str:
 
 
 def _with_unit(value: float, unit: str, display: str, digits: int) -> str:
-    return f"{convert(float(value), unit, display):.{digits}g}" + ("" if display == "1" else f" {display}")
+    return f"{convert(float(value), unit, display):.{digits}g}" + (
+        "" if display == "1" else f" {display}"
+    )
 
 
 def allowed(variable: Described) -> str:
@@ -279,4 +295,10 @@ def allowed(variable: Described) -> str:
     if low and high:
         least = convert(variable.min, variable.unit, variable.display or variable.unit)
         return f"{least:g} … {shown(variable.max, variable)}"
-    return f"≥ {shown(variable.min, variable)}" if low else f"≤ {shown(variable.max, variable)}" if high else ""
+    return (
+        f"≥ {shown(variable.min, variable)}"
+        if low
+        else f"≤ {shown(variable.max, variable)}"
+        if high
+        else ""
+    )

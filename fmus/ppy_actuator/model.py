@@ -23,25 +23,56 @@ class Actuator(Component):
     """What both causalities share: the electrical circuit, the creep elements and the coupling."""
 
     R1 = Parameter(
-        0.43, "ohm", min=0, max=1e6, source=_TABLE, doc="series resistance: ion diffusion, contacts and electrolyte"
+        0.43,
+        "ohm",
+        min=0,
+        max=1e6,
+        source=_TABLE,
+        doc="series resistance: ion diffusion, contacts and electrolyte",
     )
-    R2 = Parameter(2.35, "ohm", min=1e-6, max=1e12, source=_TABLE, doc="leakage resistance across R1 and C")
-    C = Parameter(2.70, "F", min=1e-9, max=1e9, source=_TABLE, doc="bulk capacitance of the polymer films")
+    R2 = Parameter(
+        2.35, "ohm", min=1e-6, max=1e12, source=_TABLE, doc="leakage resistance across R1 and C"
+    )
+    C = Parameter(
+        2.70, "F", min=1e-9, max=1e9, source=_TABLE, doc="bulk capacitance of the polymer films"
+    )
     alpha = Parameter(
-        6.8e-5, "m/C", min=-1.0, max=1.0, display="mm/C", source="thesis fig. 3-10", doc="displacement per charge"
+        6.8e-5,
+        "m/C",
+        min=-1.0,
+        max=1.0,
+        display="mm/C",
+        source="thesis fig. 3-10",
+        doc="displacement per charge",
     )
-    k1 = Parameter(6300.0, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="instantaneous (Maxwell) stiffness")
-    b1 = Parameter(1.7e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="viscous flow (Maxwell) damping")
-    k2 = Parameter(1.0e4, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="delayed (Kelvin) stiffness")
-    b2 = Parameter(2.0e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="delayed (Kelvin) damping")
+    k1 = Parameter(
+        6300.0, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="instantaneous (Maxwell) stiffness"
+    )
+    b1 = Parameter(
+        1.7e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="viscous flow (Maxwell) damping"
+    )
+    k2 = Parameter(
+        1.0e4, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="delayed (Kelvin) stiffness"
+    )
+    b2 = Parameter(
+        2.0e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="delayed (Kelvin) damping"
+    )
 
     current = Input("A", doc="current into the actuator")
     charge = State("C", rate="capacitor_current", output=True, doc="charge on the polymer films")
     kelvin_elongation = State(
-        "m", rate="kelvin_rate", nominal=1e-4, display="mm", doc="elongation of the Kelvin element (x_b2)"
+        "m",
+        rate="kelvin_rate",
+        nominal=1e-4,
+        display="mm",
+        doc="elongation of the Kelvin element (x_b2)",
     )
     maxwell_elongation = State(
-        "m", rate="maxwell_rate", nominal=1e-4, display="mm", doc="elongation of the Maxwell dashpot (x_b1)"
+        "m",
+        rate="maxwell_rate",
+        nominal=1e-4,
+        display="mm",
+        doc="elongation of the Maxwell dashpot (x_b1)",
     )
 
     # --- electrical -------------------------------------------------------------------------------------------------
@@ -72,7 +103,9 @@ class Actuator(Component):
 
     def capacitor_current(self) -> Any:
         """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
-        return (self.R2 * self.supply_current() - self.capacitor_voltage()) / (self.immediate_resistance() + self.R2)
+        return (self.R2 * self.supply_current() - self.capacitor_voltage()) / (
+            self.immediate_resistance() + self.R2
+        )
 
     def terminal_voltage(self) -> Any:
         """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
@@ -140,12 +173,19 @@ class Actuator(Component):
 
     presets = {
         "five_layer": Preset(
-            {"R1": 1.32, "R2": 2.72, "C": 0.46,
-             "k1": 6300.0 * 5 / 12, "b1": 1.7e6 * 5 / 12, "k2": 1.0e4 * 5 / 12, "b2": 2.0e6 * 5 / 12},
+            {
+                "R1": 1.32,
+                "R2": 2.72,
+                "C": 0.46,
+                "k1": 6300.0 * 5 / 12,
+                "b1": 1.7e6 * 5 / 12,
+                "k2": 1.0e4 * 5 / 12,
+                "b2": 2.0e6 * 5 / 12,
+            },
             doc="5-layer actuator: circuit as measured (thesis section 3.3.1, fig. 3-5); stiffness and damping are the "
             "12-layer values times 5/12, because parallel films add (section 3.1.2); alpha is kept",
         ),
-    }  # fmt: skip
+    }
 
 
 class PpyActuator(Actuator):
@@ -153,7 +193,9 @@ class PpyActuator(Actuator):
 
     name = "ppy_actuator"
 
-    force = Input("N", doc="applied load, tension positive; films buckle under compression (assumption 3)")
+    force = Input(
+        "N", doc="applied load, tension positive; films buckle under compression (assumption 3)"
+    )
 
     def load(self) -> Any:
         """The applied force itself."""
@@ -173,7 +215,9 @@ class PpyActuatorLengthDriven(Actuator):
 
     name = "ppy_actuator_length_driven"
 
-    length_change = Input("m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length")
+    length_change = Input(
+        "m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length"
+    )
 
     def load(self) -> Any:
         """What the instantaneous spring makes of the elongation that remains for it; slack instead of compression."""

@@ -72,7 +72,9 @@ def read_client_keys(path: Path, warn: Callable[[str], None] = lambda text: None
     """
     table = read_table(path, warn)
     if "clients" in table:
-        raise UserError(f"{path}: this is the key file of a server; a client has server_key, public_key and secret_key")
+        raise UserError(
+            f"{path}: this is the key file of a server; a client has server_key, public_key and secret_key"
+        )
     keys = {name: key(table, name, path) for name in ("server_key", "public_key", "secret_key")}
     return ClientKeys(**keys)
 
@@ -91,7 +93,10 @@ def read_table(path: Path, warn: Callable[[str], None] = lambda text: None) -> d
         raise UserError(f"{path}: more than {_LARGEST} bytes; this is no key file")
     try:
         table = tomllib.loads(content.decode())
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:  # its text may quote a secret and is not passed on
+    except (
+        UnicodeDecodeError,
+        tomllib.TOMLDecodeError,
+    ) as error:  # its text may quote a secret and is not passed on
         raise UserError(f"{path}: no key file: not TOML") from error
     if os.name != "nt" and mode & (stat.S_IRGRP | stat.S_IROTH):
         warn(f"{path} holds a secret key and can be read by others: chmod 600 {path}")
@@ -128,8 +133,12 @@ def checked(text: Any, where: str) -> str:
         for character in text[start : start + 5]:
             digit = _ALPHABET.find(character)
             if digit < 0:
-                raise UserError(f"{where} is not Z85: one of characters {start + 1} to {start + 5} cannot be in a key")
+                raise UserError(
+                    f"{where} is not Z85: one of characters {start + 1} to {start + 5} cannot be in a key"
+                )
             value = value * len(_ALPHABET) + digit
         if value >= 2**32:
-            raise UserError(f"{where} is not Z85: characters {start + 1} to {start + 5} stand for no four bytes")
+            raise UserError(
+                f"{where} is not Z85: characters {start + 1} to {start + 5} stand for no four bytes"
+            )
     return text

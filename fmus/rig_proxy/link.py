@@ -59,7 +59,12 @@ class Link:
         credentials: Path | None = None,
         client: str = "ppy",
     ):
-        self.endpoint, self.inputs, self.outputs, self.client = endpoint, dict(inputs), dict(outputs), client
+        self.endpoint, self.inputs, self.outputs, self.client = (
+            endpoint,
+            dict(inputs),
+            dict(outputs),
+            client,
+        )
         self.accepted: Mapping[str, Any] = {}
         self.round_trip_time = 0.0
         self._keys = None if credentials is None else read_client_keys(credentials)
@@ -101,7 +106,9 @@ class Link:
         self.accepted = {}
         if self._used:
             self._open()
-        self._send("connect", client=self.client, inputs=self.inputs, outputs=self.outputs, time=time)
+        self._send(
+            "connect", client=self.client, inputs=self.inputs, outputs=self.outputs, time=time
+        )
         for message in self._answers(monotonic() + timeout):
             if message["type"] == "refused":
                 raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
@@ -111,9 +118,13 @@ class Link:
                 self._seen = message["clock"]
                 return message
         keys = ", without keys" if self._keys is None else ", with these keys"
-        raise LinkError(f"no answer within {timeout:g} s from {self.endpoint}{keys}; is `ppy rig serve` running?")
+        raise LinkError(
+            f"no answer within {timeout:g} s from {self.endpoint}{keys}; is `ppy rig serve` running?"
+        )
 
-    def exchange(self, values: Sequence[float], time: float, step: float, timeout: float) -> Mapping[str, Any] | None:
+    def exchange(
+        self, values: Sequence[float], time: float, step: float, timeout: float
+    ) -> Mapping[str, Any] | None:
         """Send commands, and take the answer to them.
 
         Parameters
@@ -137,9 +148,15 @@ class Link:
         """
         self._sequence += 1
         self._send(
-            "exchange", session=self.session, sequence=self._sequence, sent=monotonic(), seen=self._seen, time=time,
-            step=step, values=list(values),
-        )  # fmt: skip
+            "exchange",
+            session=self.session,
+            sequence=self._sequence,
+            sent=monotonic(),
+            seen=self._seen,
+            time=time,
+            step=step,
+            values=list(values),
+        )
         for message in self._samples(monotonic() + timeout):
             if message["sequence"] == self._sequence:
                 return message
@@ -191,7 +208,9 @@ class Link:
         try:
             socket.connect(self.endpoint)
         except zmq.ZMQError as error:
-            raise LinkError(f"endpoint {self.endpoint!r}: {error.strerror}; it is like {protocol.ENDPOINT}") from error
+            raise LinkError(
+                f"endpoint {self.endpoint!r}: {error.strerror}; it is like {protocol.ENDPOINT}"
+            ) from error
 
     def _send(self, kind: str, **fields: Any) -> None:
         self._used = True
@@ -220,7 +239,11 @@ class Link:
             if message["type"] == "refused":
                 self.accepted = {}
                 raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
-            if message["type"] != "sample" or message["session"] != self.session or not self._has_all(message):
+            if (
+                message["type"] != "sample"
+                or message["session"] != self.session
+                or not self._has_all(message)
+            ):
                 continue
             if self._newest < message["sequence"] <= self._sequence:
                 self._newest, self._seen = message["sequence"], max(self._seen, message["clock"])

@@ -22,8 +22,12 @@ class _Actuator(Proxy):
 
     current = Input("A", doc="current into the actuator")
     voltage = Measured("V", doc="voltage across the actuator")
-    electrochemical_displacement = Measured("m", nominal=1e-4, display="mm", doc="elongation due to charge")
-    mechanical_displacement = Measured("m", nominal=1e-4, display="mm", doc="elongation due to load")
+    electrochemical_displacement = Measured(
+        "m", nominal=1e-4, display="mm", doc="elongation due to charge"
+    )
+    mechanical_displacement = Measured(
+        "m", nominal=1e-4, display="mm", doc="elongation due to load"
+    )
     charge = Measured("C", doc="charge on the polymer films")
 
 
@@ -41,7 +45,9 @@ class RigProxyLengthDriven(_Actuator):
 
     name = "rig_proxy_length_driven"
 
-    length_change = Input("m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length")
+    length_change = Input(
+        "m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length"
+    )
     tension = Measured("N", doc="tension in the actuator")
 
 

@@ -30,7 +30,11 @@ def _is_text(value: Any) -> bool:
 
 def _is_number(value: Any) -> bool:
     # a whole number may have more digits than a float can stand for
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return (
+        isinstance(value, (int, float))
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max
+    )
 
 
 def _is_count(value: Any) -> bool:
@@ -55,7 +59,8 @@ def _is_units(value: Any) -> bool:
 
 def _is_limits(value: Any) -> bool:
     return isinstance(value, dict) and all(
-        isinstance(limit, dict) and all(limit.get(key) is None or _is_number(limit[key]) for key in LIMIT_KEYS)
+        isinstance(limit, dict)
+        and all(limit.get(key) is None or _is_number(limit[key]) for key in LIMIT_KEYS)
         for limit in value.values()
     )
 
@@ -75,27 +80,42 @@ _NAMED = {"inputs": _is_units, "outputs": _is_units}
 REQUESTS = {
     "connect": {"client": _is_text, **_NAMED, "time": _is_number},
     "exchange": {
-        "session": _is_text, "sequence": _is_count, "sent": _is_number, "seen": _is_number, "time": _is_number,
-        "step": _is_number, "values": _is_numbers,
+        "session": _is_text,
+        "sequence": _is_count,
+        "sent": _is_number,
+        "seen": _is_number,
+        "time": _is_number,
+        "step": _is_number,
+        "values": _is_numbers,
     },
     "disconnect": {"session": _is_text},
     "stop": {"reason": _is_text},
     "acknowledge": {},
     "status": {},
-}  # fmt: skip
+}
 REPLIES = {
     "accepted": {"session": _is_text, "clock": _is_number, **_RIG, **_SAMPLE},
     "refused": {"reason": _is_text},
     "sample": {
-        "session": _is_text, "sequence": _is_count, "sent": _is_number, "clock": _is_number, **_SAMPLE,
-        "state": _is_text, "reason": _is_text, "refused": _is_texts,
+        "session": _is_text,
+        "sequence": _is_count,
+        "sent": _is_number,
+        "clock": _is_number,
+        **_SAMPLE,
+        "state": _is_text,
+        "reason": _is_text,
+        "refused": _is_texts,
     },
     "disconnected": {},
     "status": {**_STATE, **_RIG, **_NAMED, "counts": _is_mapping},
     "telemetry": {
-        **_STATE, "inputs": _is_mapping, "outputs": _is_mapping, "ages": _is_mapping, "refused": _is_texts,
+        **_STATE,
+        "inputs": _is_mapping,
+        "outputs": _is_mapping,
+        "ages": _is_mapping,
+        "refused": _is_texts,
     },
-}  # fmt: skip
+}
 
 
 def encode(kind: str, **fields: Any) -> bytes:
@@ -118,7 +138,9 @@ def encode(kind: str, **fields: Any) -> bytes:
     ValueError
         If a number is not finite.
     """
-    return json.dumps({"ppy": VERSION, "type": kind, **fields}, allow_nan=False, separators=(",", ":")).encode()
+    return json.dumps(
+        {"ppy": VERSION, "type": kind, **fields}, allow_nan=False, separators=(",", ":")
+    ).encode()
 
 
 def decode(frame: bytes, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
@@ -150,12 +172,16 @@ def decode(frame: bytes, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
     if not isinstance(message, dict):
         raise ProtocolError("a frame that is no JSON object")
     if message.get("ppy") != VERSION:
-        raise ProtocolError(f"protocol version {str(message.get('ppy'))[:20]}; this is version {VERSION}")
+        raise ProtocolError(
+            f"protocol version {str(message.get('ppy'))[:20]}; this is version {VERSION}"
+        )
     kind = message.get("type")
     fields = known.get(kind) if isinstance(kind, str) else None
     if fields is None:
         raise ProtocolError(f"a message of type {str(kind)[:40]!r}; there are {', '.join(known)}")
     for name, is_right in fields.items():
         if name not in message or not is_right(message[name]):
-            raise ProtocolError(f"a message {kind} whose {name} is {str(message.get(name, 'missing'))[:60]}")
+            raise ProtocolError(
+                f"a message {kind} whose {name} is {str(message.get(name, 'missing'))[:60]}"
+            )
     return message

@@ -16,7 +16,18 @@ HOLD, FAIL = "hold", "fail"
 AGE = "{}_age"  # name of the output with the age of a value
 
 # the rest of the C files has no header of its own
-_NATIVE = ("clock", "sockets", "endpoint", "numbers", "json_reader", "json_writer", "messages", "zmtp", "link", "proxy")
+_NATIVE = (
+    "clock",
+    "sockets",
+    "endpoint",
+    "numbers",
+    "json_reader",
+    "json_writer",
+    "messages",
+    "zmtp",
+    "link",
+    "proxy",
+)
 
 _ENGINE = Engine(
     slave="fmus.rig_proxy.slave:ProxySlave",
@@ -61,13 +72,25 @@ class Proxy(Component):
 
     endpoint = Text(ENDPOINT, "where the rig's server listens")
     credentials = Text("", "file with the keys of this client (ppy rig keys); empty: no encryption")
-    on_stale = Text(HOLD, "what to do when a value is older than max_age: hold (and say so in link_state) or fail")
+    on_stale = Text(
+        HOLD,
+        "what to do when a value is older than max_age: hold (and say so in link_state) or fail",
+    )
     communication_timeout = Parameter(
-        1.0, "s", min=1e-3, max=60.0, doc="longest that any call waits for the rig; silence beyond it means a lost link"
+        1.0,
+        "s",
+        min=1e-3,
+        max=60.0,
+        doc="longest that any call waits for the rig; silence beyond it means a lost link",
     )
     max_age = Parameter(0.5, "s", min=1e-3, max=3600.0, doc="age beyond which a value is stale")
     deadline = Parameter(
-        0.1, "s", min=1e-4, max=60.0, nominal=0.1, doc="time after which an answer that a step needs counts as missed"
+        0.1,
+        "s",
+        min=1e-4,
+        max=60.0,
+        nominal=0.1,
+        doc="time after which an answer that a step needs counts as missed",
     )
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -77,12 +100,18 @@ class Proxy(Component):
         for name, declaration in _link().items() if cls.name else ():
             setattr(cls, name, declaration)
         super().__init_subclass__(**options)
-        if cls.name and not any(AGE.format(output.name) in cls.layout.names for output in cls.layout.outputs):
-            raise UserError(f"{cls.__module__}.{cls.__qualname__}: a proxy needs a measured output at least")
+        if cls.name and not any(
+            AGE.format(output.name) in cls.layout.names for output in cls.layout.outputs
+        ):
+            raise UserError(
+                f"{cls.__module__}.{cls.__qualname__}: a proxy needs a measured output at least"
+            )
 
 
 def _age_of(value: Declaration) -> Any:
-    age = OutputDeclaration(unit="s", doc=f"age of {value.name}", law=_unlawful, min=0.0, nominal=0.1)
+    age = OutputDeclaration(
+        unit="s", doc=f"age of {value.name}", law=_unlawful, min=0.0, nominal=0.1
+    )
     return named(age, AGE.format(value.name))
 
 
@@ -90,14 +119,26 @@ def _link() -> dict[str, Any]:
     """Outputs about the link, behind those of the rig."""
     outputs = {
         "round_trip_time": OutputDeclaration(
-            unit="s", doc="from the sending of a command to its answer", law=_unlawful, min=0.0, nominal=1e-3
+            unit="s",
+            doc="from the sending of a command to its answer",
+            law=_unlawful,
+            min=0.0,
+            nominal=1e-3,
         ),
         "missed_deadlines": OutputDeclaration(
-            unit="1", doc="steps whose values did not come in time", law=_unlawful, min=0.0, type="integer"
+            unit="1",
+            doc="steps whose values did not come in time",
+            law=_unlawful,
+            min=0.0,
+            type="integer",
         ),
         "link_state": OutputDeclaration(
-            unit="1", doc=", ".join(f"{n} {state}" for n, state in enumerate(LINK_STATES)), law=_unlawful, min=0.0,
-            max=float(LOST), type="integer",
+            unit="1",
+            doc=", ".join(f"{n} {state}" for n, state in enumerate(LINK_STATES)),
+            law=_unlawful,
+            min=0.0,
+            max=float(LOST),
+            type="integer",
         ),
-    }  # fmt: skip
+    }
     return {name: named(output, name) for name, output in outputs.items()}

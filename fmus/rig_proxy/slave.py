@@ -51,9 +51,15 @@ class ProxySlave:
         self._link: Link | None = None
         self._warning: str | None = None
         self._rig: Mapping[str, Any] = {}  # what it said when it accepted the session
-        self._begin: float | None = None  # our clock at the start of the simulation; it runs from the first step on
-        self._start = self._heard = 0.0  # simulation time at the start; our clock at the last answer
-        self._taken = [0.0] * len(outputs)  # our clock when each value was taken, at the latest that it can have been
+        self._begin: float | None = (
+            None  # our clock at the start of the simulation; it runs from the first step on
+        )
+        self._start = self._heard = (
+            0.0  # simulation time at the start; our clock at the last answer
+        )
+        self._taken = [0.0] * len(
+            outputs
+        )  # our clock when each value was taken, at the latest that it can have been
 
     def initialize(self) -> str | None:
         """Connect to the rig; a message means that it cannot be used."""
@@ -62,12 +68,20 @@ class ProxySlave:
             self._check_parameters()
             keys = self._text("credentials")
             self._link = Link(
-                self._text("endpoint"), self._inputs, self._outputs, Path(keys) if keys else None, self._cls.name
+                self._text("endpoint"),
+                self._inputs,
+                self._outputs,
+                Path(keys) if keys else None,
+                self._cls.name,
             )
             self._start = self._memory[self._internals + _START_TIME]
             self._connect(self._start, self._value("communication_timeout"))
             self._begin = None
-            missing = [name for name, value in zip(self._outputs, self._rig["values"], strict=True) if value is None]
+            missing = [
+                name
+                for name, value in zip(self._outputs, self._rig["values"], strict=True)
+                if value is None
+            ]
             if missing:
                 raise UserError(f"the rig has no value of {missing[0]}")
             self._set("missed_deadlines", 0.0)
@@ -105,7 +119,9 @@ class ProxySlave:
             if self._link is None:
                 raise UserError("there is no link to the rig")
             if step > timeout:
-                raise UserError(f"a step of {step:g} s is longer than communication_timeout, {timeout:g} s")
+                raise UserError(
+                    f"a step of {step:g} s is longer than communication_timeout, {timeout:g} s"
+                )
             if not self._link.session:
                 self._again(time)
             self._look(self._make(time, step, last))
@@ -137,7 +153,9 @@ class ProxySlave:
         assert self._link is not None
         lockstep = self._rig["mode"] == LOCKSTEP
         timeout, deadline = self._value("communication_timeout"), self._value("deadline")
-        if self._begin is None:  # what a master does between initialization and its first step takes no time of the rig
+        if (
+            self._begin is None
+        ):  # what a master does between initialization and its first step takes no time of the rig
             self._begin = monotonic() - (time - self._start)
         due = -inf if lockstep else self._begin + (time + step - self._start)
         if late := self._link.late():
@@ -155,7 +173,9 @@ class ProxySlave:
             sleep(max(0.0, min(due - monotonic(), wait)))
         if answer is None:
             if lockstep:
-                raise LinkError(f"no answer within {timeout:g} s: the rig's time and ours are apart")
+                raise LinkError(
+                    f"no answer within {timeout:g} s: the rig's time and ours are apart"
+                )
             self._set("missed_deadlines", self._value("missed_deadlines") + 1.0)
             return LOST if monotonic() - self._heard > timeout else CONNECTED
         return REFUSED if answer["refused"] else CONNECTED
@@ -185,14 +205,18 @@ class ProxySlave:
         assert self._link is not None
         self._heard = now = monotonic()
         trip = self._link.round_trip_time
-        for index, (name, value, age) in enumerate(zip(self._outputs, sample["values"], sample["ages"], strict=True)):
+        for index, (name, value, age) in enumerate(
+            zip(self._outputs, sample["values"], sample["ages"], strict=True)
+        ):
             if value is not None and age is not None:
                 self._set(name, float(value))
                 self._taken[index] = now - age - trip
         self._set("round_trip_time", trip)
         if sample.get("state") == SAFE:
             raise UserError(f"the rig is in its safe state: {sample['reason']}")
-        if sample.get("refused") and self._value("link_state") != REFUSED:  # told once, when it begins
+        if (
+            sample.get("refused") and self._value("link_state") != REFUSED
+        ):  # told once, when it begins
             self._warning = f"refused by the rig: {sample['refused'][0]}"
 
     def _look(self, state: int) -> None:
@@ -203,7 +227,12 @@ class ProxySlave:
         UserError
             If a value is too old, or the link is lost, and the FMU is to fail then.
         """
-        now, oldest, limit, fails = monotonic(), 0.0, self._value("max_age"), self._text("on_stale") == FAIL
+        now, oldest, limit, fails = (
+            monotonic(),
+            0.0,
+            self._value("max_age"),
+            self._text("on_stale") == FAIL,
+        )
         for name, taken in zip(self._outputs, self._taken, strict=True):
             age = max(0.0, now - taken)
             self._set(AGE.format(name), age)
@@ -254,7 +283,9 @@ class ProxySlave:
 
     def _check_parameters(self) -> None:
         if self._text("on_stale") not in (HOLD, FAIL):
-            raise UserError(f"parameter 'on_stale' = {self._text('on_stale')!r}: must be {HOLD} or {FAIL}")
+            raise UserError(
+                f"parameter 'on_stale' = {self._text('on_stale')!r}: must be {HOLD} or {FAIL}"
+            )
         if self._value("deadline") > self._value("communication_timeout"):
             raise UserError(
                 f"parameter 'deadline' = {self._value('deadline'):g} s is longer than communication_timeout, "

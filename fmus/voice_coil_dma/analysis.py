@@ -43,9 +43,17 @@ class Margins:
 
 
 def plant(
-    *, R: float = 3.0, L: float = 1e-3, K: float = 3.9, m: float = 0.03, b_vc: float = 6.0,
-    k1: float = 3860.0, k2: float = 300.0, b2: float = 2300.0, back_emf: bool = True,
-) -> Any:  # fmt: skip
+    *,
+    R: float = 3.0,
+    L: float = 1e-3,
+    K: float = 3.9,
+    m: float = 0.03,
+    b_vc: float = 6.0,
+    k1: float = 3860.0,
+    k2: float = 300.0,
+    b2: float = 2300.0,
+    back_emf: bool = True,
+) -> Any:
     """Coil force over coil voltage, F(s)/V(s) of eq. 2.1 in N/V.
 
     Parameters
@@ -67,7 +75,9 @@ def plant(
         return control.tf([K], [L, R])
     relaxing = np.array([b2, k2])
     mechanical = np.polyadd(np.polymul([m, b_vc, k1], relaxing), [b2 * k2, 0.0])
-    denominator = np.polyadd(np.polymul([L, R], mechanical), K**2 * np.polymul([1.0, 0.0], relaxing))
+    denominator = np.polyadd(
+        np.polymul([L, R], mechanical), K**2 * np.polymul([1.0, 0.0], relaxing)
+    )
     return control.tf(K * mechanical, denominator)
 
 
@@ -83,7 +93,9 @@ def controller(gain: float = 18.0, zero_time: float = 0.02) -> Any:
     return control.tf([gain * zero_time, gain], [1.0, 0.0])
 
 
-def discrete_coefficients(gain: float, zero_time: float, period: float = SAMPLE_PERIOD) -> tuple[float, float]:
+def discrete_coefficients(
+    gain: float, zero_time: float, period: float = SAMPLE_PERIOD
+) -> tuple[float, float]:
     """Coefficients b0 and b1 of eq. 2.2 by Tustin's rule, in V/N.
 
     Parameters
@@ -96,7 +108,9 @@ def discrete_coefficients(gain: float, zero_time: float, period: float = SAMPLE_
     return gain * (zero_time + period / 2.0), gain * (period / 2.0 - zero_time)
 
 
-def continuous_coefficients(b0: float, b1: float, period: float = SAMPLE_PERIOD) -> tuple[float, float]:
+def continuous_coefficients(
+    b0: float, b1: float, period: float = SAMPLE_PERIOD
+) -> tuple[float, float]:
     """Inverse of :func:`discrete_coefficients`: gain in V/(N s) and time of the zero in s."""
     gain = (b0 + b1) / period
     return gain, (b0 - b1) / (2.0 * gain)
@@ -126,8 +140,14 @@ def force_filter(cutoff: float = 100.0) -> Any:
     return control.tf([1.0], [1.0 / (2.0 * pi * cutoff), 1.0])
 
 
-def loop(gain: float = 18.0, zero_time: float = 0.02, *, period: float | None = SAMPLE_PERIOD,
-         cutoff: float | None = 100.0, **about_plant: Any) -> Any:  # fmt: skip
+def loop(
+    gain: float = 18.0,
+    zero_time: float = 0.02,
+    *,
+    period: float | None = SAMPLE_PERIOD,
+    cutoff: float | None = 100.0,
+    **about_plant: Any,
+) -> Any:
     """Loop transfer function: controller, hold, plant and filter.
 
     Parameters
@@ -158,10 +178,17 @@ def margins(system: Any) -> Margins:
     import control
 
     gain, phase, phase_crossover, crossover = control.margin(system)
-    return Margins(float(phase), float(crossover) / (2.0 * pi), float(gain), float(phase_crossover) / (2.0 * pi))
+    return Margins(
+        float(phase),
+        float(crossover) / (2.0 * pi),
+        float(gain),
+        float(phase_crossover) / (2.0 * pi),
+    )
 
 
-def bode(system: Any, frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bode(
+    system: Any, frequencies: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bode data of fig. 2-5.
 
     Parameters
@@ -182,9 +209,14 @@ def bode(system: Any, frequencies: NDArray[np.float64]) -> tuple[NDArray[np.floa
 
 
 def closed_loop_step(
-    time: NDArray[np.float64], gain: float = 18.0, zero_time: float = 0.02, *, period: float | None = SAMPLE_PERIOD,
-    cutoff: float | None = 100.0, **about_plant: Any,
-) -> NDArray[np.float64]:  # fmt: skip
+    time: NDArray[np.float64],
+    gain: float = 18.0,
+    zero_time: float = 0.02,
+    *,
+    period: float | None = SAMPLE_PERIOD,
+    cutoff: float | None = 100.0,
+    **about_plant: Any,
+) -> NDArray[np.float64]:
     """Force after a step of 1 N of the reference (fig. 2-6), the filter being in the feedback path as in A1.
 
     Parameters
@@ -206,7 +238,9 @@ def closed_loop_step(
     return np.asarray(control.step_response(control.feedback(forward, back), time).outputs)
 
 
-def rise_time(time: NDArray[np.float64], response: NDArray[np.float64], final: float = 1.0) -> float:
+def rise_time(
+    time: NDArray[np.float64], response: NDArray[np.float64], final: float = 1.0
+) -> float:
     """Time in s at which a response first reaches 63.2 % of its final value, interpolated; NaN if it does not."""
     share = np.asarray(response) / final
     above = np.flatnonzero(share >= 1.0 - np.exp(-1.0))

@@ -40,14 +40,23 @@ class CoulombFriction(BenchEffect):
     term = Term("slide_friction", "velocity", "F_c tanh(v / v_c)", "slide_friction over velocity")
     assumption = 1
 
-    coulomb_force = Parameter(0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction of the slide (F_c)")
+    coulomb_force = Parameter(
+        0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction of the slide (F_c)"
+    )
     coulomb_velocity = Parameter(
-        1e-3, "m/s", min=1e-6, max=1.0, nominal=1e-3, doc="velocity within which dry friction changes its sign (v_c)"
+        1e-3,
+        "m/s",
+        min=1e-6,
+        max=1.0,
+        nominal=1e-3,
+        doc="velocity within which dry friction changes its sign (v_c)",
     )
 
     def slide_friction(self) -> Any:
         """Friction of the slide, F_c tanh(v / v_c) over the base model."""
-        return super().slide_friction() + self.coulomb_force * tanh(self.velocity / self.coulomb_velocity)
+        return super().slide_friction() + self.coulomb_force * tanh(
+            self.velocity / self.coulomb_velocity
+        )
 
 
 class AsymmetricFriction(BenchEffect):
@@ -64,16 +73,28 @@ class AsymmetricFriction(BenchEffect):
     assumption = 1
 
     asymmetric_force = Parameter(
-        0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction that stretching meets and return does not (F_a)"
+        0.0,
+        "N",
+        min=0,
+        max=100.0,
+        nominal=0.1,
+        doc="dry friction that stretching meets and return does not (F_a)",
     )
     asymmetric_velocity = Parameter(
-        1e-3, "m/s", min=1e-6, max=1.0, nominal=1e-3, doc="velocity within which this friction sets in (v_a)"
+        1e-3,
+        "m/s",
+        min=1e-6,
+        max=1.0,
+        nominal=1e-3,
+        doc="velocity within which this friction sets in (v_a)",
     )
 
     def slide_friction(self) -> Any:
         """Friction of the slide, more of it in the direction of stretching."""
         direction = tanh(self.velocity / self.asymmetric_velocity)
-        return super().slide_friction() + self.asymmetric_force * (0.5 * direction * (1.0 + direction))
+        return super().slide_friction() + self.asymmetric_force * (
+            0.5 * direction * (1.0 + direction)
+        )
 
 
 class PositionDependentForceConstant(BenchEffect):
@@ -85,20 +106,35 @@ class PositionDependentForceConstant(BenchEffect):
 
     id = "position_dependent_force_constant"
     neutral = "force_constant_falloff"
-    term = Term("force_constant", "position", "K / (1 + c (x - x_c)^2)", "force_constant over position")
+    term = Term(
+        "force_constant", "position", "K / (1 + c (x - x_c)^2)", "force_constant over position"
+    )
     assumption = 2
 
     force_constant_falloff = Parameter(
-        0.0, "1/m^2", min=0, max=1e8, nominal=1e4, doc="relative loss of force constant per square of distance (c)"
+        0.0,
+        "1/m^2",
+        min=0,
+        max=1e8,
+        nominal=1e4,
+        doc="relative loss of force constant per square of distance (c)",
     )
     force_constant_centre = Parameter(
-        0.0, "m", min=-1.0, max=1.0, nominal=1e-3, display="mm", doc="position of the largest force constant (x_c)"
+        0.0,
+        "m",
+        min=-1.0,
+        max=1.0,
+        nominal=1e-3,
+        display="mm",
+        doc="position of the largest force constant (x_c)",
     )
 
     def force_constant(self) -> Any:
         """Force constant, divided by 1 + c (x - x_c)^2."""
         distance = self.position - self.force_constant_centre
-        return super().force_constant() / (1.0 + self.force_constant_falloff * (distance * distance))
+        return super().force_constant() / (
+            1.0 + self.force_constant_falloff * (distance * distance)
+        )
 
 
 class AmplifierSaturation(BenchEffect):
@@ -111,13 +147,22 @@ class AmplifierSaturation(BenchEffect):
 
     id = "amplifier_saturation"
     neutral = "amplifier_saturation_coefficient"
-    term = Term("drive_voltage", "voltage_command", "V_s tanh(u / V_s)", "drive_voltage over voltage_command")
+    term = Term(
+        "drive_voltage",
+        "voltage_command",
+        "V_s tanh(u / V_s)",
+        "drive_voltage over voltage_command",
+    )
     assumption = 3
 
     amplifier_saturation_coefficient = Parameter(
-        0.0, "1/V^2", min=0, max=1e4, nominal=0.01,
+        0.0,
+        "1/V^2",
+        min=0,
+        max=1e4,
+        nominal=0.01,
         doc="inverse square of the voltage at which the amplifier levels off (c)",
-    )  # fmt: skip
+    )
 
     def drive_voltage(self) -> Any:
         """Voltage across the coil, levelling off at V_s."""
@@ -131,35 +176,58 @@ class AmplifierSaturation(BenchEffect):
 
 _STRIBECK = described(
     curve(
-        VoiceCoilDma, "slide_friction", "velocity", "stribeck", "N", scale=0.02, id="stribeck_friction",
+        VoiceCoilDma,
+        "slide_friction",
+        "velocity",
+        "stribeck",
+        "N",
+        scale=0.02,
+        id="stribeck_friction",
         suffixes=("stribeck", "stribeck_velocity"),
-    ), 1,
+    ),
+    1,
     """Friction that is larger at low speed, after Stribeck: ``F_s sign(v) exp(-(v / v_s)^2)`` more, smooth.
 
     Relaxes assumption 1, that friction is viscous; ``F_s = 0`` is the base model.
     """,
-)  # fmt: skip
+)
 _STOPS = described(
     curve(
-        VoiceCoilDma, "slide_friction", "position", "stops", "N", scale=2.0 * _STROKE, id="end_stops",
+        VoiceCoilDma,
+        "slide_friction",
+        "position",
+        "stops",
+        "N",
+        scale=2.0 * _STROKE,
+        id="end_stops",
         suffixes=("stop_stiffness", "stop_position"),
-    ), 4,
+    ),
+    4,
     """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, w being 12.7 mm to begin with.
 
     Relaxes assumption 4, that the stroke is not limited; ``k = 0`` is the base model.
     """,
-)  # fmt: skip
+)
 _HEATING = described(
     arm(
-        VoiceCoilDma, "coil_resistance", "coil_current", "warming", 100.0, "ohm", 0.3, _CONTINUOUS, "coil_heating",
+        VoiceCoilDma,
+        "coil_resistance",
+        "coil_current",
+        "warming",
+        100.0,
+        "ohm",
+        0.3,
+        _CONTINUOUS,
+        "coil_heating",
         ("coil_heating", "coil_heating_time", "coil_mean_square"),
-    ), 7,
+    ),
+    7,
     """Coil whose resistance rises as it warms: ``a s`` more, ``T ds/dt = i^2 - s``, a thermal node of the dissipation.
 
     The 4.9 N that the coil may give for long are 1.26 A. Relaxes assumption 7, that its resistance is constant;
     ``a = 0`` is the base model.
     """,
-)  # fmt: skip
+)
 
 EFFECTS: dict[str, type[Effect]] = by_name(
     CoulombFriction,

@@ -32,70 +32,150 @@ class VoiceCoilDma(Component):
     experiment = (2.0, 1e-3)
 
     R = Parameter(3.0, "ohm", min=1e-3, max=1e3, source=_A1, doc="resistance of the coil")
-    L = Parameter(1e-3, "H", min=1e-5, max=10.0, nominal=1e-3, source=_A1, doc="inductance of the coil")
-    K = Parameter(3.9, "N/A", min=0, max=1e3, source=_A1, doc="force constant, and back-EMF constant in V*s/m")
+    L = Parameter(
+        1e-3, "H", min=1e-5, max=10.0, nominal=1e-3, source=_A1, doc="inductance of the coil"
+    )
+    K = Parameter(
+        3.9, "N/A", min=0, max=1e3, source=_A1, doc="force constant, and back-EMF constant in V*s/m"
+    )
     m = Parameter(0.03, "kg", min=1e-4, max=1e2, nominal=0.01, source=_A1, doc="moving mass")
     b_vc = Parameter(6.0, "N*s/m", min=0, max=1e4, source=_A1, doc="viscous damping of the slide")
 
     force_cutoff = Parameter(
-        100.0, "Hz", min=1e-2, max=1e4, nominal=100.0, source="thesis A1; section 2.2.2 says about 10 Hz (errata 5)",
+        100.0,
+        "Hz",
+        min=1e-2,
+        max=1e4,
+        nominal=100.0,
+        source="thesis A1; section 2.2.2 says about 10 Hz (errata 5)",
         doc="cutoff frequency of the first-order load-cell filter",
-    )  # fmt: skip
+    )
     position_cutoff = Parameter(
-        100.0, "Hz", min=1e-2, max=1e4, nominal=100.0, source="as force_cutoff: the same kind of filter",
+        100.0,
+        "Hz",
+        min=1e-2,
+        max=1e4,
+        nominal=100.0,
+        source="as force_cutoff: the same kind of filter",
         doc="cutoff frequency of the first-order potentiometer filter",
-    )  # fmt: skip
+    )
 
-    converters_on = Parameter(False, "1", type="boolean", doc="whether signals pass converters of finite resolution")
-    converter_bits = Parameter(16, "1", type="integer", min=4, max=24, source=_SECTION, doc="bits of every converter")
+    converters_on = Parameter(
+        False, "1", type="boolean", doc="whether signals pass converters of finite resolution"
+    )
+    converter_bits = Parameter(
+        16, "1", type="integer", min=4, max=24, source=_SECTION, doc="bits of every converter"
+    )
     converter_range = Parameter(
-        10.0, "V", min=0.1, max=100.0, source="NI PCI-6036: -10 V to 10 V",
+        10.0,
+        "V",
+        min=0.1,
+        max=100.0,
+        source="NI PCI-6036: -10 V to 10 V",
         doc="magnitude of the largest voltage the converters handle",
-    )  # fmt: skip
+    )
     load_cell_sensitivity = Parameter(
-        4.5e-4, "V/N", min=1e-9, max=1e3, nominal=1e-4,
+        4.5e-4,
+        "V/N",
+        min=1e-9,
+        max=1e3,
+        nominal=1e-4,
         source="assumed: 20 mV at the 44.5 N full scale of section 2.2.2",
         doc="voltage of the load cell bridge per force",
-    )  # fmt: skip
+    )
     instrumentation_gain = Parameter(
-        1000.0, "1", min=1.0, max=1e4, nominal=1000.0,
-        source="assumed: resolves 0.001 N as section 2.2.2 says", doc="gain of the instrumentation amplifier",
-    )  # fmt: skip
+        1000.0,
+        "1",
+        min=1.0,
+        max=1e4,
+        nominal=1000.0,
+        source="assumed: resolves 0.001 N as section 2.2.2 says",
+        doc="gain of the instrumentation amplifier",
+    )
     potentiometer_sensitivity = Parameter(
-        196.85, "V/m", min=1e-3, max=1e6, nominal=100.0, source="10 V over the 50.8 mm stroke of section 2.2.2",
+        196.85,
+        "V/m",
+        min=1e-3,
+        max=1e6,
+        nominal=100.0,
+        source="10 V over the 50.8 mm stroke of section 2.2.2",
         doc="voltage of the potentiometer per displacement",
-    )  # fmt: skip
+    )
 
     controller_on = Parameter(
-        True, "1", type="boolean", doc="whether the loop is closed; if not, force_reference is a coil voltage in V"
+        True,
+        "1",
+        type="boolean",
+        doc="whether the loop is closed; if not, force_reference is a coil voltage in V",
     )
     sample_period = Parameter(
-        1.0 / 30.0, "s", min=1e-4, max=10.0, nominal=0.01, source=_SECTION, doc="sample period of controller and output"
+        1.0 / 30.0,
+        "s",
+        min=1e-4,
+        max=10.0,
+        nominal=0.01,
+        source=_SECTION,
+        doc="sample period of controller and output",
     )
     error_gain = Parameter(
-        0.66, "V/N", min=-1e3, max=1e3, source=_LAW, doc="controller coefficient of the present error"
+        0.66,
+        "V/N",
+        min=-1e3,
+        max=1e3,
+        source=_LAW,
+        doc="controller coefficient of the present error",
     )
     previous_error_gain = Parameter(
-        -0.06, "V/N", min=-1e3, max=1e3, source=_LAW, doc="controller coefficient of the previous error"
+        -0.06,
+        "V/N",
+        min=-1e3,
+        max=1e3,
+        source=_LAW,
+        doc="controller coefficient of the previous error",
     )
-    voltage_min = Parameter(0.0, "V", min=-100.0, max=0, source="thesis section 2.2.3", doc="lowest coil voltage")
-    voltage_max = Parameter(10.0, "V", min=0, max=100.0, source="thesis section 2.2.3", doc="highest coil voltage")
-    anti_windup = Parameter(True, "1", type="boolean", doc="whether the controller remembers the voltage as limited")
+    voltage_min = Parameter(
+        0.0, "V", min=-100.0, max=0, source="thesis section 2.2.3", doc="lowest coil voltage"
+    )
+    voltage_max = Parameter(
+        10.0, "V", min=0, max=100.0, source="thesis section 2.2.3", doc="highest coil voltage"
+    )
+    anti_windup = Parameter(
+        True, "1", type="boolean", doc="whether the controller remembers the voltage as limited"
+    )
 
     force_reference = Input("N", doc="wanted force; a coil voltage in V if the controller is off")
     tension = Input("N", doc="tension of the clamped actuator, at the load cell; opposes the coil")
-    hold = Input("1", start=False, type="boolean", doc="freezes the integral part of the controller")
-
-    coil_current = State("A", rate="current_rate", output=True, doc="current in the coil")
-    position = State("m", rate="position_rate", nominal=1e-3, display="mm", output=True, doc="position of the coil")
-    velocity = State("m/s", rate="velocity_rate", nominal=1e-2, output=True, doc="velocity of the coil")
-    force_filtered = State("N", rate="force_filter_rate", doc="load-cell force behind its filter")
-    position_filtered = State(
-        "m", rate="position_filter_rate", nominal=1e-3, display="mm", doc="potentiometer position behind its filter"
+    hold = Input(
+        "1", start=False, type="boolean", doc="freezes the integral part of the controller"
     )
 
-    voltage_command = Discrete("V", update="next_command", period="sample_period", doc="controller output, V(t)")
-    previous_error = Discrete("N", update="force_error", period="sample_period", doc="force error at the last sample")
+    coil_current = State("A", rate="current_rate", output=True, doc="current in the coil")
+    position = State(
+        "m",
+        rate="position_rate",
+        nominal=1e-3,
+        display="mm",
+        output=True,
+        doc="position of the coil",
+    )
+    velocity = State(
+        "m/s", rate="velocity_rate", nominal=1e-2, output=True, doc="velocity of the coil"
+    )
+    force_filtered = State("N", rate="force_filter_rate", doc="load-cell force behind its filter")
+    position_filtered = State(
+        "m",
+        rate="position_filter_rate",
+        nominal=1e-3,
+        display="mm",
+        doc="potentiometer position behind its filter",
+    )
+
+    voltage_command = Discrete(
+        "V", update="next_command", period="sample_period", doc="controller output, V(t)"
+    )
+    previous_error = Discrete(
+        "N", update="force_error", period="sample_period", doc="force error at the last sample"
+    )
 
     # --- coil -------------------------------------------------------------------------------------------------------
 
@@ -114,7 +194,9 @@ class VoiceCoilDma(Component):
     def current_rate(self) -> Any:
         """Coil circuit (eq. 2.1): L di/dt = v - R i - K dx/dt."""
         back_emf = self.force_constant() * self.velocity
-        return (self.drive_voltage() - self.coil_resistance() * self.coil_current - back_emf) / self.L
+        return (
+            self.drive_voltage() - self.coil_resistance() * self.coil_current - back_emf
+        ) / self.L
 
     # --- slide ------------------------------------------------------------------------------------------------------
 
@@ -157,7 +239,9 @@ class VoiceCoilDma(Component):
 
     def acquired_force(self) -> Any:
         """Force as the computer knows it: filtered, amplified, converted, calibrated."""
-        return self.through_converter(self.force_filtered, self.load_cell_sensitivity * self.instrumentation_gain)
+        return self.through_converter(
+            self.force_filtered, self.load_cell_sensitivity * self.instrumentation_gain
+        )
 
     def acquired_position(self) -> Any:
         """Position as the computer knows it: filtered, converted, calibrated."""
@@ -176,7 +260,9 @@ class VoiceCoilDma(Component):
         """
         error = self.force_error()
         full = self.error_gain * error + self.previous_error_gain * self.previous_error
-        proportional = 0.5 * (self.error_gain - self.previous_error_gain) * (error - self.previous_error)
+        proportional = (
+            0.5 * (self.error_gain - self.previous_error_gain) * (error - self.previous_error)
+        )
         return self.voltage_command + where(self.hold, proportional, full)
 
     def next_command(self) -> Any:

@@ -89,9 +89,13 @@ class DiagnosisResult:
     """
 
     def __init__(
-        self, result: pipeline.Result, changes: Sequence[Change] | None = None, later: pipeline.Result | None = None,
-        command: Sequence[str] = (), around: Surrounded | None = None,
-    ):  # fmt: skip
+        self,
+        result: pipeline.Result,
+        changes: Sequence[Change] | None = None,
+        later: pipeline.Result | None = None,
+        command: Sequence[str] = (),
+        around: Surrounded | None = None,
+    ):
         self._result, self._command, self._around = result, shlex.join(command), around
         self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
         self.changes: list[Change] | None = None if changes is None else list(changes)
@@ -106,7 +110,9 @@ class DiagnosisResult:
         self.changed: list[str] = diagnosis.changed
         self.gain = Gain(errors.before, errors.after)
         self.model: type[Component] | None = result.component
-        self.experiment = ProposedExperiment(result.experiment, result.model.name) if result.experiment else None
+        self.experiment = (
+            ProposedExperiment(result.experiment, result.model.name) if result.experiment else None
+        )
         self.record: Record = result.record
         self.records: list[Record] = list(result.records)
         self.notes: list[str] = [wording.message(note) for note in result.notes]
@@ -138,7 +144,10 @@ class DiagnosisResult:
         """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
         figures = summary(self._result)
         if self.changes is not None and self.later is not None:
-            figures |= {"comparison": [change.to_dict() for change in self.changes], "later": self.later.to_dict()}
+            figures |= {
+                "comparison": [change.to_dict() for change in self.changes],
+                "later": self.later.to_dict(),
+            }
         return figures
 
     def to_frame(self) -> pandas.DataFrame:
@@ -152,7 +161,13 @@ class DiagnosisResult:
         import pandas
 
         rows = {
-            name: {"value": e.value, "low": e.interval[0], "high": e.interval[1], "nominal": e.nominal, "unit": e.unit}
+            name: {
+                "value": e.value,
+                "low": e.interval[0],
+                "high": e.interval[1],
+                "nominal": e.nominal,
+                "unit": e.unit,
+            }
             for name, e in self.parameters.items()
         }
         return pandas.DataFrame.from_dict(rows, orient="index")
@@ -170,7 +185,9 @@ class DiagnosisResult:
         UserError
             If the file cannot be written.
         """
-        return picture.draw(self._result.diagnosis, self._result.model, None if path is None else Path(path))
+        return picture.draw(
+            self._result.diagnosis, self._result.model, None if path is None else Path(path)
+        )
 
     def report(self, path: str | Path, command: str = "") -> Path:
         """Write the page to look at and pass on.
@@ -215,7 +232,9 @@ class DiagnosisResult:
             If nothing could be said of the model, or an FMU cannot be built or written.
         """
         if self.model is None:
-            raise UserError(f"{path}: nothing could be said of the model, so there is nothing to make an FMU of")
+            raise UserError(
+                f"{path}: nothing could be said of the model, so there is nothing to make an FMU of"
+            )
         kept = [record.source for record in (*self._result.records, *self._result.holdouts)]
         return export(self.model, Path(path), kept, platforms or [host_platform()], progress)
 
@@ -233,8 +252,12 @@ class DiagnosisResult:
             If nothing could be said of the FMU, it has equations, or the file cannot be written.
         """
         if self._around is None:
-            raise UserError(f"{path}: the model has equations; the extended one is an FMU of its own (fmu)")
+            raise UserError(
+                f"{path}: the model has equations; the extended one is an FMU of its own (fmu)"
+            )
         if self.model is None:
-            raise UserError(f"{path}: nothing could be said of the FMU, so there is nothing to correct it by")
+            raise UserError(
+                f"{path}: nothing could be said of the FMU, so there is nothing to correct it by"
+            )
         write_ssp(corrected(self._around, self.model), Path(path))
         return Path(path)

@@ -111,15 +111,25 @@ def diagnose(
     named, around = model if isinstance(model, str) else subject.name, None
     if subject.cls is None:
         if compare is not None:
-            raise UserError(f"compare: {subject.name} is an FMU without equations; diagnose each record by itself")
+            raise UserError(
+                f"compare: {subject.name} is an FMU without equations; diagnose each record by itself"
+            )
         effects = [*MEASUREMENTS] if effects is None else effects
     elif fit:
-        raise UserError(f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves some out")
+        raise UserError(
+            f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves some out"
+        )
     options = pipeline.Options(
-        given={} if subject.cls is None else numeric(given), effects=effects, hold=hold, each=each,
-        interpolate=interpolate, limits=LIMITS if rig else None,
-        highest_frequency=HIGHEST if rig else float("inf"), time=time, laws=laws,
-    )  # fmt: skip
+        given={} if subject.cls is None else numeric(given),
+        effects=effects,
+        hold=hold,
+        each=each,
+        interpolate=interpolate,
+        limits=LIMITS if rig else None,
+        highest_frequency=HIGHEST if rig else float("inf"),
+        time=time,
+        laws=laws,
+    )
     later = None if compare is None else matching_record(compare, subject, mapping)
     try:
         if subject.cls is None:
@@ -137,13 +147,20 @@ def diagnose(
     except UnusableRecordError as error:
         raise unusable([later], error) from error
     more = [note for note in compared.notes if note not in result.notes]
-    return DiagnosisResult(replace(result, notes=[*result.notes, *more]), compared.changes, compared.later, command)
+    return DiagnosisResult(
+        replace(result, notes=[*result.notes, *more]), compared.changes, compared.later, command
+    )
 
 
 def _from_outside(
-    fmu: Model, measured: Sequence[Record], judged: Sequence[Record], given: Mapping[str, Value], fit: Sequence[str],
-    options: pipeline.Options, progress: Callable[[str], None],
-) -> tuple[pipeline.Result, Surrounded]:  # fmt: skip
+    fmu: Model,
+    measured: Sequence[Record],
+    judged: Sequence[Record],
+    given: Mapping[str, Value],
+    fit: Sequence[str],
+    options: pipeline.Options,
+    progress: Callable[[str], None],
+) -> tuple[pipeline.Result, Surrounded]:
     """Diagnose what stands behind an FMU; where its parameters move beside a correction, it is linearised anew."""
     around = surround(fmu, measured, judged, given, fit, progress)
     for left in reversed(range(_LINEARISATIONS)):
@@ -159,4 +176,6 @@ def _from_outside(
 def unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:
     """What is told of records of which nothing can be judged."""
     reasons = "; ".join(wording.message(note) for note in error.notes)
-    return UserError(f"{pipeline.file_names(records)}: no output can be both fitted and judged: {reasons}")
+    return UserError(
+        f"{pipeline.file_names(records)}: no output can be both fitted and judged: {reasons}"
+    )

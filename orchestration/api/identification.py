@@ -61,7 +61,9 @@ def compare(
     """
     subject = as_model(model)
     given = values_of(subject, settings)
-    return comparison.compare(subject, matching_record(record, subject, mapping), given, fit, workers=workers)
+    return comparison.compare(
+        subject, matching_record(record, subject, mapping), given, fit, workers=workers
+    )
 
 
 def fit(

@@ -101,7 +101,9 @@ class LawsResult:
         import pandas
 
         columns = ("law", "signal", "memory", "constant", "kind", "delta_bic", "shape", "confirmed")
-        return pandas.DataFrame([{name: row[name] for name in columns} for row in self.law_map], columns=list(columns))
+        return pandas.DataFrame(
+            [{name: row[name] for name in columns} for row in self.law_map], columns=list(columns)
+        )
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the curve of the best correction with its 95 % band, and where the record has been.
@@ -180,7 +182,9 @@ class LawsResult:
             If no law is found to lack anything, or an FMU cannot be built or written.
         """
         if self.model is None:
-            raise UserError(f"{path}: no law is found to lack anything, so there is nothing to make an FMU of")
+            raise UserError(
+                f"{path}: no law is found to lack anything, so there is nothing to make an FMU of"
+            )
         result = self._asked.result
         kept = [record.source for record in (*result.records, *result.holdouts)]
         return export(self.model, Path(path), kept, platforms or [host_platform()], progress)
@@ -269,7 +273,7 @@ def laws(
     given = numeric(values_of(subject, settings))
     options = pipeline.Options(
         given=given, effects=effects, hold=hold, each=each, interpolate=interpolate, time=time
-    )  # fmt: skip
+    )
     measured, judged = held_out(record, holdout, subject, mapping, runs)
     try:
         result = pipeline.judge(measured, subject, judged, options, progress)

@@ -29,7 +29,9 @@ class ProposedExperiment:
         return wording.experiment(self.design)
 
     def __repr__(self) -> str:
-        kinds = ", ".join(f"{name}: {stimulus.kind}" for name, stimulus in self.design.stimuli.items())
+        kinds = ", ".join(
+            f"{name}: {stimulus.kind}" for name, stimulus in self.design.stimuli.items()
+        )
         return f"<ProposedExperiment {kinds}; {self.design.duration:g} s>"
 
     def toml(self) -> str:

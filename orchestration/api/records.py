@@ -53,18 +53,27 @@ def read_record(
 
 
 def matching_runs(
-    records: Records, model: Model, mapping: Mapping[str, str] | None = None, column: str | None = None
+    records: Records,
+    model: Model,
+    mapping: Mapping[str, str] | None = None,
+    column: str | None = None,
 ) -> list[Record]:
     """Return the runs of one or several records, read from files where files are given."""
     given = [records] if isinstance(records, Record | str | Path) else list(records)
-    read = [[r] if isinstance(r, Record) else read_runs_for(model, Path(r), mapping, column) for r in given]
+    read = [
+        [r] if isinstance(r, Record) else read_runs_for(model, Path(r), mapping, column)
+        for r in given
+    ]
     return [run for runs in read for run in runs]
 
 
 def held_out(
-    records: Records, holdout: Records | None, model: Model, mapping: Mapping[str, str] | None = None,
+    records: Records,
+    holdout: Records | None,
+    model: Model,
+    mapping: Mapping[str, str] | None = None,
     column: str | None = None,
-) -> tuple[list[Record], list[Record]]:  # fmt: skip
+) -> tuple[list[Record], list[Record]]:
     """Return the runs to fit to, and those held out: others, or some of the first by their labels.
 
     Parameters
@@ -86,7 +95,9 @@ def held_out(
         return runs, []
     named, out, others = dict(zip(labels(runs), runs, strict=True)), list[str](), list[Record]()
     for item in [holdout] if isinstance(holdout, Record | str | Path) else holdout:
-        wanted = [text.strip() for text in str(item).split(",")] if not isinstance(item, Record) else []
+        wanted = (
+            [text.strip() for text in str(item).split(",")] if not isinstance(item, Record) else []
+        )
         if isinstance(item, Record) or Path(item).exists() or len(named) < 2:
             others += matching_runs(item, model, mapping, column)
         elif unknown := [label for label in wanted if label not in named]:
@@ -101,6 +112,8 @@ def held_out(
     return fitted, [*(named[label] for label in dict.fromkeys(out)), *others]
 
 
-def matching_record(record: Record | str | Path, model: Model, mapping: Mapping[str, str] | None = None) -> Record:
+def matching_record(
+    record: Record | str | Path, model: Model, mapping: Mapping[str, str] | None = None
+) -> Record:
     """Return a record of a model's signals, read from a file if that is what is given."""
     return record if isinstance(record, Record) else read_record(record, model, mapping)

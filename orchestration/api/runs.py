@@ -23,12 +23,17 @@ if TYPE_CHECKING:
 
 
 @overload
-def run(what: System, time: ArrayLike, inputs: Mapping[str, ArrayLike] | None = None, **options: Any) -> Run: ...
+def run(
+    what: System, time: ArrayLike, inputs: Mapping[str, ArrayLike] | None = None, **options: Any
+) -> Run: ...
 
 
 @overload
 def run(
-    what: str | Path, *, settings: Mapping[str, object] | None = None, isolate: bool | Limits = False
+    what: str | Path,
+    *,
+    settings: Mapping[str, object] | None = None,
+    isolate: bool | Limits = False,
 ) -> xarray.Dataset: ...
 
 
@@ -78,13 +83,18 @@ def run(
     """
     if isinstance(what, System):
         if time is None:
-            raise UserError(f"{what.name}: time is needed to run a system, such as numpy.arange(0, 10, 0.01)")
+            raise UserError(
+                f"{what.name}: time is needed to run a system, such as numpy.arange(0, 10, 0.01)"
+            )
         driven = {name: np.asarray(values, dtype=float) for name, values in (inputs or {}).items()}
-        return run_system(what, np.asarray(time, dtype=float), driven, isolation=isolation(isolate), **options)
+        return run_system(
+            what, np.asarray(time, dtype=float), driven, isolation=isolation(isolate), **options
+        )
     result = make(
-        read(str(what), [f"{name}={value}" for name, value in (settings or {}).items()]), str(what),
+        read(str(what), [f"{name}={value}" for name, value in (settings or {}).items()]),
+        str(what),
         isolation=lambda foreign: isolation(isolate),
-    )  # fmt: skip
+    )
     if "failure" in result.attrs:
         raise Unfinished(result.attrs["failure"], result)
     return result

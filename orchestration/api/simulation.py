@@ -57,7 +57,9 @@ class Simulation:
             table.add_column(column, justify="left" if column == "output" else "right")
         for name, values in self.outputs.items():
             signal = self.model.outputs[name]
-            table.add_row(name, *(shown(v, signal) for v in (values.min(), values.max(), values[-1])))
+            table.add_row(
+                name, *(shown(v, signal) for v in (values.min(), values.max(), values[-1]))
+            )
         head = f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to {self.time[-1]:g} s"
         return f"{head}\n{plain_text(table)}"
 
@@ -69,7 +71,9 @@ class Simulation:
 
     def to_dict(self) -> dict[str, Any]:
         """Return time and signals as lists."""
-        return {"time": self.time.tolist()} | {n: v.tolist() for n, v in (self.inputs | self.outputs).items()}
+        return {"time": self.time.tolist()} | {
+            n: v.tolist() for n, v in (self.inputs | self.outputs).items()
+        }
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the signals as a table over time.
@@ -81,7 +85,9 @@ class Simulation:
         """
         import pandas
 
-        return pandas.DataFrame(self.inputs | self.outputs, index=pandas.Index(self.time, name="time"))
+        return pandas.DataFrame(
+            self.inputs | self.outputs, index=pandas.Index(self.time, name="time")
+        )
 
     def to_csv(self, path: str | Path) -> Path:
         """Write a record that `read_record` reads.
@@ -157,25 +163,37 @@ def simulate(
     points, driven = stimulus(subject, inputs or {}, time, stop, step)
     parameters = values_of(subject, settings)
     return Simulation(
-        subject, points, driven, run_fmu(subject, points, driven, parameters, isolation=isolation(isolate))
+        subject,
+        points,
+        driven,
+        run_fmu(subject, points, driven, parameters, isolation=isolation(isolate)),
     )
 
 
 def stimulus(
-    model: Model, inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]], time: ArrayLike | None,
-    stop: float | None, step: float | None,
-) -> tuple[Array, dict[str, Array]]:  # fmt: skip
+    model: Model,
+    inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]],
+    time: ArrayLike | None,
+    stop: float | None,
+    step: float | None,
+) -> tuple[Array, dict[str, Array]]:
     """Return points in time (n,) in s, and inputs over them (n,) in the model's units, as `simulate` takes them."""
     if time is None:
         own = read_description(model.path).defaultExperiment
         last = stop if stop is not None else float(getattr(own, "stopTime", None) or 10.0)
-        points = grid(0.0, last, step if step is not None else float(getattr(own, "stepSize", None) or last / 1000))
+        points = grid(
+            0.0,
+            last,
+            step if step is not None else float(getattr(own, "stepSize", None) or last / 1000),
+        )
     else:
         points = np.asarray(time, dtype=float)
     driven = {}
     for name, values in inputs.items():
         if name not in model.inputs:
-            raise UserError(f"{model.name}: no input named {name!r}{suggestion(name, model.inputs)}")
+            raise UserError(
+                f"{model.name}: no input named {name!r}{suggestion(name, model.inputs)}"
+            )
         given = np.asarray(values(points) if callable(values) else values, dtype=float)
         if given.shape not in ((), points.shape):
             raise UserError(f"{name}: shape {given.shape} for {points.size} points in time")

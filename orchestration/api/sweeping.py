@@ -113,12 +113,17 @@ def sweep(
     if not 1 <= workers <= MOST_WORKERS:
         raise UserError(f"workers {workers}: from 1 to {MOST_WORKERS:,}")
     if scheduler is not None and workers > 1:
-        raise UserError(f"workers {workers}: they are of this machine; the cluster at {scheduler} has its own")
+        raise UserError(
+            f"workers {workers}: they are of this machine; the cluster at {scheduler} has its own"
+        )
     unknown = next((name for name in outputs if name not in subject.outputs), None)
     if unknown is not None:
-        raise UserError(f"{subject.name}: no output named {unknown!r}{suggestion(unknown, subject.outputs)}")
+        raise UserError(
+            f"{subject.name}: no output named {unknown!r}{suggestion(unknown, subject.outputs)}"
+        )
     ranges = [
-        read_range(f"{n}={v}", subject) if isinstance(v, str) else given_range(n, v, subject) for n, v in over.items()
+        read_range(f"{n}={v}", subject) if isinstance(v, str) else given_range(n, v, subject)
+        for n, v in over.items()
     ]
     points, fed = stimulus(subject, inputs or {}, time, stop, step)
     given, starts = values_of(subject, settings), {}
@@ -132,11 +137,20 @@ def sweep(
     if twice is not None:
         raise UserError(f"{twice} is swept, and set to one value besides")
     task = Task(
-        subject.path, tuple(cases.names), given, points, fed, tuple(outputs or subject.outputs), tuple(checked(keep)),
-        chosen(subject, engine), limits if (subject.foreign if isolate is None else isolate) else None,
-    )  # fmt: skip
+        subject.path,
+        tuple(cases.names),
+        given,
+        points,
+        fed,
+        tuple(outputs or subject.outputs),
+        tuple(checked(keep)),
+        chosen(subject, engine),
+        limits if (subject.foreign if isolate is None else isolate) else None,
+    )
     check(task, cases)
-    return run(subject, task, cases, workers, None if folder is None else Path(folder), progress, scheduler)
+    return run(
+        subject, task, cases, workers, None if folder is None else Path(folder), progress, scheduler
+    )
 
 
 def sweep_file(
@@ -185,7 +199,22 @@ def sweep_file(
     asked = read_sweep(Path(path), note)
     table = asked.table
     return sweep(
-        asked.model, asked.over, asked.inputs, time=asked.time, settings=asked.settings, kind=asked.kind,
-        samples=asked.samples, seed=table.seed, outputs=asked.outputs, keep=asked.keep, engine=engine, workers=workers,
-        scheduler=scheduler, folder=folder, isolate=isolate, limits=limits, progress=progress, check=check,
-    ).assign_attrs({"title": table.title} if table.title else {})  # fmt: skip
+        asked.model,
+        asked.over,
+        asked.inputs,
+        time=asked.time,
+        settings=asked.settings,
+        kind=asked.kind,
+        samples=asked.samples,
+        seed=table.seed,
+        outputs=asked.outputs,
+        keep=asked.keep,
+        engine=engine,
+        workers=workers,
+        scheduler=scheduler,
+        folder=folder,
+        isolate=isolate,
+        limits=limits,
+        progress=progress,
+        check=check,
+    ).assign_attrs({"title": table.title} if table.title else {})

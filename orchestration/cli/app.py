@@ -20,14 +20,20 @@ _INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 # What there is: a line for ``ppy --help``, and the function or group of commands in a module beside this one.
 _COMMANDS = {
     "list": ("List the components.", "components:list_components"),
-    "info": ("Show a model's variables, units, defaults, ranges, effects, and where they come from.", "info:info"),
+    "info": (
+        "Show a model's variables, units, defaults, ranges, effects, and where they come from.",
+        "info:info",
+    ),
     "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
     "check": (
         "Check FMUs against the static part of the contract: structure, units, documentation, binaries.",
         "components:check",
     ),
     "simulate": ("Simulate a component or any FMU.", "simulate:simulate"),
-    "run": ("Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit.", "run:run"),
+    "run": (
+        "Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit.",
+        "run:run",
+    ),
     "sweep": (
         "Run a component or any FMU over many values of its parameters, or a sweep that a TOML file describes.",
         "sweep:sweep",
@@ -61,7 +67,10 @@ _COMMANDS = {
         "thesis:thesis",
     ),
     "system": ("Systems of components: show, draw, check, and export as SSP.", "system:systems"),
-    "rig": ("The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.", "rig:rig"),
+    "rig": (
+        "The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.",
+        "rig:rig",
+    ),
 }
 
 
@@ -92,7 +101,9 @@ class _Commands(TyperGroup):
         self._listing = False
 
 
-app = typer.Typer(name="ppy", cls=_Commands, rich_markup_mode="rich", pretty_exceptions_enable=False)
+app = typer.Typer(
+    name="ppy", cls=_Commands, rich_markup_mode="rich", pretty_exceptions_enable=False
+)
 
 
 def _version(wanted: bool) -> None:
@@ -108,10 +119,16 @@ def start(
     context: typer.Context,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Only results and errors.")] = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Also what is used and built, and how long each step took.")
+        bool,
+        typer.Option(
+            "--verbose", "-v", help="Also what is used and built, and how long each step took."
+        ),
     ] = False,
     version: Annotated[
-        bool, typer.Option("--version", help="Say which version this is.", callback=_version, is_eager=True)
+        bool,
+        typer.Option(
+            "--version", help="Say which version this is.", callback=_version, is_eager=True
+        ),
     ] = False,
 ) -> None:
     """Components of a polypyrrole artificial-muscle rig as FMUs: build, run, compare with measured data.
@@ -131,7 +148,10 @@ def start(
 def main() -> None:
     """Run the command line; every failure is one line on standard error and exit code 2."""
     code: object = 0
-    for stream in (sys.stdout, sys.stderr):  # a terminal or a file name that knows no Unicode is no reason to fail
+    for stream in (
+        sys.stdout,
+        sys.stderr,
+    ):  # a terminal or a file name that knows no Unicode is no reason to fail
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
@@ -141,21 +161,36 @@ def main() -> None:
     except UserError as error:
         _fail(str(error))
     except (KeyboardInterrupt, typer.Abort):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # pressed twice, it would end Python on its way out
+        signal.signal(
+            signal.SIGINT, signal.SIG_IGN
+        )  # pressed twice, it would end Python on its way out
         print("interrupted", file=sys.stderr)
         sys.exit(_INTERRUPTED)
     except BrokenPipeError:  # the reader of our output left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:
-        if hasattr(error, "format_message"):  # a usage error; its class moved between versions of typer
+        if hasattr(
+            error, "format_message"
+        ):  # a usage error; its class moved between versions of typer
             context = getattr(error, "ctx", None)
-            _fail(error.format_message() + (f"  (see {context.command_path} --help)" if context else ""))
+            _fail(
+                error.format_message()
+                + (f"  (see {context.command_path} --help)" if context else "")
+            )
         if os.environ.get("PPY_DEBUG"):
             raise
-        if isinstance(error, OSError) and isinstance(error.filename, str):  # what the system says of a file
-            shown = error.filename if len(error.filename) < _LONGEST else f"{error.filename[:_LONGEST]}..."
+        if isinstance(error, OSError) and isinstance(
+            error.filename, str
+        ):  # what the system says of a file
+            shown = (
+                error.filename
+                if len(error.filename) < _LONGEST
+                else f"{error.filename[:_LONGEST]}..."
+            )
             _fail(f"{shown}: {error.strerror}")
-        _fail(f"internal error, please report: {type(error).__name__}: {error}  (PPY_DEBUG=1 shows where)")
+        _fail(
+            f"internal error, please report: {type(error).__name__}: {error}  (PPY_DEBUG=1 shows where)"
+        )
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -60,7 +60,10 @@ def run(out: Path) -> Path:
         runs = _thesis(out, models, tell)
         truth = RigParameters().scattered(_SEED)
         tell("an emulated rig, its parameters off nominal, is measured twice for ten minutes")
-        records = [_measure(out / f"{name}.csv", truth, _SEED + k) for k, name in enumerate(("record", "unseen"))]
+        records = [
+            _measure(out / f"{name}.csv", truth, _SEED + k)
+            for k, name in enumerate(("record", "unseen"))
+        ]
         model = models["native"]
         first = comparing.compare(model, comparing.read_for(model, records[0]), {}, _FITTED, tell)
         tell("judging the recalibrated model on the record it has not seen")
@@ -71,12 +74,16 @@ def run(out: Path) -> Path:
         first.plot(out / "compare.png")
     screen_compare.show(first)
     for name, judged in after.before.items():
-        print(f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % -> {judged.fit_percent:.1f} % fit")
+        print(
+            f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % -> {judged.fit_percent:.1f} % fit"
+        )
     print(f"\nthe same rig, but its films stop growing around {_GROWN:g} C, and no model was told")
     with screen.progress() as tell:
         diagnosed = _diagnose(out, truth, tell)
     print(diagnosed)
-    made = demo_report.write(out, demo_report.Results(runs, truth, first, before, after, diagnosed, _GROWN))
+    made = demo_report.write(
+        out, demo_report.Results(runs, truth, first, before, after, diagnosed, _GROWN)
+    )
     print(f"report: {made}")
     return made
 
@@ -86,10 +93,17 @@ def _build(out: Path, tell: screen.Tell) -> dict[str, Model]:
     work = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
     tell(f"building {len(work)} FMUs")
     for k, (name, runtime) in enumerate(work):
-        contents = build(component(name), runtime, [host_platform()], partial(tell.done, k, len(work)))
+        contents = build(
+            component(name), runtime, [host_platform()], partial(tell.done, k, len(work))
+        )
         files.write(out / "fmu" / runtime / f"{name}.fmu", contents)
-    models = {runtime: find_model(str(out / "fmu" / runtime / f"{_MODEL}.fmu")) for runtime in RUNTIMES}
-    return {runtime: replace(model, name=_MODEL, cls=component(_MODEL)) for runtime, model in models.items()}
+    models = {
+        runtime: find_model(str(out / "fmu" / runtime / f"{_MODEL}.fmu")) for runtime in RUNTIMES
+    }
+    return {
+        runtime: replace(model, name=_MODEL, cls=component(_MODEL))
+        for runtime, model in models.items()
+    }
 
 
 def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None]) -> list[ThesisRun]:
@@ -97,7 +111,12 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
     short = simulate.grid(0.0, 60.0, _STEP)
     long = simulate.grid(0.0, 500.0, _STEP)
     cases = [
-        ("fig_3_4", "Thesis fig. 3-4: ±0.9 A at 0.2 Hz", short, {"current": waveforms.square_wave(short, 0.9, 0.2)}),
+        (
+            "fig_3_4",
+            "Thesis fig. 3-4: ±0.9 A at 0.2 Hz",
+            short,
+            {"current": waveforms.square_wave(short, 0.9, 0.2)},
+        ),
         (
             "fig_3_6",
             "Thesis fig. 3-6: loads from 0.5 N to 2.75 N",
@@ -108,10 +127,13 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
     runs = []
     for file, title, time, inputs in cases:
         tell(title)
-        results = {runtime: simulate.simulate(model, time, inputs, {}) for runtime, model in models.items()}
+        results = {
+            runtime: simulate.simulate(model, time, inputs, {}) for runtime, model in models.items()
+        }
         native, python = results["native"], results["python"]
         difference = max(
-            float(np.max(np.abs(native[o] - python[o])) / (np.max(np.abs(native[o])) or 1.0)) for o in native
+            float(np.max(np.abs(native[o] - python[o])) / (np.max(np.abs(native[o])) or 1.0))
+            for o in native
         )
         drawn = ["voltage", "displacement"] if "current" in inputs else ["displacement"]
         signals = inputs | {name: native[name] for name in drawn}
@@ -132,12 +154,20 @@ def _diagnose(out: Path, truth: RigParameters, tell: Callable[[str], None]) -> D
 
 
 def _measure(
-    path: Path, truth: RigParameters, seed: int, hidden: Callable[[RigParameters], Physics] | None = None
+    path: Path,
+    truth: RigParameters,
+    seed: int,
+    hidden: Callable[[RigParameters], Physics] | None = None,
 ) -> Path:
     """Let the emulated rig run for ten minutes at 10 Hz and write what its instruments show."""
     time = simulate.grid(0.0, 600.0, _STEP)
     current = waveforms.multilevel(time, [-0.9, -0.45, 0.0, 0.45, 0.9], (2.0, 8.0), seed)
     force = waveforms.multilevel(time, [0.5, 1.0, 1.75, 2.75], (15.0, 45.0), seed + 100)
     inputs = {"current": current, "force": force}
-    write_record(path, time, inputs | EmulatedRig(truth, seed=seed, hidden=hidden).run(time, **inputs), _UNITS)
+    write_record(
+        path,
+        time,
+        inputs | EmulatedRig(truth, seed=seed, hidden=hidden).run(time, **inputs),
+        _UNITS,
+    )
     return path

@@ -105,9 +105,12 @@ def _cause(page: Page, folder: Path, results: Results) -> None:
         "first; the picture is of the last third of the record, which no fit has seen."
     )
     page.picture(
-        folder / "diagnosis.png", "Measured, refitted and extended simulation of what gained most, and residuals."
+        folder / "diagnosis.png",
+        "Measured, refitted and extended simulation of what gained most, and residuals.",
     )
-    page.text(Markup('<a href="diagnosis.html">The whole diagnosis</a>: evidence, parameters, residuals.'))
+    page.text(
+        Markup('<a href="diagnosis.html">The whole diagnosis</a>: evidence, parameters, residuals.')
+    )
 
 
 def _recalibration(page: Page, folder: Path, results: Results) -> None:
@@ -117,23 +120,41 @@ def _recalibration(page: Page, folder: Path, results: Results) -> None:
         for name, judged in after.before.items()
     )
     page.heading("Parameters off nominal, recalibrated")
-    page.text(f"Another record, with nothing hidden. On data it has not seen, the fit rises: {gains}.")
+    page.text(
+        f"Another record, with nothing hidden. On data it has not seen, the fit rises: {gains}."
+    )
     page.text(
         "Ten minutes at 10 Hz from an emulated rig: own equations, own integrator, instrument noise of "
         f"{units.convert(EmulatedRig.voltage_noise, 'V', 'mV'):g} mV and "
         f"{units.convert(EmulatedRig.displacement_noise, 'm', 'um'):g} µm, and parameters that differ from nominal. "
         "The model sees only the CSV file."
     )
-    page.picture(folder / "compare.png", "Record, nominal and recalibrated simulation, each output above its residual.")
+    page.picture(
+        folder / "compare.png",
+        "Record, nominal and recalibrated simulation, each output above its residual.",
+    )
     page.heading("Parameters")
     columns = ["parameter", "nominal", "fitted", "95 % from", "to", "the rig's own", "inside"]
     page.table(columns, _parameters(first, results.truth))
-    page.text("A 95 % interval misses the truth once in twenty; of eight, one or more miss in a third of all records.")
+    page.text(
+        "A 95 % interval misses the truth once in twenty; of eight, one or more miss in a third of all records."
+    )
     page.items(first.fit.warnings if first.fit else [])
     page.heading("Fit per output")
     rows = _outputs("recalibrated on", first, first.before, first.after or {})
     rows += _outputs("unseen", first, before.before, after.before)
-    page.table(["record", "output", "fit before", "fit after", "RMS before", "RMS after", "residual after"], rows)
+    page.table(
+        [
+            "record",
+            "output",
+            "fit before",
+            "fit after",
+            "RMS before",
+            "RMS after",
+            "residual after",
+        ],
+        rows,
+    )
 
 
 def _thesis(page: Page, runs: Sequence[ThesisRun]) -> None:
@@ -168,7 +189,10 @@ def _parameters(comparison: Comparison, truth: RigParameters) -> list[list[str]]
 
 
 def _outputs(
-    label: str, comparison: Comparison, before: Mapping[str, GoodnessOfFit], after: Mapping[str, GoodnessOfFit]
+    label: str,
+    comparison: Comparison,
+    before: Mapping[str, GoodnessOfFit],
+    after: Mapping[str, GoodnessOfFit],
 ) -> list[list[str]]:
     rows = []
     for name, b in before.items():

@@ -64,15 +64,25 @@ class Files:
         ------
         UserError
         """
-        others = [Path(text) for text in self.holdout if len(self.records) == 1 or Path(text).exists()]
-        read: dict[str, Path | None] = {f"the record{_number(k)}": path for k, path in enumerate(self.records)}
+        others = [
+            Path(text) for text in self.holdout if len(self.records) == 1 or Path(text).exists()
+        ]
+        read: dict[str, Path | None] = {
+            f"the record{_number(k)}": path for k, path in enumerate(self.records)
+        }
         read["the later record"] = self.compare
         read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
-        read |= {f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place for place in sources}
+        read |= {
+            f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place
+            for place in sources
+        }
         written = {
-            "--json": self.result, "--report": self.report, "--experiment": self.experiment,
-            "--effect-out": self.effect, "--ssp": self.ssp,
-        }  # fmt: skip
+            "--json": self.result,
+            "--report": self.report,
+            "--experiment": self.experiment,
+            "--effect-out": self.effect,
+            "--ssp": self.ssp,
+        }
         if self.fmu is not None:
             written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, ()).items()}
         endings = {
@@ -83,11 +93,17 @@ class Files:
             "--ssp": (".ssp",),
         }
         Outputs(read, written, endings).check()
-        if self.compare is not None and any(same_file(record, self.compare) for record in self.records):
-            raise UserError(f"--compare {self.compare}: this is the record itself; nothing in it can have changed")
+        if self.compare is not None and any(
+            same_file(record, self.compare) for record in self.records
+        ):
+            raise UserError(
+                f"--compare {self.compare}: this is the record itself; nothing in it can have changed"
+            )
         for path in others:
             if any(same_file(record, path) for record in self.records):
-                raise UserError(f"--holdout {path}: this is the record itself; nothing would be held out")
+                raise UserError(
+                    f"--holdout {path}: this is the record itself; nothing would be held out"
+                )
 
 
 def _number(k: int) -> str:
@@ -95,11 +111,21 @@ def _number(k: int) -> str:
 
 
 def run(
-    files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
-    command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
-    time: float | None = None, runs: str | None = None, each: Sequence[str] = (), laws: bool = True,
+    files: Files,
+    name: str,
+    mapping: Sequence[str],
+    settings: Sequence[str],
+    considered: Sequence[str] | None,
+    command: Sequence[str],
+    hold: Sequence[str] = (),
+    interpolate: bool | None = None,
+    effects: Sequence[str] = (),
+    time: float | None = None,
+    runs: str | None = None,
+    each: Sequence[str] = (),
+    laws: bool = True,
     fit: Sequence[str] = (),
-) -> DiagnosisResult:  # fmt: skip
+) -> DiagnosisResult:
     """Do ``ppy diagnose``; the command is repeated in the report.
 
     Parameters
@@ -136,10 +162,21 @@ def run(
     read = opened(files, name, mapping, settings, effects, runs)
     with progress() as tell:
         result = diagnose(
-            read.records, read.model, holdout=read.holdouts or None, compare=files.compare, each=each,
-            effects=considered, hold=hold, settings=read.settings, interpolate=interpolate, time=time,
-            mapping=read.mapping, laws=laws, fit=fit, progress=tell,
-        )  # fmt: skip
+            read.records,
+            read.model,
+            holdout=read.holdouts or None,
+            compare=files.compare,
+            each=each,
+            effects=considered,
+            hold=hold,
+            settings=read.settings,
+            interpolate=interpolate,
+            time=time,
+            mapping=read.mapping,
+            laws=laws,
+            fit=fit,
+            progress=tell,
+        )
     out.print(*result.overview(), sep="\n")
     write_json(files.result, result.to_dict())
     write_all(lambda tell: _writers(result, files, shlex.join(command), tell))
@@ -157,9 +194,13 @@ class Opened(NamedTuple):
 
 
 def opened(
-    files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], effects: Sequence[str] = (),
+    files: Files,
+    name: str,
+    mapping: Sequence[str],
+    settings: Sequence[str],
+    effects: Sequence[str] = (),
     runs: str | None = None,
-) -> Opened:  # fmt: skip
+) -> Opened:
     """Open the model and the records, once it is sure that what is asked for can be written; tell what is noticed.
 
     Raises
@@ -175,8 +216,16 @@ def opened(
     for record in (*records, *holdouts):
         called = "" if record is records[0] and not record.label else f"{_called(record)}: "
         # of a channel that is constant the diagnosis says what follows from it
-        tell_repairs([replace(r, message=f"{called}{r.message}") for r in record.repairs if r.kind != "constant"])
-    return Opened(model, [*records], [*holdouts], dict(renamed), dict(_setting(text) for text in settings))
+        tell_repairs(
+            [
+                replace(r, message=f"{called}{r.message}")
+                for r in record.repairs
+                if r.kind != "constant"
+            ]
+        )
+    return Opened(
+        model, [*records], [*holdouts], dict(renamed), dict(_setting(text) for text in settings)
+    )
 
 
 def _called(record: Record) -> str:
@@ -215,7 +264,9 @@ def write_all(writers: Callable[[Callable[[str], None]], Sequence[Writer]]) -> N
         raise failures[0]
 
 
-def _writers(result: DiagnosisResult, files: Files, command: str, tell: Callable[[str], None]) -> list[Writer]:
+def _writers(
+    result: DiagnosisResult, files: Files, command: str, tell: Callable[[str], None]
+) -> list[Writer]:
     """What writes what was asked for, or says why there is nothing to write."""
 
     def report(path: Path) -> list[Path]:
@@ -237,4 +288,9 @@ def _writers(result: DiagnosisResult, files: Files, command: str, tell: Callable
     def system(path: Path) -> list[Path]:
         return [result.system(path)]
 
-    return [(report, files.report), (fmu, files.fmu), (experiment, files.experiment), (system, files.ssp)]
+    return [
+        (report, files.report),
+        (fmu, files.fmu),
+        (experiment, files.experiment),
+        (system, files.ssp),
+    ]

@@ -14,9 +14,13 @@ from orchestration.reporting.console import out, progress, tell_repairs
 
 
 def run(
-    record: Path, system: Path, mapping: Sequence[str], settings: Sequence[str], result: Path | None,
+    record: Path,
+    system: Path,
+    mapping: Sequence[str],
+    settings: Sequence[str],
+    result: Path | None,
     others: Mapping[str, object],
-) -> None:  # fmt: skip
+) -> None:
     """Do ``ppy diagnose --system``.
 
     Raises
@@ -26,8 +30,12 @@ def run(
     """
     unfit = [option for option, value in others.items() if value is not None]
     if unfit:
-        raise UserError(f"{unfit[0]} is about one model; --system tells which member to name with --model")
-    Outputs({"the record": record, "the system": system}, {"--json": result}, {"--json": JSON}).check()
+        raise UserError(
+            f"{unfit[0]} is about one model; --system tells which member to name with --model"
+        )
+    Outputs(
+        {"the record": record, "the system": system}, {"--json": result}, {"--json": JSON}
+    ).check()
     with progress() as tell:
         diagnosis = diagnose_system(record, system, mapping, settings, tell)
     tell_repairs(diagnosis.record.repairs)

@@ -18,7 +18,16 @@ from orchestration.cli.options import option, seconds
 if TYPE_CHECKING:
     from orchestration.fmu.isolation.limits import Limits
 
-_SIZES = {"": 1.0, "B": 1.0, "KB": 1e3, "MB": 1e6, "GB": 1e9, "KIB": 2.0**10, "MIB": 2.0**20, "GIB": 2.0**30}
+_SIZES = {
+    "": 1.0,
+    "B": 1.0,
+    "KB": 1e3,
+    "MB": 1e6,
+    "GB": 1e9,
+    "KIB": 2.0**10,
+    "MIB": 2.0**20,
+    "GIB": 2.0**30,
+}
 _APART = 0.5  # s between two presses of Ctrl-C, of which the first was not heard
 _LEAST = 256e6  # an interpreter with NumPy takes a third of it
 
@@ -32,7 +41,9 @@ def _size(text: str) -> float:
     except ValueError:
         size = -1.0
     if not _LEAST <= size < 1e15:
-        raise typer.BadParameter(f"{text!r}: an amount of memory such as 2GB or 800MB, at least {_LEAST / 1e6:g}MB")
+        raise typer.BadParameter(
+            f"{text!r}: an amount of memory such as 2GB or 800MB, at least {_LEAST / 1e6:g}MB"
+        )
     return size
 
 
@@ -53,17 +64,27 @@ Isolate = Annotated[
 ]
 StepTimeout = Annotated[
     float | None,
-    option("--step-timeout", metavar="TIME", help="How long a call of an isolated FMU may take; default 60 s.",
-           parser=_timeout),
-]  # fmt: skip
+    option(
+        "--step-timeout",
+        metavar="TIME",
+        help="How long a call of an isolated FMU may take; default 60 s.",
+        parser=_timeout,
+    ),
+]
 MemoryLimit = Annotated[
     float | None,
-    option("--memory-limit", metavar="SIZE", help="Memory of an isolated FMU, such as 2GB; default the machine's.",
-           parser=_size),
-]  # fmt: skip
+    option(
+        "--memory-limit",
+        metavar="SIZE",
+        help="Memory of an isolated FMU, such as 2GB; default the machine's.",
+        parser=_size,
+    ),
+]
 
 
-def limits(foreign: bool, isolate: bool | None, timeout: float | None, memory: float | None) -> Limits | None:
+def limits(
+    foreign: bool, isolate: bool | None, timeout: float | None, memory: float | None
+) -> Limits | None:
     """Limits of a process of its own for a model; None where it runs in this one.
 
     Raises

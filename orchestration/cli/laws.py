@@ -13,10 +13,19 @@ from orchestration.reporting.console import note, out, progress
 
 
 def run(
-    files: Files, name: str, mapping: Sequence[str], settings: Sequence[str], considered: Sequence[str] | None,
-    command: Sequence[str], hold: Sequence[str] = (), interpolate: bool | None = None, effects: Sequence[str] = (),
-    time: float | None = None, runs: str | None = None, each: Sequence[str] = (),
-) -> LawsResult:  # fmt: skip
+    files: Files,
+    name: str,
+    mapping: Sequence[str],
+    settings: Sequence[str],
+    considered: Sequence[str] | None,
+    command: Sequence[str],
+    hold: Sequence[str] = (),
+    interpolate: bool | None = None,
+    effects: Sequence[str] = (),
+    time: float | None = None,
+    runs: str | None = None,
+    each: Sequence[str] = (),
+) -> LawsResult:
     """Do ``ppy laws``; the command is repeated in the report, and all else is as in ``ppy diagnose``.
 
     Raises
@@ -27,16 +36,27 @@ def run(
     read = opened(files, name, mapping, settings, effects, runs)
     with progress() as tell:
         result = laws(
-            read.records, read.model, holdout=read.holdouts or None, each=each, effects=considered, hold=hold,
-            settings=read.settings, interpolate=interpolate, time=time, mapping=read.mapping, progress=tell,
-        )  # fmt: skip
+            read.records,
+            read.model,
+            holdout=read.holdouts or None,
+            each=each,
+            effects=considered,
+            hold=hold,
+            settings=read.settings,
+            interpolate=interpolate,
+            time=time,
+            mapping=read.mapping,
+            progress=tell,
+        )
     out.print(*result.overview(), sep="\n")
     write_json(files.result, result.to_dict())
     write_all(lambda tell: _writers(result, files, shlex.join(command), tell))
     return result
 
 
-def _writers(result: LawsResult, files: Files, command: str, tell: Callable[[str], None]) -> list[Writer]:
+def _writers(
+    result: LawsResult, files: Files, command: str, tell: Callable[[str], None]
+) -> list[Writer]:
     """What writes what was asked for, or says why there is nothing to write."""
 
     def report(path: Path) -> list[Path]:

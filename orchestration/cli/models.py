@@ -64,7 +64,9 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
 
     for name, signal in model.inputs.items():
         if name in signals and name in parameters:
-            raise UserError(f"--set {name}: the record has a column for it; leave out one of the two")
+            raise UserError(
+                f"--set {name}: the record has a column for it; leave out one of the two"
+            )
         if name not in signals and name not in parameters:
             warn(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")
 
@@ -85,4 +87,6 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
     for effect in vars(model.cls)["stacked"][1]:
         if effect_name(effect) in model.effects and effect.neutral not in parameters:
             start = f"{effect.neutral} = {model.parameters[effect.neutral].start:g}"
-            note(f"a fit starts from {start}, without {effect_name(effect)}; --set starts it elsewhere")
+            note(
+                f"a fit starts from {start}, without {effect_name(effect)}; --set starts it elsewhere"
+            )

@@ -34,7 +34,9 @@ def seconds(text: str) -> float:
     from orchestration.fmu.signal import read_amount
 
     try:
-        return float(text)  # a number that makes no sense, such as nan, is refused where its sense is known
+        return float(
+            text
+        )  # a number that makes no sense, such as nan, is refused where its sense is known
     except ValueError:
         pass
     try:
@@ -75,14 +77,22 @@ def complete_effects(context: typer.Context, incomplete: str) -> list[str]:
     if name is None:
         return []
     before, comma, last = incomplete.rpartition(",")
-    return [f"{before}{comma}{effect}" for effect in known_effects(component(name)) if effect.startswith(last)]
+    return [
+        f"{before}{comma}{effect}"
+        for effect in known_effects(component(name))
+        if effect.startswith(last)
+    ]
 
 
 DEFAULT_MODEL = "ppy_actuator"
 _MODEL = "A component (see ppy list), path/to/file.py:Class, or an .fmu file."
 _TIME = "such as 30s, 10ms or 2min, plain numbers in s; default the record's, else the FMU's own."
-Model = Annotated[str, typer.Argument(metavar="MODEL", help=_MODEL, autocompletion=complete_components)]
-ModelOption = Annotated[str, typer.Option("--model", metavar="MODEL", help=_MODEL, autocompletion=complete_components)]
+Model = Annotated[
+    str, typer.Argument(metavar="MODEL", help=_MODEL, autocompletion=complete_components)
+]
+ModelOption = Annotated[
+    str, typer.Option("--model", metavar="MODEL", help=_MODEL, autocompletion=complete_components)
+]
 With = Annotated[
     str | None,
     option(
@@ -94,7 +104,11 @@ With = Annotated[
 ]
 Set = Annotated[
     list[str] | None,
-    option("--set", metavar="NAME=VALUE[UNIT]", help="Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable."),
+    option(
+        "--set",
+        metavar="NAME=VALUE[UNIT]",
+        help="Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable.",
+    ),
 ]
 Preset = Annotated[str | None, option("--preset", help="Start from a preset (see ppy info).")]
 Map = Annotated[
@@ -110,7 +124,9 @@ Runtime = Annotated[
     typer.Option(
         "--runtime",
         help="Which build of a component to run: native or python.",
-        autocompletion=lambda incomplete: [r for r in ("native", "python") if r.startswith(incomplete)],
+        autocompletion=lambda incomplete: [
+            r for r in ("native", "python") if r.startswith(incomplete)
+        ],
     ),
 ]
 Platforms = Annotated[
@@ -121,17 +137,33 @@ Platforms = Annotated[
         help="linux64,win64,darwin64,aarch64-linux, or all that a compiler here can serve; default this machine's.",
     ),
 ]
-Stop = Annotated[float | None, option("--stop", metavar="TIME", help=f"Stop time, {_TIME}", parser=seconds)]
-Step = Annotated[float | None, option("--step", metavar="TIME", help=f"Communication step, {_TIME}", parser=seconds)]
-Record = Annotated[Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")]
-Picture = Annotated[Path | None, option("--plot", metavar="FILE", help="Picture to draw (.png, .svg or .pdf).")]
-RigEndpoint = Annotated[str, typer.Option("--endpoint", metavar="tcp://HOST:PORT", help="The rig's server.")]
+Stop = Annotated[
+    float | None, option("--stop", metavar="TIME", help=f"Stop time, {_TIME}", parser=seconds)
+]
+Step = Annotated[
+    float | None,
+    option("--step", metavar="TIME", help=f"Communication step, {_TIME}", parser=seconds),
+]
+Record = Annotated[
+    Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")
+]
+Picture = Annotated[
+    Path | None, option("--plot", metavar="FILE", help="Picture to draw (.png, .svg or .pdf).")
+]
+RigEndpoint = Annotated[
+    str, typer.Option("--endpoint", metavar="tcp://HOST:PORT", help="The rig's server.")
+]
 Credentials = Annotated[
-    Path | None, option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys).")
+    Path | None,
+    option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys)."),
 ]
 Json = Annotated[
     Path | None,
-    option("--json", metavar="FILE", help="The result as JSON; - is standard output, which then holds nothing else."),
+    option(
+        "--json",
+        metavar="FILE",
+        help="The result as JSON; - is standard output, which then holds nothing else.",
+    ),
 ]
 
 

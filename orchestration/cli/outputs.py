@@ -55,7 +55,9 @@ class Outputs(NamedTuple):
                 raise UserError(f"{option} {path}: this is a folder; name a file in it")
             for what, source in self.reads.items():
                 if source is not None and same_file(path, source):
-                    raise UserError(f"{option} {path}: this is {what} itself; it will not be overwritten")
+                    raise UserError(
+                        f"{option} {path}: this is {what} itself; it will not be overwritten"
+                    )
             for other, place in named:
                 if same_file(path, place):
                     raise UserError(f"{other} and {option} both name {path}")
@@ -82,7 +84,9 @@ def _exists(option: str, path: Path) -> bool:
 def _check_ending(option: str, path: Path, allowed: Sequence[str]) -> None:
     if allowed and path.suffix.lower() not in allowed:
         endings = (" or " if len(allowed) == 2 else ", ").join(allowed)
-        raise UserError(f"{option} {path}: its name must end in {endings}, not {path.suffix or 'nothing'!r}")
+        raise UserError(
+            f"{option} {path}: its name must end in {endings}, not {path.suffix or 'nothing'!r}"
+        )
 
 
 def _check_folder(folder: Path, wanted: Path) -> None:
@@ -90,7 +94,9 @@ def _check_folder(folder: Path, wanted: Path) -> None:
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise UserError(f"cannot write {wanted}: {folder} is {'read-only' if folder.is_dir() else 'no folder'}")
+        raise UserError(
+            f"cannot write {wanted}: {folder} is {'read-only' if folder.is_dir() else 'no folder'}"
+        )
 
 
 @contextmanager

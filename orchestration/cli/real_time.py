@@ -71,9 +71,10 @@ class Options(NamedTuple):
 def status(moment: Moment) -> str:
     """Say how a run is doing, in a line."""
     parts = [
-        f"{moment.time:.1f} s of {moment.end:g} s", f"lag {1e3 * max(0.0, moment.lag):.1f} ms",
+        f"{moment.time:.1f} s of {moment.end:g} s",
+        f"lag {1e3 * max(0.0, moment.lag):.1f} ms",
         f"missed {moment.missed}",
-    ]  # fmt: skip
+    ]
     if (state := _worst(moment, "link_state")) is not None:
         known = state in range(len(LINK_STATES))
         parts.append(f"link {LINK_STATES[int(state)] if known else f'{state:g}'}")
@@ -86,7 +87,9 @@ def status(moment: Moment) -> str:
 
 def _worst(moment: Moment, ending: str) -> float | None:
     """Greatest of the values about links whose names end so; None if there is none."""
-    return max((value for name, value in moment.link.items() if name.endswith(ending)), default=None)
+    return max(
+        (value for name, value in moment.link.items() if name.endswith(ending)), default=None
+    )
 
 
 @contextmanager
@@ -163,7 +166,9 @@ def _rescued(data: xarray.Dataset, out: Path, live: Live) -> str:
     from orchestration.experiment import results
 
     try:
-        elsewhere = Path(tempfile.gettempdir()) / f"ppy-{data.attrs['created'].replace(':', '')}-{out.name}"
+        elsewhere = (
+            Path(tempfile.gettempdir()) / f"ppy-{data.attrs['created'].replace(':', '')}-{out.name}"
+        )
         results.write(data, elsewhere)
     except (UserError, FileNotFoundError):
         return f"what went to the disk before is in {live.journal}"

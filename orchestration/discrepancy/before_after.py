@@ -15,7 +15,13 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.diagnosis import diagnose as _diagnose
 from orchestration.discrepancy.laws.base import usable
 from orchestration.discrepancy.note import Note, UnusableRecordError
-from orchestration.discrepancy.pipeline import Options, Result, absent_inputs, budget_of, parameters_given
+from orchestration.discrepancy.pipeline import (
+    Options,
+    Result,
+    absent_inputs,
+    budget_of,
+    parameters_given,
+)
 from orchestration.records import Record
 from orchestration.records.joined import base_name
 
@@ -39,7 +45,10 @@ class Compared:
 
 
 def compare(
-    result: Result, after: Record, options: Options | None = None, progress: Callable[[str], None] = lambda text: None
+    result: Result,
+    after: Record,
+    options: Options | None = None,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Compared:
     """Tell which parameters of a diagnosed model, those of its effects too, are others in a later record.
 
@@ -62,22 +71,32 @@ def compare(
         If the later record cannot be used.
     """
     chosen, cls = options or Options(), result.diagnosis.selection.base.candidate.cls
-    part = dataset(after, result.model, chosen.given, chosen.interpolate).only(result.diagnosis.estimation.measured)
+    part = dataset(after, result.model, chosen.given, chosen.interpolate).only(
+        result.diagnosis.estimation.measured
+    )
     part = replace(part, linear=result.diagnosis.estimation.linear)
     if missing := [o for o in result.diagnosis.estimation.measured if o not in part.measured]:
-        raise UserError(f"{after.source}: it lacks an output of the record before, {', '.join(missing)}")
+        raise UserError(
+            f"{after.source}: it lacks an output of the record before, {', '.join(missing)}"
+        )
     refuse_same([*result.records, after], result.model.outputs, "--compare")
     progress(f"diagnosing {after.source.name}")
     given, budget = parameters_given(chosen, result.model), budget_of(chosen, part)
     try:
-        later = _diagnose(cls, part, result.effects, given, progress, held=chosen.hold, budget=budget)
+        later = _diagnose(
+            cls, part, result.effects, given, progress, held=chosen.hold, budget=budget
+        )
     except UnusableRecordError:
         raise
     except UserError as error:
         raise UserError(f"{after.source.name}: {error}") from error
     data = Dataset.joined({**_usable(result.diagnosis, BEFORE), **_usable(later, AFTER)})
     best, other = _explaining(result.diagnosis), _explaining(later)
-    candidate, values, parameters = best.candidate, dict[str, float](), [*map(base_name, best.problem.names)]
+    candidate, values, parameters = (
+        best.candidate,
+        dict[str, float](),
+        [*map(base_name, best.problem.names)],
+    )
     for effect in other.candidate.effects:
         if effect not in candidate.effects:
             candidate = candidate.with_effect(effect)
@@ -85,10 +104,14 @@ def compare(
             parameters.append(effect.neutral)
     values |= best.problem.start | best.fit.values
     own = {*candidate.cls.layout.start_parameters, *chosen.each}
-    common, single = ([n for n in dict.fromkeys(parameters) if (n in own) is which] for which in (False, True))
+    common, single = (
+        [n for n in dict.fromkeys(parameters) if (n in own) is which] for which in (False, True)
+    )
     enough = budget_of(chosen, data)
     found = changes(candidate, data, common, single, values, progress, enough)
-    if enough.notes or later.inconclusive or result.diagnosis.inconclusive:  # what could not be asked is not denied
+    if (
+        enough.notes or later.inconclusive or result.diagnosis.inconclusive
+    ):  # what could not be asked is not denied
         found = [replace(one, uncertain=not one.changed) for one in found]
     notes = [*absent_inputs(result.model, [after], chosen.given), *later.notes]
     there = Result([after], [], result.model, result.effects, later, None, None, None, notes)

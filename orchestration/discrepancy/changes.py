@@ -98,10 +98,17 @@ class Change:
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON."""
         records = ((self.before, self.before_interval), (self.after, self.after_interval))
-        before, after = ({"value": value, "ci95": [number(end) for end in ends]} for value, ends in records)
+        before, after = (
+            {"value": value, "ci95": [number(end) for end in ends]} for value, ends in records
+        )
         about: dict[str, Any] = {"parameter": self.name, "unit": self.unit, "changed": self.changed}
         about |= {"uncertain": self.uncertain, "gain": self.gain}
-        return {**about, **({"effect": self.effect} if self.effect else {}), "before": before, "after": after}
+        return {
+            **about,
+            **({"effect": self.effect} if self.effect else {}),
+            "before": before,
+            "after": after,
+        }
 
 
 @dataclass(frozen=True)
@@ -115,9 +122,14 @@ class _Fit:
 
 
 def changes(
-    candidate: Candidate, data: Dataset, parameters: Sequence[str], own: Sequence[str],
-    fixed: Mapping[str, float], progress: Callable[[str], None] = lambda text: None, budget: Budget | None = None,
-) -> list[Change]:  # fmt: skip
+    candidate: Candidate,
+    data: Dataset,
+    parameters: Sequence[str],
+    own: Sequence[str],
+    fixed: Mapping[str, float],
+    progress: Callable[[str], None] = lambda text: None,
+    budget: Budget | None = None,
+) -> list[Change]:
     """Tell which parameters changed.
 
     Parameters
@@ -148,9 +160,17 @@ def changes(
     """
     # whether an effect is there at all is asked about where it is none, and not of the logarithm of its strength
     switches = {effect.neutral for effect in candidate.effects}
-    neutral = {p.name: float(p.start) for p in candidate.cls.layout.parameters if p.name in switches}
+    neutral = {
+        p.name: float(p.start) for p in candidate.cls.layout.parameters if p.name in switches
+    }
     search = Search(
-        data, candidate.cls, [*parameters, *own], dict(fixed) | neutral, progress, budget or Budget(), each=own
+        data,
+        candidate.cls,
+        [*parameters, *own],
+        dict(fixed) | neutral,
+        progress,
+        budget or Budget(),
+        each=own,
     )
     told = _with_trace(search, candidate, parameters, fixed)
     search = replace(search, parameters=[*told, *own])
@@ -159,8 +179,12 @@ def changes(
     progress("fitting each record by itself")
     one = replace(search, data=data.runs_of([AFTER]))
     alone = _fitted(one, candidate, (), [shared.fit.values, fixed], anywhere=True).fit.values
-    apart = {f"{n}@{AFTER}": alone[n] for n in told} | {n: v for n, v in alone.items() if base_name(n) != n}
-    everything = _fitted(search, candidate, tuple(told), [shared.fit.values | apart, shared.fit.values])
+    apart = {f"{n}@{AFTER}": alone[n] for n in told} | {
+        n: v for n, v in alone.items() if base_name(n) != n
+    }
+    everything = _fitted(
+        search, candidate, tuple(told), [shared.fit.values | apart, shared.fit.values]
+    )
     best, gains, rest = shared, dict[str, float](), list(told)
     total = shared.error - everything.error
     real = total > _by_chance(shared, len(told))
@@ -185,11 +209,17 @@ def changes(
     order = [*agreed, *(name for name in (*best.free, *rest) if name not in agreed)]
     owner = {name: label(effect) for effect in candidate.effects for name in own_parameters(effect)}
     found = [
-        _change(best if n in agreed else reported, n, n in agreed, gains.get(n, 0.0) if real else None) for n in order
+        _change(
+            best if n in agreed else reported, n, n in agreed, gains.get(n, 0.0) if real else None
+        )
+        for n in order
     ]
     return [
         replace(
-            c, uncertain=c.name in sure and not c.changed, effect=owner.get(c.name, ""), neutral=neutral.get(c.name)
+            c,
+            uncertain=c.name in sure and not c.changed,
+            effect=owner.get(c.name, ""),
+            neutral=neutral.get(c.name),
         )
         for c in found
     ]
@@ -210,20 +240,32 @@ def _with_trace(
 
 
 def _let_go(
-    search: Search, candidate: Candidate, free: tuple[str, ...], origins: Sequence[Mapping[str, float]], name: str
+    search: Search,
+    candidate: Candidate,
+    free: tuple[str, ...],
+    origins: Sequence[Mapping[str, float]],
+    name: str,
 ) -> _Fit:
     return _fitted(search, candidate, (*free, name), origins)
 
 
 def _fitted(
-    search: Search, candidate: Candidate, free: tuple[str, ...], origins: Sequence[Mapping[str, float]],
+    search: Search,
+    candidate: Candidate,
+    free: tuple[str, ...],
+    origins: Sequence[Mapping[str, float]],
     anywhere: bool = False,
-) -> _Fit:  # fmt: skip
+) -> _Fit:
     """Fit with some parameters let go, from given points, and from points a decade about nominal too if asked."""
-    problem = search.problem(candidate, [*search.parameters, *(f"{n}@{AFTER}" for n in free)], search.fixed)
+    problem = search.problem(
+        candidate, [*search.parameters, *(f"{n}@{AFTER}" for n in free)], search.fixed
+    )
     starts = []
     for origin in origins:
-        there = {name: origin.get(name, origin.get(base_name(name), problem.start[name])) for name in problem.names}
+        there = {
+            name: origin.get(name, origin.get(base_name(name), problem.start[name]))
+            for name in problem.names
+        }
         starts.append(problem.inside(problem.position(there)))
     fit = fit_free_run(problem, [*starts, *(starting_points(problem) if anywhere else [])])
     return _Fit(free, problem, fit, pooled_error(fit.residual, error_scales(problem)) ** 2)
@@ -235,7 +277,9 @@ def _difference(one: _Fit, name: str, spread: Covariance | None = None) -> tuple
     known = spread or one.fit.covariance
     variance = known.matrix[i, i] + known.matrix[j, j] - 2.0 * known.matrix[i, j]
     sure = not known.unidentifiable[[i, j]].any()
-    return float(one.fit.q[j] - one.fit.q[i]), float(np.sqrt(max(variance, 0.0))) if sure else np.inf
+    return float(one.fit.q[j] - one.fit.q[i]), float(
+        np.sqrt(max(variance, 0.0))
+    ) if sure else np.inf
 
 
 def _agreed(one: _Fit, name: str, tried: int) -> bool:
@@ -266,8 +310,20 @@ def _between_stretches(one: _Fit) -> Covariance:
 def _change(one: _Fit, name: str, changed: bool, gain: float | None) -> Change:
     """What is to be said of a parameter: as it was claimed, or as each record by itself has it."""
     few = float(student.ppf(0.975, STRETCHES - 1) / norm.ppf(0.975))
-    errors = np.maximum(one.fit.covariance.standard_errors, few * _between_stretches(one).standard_errors)
+    errors = np.maximum(
+        one.fit.covariance.standard_errors, few * _between_stretches(one).standard_errors
+    )
     intervals = one.problem.intervals(one.fit.q, errors)
     later, values = f"{name}@{AFTER}", one.fit.values
     declared = one.problem.declared[name]
-    return Change(name, values[name], values[later], intervals[name], intervals[later], changed, False, gain, declared)
+    return Change(
+        name,
+        values[name],
+        values[later],
+        intervals[name],
+        intervals[later],
+        changed,
+        False,
+        gain,
+        declared,
+    )

@@ -27,7 +27,11 @@ from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection, Step, interchangeable
 from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.confirmation import Confirmed, Outcome, confirmed
-from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
+from orchestration.discrepancy.validation.estimates import (
+    estimates,
+    implausible,
+    significantly_changed,
+)
 from orchestration.discrepancy.validation.following import not_followed
 from orchestration.discrepancy.validation.misfit import spread_beside
 from orchestration.discrepancy.validation.reservations import reservations
@@ -36,16 +40,28 @@ from orchestration.fmu.effects import catalogue, families
 from orchestration.records.joined import base_name
 
 _RELAXATIONS = 3  # of one law and signal, one beside the other
-_AS_GOOD = 6.0  # of BIC, by which an effect of the catalogue may fit worse than the correction that it is
+_AS_GOOD = (
+    6.0  # of BIC, by which an effect of the catalogue may fit worse than the correction that it is
+)
 # What a lag of a signal, added in proportion, is called among the arms of the kit.
 _ARMS = {"lagged": "lagging", "leading": "leading", "heat": "warming"}
 # Notes that are about the model as it ended, and so about another one beside a correction.
 _OF_THE_END = {
-    NoteCode.SOMETHING_LEFT, NoteCode.OUTLYING_RESIDUALS, NoteCode.VARYING_NOISE, NoteCode.FEEDBACK,
-    NoteCode.NOT_FOLLOWED, NoteCode.END_NOT_FOLLOWED, NoteCode.UNDETERMINED, NoteCode.DETERMINED_TOGETHER,
-    NoteCode.AT_BOUND, NoteCode.NOT_CONVERGED, NoteCode.NOT_MOVED, NoteCode.IMPLAUSIBLE, NoteCode.NO_GAIN,
+    NoteCode.SOMETHING_LEFT,
+    NoteCode.OUTLYING_RESIDUALS,
+    NoteCode.VARYING_NOISE,
+    NoteCode.FEEDBACK,
+    NoteCode.NOT_FOLLOWED,
+    NoteCode.END_NOT_FOLLOWED,
+    NoteCode.UNDETERMINED,
+    NoteCode.DETERMINED_TOGETHER,
+    NoteCode.AT_BOUND,
+    NoteCode.NOT_CONVERGED,
+    NoteCode.NOT_MOVED,
+    NoteCode.IMPLAUSIBLE,
+    NoteCode.NO_GAIN,
     NoteCode.NOT_REFITTED,
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -85,13 +101,17 @@ def leaves_something(diagnosis: Diagnosis) -> bool:
     Where a record cannot tell causes apart, the laws are not asked: they would be one more.
     """
     beside = any(note.code is NoteCode.SOMETHING_LEFT for note in diagnosis.notes)
-    return diagnosis.verdict is Verdict.UNEXPLAINED or (diagnosis.verdict is Verdict.CAUSE and beside)
+    return diagnosis.verdict is Verdict.UNEXPLAINED or (
+        diagnosis.verdict is Verdict.CAUSE and beside
+    )
 
 
 def ask_on(
-    diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None, again: Entry | None = None,
+    diagnosis: Diagnosis,
+    progress: Callable[[str], None] = lambda text: None,
+    again: Entry | None = None,
     rounds: int = _RELAXATIONS,
-) -> tuple[Laws, Diagnosis]:  # fmt: skip
+) -> tuple[Laws, Diagnosis]:
     """Ask what the laws lack, and what is confirmed, what they lack beside it.
 
     A relaxation is asked for another one of the same law and signal, as a spectrum has several; anything else once more
@@ -135,7 +155,11 @@ def _one_by_one(
 
 # as in a diagnosis: fits run side by side, and the matrices are narrow
 @threadpool_limits.wrap(limits=1)
-def ask(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None, again: Entry | None = None) -> Laws:
+def ask(
+    diagnosis: Diagnosis,
+    progress: Callable[[str], None] = lambda text: None,
+    again: Entry | None = None,
+) -> Laws:
     """Ask every law of a diagnosed model what it lacks, and the catalogue whether it knows that.
 
     Parameters
@@ -182,11 +206,15 @@ def _known(diagnosis: Diagnosis, found: LawMapResult, best: Correction) -> Fitte
     if effect is None or effect_name(effect) in map(effect_name, base.candidate.effects):
         return None
     values = best.model.problem.start | best.model.fit.values
-    own = dict(zip(own_parameters(effect), (values[n] for n in own_parameters(correction)), strict=False))
+    own = dict(
+        zip(own_parameters(effect), (values[n] for n in own_parameters(correction)), strict=False)
+    )
     try:
         search = search_of(diagnosis)
         known = search.fit_from(
-            base.candidate.with_effect(effect), base, {**search.fixed, **best.model.fit.values, **own}
+            base.candidate.with_effect(effect),
+            base,
+            {**search.fixed, **best.model.fit.values, **own},
         )
     except FAILURES:
         return None
@@ -194,7 +222,9 @@ def _known(diagnosis: Diagnosis, found: LawMapResult, best: Correction) -> Fitte
 
 
 @threadpool_limits.wrap(limits=1)
-def with_cause(diagnosis: Diagnosis, laws: Laws, progress: Callable[[str], None] = lambda text: None) -> Diagnosis:
+def with_cause(
+    diagnosis: Diagnosis, laws: Laws, progress: Callable[[str], None] = lambda text: None
+) -> Diagnosis:
     """Return a diagnosis with what its laws were found to lack as a further cause, if unseen data confirm it.
 
     Everything that is told of the model is that of the model with it, judged as a cause of the catalogue is. The
@@ -236,12 +266,17 @@ def _with_step(
     if replaced:
         try:
             alone = search.fit_from(
-                below.candidate.with_effect(cause.effect), below, {**search.fixed, **cause.fit.values}
+                below.candidate.with_effect(cause.effect),
+                below,
+                {**search.fixed, **cause.fit.values},
             )
         except FAILURES:
             alone = None
         if alone is not None and alone.fit.bic <= cause.fit.bic + _AS_GOOD:
-            chosen, rejected = alone, [*replaced[0].rejected, *((s.chosen, s.gain) for s in replaced)]
+            chosen, rejected = (
+                alone,
+                [*replaced[0].rejected, *((s.chosen, s.gain) for s in replaced)],
+            )
         else:
             kept, below = list(before.steps), before.best
     gain = best.gain + below.fit.bic - found.base.fit.bic + cause.fit.bic - chosen.fit.bic
@@ -267,7 +302,11 @@ def _told_anew(diagnosis: Diagnosis, search: Search, judged: Confirmed) -> Diagn
     known = noise.spread_of(final.problem.names), intersample.spread(diagnosis.intersample, final)
     more = spread_beside(final, known, selection, residuals)
     values, declared = estimates(final, more), final.problem.declared
-    physical = [n for n in map(base_name, selection.base.problem.names) if n in declared and not declared[n].starts]
+    physical = [
+        n
+        for n in map(base_name, selection.base.problem.names)
+        if n in declared and not declared[n].starts
+    ]
     odd = implausible(values, physical)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
     before, after = predictions[0].errors, predictions[-1].errors
@@ -283,13 +322,24 @@ def _told_anew(diagnosis: Diagnosis, search: Search, judged: Confirmed) -> Diagn
         *([] if all(after[o] <= before[o] for o in before) else [Note(NoteCode.NO_GAIN)]),
     ]
     return replace(
-        diagnosis, verdict=Verdict.CAUSE, selection=selection, estimates=values, residuals=residuals, final=final,
-        changed=significantly_changed(final, physical, more), fitted_errors=fitted_errors,
-        judged_errors=judged_errors, notes=notes, excused=excused, confirmations=judged.confirmations,
-    )  # fmt: skip
+        diagnosis,
+        verdict=Verdict.CAUSE,
+        selection=selection,
+        estimates=values,
+        residuals=residuals,
+        final=final,
+        changed=significantly_changed(final, physical, more),
+        fitted_errors=fitted_errors,
+        judged_errors=judged_errors,
+        notes=notes,
+        excused=excused,
+        confirmations=judged.confirmations,
+    )
 
 
-def _of_all(diagnosis: Diagnosis, search: Search, selection: Selection) -> tuple[FittedCandidate, list[Note]]:
+def _of_all(
+    diagnosis: Diagnosis, search: Search, selection: Selection
+) -> tuple[FittedCandidate, list[Note]]:
     """The best model fitted to all that was measured; if that fails, as it was fitted to the first part."""
     best, data = selection.best, usable(diagnosis)
     if len(data.time) == len(best.problem.time):

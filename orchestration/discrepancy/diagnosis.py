@@ -17,7 +17,11 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.screening import DividedData, divided, is_excited
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, Structure, analyse_residuals
+from orchestration.discrepancy.residuals.analysis import (
+    ResidualAnalysis,
+    Structure,
+    analyse_residuals,
+)
 from orchestration.discrepancy.residuals.innovations import power
 from orchestration.discrepancy.residuals.remarks import remarks
 from orchestration.discrepancy.selection import both_ways, clock, intersample
@@ -26,7 +30,11 @@ from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.discrepancy.validation import errors_in_variables
 from orchestration.discrepancy.validation.confirmation import Confirmation, confirmed
-from orchestration.discrepancy.validation.estimates import estimates, implausible, significantly_changed
+from orchestration.discrepancy.validation.estimates import (
+    estimates,
+    implausible,
+    significantly_changed,
+)
 from orchestration.discrepancy.validation.following import not_followed
 from orchestration.discrepancy.validation.misfit import spread_beside
 from orchestration.discrepancy.validation.prediction import Prediction
@@ -102,7 +110,9 @@ class Diagnosis:
 
     def unexplained(self, output: str) -> list[Structure]:
         """Structure in the residual of an output that noise on the inputs does not make, the most telling first."""
-        return [s for s in self.residuals[output].structure if (output, type(s)) not in self.excused]
+        return [
+            s for s in self.residuals[output].structure if (output, type(s)) not in self.excused
+        ]
 
     @property
     def before(self) -> dict[str, float]:
@@ -123,7 +133,9 @@ class Diagnosis:
     def explained(self) -> bool:
         """Whether what was named, or parameters, account for all that the record shows."""
         beside = {NoteCode.SOMETHING_LEFT, NoteCode.IMPLAUSIBLE}
-        return self.verdict is not Verdict.UNEXPLAINED and not beside & {note.code for note in self.notes}
+        return self.verdict is not Verdict.UNEXPLAINED and not beside & {
+            note.code for note in self.notes
+        }
 
     @property
     def unsettled(self) -> bool:
@@ -191,16 +203,24 @@ def diagnose(
     UserError
         If the model cannot be simulated over the record, or no output can be trusted.
     """
-    chosen = intersample.given(cls, data) if data.linear is not None else intersample.by_course(cls, data)
+    chosen = (
+        intersample.given(cls, data)
+        if data.linear is not None
+        else intersample.by_course(cls, data)
+    )
     data = replace(data, linear=intersample.linear(chosen))
     holdout = replace(holdout, linear=data.linear) if holdout is not None else None
     parts = divided(cls, data, holdout, fixed or {}, bool(each))
     free = [n for n in searched(cls) if n not in held]
-    search = Search(parts.estimation, cls, free, fixed or {}, progress, budget or Budget(), each=each)
+    search = Search(
+        parts.estimation, cls, free, fixed or {}, progress, budget or Budget(), each=each
+    )
     starts = tuple(name for name in free if name in cls.layout.start_parameters)
     physical = [name for name in free if name not in starts]
     excited = is_excited(cls, parts.estimation, fixed or {})
-    inconclusive = bool(starts) and not excited  # not knowing where it starts, how it settles tells nothing
+    inconclusive = (
+        bool(starts) and not excited
+    )  # not knowing where it starts, how it settles tells nothing
     selection, by_clock = Selection(base := search.nominal()), list[Note]()
     if not inconclusive:
         search, base, by_clock = clock.by_fit(*search.heard(base))
@@ -208,16 +228,24 @@ def diagnose(
         way, selection = both_ways.selected(search, base, chosen, effects)
         search, base, chosen = way.search, selection.base, way.chosen
     estimation, validation, usable = _as_taken(parts, by_clock, intersample.linear(chosen))
-    noise = errors_in_variables.nothing(base) if inconclusive else errors_in_variables.assess(search, base)
+    noise = (
+        errors_in_variables.nothing(base)
+        if inconclusive
+        else errors_in_variables.assess(search, base)
+    )
     selection, by_noise = errors_in_variables.defensible(selection, search, noise)
     judged = confirmed(_trusted(search, selection), validation)
     selection, predictions = judged.selection, judged.predictions
-    final, failed = _refitted(replace(search, data=usable, parameters=free), selection.best, holdout is None)
+    final, failed = _refitted(
+        replace(search, data=usable, parameters=free), selection.best, holdout is None
+    )
     residuals = analyse_residuals(selection.best, estimation)
     known = noise.spread_of(final.problem.names), intersample.spread(chosen, final)
     more = spread_beside(final, known, selection, residuals)
     values = estimates(final, more)
-    unfitted = not final.fit.converged and bool(search.budget.notes)  # where it ended tells of the clock alone
+    unfitted = not final.fit.converged and bool(
+        search.budget.notes
+    )  # where it ended tells of the clock alone
     changed = [] if inconclusive or unfitted else significantly_changed(final, free, more)
     odd = {} if unfitted else implausible(values, physical)
     excused = errors_in_variables.excused(residuals, selection, search, noise)
@@ -234,12 +262,26 @@ def diagnose(
         *_remarks(selection, residuals, [*astray, *_doubts(predictions, left)]),
         *search.budget.notes,
     ]
-    unknown, wrong = inconclusive or (unfitted and not selection.steps), left or bool(odd) or bool(astray)
+    unknown, wrong = (
+        inconclusive or (unfitted and not selection.steps),
+        left or bool(odd) or bool(astray),
+    )
     verdict = Verdict.AMBIGUOUS if unknown else _verdict(selection, changed, wrong)
     return Diagnosis(
-        verdict, selection, values, changed, residuals, *errors_side_by_side(predictions, validation), estimation,
-        validation, final, notes, chosen, excused, judged.confirmations,
-    )  # fmt: skip
+        verdict,
+        selection,
+        values,
+        changed,
+        residuals,
+        *errors_side_by_side(predictions, validation),
+        estimation,
+        validation,
+        final,
+        notes,
+        chosen,
+        excused,
+        judged.confirmations,
+    )
 
 
 def _as_taken(
@@ -250,7 +292,9 @@ def _as_taken(
     return parts.estimation, parts.validation, parts.usable
 
 
-def _refitted(search: Search, best: FittedCandidate, more: bool) -> tuple[FittedCandidate, list[Note]]:
+def _refitted(
+    search: Search, best: FittedCandidate, more: bool
+) -> tuple[FittedCandidate, list[Note]]:
     """Fit what was found to all that was measured; if that fails, it stands as it was fitted to the first part.
 
     Where there is not more than that part, only what was left out of the search comes back.
@@ -268,11 +312,16 @@ def _trusted(search: Search, selection: Selection) -> Selection:
     models = [search.trusted(selection.base)]
     for step in selection.steps:
         models.append(search.trusted(step.chosen, models[-1]))
-    steps = [replace(step, chosen=chosen) for step, chosen in zip(selection.steps, models[1:], strict=True)]
+    steps = [
+        replace(step, chosen=chosen)
+        for step, chosen in zip(selection.steps, models[1:], strict=True)
+    ]
     return replace(selection, base=models[0], steps=steps)
 
 
-def _excitation_notes(notes: Sequence[Note], data: Dataset, excited: bool, starts: tuple[str, ...]) -> list[Note]:
+def _excitation_notes(
+    notes: Sequence[Note], data: Dataset, excited: bool, starts: tuple[str, ...]
+) -> list[Note]:
     """Notes on the data, with what follows from inputs that move too little."""
     if excited:
         return list(notes)
@@ -286,7 +335,9 @@ def _excitation_notes(notes: Sequence[Note], data: Dataset, excited: bool, start
 def _gained(predictions: Sequence[Prediction]) -> bool:
     """Whether the error fell in some output and grew in none."""
     before, after = predictions[0].errors, predictions[-1].errors
-    return any(after[o] < before[o] for o in before) and not any(after[o] > DEGRADED * before[o] for o in before)
+    return any(after[o] < before[o] for o in before) and not any(
+        after[o] > DEGRADED * before[o] for o in before
+    )
 
 
 def _doubts(predictions: Sequence[Prediction], left: bool) -> list[Note]:
@@ -299,7 +350,9 @@ def _doubts(predictions: Sequence[Prediction], left: bool) -> list[Note]:
     ]
 
 
-def _remarks(selection: Selection, residuals: Mapping[str, ResidualAnalysis], astray: Sequence[Note]) -> list[Note]:
+def _remarks(
+    selection: Selection, residuals: Mapping[str, ResidualAnalysis], astray: Sequence[Note]
+) -> list[Note]:
     """What to mind of what was named, and of what is left where was fitted and where was not."""
     return [*_confounders(selection), *remarks(residuals), *astray]
 
@@ -310,7 +363,11 @@ def _confounders(selection: Selection) -> list[Note]:
     notes = []
     for step in selection.steps:
         known = named | {alternative.effect_name for alternative in step.alternatives}
-        near = {n: share for n, share in step.confounding.items() if share > CONFOUNDED_SHARE and n not in known}
+        near = {
+            n: share
+            for n, share in step.confounding.items()
+            if share > CONFOUNDED_SHARE and n not in known
+        }
         if near:
             others = dict(sorted(near.items(), key=lambda item: -item[1]))
             notes.append(Note(NoteCode.CONFOUNDED, step.chosen.effect_name, {"shares": others}))
@@ -320,14 +377,20 @@ def _confounders(selection: Selection) -> list[Note]:
 def _verdict(selection: Selection, changed: Sequence[str], amiss: bool) -> Verdict:
     """What was found; a cause that was named and not refuted is told whatever is left beside it."""
     if selection.steps:
-        return Verdict.AMBIGUOUS if any(step.alternatives for step in selection.strong) else Verdict.CAUSE
+        return (
+            Verdict.AMBIGUOUS
+            if any(step.alternatives for step in selection.strong)
+            else Verdict.CAUSE
+        )
     if amiss:
         return Verdict.UNEXPLAINED
     return Verdict.RECALIBRATE if changed else Verdict.CONSISTENT
 
 
 def _is_left(
-    selection: Selection, residuals: Mapping[str, ResidualAnalysis], excused: frozenset[tuple[str, type]]
+    selection: Selection,
+    residuals: Mapping[str, ResidualAnalysis],
+    excused: frozenset[tuple[str, type]],
 ) -> bool:
     """Whether there is structure in a residual that neither noise on the inputs makes nor the form of a cause.
 
@@ -339,8 +402,14 @@ def _is_left(
     noise = {o: power(after.innovation[o]) * n.deviation**2 for o, n in after.noise.items()}
     small = {
         o: bool(selection.steps)
-        and power(after.residual[o]) - noise[o] < TOLERATED_STRUCTURE * (power(before.residual[o]) - noise[o])
+        and power(after.residual[o]) - noise[o]
+        < TOLERATED_STRUCTURE * (power(before.residual[o]) - noise[o])
         for o in residuals
     }
-    left = [o for o, analysis in residuals.items() for s in analysis.structure if (o, type(s)) not in excused]
+    left = [
+        o
+        for o, analysis in residuals.items()
+        for s in analysis.structure
+        if (o, type(s)) not in excused
+    ]
     return not all(small[o] for o in left)

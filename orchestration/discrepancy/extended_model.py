@@ -108,7 +108,11 @@ def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -
         if fitted is not None:
             low, high = fitted.interval
             known = isfinite(low) and isfinite(high)
-            ends = f"95 % interval {shown(low, p)} … {shown(high, p)}" if known else "not determined by the record"
+            ends = (
+                f"95 % interval {shown(low, p)} … {shown(high, p)}"
+                if known
+                else "not determined by the record"
+            )
             remarks.append(f"{p.name} = {shown(defaults.get(p.name, p.start), p)} ({ends})")
         elif p.name in defaults:
             remarks.append(f"{p.name} = {shown(defaults[p.name], p)} (given, not fitted)")
@@ -120,7 +124,9 @@ def _meaning(effect: type[Effect]) -> str:
     words = (effect.__doc__ or "").strip().split("\n")[0].rstrip(".").replace("``", "")
     relaxed = effect.assumption
     which = (
-        f"assumption {relaxed} of its documentation" if isinstance(relaxed, int) else f"the assumption that {relaxed}"
+        f"assumption {relaxed} of its documentation"
+        if isinstance(relaxed, int)
+        else f"the assumption that {relaxed}"
     )
     return f"{words}; relaxes {which}"
 
@@ -187,7 +193,9 @@ def export(
         If a destination is refused or cannot be written, or a build fails; then no FMU is left half written.
     """
     places = destinations(path, records)
-    contents = {place: build(cls, runtime, platforms, progress) for runtime, place in places.items()}
+    contents = {
+        place: build(cls, runtime, platforms, progress) for runtime, place in places.items()
+    }
     for place, made in contents.items():
         files.write(place, made)
     return list(places.values())
@@ -215,9 +223,15 @@ def measured_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> G
     UserError
         If an FMU cannot be run over the data.
     """
-    validation, best, base = diagnosis.validation, diagnosis.selection.best, diagnosis.selection.base
+    validation, best, base = (
+        diagnosis.validation,
+        diagnosis.selection.best,
+        diagnosis.selection.base,
+    )
     refitted, extended = base.candidate.cls, best.candidate.cls
-    before = _run(build_cached(refitted, runtime), refitted, parameters_on(validation, base), validation.data)
+    before = _run(
+        build_cached(refitted, runtime), refitted, parameters_on(validation, base), validation.data
+    )
     after = _run(fmu, extended, parameters_on(validation, best), validation.data)
     white = {}
     for output, noise in best.fit.noise.items():
@@ -229,7 +243,9 @@ def measured_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> G
     return Gain(validation.nrmse(before), validation.nrmse(after), white, before, after)
 
 
-def _run(path: Path, cls: type[Component], values: Mapping[str, float], data: Dataset) -> dict[str, Array]:
+def _run(
+    path: Path, cls: type[Component], values: Mapping[str, float], data: Dataset
+) -> dict[str, Array]:
     """Simulate the data held out, every run from its first sample on."""
     parts = []
     for run, part in zip(data.runs, data.apart().values(), strict=True):
@@ -240,4 +256,6 @@ def _run(path: Path, cls: type[Component], values: Mapping[str, float], data: Da
             time, inputs, at = with_knots(part.time, part.inputs, moving)
             simulated = simulate_instance(fmu, time, inputs, list(data.measured), linear=moving)
             parts.append({o: values[at] for o, values in simulated.items()})
-    return {o: joined(len(data.time), data.runs, [part[o] for part in parts]) for o in data.measured}
+    return {
+        o: joined(len(data.time), data.runs, [part[o] for part in parts]) for o in data.measured
+    }

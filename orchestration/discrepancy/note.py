@@ -106,4 +106,6 @@ class UnusableRecordError(UserError):
 
     def __init__(self, notes: Sequence[Note]):
         self.notes = list(notes)
-        super().__init__("; ".join(" ".join(filter(None, (note.subject, note.code))) for note in notes))
+        super().__init__(
+            "; ".join(" ".join(filter(None, (note.subject, note.code))) for note in notes)
+        )

@@ -186,9 +186,12 @@ def judge(
 
 
 def _judged(
-    record: Record | Sequence[Record], model: Model, holdout: Record | Sequence[Record] | None, chosen: Options,
+    record: Record | Sequence[Record],
+    model: Model,
+    holdout: Record | Sequence[Record] | None,
+    chosen: Options,
     progress: Callable[[str], None],
-) -> tuple[Result, Dataset]:  # fmt: skip
+) -> tuple[Result, Dataset]:
     """The diagnosis, and the data that it was made of."""
     if chosen.time is not None and not chosen.time > 0.0:
         raise UserError(f"time: {chosen.time:g} s is no time; inf is without limit")
@@ -203,12 +206,16 @@ def _judged(
     data, judged = _data(records, holdouts, model, chosen)
     if judged is not None and not judged.measured:
         outputs = ", ".join(data.measured)
-        raise UserError(f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}")
+        raise UserError(
+            f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}"
+        )
     fixed = parameters_given(chosen, model)
     effects = _considered(model.cls, data, fixed, chosen.effects)
     budget = budget_of(chosen, data)
     each = chosen.each if len(every) > 1 else ()
-    diagnosis = _diagnose(model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, each)
+    diagnosis = _diagnose(
+        model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, each
+    )
     laws, diagnosis = _asked(diagnosis, budget, progress) if chosen.laws else (None, diagnosis)
     notes = [*absent_inputs(model, every, chosen.given), *gap_notes(every), *diagnosis.notes]
     return Result(records, holdouts, model, effects, diagnosis, None, None, None, notes, laws), data
@@ -216,7 +223,7 @@ def _judged(
 
 def _asked(
     diagnosis: Diagnosis, budget: Budget, progress: Callable[[str], None]
-) -> tuple[Laws | None, Diagnosis]:  # fmt: skip
+) -> tuple[Laws | None, Diagnosis]:
     """What the laws lack, and the diagnosis with it, where something is left and there is time."""
     if not leaves_something(diagnosis):
         return None, diagnosis
@@ -238,7 +245,9 @@ def parameters_given(options: Options, model: Model) -> dict[str, float]:
 
 def budget_of(options: Options, *data: Dataset) -> Budget:
     """Time for one search over records."""
-    return Budget(default_time(sum(one.time.size for one in data)) if options.time is None else options.time)
+    return Budget(
+        default_time(sum(one.time.size for one in data)) if options.time is None else options.time
+    )
 
 
 def _reason(error: Exception) -> str:
@@ -266,7 +275,9 @@ def _data(
 ) -> tuple[Dataset, Dataset | None]:
     """What is fitted to, and other records to judge by if there are any; by themselves they need no labels."""
     given, interpolate = options.given, options.interpolate
-    if len(records) == 1 and len(holdouts) < 2 and not (options.each and holdouts):  # of one record nothing differs
+    if (
+        len(records) == 1 and len(holdouts) < 2 and not (options.each and holdouts)
+    ):  # of one record nothing differs
         data = joined_dataset({"": records[0]}, model, given, interpolate)
         return data, joined_dataset({"": holdouts[0]}, model, given, interpolate).only(
             data.measured
@@ -280,7 +291,9 @@ def _data(
     return data, others.only(data.measured)
 
 
-def absent_inputs(model: Model, records: Sequence[Record], given: Mapping[str, float]) -> list[Note]:
+def absent_inputs(
+    model: Model, records: Sequence[Record], given: Mapping[str, float]
+) -> list[Note]:
     """Inputs that are neither in records nor given, each of them once for every file."""
     absent = [_absent(model, record, given) for record in records]
     return [note for k, some in enumerate(absent) for note in some if some not in absent[:k]]
@@ -289,7 +302,11 @@ def absent_inputs(model: Model, records: Sequence[Record], given: Mapping[str, f
 def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[Note]:
     """Inputs that are neither in a record nor given."""
     return [
-        Note(NoteCode.ABSENT_INPUT, n, {"record": record.source.name, "value": signal.start, "unit": signal.unit})
+        Note(
+            NoteCode.ABSENT_INPUT,
+            n,
+            {"record": record.source.name, "value": signal.start, "unit": signal.unit},
+        )
         for n, signal in model.inputs.items()
         if signal.type == "real" and n not in record.signals and n not in given
     ]

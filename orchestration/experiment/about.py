@@ -17,13 +17,17 @@ from orchestration.master.pacing import Pacing
 def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:
     """Return the experiment, and with what it was made; `where` is its file or name."""
     return {
-        "title": experiment.title or where, "source": experiment.source,
-        "duration": experiment.duration, "step": experiment.step, "seed": experiment.seed,
-        "runtime": experiment.runtime, "over": experiment.over,
+        "title": experiment.title or where,
+        "source": experiment.source,
+        "duration": experiment.duration,
+        "step": experiment.step,
+        "seed": experiment.seed,
+        "runtime": experiment.runtime,
+        "over": experiment.over,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": f"ppy-rig {version('ppy-rig')}, numpy {np.__version__}, Python {platform.python_version()}",
         "experiment": experiment.model_dump_json(exclude_none=True),
-    }  # fmt: skip
+    }
 
 
 def about_pace(pacing: Pacing | None) -> dict[str, Any]:
@@ -31,7 +35,9 @@ def about_pace(pacing: Pacing | None) -> dict[str, Any]:
     if pacing is None:
         return {}
     return {
-        "deadlines": pacing.deadlines, "missed_deadlines": pacing.missed,
-        "worst_lag": pacing.worst_lag, "worst_lag_at": pacing.worst_at,
+        "deadlines": pacing.deadlines,
+        "missed_deadlines": pacing.missed,
+        "worst_lag": pacing.worst_lag,
+        "worst_lag_at": pacing.worst_at,
         "lateness": json.dumps({"upper_bounds": pacing.edges, "counts": pacing.counts}),
-    }  # fmt: skip
+    }

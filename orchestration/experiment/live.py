@@ -10,7 +10,11 @@ from orchestration.experiment.preparation import Preparation
 from orchestration.master import RealTime
 from orchestration.records.journal import Journal
 
-_LINK = ("link_state", "round_trip_time", "missed_deadlines")  # outputs of a proxy, beside the `_age` of every value
+_LINK = (
+    "link_state",
+    "round_trip_time",
+    "missed_deadlines",
+)  # outputs of a proxy, beside the `_age` of every value
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,9 @@ class Follower:
     def _watch(self, k: int, values: Sequence[float], lag: float, missed: int) -> None:
         trouble = ""
         if self._journal is not None:
-            row = [column[k] for column in self._inputs] + [values[place] for place in self._recorded]
+            row = [column[k] for column in self._inputs] + [
+                values[place] for place in self._recorded
+            ]
             self._journal.add(self._time[k], row)
             trouble = self._journal.error
         link = {name: values[place] for name, place in self._link.items()}

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, Field, PlainValidator, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.stimulus import AnyStimulus
@@ -26,7 +33,11 @@ def _flat(given: Any) -> Any:
         return given
     flat: dict[str, Any] = {}
     for name, value in given.items():
-        flat |= {f"{name}.{n}": v for n, v in _flat(value).items()} if isinstance(value, dict) else {name: value}
+        flat |= (
+            {f"{name}.{n}": v for n, v in _flat(value).items()}
+            if isinstance(value, dict)
+            else {name: value}
+        )
     return flat
 
 
@@ -57,7 +68,11 @@ class Master(Table):
 
     def _set(self) -> list[str]:
         """Keys besides the method that are not at their default."""
-        return [key for key, f in Master.model_fields.items() if key != "method" and getattr(self, key) != f.default]
+        return [
+            key
+            for key, f in Master.model_fields.items()
+            if key != "method" and getattr(self, key) != f.default
+        ]
 
     @property
     def couples_evenly(self) -> bool:
@@ -95,7 +110,9 @@ class Experiment(Table):
             if getattr(self, key):
                 raise ValueError(f"{key} is for a {other}, this experiment is on a {kind}")
         if self.master and self.master.method == "fused" and self.runtime != "native":
-            raise ValueError(f"runtime = {self.runtime!r}: a fused system is compiled, no build of its FMUs is run")
+            raise ValueError(
+                f"runtime = {self.runtime!r}: a fused system is compiled, no build of its FMUs is run"
+            )
         return self
 
 
@@ -119,7 +136,9 @@ def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Ex
     return checked(Experiment, given, where, folder)
 
 
-def checked(table: type[Checked], given: Mapping[str, Any], where: str, folder: str | None = None) -> Checked:
+def checked(
+    table: type[Checked], given: Mapping[str, Any], where: str, folder: str | None = None
+) -> Checked:
     """Check what a file says against the keys of its tables; as `parse`, for files that say more than an experiment."""
     try:
         return table.model_validate(given, context={"folder": folder})
@@ -141,14 +160,19 @@ def _line(problem: Any) -> str:
         return f"{_key(place)}.kind is missing"
     if kind == "union_tag_invalid":
         kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
-        return f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
+        return (
+            f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
+        )
     value = "" if isinstance(given, dict) else f" = {given!r}"
     if kind == "model_type":
         return f"{_key(place)}{value}: should be a table"
     if kind == "value_error":
         return f"{_key(place)}{value}: {context['error']}".removeprefix(": ")
     allowed = (
-        problem["msg"].removeprefix("Input ").replace("valid dictionary", "table").replace(" after validation", "")
+        problem["msg"]
+        .removeprefix("Input ")
+        .replace("valid dictionary", "table")
+        .replace(" after validation", "")
     )
     return f"{_key(place)}{value}: {allowed[0].lower()}{allowed[1:]}"
 

@@ -72,7 +72,9 @@ class Preparation:
         return list(dict.fromkeys([*self.record, *ends]))
 
 
-def prepare(experiment: Experiment, on: Subject, where: str, note: Callable[[str], None]) -> Preparation:
+def prepare(
+    experiment: Experiment, on: Subject, where: str, note: Callable[[str], None]
+) -> Preparation:
     """Check an experiment against what it is made on.
 
     Parameters
@@ -89,7 +91,10 @@ def prepare(experiment: Experiment, on: Subject, where: str, note: Callable[[str
     UserError
         If something in the experiment does not fit.
     """
-    resolved: dict[str, Any] = {"duration": experiment.duration or on.duration, "step": experiment.step or on.step}
+    resolved: dict[str, Any] = {
+        "duration": experiment.duration or on.duration,
+        "step": experiment.step or on.step,
+    }
     if experiment.system:
         resolved["master"] = experiment.master or Master()
     experiment = experiment.model_copy(update=resolved)
@@ -101,9 +106,14 @@ def prepare(experiment: Experiment, on: Subject, where: str, note: Callable[[str
         if name not in on.inputs:
             known(name, on.outputs, "record: no output", where)
     record = list(dict.fromkeys(name for name in record if name not in on.inputs))
-    noise = {name: _noise(name, n, record, experiment, on, time.size, where) for name, n in experiment.noise.items()}
+    noise = {
+        name: _noise(name, n, record, experiment, on, time.size, where)
+        for name, n in experiment.noise.items()
+    }
     if experiment.over != "time":
-        recorded = {name: on.inputs[name] for name in inputs} | {name: on.outputs[name] for name in record}
+        recorded = {name: on.inputs[name] for name in inputs} | {
+            name: on.outputs[name] for name in record
+        }
         known(experiment.over, recorded, "over: nothing recorded", where)
     return Preparation(experiment, on, time, settings, inputs, noise, record)
 
@@ -147,7 +157,12 @@ def _inputs(
 
 
 def stimulus_values(
-    experiment: Experiment, name: str, unit: str, time: Array, where: str, note: Callable[[str], None]
+    experiment: Experiment,
+    name: str,
+    unit: str,
+    time: Array,
+    where: str,
+    note: Callable[[str], None],
 ) -> Array:
     """Return what an experiment sends into an input.
 
@@ -187,7 +202,9 @@ def stimulus_values(
 def _within(signal: Signal, values: Array, where: str) -> None:
     for extreme in (values.min(), values.max()):
         if not signal.min <= extreme <= signal.max:
-            raise UserError(f"{where}: {shown(extreme, signal)} is out of range; allowed is {allowed(signal)}")
+            raise UserError(
+                f"{where}: {shown(extreme, signal)} is out of range; allowed is {allowed(signal)}"
+            )
     for value in np.unique(values) if signal.type != "real" else ():
         check_type(signal.type, value, where)
 
@@ -198,13 +215,23 @@ def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
 
 
 def _noise(
-    name: str, noise: NoiseTable, record: list[str], experiment: Experiment, on: Subject, count: int, where: str
+    name: str,
+    noise: NoiseTable,
+    record: list[str],
+    experiment: Experiment,
+    on: Subject,
+    count: int,
+    where: str,
 ) -> Array:
     """Noise of a stationary process whose value is `correlation` times the last one plus something new."""
     if name not in record:
-        raise UserError(f"{where}: noise.{name}: noise is added to recorded outputs, and this is none")
+        raise UserError(
+            f"{where}: noise.{name}: noise is added to recorded outputs, and this is none"
+        )
     signal = on.outputs[name]
-    rms = noise.rms.to(signal.unit, f"{where}: noise.{name}.rms = {noise.rms.value:g} {noise.rms.unit}")
+    rms = noise.rms.to(
+        signal.unit, f"{where}: noise.{name}.rms = {noise.rms.value:g} {noise.rms.unit}"
+    )
     if rms < 0.0 or signal.type != "real":
         raise UserError(f"{where}: noise.{name}.rms = {rms:g}: needs a real output, and 0 or more")
     fresh = np.random.default_rng(_seed(experiment, name, _NOISE)).standard_normal(count)

@@ -17,7 +17,10 @@ from orchestration.experiment.stimulus import KINDS
 if TYPE_CHECKING:
     import xarray
 
-_INNER = {"inputs": {key for kind in KINDS for key in kind.model_fields}, "noise": set(NoiseTable.model_fields)}
+_INNER = {
+    "inputs": {key for kind in KINDS for key in kind.model_fields},
+    "noise": set(NoiseTable.model_fields),
+}
 
 
 def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
@@ -42,7 +45,9 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     path = known.get(name_or_path, Path(name_or_path))
     if not is_file(path):
         hint = suggestion(name_or_path, known) if not path.suffix else ""
-        raise UserError(f"{name_or_path}: {'a folder' if path.is_dir() else 'no such file or experiment'}{hint}")
+        raise UserError(
+            f"{name_or_path}: {'a folder' if path.is_dir() else 'no such file or experiment'}{hint}"
+        )
     given = read_toml(path) if path.suffix.lower() == ".toml" else _from_result(path, not settings)
     for setting in settings:
         _set(given, setting)
@@ -74,7 +79,9 @@ def _from_result(path: Path, again: bool) -> dict[str, Any]:
     if part:
         given["duration"] = float(result.time[-1])
     for name, stimulus in given.get("inputs", {}).items():
-        if stimulus["kind"] == "file" or part:  # a part of random levels or a chirp is not one of a shorter duration
+        if (
+            stimulus["kind"] == "file" or part
+        ):  # a part of random levels or a chirp is not one of a shorter duration
             given["inputs"][name] = {"kind": "file", "file": str(path.absolute()), "column": name}
     for table, key, _ in _files(given):
         beside = path.parent / PureWindowsPath(table[key]).name  # whatever system it was written on
@@ -86,7 +93,9 @@ def _from_result(path: Path, again: bool) -> dict[str, Any]:
 def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
     """Where an experiment names files: table, key, what it is."""
     places = [(given, kind, kind) for kind in ("component", "system")]
-    places += [(table, "file", f"record for {name}") for name, table in given.get("inputs", {}).items()]
+    places += [
+        (table, "file", f"record for {name}") for name, table in given.get("inputs", {}).items()
+    ]
     return [place for place in places if Path(str(place[0].get(place[1]) or "")).suffix]
 
 

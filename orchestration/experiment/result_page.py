@@ -33,7 +33,9 @@ def pace(data: xarray.Dataset) -> str:
     """Say in a sentence how well a run in real time kept pace."""
     about = data.attrs
     late = f"the latest by {1e3 * about['worst_lag']:.3g} ms at {about['worst_lag_at']:g} s"
-    return f"real time: {about['missed_deadlines']} of {about['deadlines']} deadlines missed, {late}"
+    return (
+        f"real time: {about['missed_deadlines']} of {about['deadlines']} deadlines missed, {late}"
+    )
 
 
 def figure(data: xarray.Dataset) -> Figure:
@@ -46,7 +48,9 @@ def figure(data: xarray.Dataset) -> Figure:
     for panel, name in zip(panels, names, strict=False):
         held = data[name].role == "input" and over == "time"
         values, own = _displayed(data, str(name))
-        panel.plot(across, values, color=pictures.MODEL, drawstyle="steps-post" if held else "default")
+        panel.plot(
+            across, values, color=pictures.MODEL, drawstyle="steps-post" if held else "default"
+        )
         pictures.label(panel, str(name), own)
     panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
     return drawn
@@ -77,7 +81,10 @@ def extremes(data: xarray.Dataset) -> list[tuple[str, ...]]:
     rows = []
     for name in data:
         values, unit = _displayed(data, str(name))
-        texts = (f"{x:.6g}" + ("" if unit == "1" else f" {unit}") for x in (values.min(), values.max(), values[-1]))
+        texts = (
+            f"{x:.6g}" + ("" if unit == "1" else f" {unit}")
+            for x in (values.min(), values.max(), values[-1])
+        )
         rows.append((str(name), *texts))
     return rows
 
@@ -104,7 +111,7 @@ def page(data: xarray.Dataset, path: Path) -> None:
     made.table(
         ("signal", "smallest", "largest", "last", "meaning"),
         [(*row, meanings[row[0]]) for row in extremes(data)],
-    )  # fmt: skip
+    )
     made.heading("Parameters that were set")
     parameters = json.loads(about["parameters"])
     if parameters:
@@ -113,13 +120,17 @@ def page(data: xarray.Dataset, path: Path) -> None:
         made.text("None: every parameter has its default.")
     made.heading("How")
     master = json.loads(about["experiment"]).get("master", {})
-    made.items([
-        f"step {about['step']:g} s, {about['runtime']} build, seed {about['seed']}",
-        *(f"{key}: {value}" for key, value in master.items()),
-        *([pace(data)] if "deadlines" in about else []),
-        f"{about['wall_time']:.3g} s of computing, {about['created']}, {about['versions']}",
-        *(f"{name}: {guid}" for name, guid in json.loads(about["guids"]).items()),
-    ])  # fmt: skip
+    made.items(
+        [
+            f"step {about['step']:g} s, {about['runtime']} build, seed {about['seed']}",
+            *(f"{key}: {value}" for key, value in master.items()),
+            *([pace(data)] if "deadlines" in about else []),
+            f"{about['wall_time']:.3g} s of computing, {about['created']}, {about['versions']}",
+            *(f"{name}: {guid}" for name, guid in json.loads(about["guids"]).items()),
+        ]
+    )
     made.heading("The experiment")
-    made.code(json.dumps(json.loads(about["experiment"]), indent=2, ensure_ascii=False).splitlines())
+    made.code(
+        json.dumps(json.loads(about["experiment"]), indent=2, ensure_ascii=False).splitlines()
+    )
     made.write(path)

@@ -52,12 +52,18 @@ def dataset(
         Attributes of the dataset: numbers and texts.
     """
     variables = {
-        name: ("time", array, {
-            "units": signals[name].unit, "long_name": signals[name].doc or name,
-            "display_units": signals[name].display, "role": "input" if name in inputs else "output",
-        })
+        name: (
+            "time",
+            array,
+            {
+                "units": signals[name].unit,
+                "long_name": signals[name].doc or name,
+                "display_units": signals[name].display,
+                "role": "input" if name in inputs else "output",
+            },
+        )
         for name, array in values.items()
-    }  # fmt: skip
+    }
     clock = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     return xarray.Dataset(variables, clock, dict(about))
 
@@ -65,7 +71,9 @@ def dataset(
 def check_format(path: Path) -> None:
     """Refuse a name whose ending tells no format; UserError."""
     if path.suffix.lower() not in FORMATS:
-        raise UserError(f"--out {path}: its name must end in {', '.join(FORMATS)}, not {path.suffix or 'nothing'!r}")
+        raise UserError(
+            f"--out {path}: its name must end in {', '.join(FORMATS)}, not {path.suffix or 'nothing'!r}"
+        )
 
 
 def check(sketch: xarray.Dataset, path: Path) -> None:
@@ -98,7 +106,9 @@ def _write(data: xarray.Dataset, path: Path, called: str) -> None:
         try:
             content = bytes(data.to_netcdf(engine="scipy"))
         except UnicodeEncodeError as error:
-            raise UserError(f"{called}: {error.object!r} cannot be a name in NetCDF 3; write .parquet") from error
+            raise UserError(
+                f"{called}: {error.object!r} cannot be a name in NetCDF 3; write .parquet"
+            ) from error
         except ValueError as error:
             raise UserError(f"{called}: {error}; write .parquet") from error
         files.write(path, content)
@@ -107,7 +117,12 @@ def _write(data: xarray.Dataset, path: Path, called: str) -> None:
     else:
         columns = {str(name): array.values for name, array in data.items()}
         try:
-            write_record(path, data.time.values, columns, {str(name): array.units for name, array in data.items()})
+            write_record(
+                path,
+                data.time.values,
+                columns,
+                {str(name): array.units for name, array in data.items()},
+            )
         except UserError:
             raise
         except ValueError as error:
@@ -119,10 +134,17 @@ def _parquet(data: xarray.Dataset, called: str) -> bytes:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise UserError(f"{called}: writing Parquet needs pyarrow: pip install 'ppy-rig[records]'") from None
+        raise UserError(
+            f"{called}: writing Parquet needs pyarrow: pip install 'ppy-rig[records]'"
+        ) from None
     whole = {"time": data.time, **data}
-    table = pyarrow.table({f"{name} [{array.units}]": array.values for name, array in whole.items()})
-    about = {"attributes": data.attrs, "variables": {str(name): array.attrs for name, array in whole.items()}}
+    table = pyarrow.table(
+        {f"{name} [{array.units}]": array.values for name, array in whole.items()}
+    )
+    about = {
+        "attributes": data.attrs,
+        "variables": {str(name): array.attrs for name, array in whole.items()},
+    }
     buffer = io.BytesIO()
     parquet.write_table(table.replace_schema_metadata({_ABOUT: json.dumps(about).encode()}), buffer)
     return buffer.getvalue()
@@ -145,13 +167,21 @@ def read(path: Path) -> xarray.Dataset:
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror or error}") from error
     except Exception as error:  # the libraries raise whatever a foreign or damaged file trips
-        raise UserError(f"{path}: not a result of ppy run, or damaged (.nc and .parquet hold an experiment)") from error
+        raise UserError(
+            f"{path}: not a result of ppy run, or damaged (.nc and .parquet hold an experiment)"
+        ) from error
     if "experiment" not in data.attrs:
         raise UserError(f"{path}: holds no experiment; only results of ppy run do")
     about = checked(_About, data.attrs, f"{path}: not a result of ppy run, or damaged")
     parse(about.experiment, f"{path}: experiment", str(path.parent))
     time = data.coords.get("time")
-    if time is None or time.ndim != 1 or not time.size or time.dtype.kind != "f" or not np.isfinite(time).all():
+    if (
+        time is None
+        or time.ndim != 1
+        or not time.size
+        or time.dtype.kind != "f"
+        or not np.isfinite(time).all()
+    ):
         raise UserError(f"{path}: not a result of ppy run, or damaged: it has no times")
     return data
 
@@ -170,7 +200,9 @@ def _from_parquet(content: bytes) -> xarray.Dataset:
 
     table = parquet.read_table(io.BytesIO(content))
     about = json.loads(table.schema.metadata[_ABOUT])
-    columns = {name: table[f"{name} [{a['units']}]"].to_numpy() for name, a in about["variables"].items()}
+    columns = {
+        name: table[f"{name} [{a['units']}]"].to_numpy() for name, a in about["variables"].items()
+    }
     variables = {name: ("time", columns[name], a) for name, a in about["variables"].items()}
     return xarray.Dataset(variables, attrs=about["attributes"]).set_coords("time")
 

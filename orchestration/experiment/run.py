@@ -78,13 +78,22 @@ def run(
             experiment = _in_real_time(experiment, on, where)
         prepared = prepare(experiment, on, where, note)
         time, signals, inputs = prepared.time, prepared.signals, prepared.inputs
-        fits(results.dataset(time[:1], {name: np.zeros(1) for name in signals}, signals, set(inputs), {}))
+        fits(
+            results.dataset(
+                time[:1], {name: np.zeros(1) for name in signals}, signals, set(inputs), {}
+            )
+        )
         follower = None if live is None else Follower(live, prepared)
         try:
             done = on.run(
-                time, inputs, prepared.settings, prepared.wanted, lambda points: progress(points, time.size),
-                None if follower is None else follower.pace, isolation(on.foreign),
-            )  # fmt: skip
+                time,
+                inputs,
+                prepared.settings,
+                prepared.wanted,
+                lambda points: progress(points, time.size),
+                None if follower is None else follower.pace,
+                isolation(on.foreign),
+            )
             failure = ""
         except Stopped as stopped:
             if stopped.run.time.size == 0:
@@ -95,7 +104,9 @@ def run(
                 follower.close()
     if done.time.size == 0:
         raise KeyboardInterrupt
-    return _results(prepared, done, where, note).assign_attrs({"failure": failure} if failure else {})
+    return _results(prepared, done, where, note).assign_attrs(
+        {"failure": failure} if failure else {}
+    )
 
 
 def _in_real_time(experiment: Experiment, on: Subject, where: str) -> Experiment:
@@ -107,12 +118,18 @@ def _in_real_time(experiment: Experiment, on: Subject, where: str) -> Experiment
         If the experiment is run without a master.
     """
     if experiment.master is not None and experiment.master.method == "fused":
-        raise UserError(f"{where}: a fused system is computed at once and cannot be run in real time")
+        raise UserError(
+            f"{where}: a fused system is computed at once and cannot be run in real time"
+        )
     record = on.usual if experiment.record is None else experiment.record
-    return experiment.model_copy(update={"record": list(dict.fromkeys([*record, *link_outputs(on.outputs)]))})
+    return experiment.model_copy(
+        update={"record": list(dict.fromkeys([*record, *link_outputs(on.outputs)]))}
+    )
 
 
-def _results(prepared: Preparation, done: Run, where: str, note: Callable[[str], None]) -> xarray.Dataset:
+def _results(
+    prepared: Preparation, done: Run, where: str, note: Callable[[str], None]
+) -> xarray.Dataset:
     """Gather what a run delivered, with noise on what is measured and the energy that couplings made."""
     for line in done.notes:
         note(line)
@@ -128,15 +145,27 @@ def _results(prepared: Preparation, done: Run, where: str, note: Callable[[str],
         share = f"{100.0 * made.relative:.3g} % of what went through it"
         note(f"{name}: {made.energy[-1]:.3g} J made by the coupling, {share}")
     about = _about(prepared, done, where)
-    return results.dataset(prepared.time[:count], values, prepared.signals, set(prepared.inputs), about)
+    return results.dataset(
+        prepared.time[:count], values, prepared.signals, set(prepared.inputs), about
+    )
 
 
 def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
     """Return all that it takes to make the experiment again."""
     on = prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
-    numbers = {n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}" for n, v in prepared.settings.items()}
-    return about_pace(done.statistics.pacing) | about_experiment(prepared.experiment, where) | {
-        "subject": on.name, "complete": int(done.complete), "wall_time": done.statistics.wall,
-        "guids": json.dumps(dict(on.guids)), "parameters": json.dumps(numbers),
-    }  # fmt: skip
+    numbers = {
+        n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}"
+        for n, v in prepared.settings.items()
+    }
+    return (
+        about_pace(done.statistics.pacing)
+        | about_experiment(prepared.experiment, where)
+        | {
+            "subject": on.name,
+            "complete": int(done.complete),
+            "wall_time": done.statistics.wall,
+            "guids": json.dumps(dict(on.guids)),
+            "parameters": json.dumps(numbers),
+        }
+    )

@@ -74,7 +74,9 @@ class StimulusTable(Table):
         """Amount or amounts of a key in a unit."""
         given = getattr(self, key)
         several = not isinstance(given, Quantity)
-        numbers = [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in (given if several else [given])]
+        numbers = [
+            q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in (given if several else [given])
+        ]
         return numbers if several else numbers[0]
 
     def _check_frequency(self, key: str, frequency: float, time: Array) -> None:
@@ -82,7 +84,9 @@ class StimulusTable(Table):
         step = time[1] - time[0]
         if frequency * step > 0.5 * (1.0 + _ROUNDING):
             limit = f"at most {0.5 / step:g} Hz, half the sampling rate at a step of {step:g} s"
-            raise UserError(f"{key} = {frequency:g} Hz: allowed is {limit}; above, it is sampled as a lower one")
+            raise UserError(
+                f"{key} = {frequency:g} Hz: allowed is {limit}; above, it is sampled as a lower one"
+            )
 
     def _check_span(self, key: str, span: float, steps: int, time: Array) -> None:
         """Refuse a time between jumps in which there need not be a communication point."""
@@ -147,7 +151,9 @@ class Chirp(_Wave):
         self._check_frequency("start_frequency", self.start_frequency, time)
         self._check_frequency("stop_frequency", self.stop_frequency, time)
         amplitude, offset = self._about(place)
-        return waveforms.chirp(time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset)
+        return waveforms.chirp(
+            time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset
+        )
 
 
 class Multisine(StimulusTable):
@@ -163,7 +169,9 @@ class Multisine(StimulusTable):
         for k, frequency in enumerate(self.frequencies):
             self._check_frequency(f"frequencies[{k}]", frequency, time)
         rms, offset = self._in(place.unit, "rms"), self._in(place.unit, "offset")
-        return waveforms.multisine(time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset)
+        return waveforms.multisine(
+            time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset
+        )
 
 
 class Multilevel(StimulusTable):
@@ -177,7 +185,9 @@ class Multilevel(StimulusTable):
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_span("dwell[0]", self.dwell[0], 1, time)
         seed = place.seed if self.seed is None else self.seed
-        return waveforms.multilevel(time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed)
+        return waveforms.multilevel(
+            time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed
+        )
 
 
 class Steps(StimulusTable):
@@ -230,10 +240,16 @@ class FromFile(StimulusTable):
     def _signal(self, time: Array, place: Place) -> Array:
         target = place.name + (f"[{self.unit}]" if self.unit else "")
         mapping = {self.column or place.name: target}
-        record = read_record(self.file, {place.name: place.unit}, mapping=mapping, inputs=[place.name])
-        place.notes.extend(repair.message for repair in record.repairs if repair.kind != "ignored columns")
+        record = read_record(
+            self.file, {place.name: place.unit}, mapping=mapping, inputs=[place.name]
+        )
+        place.notes.extend(
+            repair.message for repair in record.repairs if repair.kind != "ignored columns"
+        )
         first, last = record.time[0], record.time[-1]
-        lasts = last + np.median(np.diff(record.time))  # the last sample is held for as long as the others
+        lasts = last + np.median(
+            np.diff(record.time)
+        )  # the last sample is held for as long as the others
         if first > time[0] or lasts < time[-1]:
             raise UserError(
                 f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to {time[-1]:g} s"
@@ -248,16 +264,30 @@ class Gait(StimulusTable):
     actuator: Literal["an", "po", "do", "pl"]
 
     def _signal(self, time: Array, place: Place) -> Array:
-        return np.asarray(units.convert(gait.length_changes(time)[self.actuator], "m", place.unit, "a length"))
+        return np.asarray(
+            units.convert(gait.length_changes(time)[self.actuator], "m", place.unit, "a length")
+        )
 
 
 def _constant(given: Any) -> Any:
-    return given if isinstance(given, dict | StimulusTable) else {"kind": "constant", "value": given}
+    return (
+        given if isinstance(given, dict | StimulusTable) else {"kind": "constant", "value": given}
+    )
 
 
 AnyStimulus = Annotated[
     Annotated[
-        Constant | Square | Sine | Chirp | Multisine | Multilevel | Steps | Ramps | Staircase | FromFile | Gait,
+        Constant
+        | Square
+        | Sine
+        | Chirp
+        | Multisine
+        | Multilevel
+        | Steps
+        | Ramps
+        | Staircase
+        | FromFile
+        | Gait,
         Field(discriminator="kind"),
     ],
     BeforeValidator(_constant),

@@ -31,11 +31,16 @@ Array = NDArray[np.float64]
 Progress = Callable[[int], None]
 Runner = Callable[
     [
-        Array, Mapping[str, Array], Mapping[str, Value], Sequence[str], Progress, master.RealTime | None,
+        Array,
+        Mapping[str, Array],
+        Mapping[str, Value],
+        Sequence[str],
+        Progress,
+        master.RealTime | None,
         Limits | None,
     ],
     master.Run,
-]  # fmt: skip
+]
 _NO_READING = ("parameter", "input", "independent")
 
 
@@ -122,7 +127,10 @@ def _component(experiment: Experiment, name: str) -> Subject:
 
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
     is_file = Path(name).suffix.lower() in ENDINGS
-    return _seen(ssp.read(Path(name), folder) if is_file else library.system(name, experiment.runtime), experiment)
+    return _seen(
+        ssp.read(Path(name), folder) if is_file else library.system(name, experiment.runtime),
+        experiment,
+    )
 
 
 def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
@@ -130,8 +138,9 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     described = {member.name: read_description(member.fmu) for member in system.members}
     variables = {
         f"{member}.{v.name}".removeprefix(prefix): v
-        for member, description in described.items() for v in description.modelVariables
-    }  # fmt: skip
+        for member, description in described.items()
+        for v in description.modelVariables
+    }
     outputs = {name: read_signal(v) for name, v in variables.items() if _is_recordable(v)}
     ports = {name: str(ports[0]).removeprefix(prefix) for name, ports in system.inputs.items()}
     fed = {str(c.target): f"it receives {c.source}" for c in system.connections}
@@ -140,16 +149,28 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
     how = experiment.master or Master()
 
     def run(
-        time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], record: Sequence[str], tell: Progress,
-        pace: master.RealTime | None = None, isolation: Limits | None = None,
-    ) -> master.Run:  # fmt: skip
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
+        record: Sequence[str],
+        tell: Progress,
+        pace: master.RealTime | None = None,
+        isolation: Limits | None = None,
+    ) -> master.Run:
         ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
         names = [f"{prefix}{name}" for name in record]
         if how.method == "fused":
             return _fused(ready, time, inputs, names, tell)
         options = how.model_dump(exclude_none=True)
         return master.run(
-            ready, time, inputs, record=names, progress=tell, real_time=pace, isolation=isolation, **options
+            ready,
+            time,
+            inputs,
+            record=names,
+            progress=tell,
+            real_time=pace,
+            isolation=isolation,
+            **options,
         )
 
     wanted = [str(port) for port in system.outputs.values()]
@@ -165,7 +186,11 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
         },
         outputs=outputs,
         usual=wanted or [name for name in outputs if variables[name].causality == "output"],
-        settings={f"{m.name}.{n}".removeprefix(prefix): v for m in system.members for n, v in m.parameters.items()},
+        settings={
+            f"{m.name}.{n}".removeprefix(prefix): v
+            for m in system.members
+            for n, v in m.parameters.items()
+        },
         duration=system.stop,
         step=system.step,
         guids={name: description.guid for name, description in described.items()},
@@ -188,7 +213,9 @@ def _fused(
     signals = model.run(time, inputs).signals
     for name in record:
         if name not in signals:
-            raise UserError(f"{name}: a fused system has states and outputs only{suggestion(name, signals)}")
+            raise UserError(
+                f"{name}: a fused system has states and outputs only{suggestion(name, signals)}"
+            )
     tell(time.size)
     spent = master.Statistics({}, time.size - 1, 0, 0, perf_counter() - begin)
     return master.Run(time, {name: signals[name] for name in record}, {}, True, "", spent, {})

@@ -54,7 +54,9 @@ def _read(given: Any) -> Quantity:
     else:
         quantity = Quantity(math.nan)
     if not math.isfinite(quantity.value):
-        raise ValueError("a finite number is needed, or a text with a number and a unit such as '500 mA'")
+        raise ValueError(
+            "a finite number is needed, or a text with a number and a unit such as '500 mA'"
+        )
     if quantity.unit:
         units.parse(quantity.unit)
     return quantity

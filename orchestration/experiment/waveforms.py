@@ -45,7 +45,11 @@ def square_wave(time: ArrayLike, amplitude: float, frequency: float, offset: flo
 
 
 def force_staircase(
-    time: ArrayLike, period: float, bias: float = 0.5, increment: float = 0.25, maximum: float = 2.75
+    time: ArrayLike,
+    period: float,
+    bias: float = 0.5,
+    increment: float = 0.25,
+    maximum: float = 2.75,
 ) -> Array:
     """Return the incremental square waves of figs. 3-6 to 3-9: load ever one level higher, return to the bias.
 
@@ -76,14 +80,18 @@ def force_staircase(
     _require_positive("increment", increment, "N")
     levels = int(np.floor((maximum - bias) / increment + _ROUNDING))
     if levels < 1:
-        raise UserError(f"maximum = {maximum} N: must be at least bias + increment = {bias + increment} N")
+        raise UserError(
+            f"maximum = {maximum} N: must be at least bias + increment = {bias + increment} N"
+        )
     half_periods = np.floor(2 * _vector(time) / period + _ROUNDING)
     loading = half_periods // 2
     loaded = (half_periods % 2 == 0) & (loading >= 0) & (loading < levels)
     return bias + np.where(loaded, (loading + 1) * increment, 0.0)
 
 
-def multilevel(time: ArrayLike, levels: Sequence[float], dwell: tuple[float, float], seed: Seed) -> Array:
+def multilevel(
+    time: ArrayLike, levels: Sequence[float], dwell: tuple[float, float], seed: Seed
+) -> Array:
     """Return random jumps among `levels`, each held for a random time and never followed by itself.
 
     Parameters
@@ -118,11 +126,15 @@ def multilevel(time: ArrayLike, levels: Sequence[float], dwell: tuple[float, flo
     switches = t[0] + np.cumsum(generator.uniform(shortest, longest, holds))
     # Moving on by 1 .. size-1 places (cyclically) reaches every other level with equal chance, never the same one.
     moves = generator.integers(1, choices.size, holds)
-    places = (generator.integers(choices.size) + np.concatenate([[0], np.cumsum(moves)])) % choices.size
+    places = (
+        generator.integers(choices.size) + np.concatenate([[0], np.cumsum(moves)])
+    ) % choices.size
     return choices[places[np.searchsorted(switches, t, side="right")]]
 
 
-def steps(time: ArrayLike, times: Sequence[float], values: Sequence[float], initial: float = 0.0) -> Array:
+def steps(
+    time: ArrayLike, times: Sequence[float], values: Sequence[float], initial: float = 0.0
+) -> Array:
     """Return `initial` before ``times[0]`` and ``values[k]`` from ``times[k]`` on.
 
     Parameters
@@ -147,7 +159,9 @@ def steps(time: ArrayLike, times: Sequence[float], values: Sequence[float], init
     """
     switches = np.asarray(times, dtype=float)
     if switches.size != len(values) or np.any(np.diff(switches) <= 0):
-        raise UserError(f"steps needs increasing times and as many values: got {list(times)} s and {list(values)}")
+        raise UserError(
+            f"steps needs increasing times and as many values: got {list(times)} s and {list(values)}"
+        )
     held = np.concatenate([[initial], np.asarray(values, dtype=float)])
     return held[np.searchsorted(switches, _vector(time), side="right")]
 
@@ -174,7 +188,9 @@ def ramps(time: ArrayLike, times: Sequence[float], values: Sequence[float]) -> A
         If there are fewer than two points, `times` and `values` differ in length or `times` does not increase.
     """
     if len(times) < 2 or len(times) != len(values) or np.any(np.diff(times) <= 0):
-        raise UserError(f"ramps need two or more increasing times and as many values: {list(times)} s, {list(values)}")
+        raise UserError(
+            f"ramps need two or more increasing times and as many values: {list(times)} s, {list(values)}"
+        )
     return np.interp(_vector(time), times, values)
 
 
@@ -239,7 +255,9 @@ def chirp(
     return offset + amplitude * np.sin(2 * np.pi * cycles)
 
 
-def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: Seed, offset: float = 0.0) -> Array:
+def multisine(
+    time: ArrayLike, frequencies: Sequence[float], rms: float, seed: Seed, offset: float = 0.0
+) -> Array:
     """Return a sum of equally strong sines with random phases.
 
     Parameters
@@ -266,7 +284,9 @@ def multisine(time: ArrayLike, frequencies: Sequence[float], rms: float, seed: S
     """
     tones = np.asarray(frequencies, dtype=float)
     if tones.size == 0 or np.unique(tones).size != tones.size or np.any(tones <= 0):
-        raise UserError(f"frequencies = {list(frequencies)} Hz: must be different from each other and above 0")
+        raise UserError(
+            f"frequencies = {list(frequencies)} Hz: must be different from each other and above 0"
+        )
     if not rms >= 0:
         raise UserError(f"rms = {rms:g}: must be 0 or more")
     t = _vector(time)

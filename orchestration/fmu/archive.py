@@ -41,8 +41,12 @@ class Archive:
     def __init__(self, path: Path):
         self.path = path
         if not path.is_file():
-            raise UserError(f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}")
-        self._zip = open_zip(path, str(path), "not an FMU (an FMU is a zip archive; this is none, or it is cut off)")
+            raise UserError(
+                f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}"
+            )
+        self._zip = open_zip(
+            path, str(path), "not an FMU (an FMU is a zip archive; this is none, or it is cut off)"
+        )
         try:
             self.names = [name for name in self._zip.namelist() if not name.endswith("/")]
             self.description = self._read_description()
@@ -52,7 +56,9 @@ class Archive:
 
     def _read_description(self) -> Element:
         if _DESCRIPTION not in self.names:
-            raise UserError(f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)")
+            raise UserError(
+                f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)"
+            )
         check_size(str(self.path), _DESCRIPTION, self._zip.getinfo(_DESCRIPTION).file_size, TEXT)
         try:
             contents = self._zip.read(_DESCRIPTION)
@@ -60,16 +66,23 @@ class Archive:
             raise UserError(f"{self.path}: {_DESCRIPTION} cannot be read ({error})") from error
         root = parse_xml(contents, str(self.path), _DESCRIPTION)
         if root.tag != "fmiModelDescription":
-            raise UserError(f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'")
+            raise UserError(
+                f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'"
+            )
         if (version := root.get("fmiVersion")) != "2.0":
-            raise UserError(f"{self.path}: FMI version {version or 'not stated'}; this program knows FMI 2.0")
+            raise UserError(
+                f"{self.path}: FMI version {version or 'not stated'}; this program knows FMI 2.0"
+            )
         return root
 
     def __enter__(self) -> Archive:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._zip.close()
 
@@ -102,7 +115,11 @@ class Archive:
 
     def interfaces(self) -> list[Element]:
         """Elements ``CoSimulation`` and ``ModelExchange``, those that are there."""
-        return [element for element in self.description if element.tag in ("CoSimulation", "ModelExchange")]
+        return [
+            element
+            for element in self.description
+            if element.tag in ("CoSimulation", "ModelExchange")
+        ]
 
 
 def read_description(path: Path) -> Any:
@@ -125,7 +142,9 @@ def read_description(path: Path) -> Any:
 
     with Archive(path) as archive:  # the outer form only: `ppy check` judges what is in it
         if not archive.interfaces():
-            raise UserError(f"{path}: {_DESCRIPTION} has neither an element CoSimulation nor ModelExchange")
+            raise UserError(
+                f"{path}: {_DESCRIPTION} has neither an element CoSimulation nor ModelExchange"
+            )
         if archive.description.find(_VARIABLES) is None:
             raise UserError(f"{path}: {_DESCRIPTION} has no element {_VARIABLES}")
     try:
@@ -167,7 +186,9 @@ def unpack(path: Path) -> str:
 def _runs(name: str, platform: str) -> bool:
     """Whether an entry of an archive is needed to run it: to make files and folders takes longer than to load them."""
     top, _, inside = name.partition("/")
-    return top not in ("sources", "documentation") and (top != "binaries" or inside.startswith(f"{platform}/"))
+    return top not in ("sources", "documentation") and (
+        top != "binaries" or inside.startswith(f"{platform}/")
+    )
 
 
 def first_line(error: Exception) -> str:

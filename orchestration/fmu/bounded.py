@@ -16,7 +16,15 @@ FILE = 2**28  # bytes of one file that is read at once
 TEXT = 2**26  # bytes of an XML file
 ELEMENTS, DEPTH = 1_000_000, 100  # of an XML file
 # what zipfile raises on damaged, encrypted or strangely compressed members
-UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
+UNREADABLE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+    OSError,
+    ValueError,
+)
 
 
 def open_zip(path: Path, label: str, otherwise: str) -> zipfile.ZipFile:

@@ -53,7 +53,9 @@ class Course(NamedTuple):
     parts: list[Part]
 
 
-def course(fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collection[str], parts: int) -> Course:
+def course(
+    fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collection[str], parts: int
+) -> Course:
     """Compute what an instance is fed; see :func:`orchestration.fmu.simulate.simulate_instance`."""
     both = np.concatenate([time[:1], time]).astype(float, copy=False)
     starts, points = both[:-1], both[1:]
@@ -72,7 +74,14 @@ def course(fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collectio
         ends = points if part == parts else starts + (points - starts) * part / parts
         after = begins - starts if interpolates else 0.5 * (begins + ends) - starts
         rows = before + slopes * after[:, np.newaxis] if moving.any() else None
-        made.append(Part(begins, ends, rows, np.ascontiguousarray(slopes[:, moving]) if interpolates else None))
+        made.append(
+            Part(
+                begins,
+                ends,
+                rows,
+                np.ascontiguousarray(slopes[:, moving]) if interpolates else None,
+            )
+        )
         begins = ends
     named = [name for name, moves in zip(inputs, moving, strict=True) if moves]
     return Course(points, list(inputs), table, named if interpolates else [], made)

@@ -36,7 +36,8 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     module = sys.modules[base.__module__]
     listed = getattr(module, "EFFECTS", {})
     named = isinstance(listed, Mapping) and all(
-        is_subclass(effect, Effect) and name in (effect.id, effect_name(effect)) for name, effect in listed.items()
+        is_subclass(effect, Effect) and name in (effect.id, effect_name(effect))
+        for name, effect in listed.items()
     )
     if not named:
         raise UserError(f"{module.__file__}: EFFECTS must be a dictionary from id to effect class")
@@ -49,10 +50,15 @@ def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
 
     if cls.engine is not None:
         return {}
-    return {effect_name(effect): effect for effect in (*catalogue(cls).values(), *measurement_effects(cls))}
+    return {
+        effect_name(effect): effect
+        for effect in (*catalogue(cls).values(), *measurement_effects(cls))
+    }
 
 
-def families(cls: type[Component], scales: Mapping[str, float] | None = None) -> dict[str, type[Effect]]:
+def families(
+    cls: type[Component], scales: Mapping[str, float] | None = None
+) -> dict[str, type[Effect]]:
     """Effects that fit a component's laws by their units, by name, but those that its own catalogue has.
 
     Parameters
@@ -104,5 +110,7 @@ def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[ty
             there += [f"{id}(OUTPUT)" for id in MEASUREMENTS] if outputs else []
             of_which = f", where OUTPUT is {', '.join(outputs)}" if outputs else ""
             hint = suggestion(name, known, few=0)
-            raise UserError(f"{of}: no effect named {name!r}{hint}; there are: {', '.join(there) or 'none'}{of_which}")
+            raise UserError(
+                f"{of}: no effect named {name!r}{hint}; there are: {', '.join(there) or 'none'}{of_which}"
+            )
     return [known[name] for name in names]

@@ -75,9 +75,13 @@ class Fmu(OpenedFmu):
             if (role := variable.causality or "local") not in ("parameter", "input"):
                 raise UserError(f"{where} is {role}, only parameters and inputs can be set")
             if is_text(type_of(variable), value, where):
-                self._checked(f"setting {name}", self._slave.setString, [variable.valueReference], [value])
+                self._checked(
+                    f"setting {name}", self._slave.setString, [variable.valueReference], [value]
+                )
             else:
-                (self._setters.get(name) or self._setters.setdefault(name, self.writer([name])))(np.array([value]))
+                (self._setters.get(name) or self._setters.setdefault(name, self.writer([name])))(
+                    np.array([value])
+                )
         self._checked("initialization", self._slave.enterInitializationMode)
 
     def exit_initialization(self) -> None:
@@ -188,10 +192,21 @@ class Fmu(OpenedFmu):
             Takes an array of shape (n,) in the FMU's units per second; UserError if the FMU refuses.
         """
         count = len(names)
-        references = (ctypes.c_uint * count)(*(self.variable(name).valueReference for name in names))
+        references = (ctypes.c_uint * count)(
+            *(self.variable(name).valueReference for name in names)
+        )
         orders, slopes = (ctypes.c_int * count)(*[1] * count), (ctypes.c_double * count)()
-        types = ctypes.c_uint * count, ctypes.c_size_t, ctypes.c_int * count, ctypes.c_double * count
-        call = noted(bind(self._slave.dll, "fmi2SetRealInputDerivatives", *types), self.label, "setting slopes")
+        types = (
+            ctypes.c_uint * count,
+            ctypes.c_size_t,
+            ctypes.c_int * count,
+            ctypes.c_double * count,
+        )
+        call = noted(
+            bind(self._slave.dll, "fmi2SetRealInputDerivatives", *types),
+            self.label,
+            "setting slopes",
+        )
 
         def write(row: Array) -> None:
             slopes[:] = row.tolist()
@@ -203,6 +218,8 @@ class Fmu(OpenedFmu):
         return write
 
     def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
-        moves = transfers(self._slave.dll, verb, names, {name: self.variable(name) for name in names})
+        moves = transfers(
+            self._slave.dll, verb, names, {name: self.variable(name) for name in names}
+        )
         what = f"{'setting' if verb == 'Set' else 'reading'} {', '.join(names)}"
         return [move._replace(call=noted(move.call, self.label, what)) for move in moves]

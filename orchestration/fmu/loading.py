@@ -76,7 +76,11 @@ def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
     path = Path(file)
     module = _load(path)
     cls: Any = getattr(module, name, None)
-    known = [n for n, c in vars(module).items() if is_subclass(c, base) and c.__module__ == module.__name__]
+    known = [
+        n
+        for n, c in vars(module).items()
+        if is_subclass(c, base) and c.__module__ == module.__name__
+    ]
     if cls is None:
         raise UserError(f"{path}: there is no class {name!r} in it{suggestion(name, known)}")
     if not is_subclass(cls, base):
@@ -118,7 +122,9 @@ def _in_one_line(path: Path, error: BaseException) -> str:
     if isinstance(error, SyntaxError):
         where, what = error.lineno, f"{type(error).__name__}: {error.msg}"
     else:
-        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path]
+        lines = [
+            f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path
+        ]
         where, what = (lines or [None])[-1], str(error) if isinstance(error, UserError) else ""
         what = what or ": ".join(filter(None, (type(error).__name__, str(error))))
     return f"{path}{f', line {where}' if where else ''}: {' '.join(what.split())}"

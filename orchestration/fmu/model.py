@@ -19,7 +19,16 @@ if TYPE_CHECKING:
     from fmus.kit import Component
 
 # whoever finds models by name gets the parts of a name here, too
-__all__ = ["Model", "catalogue", "find_class", "find_model", "load_class", "model_of", "names_class", "read_settings"]
+__all__ = [
+    "Model",
+    "catalogue",
+    "find_class",
+    "find_model",
+    "load_class",
+    "model_of",
+    "names_class",
+    "read_settings",
+]
 
 
 @dataclass(frozen=True)
@@ -83,7 +92,9 @@ class Model:
         if preset is not None:
             presets = self.cls.presets if self.cls else {}
             if preset not in presets:
-                raise UserError(f"{self.name}: no preset named {preset!r}; there are: {', '.join(presets) or 'none'}")
+                raise UserError(
+                    f"{self.name}: no preset named {preset!r}; there are: {', '.join(presets) or 'none'}"
+                )
             values |= dict(presets[preset].values)
         return values | read_settings(self.name, texts, {**self.parameters, **self.inputs})
 
@@ -132,7 +143,9 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     else:
         model = _from_fmu(name_or_path)
         if model.cls is None:
-            reason = model.notes[0] if model.notes else f"{name_or_path} is an FMU without equations"
+            reason = (
+                model.notes[0] if model.notes else f"{name_or_path} is an FMU without equations"
+            )
             raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
         cls = model.cls
     return stack(cls, *find_effects(cls, effects, name_or_path)) if effects else cls
@@ -187,7 +200,9 @@ def _from_fmu(name: str) -> Model:
     if not is_file(path) and path.suffix != ".fmu":
         hint = suggestion(name, MODELS, few=0)
         if is_folder(path):
-            raise UserError(f"{name} is a folder; name an .fmu in it, or a component: {', '.join(MODELS)}")
+            raise UserError(
+                f"{name} is a folder; name an .fmu in it, or a component: {', '.join(MODELS)}"
+            )
         raise UserError(
             f"no component named {name!r}{hint}; there are: {', '.join(MODELS)}; or name file.py:Class or an .fmu"
         )

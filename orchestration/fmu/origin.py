@@ -53,11 +53,15 @@ def restore(name: str, made_from: Provenance, parameters: Mapping[str, Signal]) 
     base = _base(made_from)
     effects = find_effects(base, made_from.effects, made_from.place)
     plain = stack(base, *effects, name=name)
-    declared = {p.name: declared_signal(p).default for p in (*plain.layout.parameters, *plain.layout.texts)}
+    declared = {
+        p.name: declared_signal(p).default for p in (*plain.layout.parameters, *plain.layout.texts)
+    }
     if declared.keys() != parameters.keys():
         other = sorted(declared.keys() ^ parameters.keys())[0]
         raise UserError(f"{made_from.place} has other parameters now, such as {other}")
-    values: Any = {n: parameters[n].default for n, start in declared.items() if parameters[n].default != start}
+    values: Any = {
+        n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
+    }
     made = stack(base, *effects, name=name, defaults=values)
     made.remark = "\n".join(made_from.remarks)
     return made

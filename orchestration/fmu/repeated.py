@@ -52,7 +52,10 @@ class RepeatedFmu:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self._pulse is not None:
             self._pulse.__exit__()
@@ -65,9 +68,13 @@ class RepeatedFmu:
         return self._fmu.inputs
 
     def run(
-        self, time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], outputs: Sequence[str],
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
+        outputs: Sequence[str],
         longest: float = np.inf,
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """Run once from the start.
 
         Parameters
@@ -120,7 +127,10 @@ class RepeatedFmu:
             check_inputs(self._fmu, inputs)
             way = course(self._fmu, time, inputs, (), 1)
             self._result = np.empty((len(time), len(outputs)))
-            self._prepared, self._of = Prepared(self._fmu, way, outputs, self._result, self._pulse), of
+            self._prepared, self._of = (
+                Prepared(self._fmu, way, outputs, self._result, self._pulse),
+                of,
+            )
         return self._prepared
 
     def _begin_again(self) -> None:

@@ -17,7 +17,9 @@ _QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s
 _WORDS = {"true": 1.0, "false": 0.0}
 _LARGEST = 2**31 - 1  # integers of FMI 2.0 have 32 bits
 
-Value = float | str  # of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text for a string
+Value = (
+    float | str
+)  # of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text for a string
 
 
 @dataclass
@@ -76,12 +78,19 @@ def read_signal(variable: Any) -> Signal:
         try:
             return _WORDS[text] if text in _WORDS else float(text)
         except ValueError:
-            raise UserError(f"modelDescription.xml: {variable.name}: {name} {text[:40]!r} is no number") from None
+            raise UserError(
+                f"modelDescription.xml: {variable.name}: {name} {text[:40]!r} is no number"
+            ) from None
 
     unit, doc = attribute("unit") or "1", variable.description or ""
     if type_of(variable) == "string":
-        return Signal(variable.name, "string", "1", "1", 0.0, -math.inf, math.inf, doc, variable.start or "")
-    low, high = number("min", attribute("min"), -math.inf), number("max", attribute("max"), math.inf)
+        return Signal(
+            variable.name, "string", "1", "1", 0.0, -math.inf, math.inf, doc, variable.start or ""
+        )
+    low, high = (
+        number("min", attribute("min"), -math.inf),
+        number("max", attribute("max"), math.inf),
+    )
     start = number("start", variable.start, 0.0)
     unit, display = units.familiar(unit), units.familiar(attribute("displayUnit") or unit)
     return Signal(variable.name, type_of(variable), unit, display, start, low, high, doc)
@@ -92,7 +101,9 @@ def declared_signal(variable: Declaration) -> Signal:
     start: Any = getattr(variable, "start", 0.0)
     number, text = (0.0, str(start)) if variable.type == "string" else (float(start), "")
     display, bounds = variable.display or variable.unit, (variable.min, variable.max)
-    return Signal(variable.name, variable.type, variable.unit, display, number, *bounds, variable.doc, text)
+    return Signal(
+        variable.name, variable.type, variable.unit, display, number, *bounds, variable.doc, text
+    )
 
 
 def type_of(variable: Any) -> str:
@@ -116,7 +127,11 @@ def is_text(kind: str, value: Value, where: str) -> bool:
         If it is a number for a text, or a text for a number.
     """
     if isinstance(value, str) != (kind == "string"):
-        is_, wanted = ("a text", f"{kind} and takes a number") if isinstance(value, str) else ("a number", "a text")
+        is_, wanted = (
+            ("a text", f"{kind} and takes a number")
+            if isinstance(value, str)
+            else ("a number", "a text")
+        )
         raise UserError(f"{where}: {value!r} is {is_}; the parameter is {wanted}")
     return isinstance(value, str)
 
@@ -150,7 +165,9 @@ def check_value(signal: Signal, value: Value, where: str) -> None:
         raise UserError(f"{where}: {value} is not a finite number")
     check_type(signal.type, number, where)
     if not signal.min <= number <= signal.max:
-        raise UserError(f"{where}: {shown(number, signal)} is out of range; allowed is {allowed(signal)}")
+        raise UserError(
+            f"{where}: {shown(number, signal)} is out of range; allowed is {allowed(signal)}"
+        )
 
 
 def show(value: Value, signal: Signal) -> str:
@@ -247,10 +264,15 @@ def read_setting(given: str, signal: Signal, where: str) -> Value:
         raise UserError(f"{where}: {given!r} is not a number with an optional unit{words}")
     value, unit = quantity
     if unit and signal.type != "real":
-        raise UserError(f"{where}: {signal.name} is {signal.type} and has no unit; leave out {unit!r}")
+        raise UserError(
+            f"{where}: {signal.name} is {signal.type} and has no unit; leave out {unit!r}"
+        )
     if unit:
         value = _converted(value, unit, signal.unit, where)
-        for bound in (signal.min, signal.max):  # converting 10 uH must not miss 1e-5 H by its rounding
+        for bound in (
+            signal.min,
+            signal.max,
+        ):  # converting 10 uH must not miss 1e-5 H by its rounding
             value = bound if math.isclose(value, bound, rel_tol=1e-12) else value
     check_value(signal, value, where)
     return value

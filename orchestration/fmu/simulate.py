@@ -40,8 +40,14 @@ def grid(start: float, stop: float, step: float) -> Array:
         raise UserError(
             f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at most 1e7 are made"
         )
-    points: Array = start + step * np.arange(int((stop - start) / step * (1 + 1e-12)) + 1, dtype=np.float64)
-    return points if stop - points[-1] < 1e-9 * min(step, stop - start) else np.concatenate([points, [stop]])
+    points: Array = start + step * np.arange(
+        int((stop - start) / step * (1 + 1e-12)) + 1, dtype=np.float64
+    )
+    return (
+        points
+        if stop - points[-1] < 1e-9 * min(step, stop - start)
+        else np.concatenate([points, [stop]])
+    )
 
 
 def points(recorded: Array, stop: float | None, step: float | None) -> Array:
@@ -66,7 +72,10 @@ def points(recorded: Array, stop: float | None, step: float | None) -> Array:
 
 def held(record: Record, name: str, time: Array) -> Array:
     """Values of a recorded signal at other times, each sample held until the next."""
-    index = np.searchsorted(record.time, time + 1e-9 * np.median(np.diff(record.time)), side="right") - 1
+    index = (
+        np.searchsorted(record.time, time + 1e-9 * np.median(np.diff(record.time)), side="right")
+        - 1
+    )
     return record.signals[name][np.clip(index, 0, None)]
 
 
@@ -114,7 +123,9 @@ def simulate(
         return _simulate(*asked, progress, note)
     with Process(isolation) as process:
         try:
-            done: dict[str, Array] = process.call(_simulate, *asked, told={"progress": progress, "note": note})
+            done: dict[str, Array] = process.call(
+                _simulate, *asked, told={"progress": progress, "note": note}
+            )
         except Ended as end:
             if end.interrupted:
                 raise KeyboardInterrupt from end
@@ -125,9 +136,14 @@ def simulate(
 
 
 def _simulate(
-    path: Path, outputs: Sequence[str], time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, Value],
-    progress: Callable[[int], None], note: Callable[[str], None],
-) -> dict[str, Array]:  # fmt: skip
+    path: Path,
+    outputs: Sequence[str],
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, Value],
+    progress: Callable[[int], None],
+    note: Callable[[str], None],
+) -> dict[str, Array]:
     with Fmu(path, parameters) as fmu:
         fmu.start(float(time[0]))
         found = simulate_instance(fmu, time, inputs, outputs, progress)
@@ -159,7 +175,9 @@ def unfinished(message: str, time: Array, names: Sequence[str], rows: Array | No
     """An error with what there is, if there is something."""
     if rows is None or not len(rows):
         return UserError(message)
-    return Unfinished(message, time[: len(rows)], {name: rows[:, k].copy() for k, name in enumerate(names)})
+    return Unfinished(
+        message, time[: len(rows)], {name: rows[:, k].copy() for k, name in enumerate(names)}
+    )
 
 
 def simulate_instance(
@@ -229,7 +247,9 @@ def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
             raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {inputs_are}")
 
 
-def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = "") -> None:
+def plot(
+    path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = ""
+) -> None:
     """Draw inputs and outputs over time, one panel each, in display units.
 
     Raises
@@ -244,6 +264,11 @@ def plot(path: Path, model: Model, time: Array, signals: Mapping[str, Array], ti
     for panel, (name, values) in zip(panels, signals.items(), strict=True):
         signal = known[name]
         style = "steps-post" if name in model.inputs else "default"  # inputs are held
-        panel.plot(time, units.convert(values, signal.unit, signal.display), color=pictures.MODEL, drawstyle=style)
+        panel.plot(
+            time,
+            units.convert(values, signal.unit, signal.display),
+            color=pictures.MODEL,
+            drawstyle=style,
+        )
         pictures.label(panel, name, signal.display)
     pictures.save(figure, path)

@@ -24,7 +24,12 @@ class Failed(UserError):
 
 
 def stepped(
-    fmu: Fmu, course: Course, outputs: Sequence[str], result: Array, progress: Callable[[int], None], every: int
+    fmu: Fmu,
+    course: Course,
+    outputs: Sequence[str],
+    result: Array,
+    progress: Callable[[int], None],
+    every: int,
 ) -> None:
     """Step a started instance along its course.
 
@@ -48,7 +53,9 @@ def stepped(
     """
     feed, read = fmu.writer(course.inputs), fmu.reader(outputs)
     set_slopes = fmu.slope_writer(course.linear) if course.linear else None
-    parts = [(part.begins.tolist(), part.ends.tolist(), part.rows, part.slopes) for part in course.parts]
+    parts = [
+        (part.begins.tolist(), part.ends.tolist(), part.rows, part.slopes) for part in course.parts
+    ]
     with running() as run:
         for k, now in enumerate(course.time.tolist()):
             run.point = k
@@ -69,7 +76,11 @@ def stepped(
 
 
 def _exchange(
-    feed: Callable[[Array], None], read: Callable[[Array], None], given: Array, found: Array, now: float
+    feed: Callable[[Array], None],
+    read: Callable[[Array], None],
+    given: Array,
+    found: Array,
+    now: float,
 ) -> None:
     try:
         feed(given)

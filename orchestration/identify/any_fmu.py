@@ -33,7 +33,10 @@ from orchestration.fmu.signal import Signal, Value
 
 Array = NDArray[np.float64]
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
-_PATIENCE, _STIFFER = 2.0, 30.0  # s that a run may take in any case, and how many times the first one's time
+_PATIENCE, _STIFFER = (
+    2.0,
+    30.0,
+)  # s that a run may take in any case, and how many times the first one's time
 _MOVED = 2.0  # times as large or small: where a step is chosen anew
 _repeated: RepeatedFmu | None = None  # of a worker
 
@@ -73,12 +76,18 @@ class FmuWithDifferences:
     ):
         sizes = _nominal(model.path)
         numbers = [s for s in model.parameters.values() if s.type != "string"]
-        self.layout = SimpleNamespace(parameters=[_declared(s, sizes.get(s.name, 0.0)) for s in numbers])
+        self.layout = SimpleNamespace(
+            parameters=[_declared(s, sizes.get(s.name, 0.0)) for s in numbers]
+        )
         self.delays: dict[str, str] = {}
         self.runs = 0
         self._declared = {p.name: p for p in self.layout.parameters}
         self._path, self._names, self._outputs = model.path, list(names), list(outputs)
-        self._settings, self._workers, self._limits = dict(settings or {}), workers, limits_of(model.foreign)
+        self._settings, self._workers, self._limits = (
+            dict(settings or {}),
+            workers,
+            limits_of(model.foreign),
+        )
         self._steps: dict[str, tuple[float, float]] = {}
         self._open, self._is_open = ExitStack(), False
         self._longest = np.inf  # s that a run may take
@@ -99,13 +108,20 @@ class FmuWithDifferences:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._is_open = False
         self._open.__exit__(kind, error, trace)
 
     def run(
-        self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 0.0
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float = 0.0,
     ) -> Trajectory:
         """Simulate, as `CompiledModel.run`; the inputs are held from sample to sample.
 
@@ -141,16 +157,23 @@ class FmuWithDifferences:
             raise here
         for name in self._names:
             if not self._still_holds(name, at[name]):
-                self._steps[name] = (self._size(name, at[name]), self._step(stimulus, at, here, name))
-        slopes = self._slopes(stimulus, at, here, [(name, self._steps[name][1]) for name in self._names])
+                self._steps[name] = (
+                    self._size(name, at[name]),
+                    self._step(stimulus, at, here, name),
+                )
+        slopes = self._slopes(
+            stimulus, at, here, [(name, self._steps[name][1]) for name in self._names]
+        )
         for name, slope in zip(self._names, slopes, strict=True):
             if not np.isfinite(slope).all():
                 raise UserError(f"{self._path.name}: fails on either side of {name} = {at[name]:g}")
         return Trajectory(
             {o: here[:, k] for k, o in enumerate(self._outputs)},
-            {o: np.array([s[:, k] for s in slopes]).reshape(len(slopes), len(time)).T
-             for k, o in enumerate(self._outputs)},
-        )  # fmt: skip
+            {
+                o: np.array([s[:, k] for s in slopes]).reshape(len(slopes), len(time)).T
+                for k, o in enumerate(self._outputs)
+            },
+        )
 
     def _size(self, name: str, value: float) -> float:
         return abs(value) or self._declared[name].nominal
@@ -165,23 +188,40 @@ class FmuWithDifferences:
         """The relative step at which a difference changes least if it is made smaller or larger."""
         slopes = self._slopes(stimulus, at, here, [(name, step) for step in _LADDER])
         scale = np.where(here.std(axis=0) > 0.0, here.std(axis=0), 1.0)
-        apart = np.array([float(np.linalg.norm((one - two) / scale)) for one, two in pairwise(slopes)])
+        apart = np.array(
+            [float(np.linalg.norm((one - two) / scale)) for one, two in pairwise(slopes)]
+        )
         tells = np.isfinite(apart) & [bool(slope.any()) for slope in slopes[1:]]
         return float(_LADDER[1 + int(np.argmin(np.where(tells, apart, np.inf)))])
 
     def _slopes(
-        self, stimulus: Any, at: Mapping[str, float], here: Array, steps: Sequence[tuple[str, float]]
+        self,
+        stimulus: Any,
+        at: Mapping[str, float],
+        here: Array,
+        steps: Sequence[tuple[str, float]],
     ) -> list[Array]:
         """Derivatives (n, m) by parameters, each by its step, from one side where the FMU fails on the other."""
         points = [self._sides(name, at[name], step) for name, step in steps]
-        found = iter(self._all(stimulus, [{**at, name: x} for (name, _), pair in zip(steps, points, strict=True)
-                                          for x in pair]))  # fmt: skip
+        found = iter(
+            self._all(
+                stimulus,
+                [
+                    {**at, name: x}
+                    for (name, _), pair in zip(steps, points, strict=True)
+                    for x in pair
+                ],
+            )
+        )
         slopes = []
         for (name, _), pair in zip(steps, points, strict=True):
             (low, below), (high, above) = (
-                (at[name], here) if isinstance(y, UserError) else (x, y) for x, y in zip(pair, found, strict=False)
+                (at[name], here) if isinstance(y, UserError) else (x, y)
+                for x, y in zip(pair, found, strict=False)
             )
-            slopes.append((above - below) / (high - low) if high > low else np.full_like(here, np.nan))
+            slopes.append(
+                (above - below) / (high - low) if high > low else np.full_like(here, np.nan)
+            )
         return slopes
 
     def _sides(self, name: str, value: float, step: float) -> tuple[float, float]:
@@ -192,7 +232,10 @@ class FmuWithDifferences:
     def _all(self, stimulus: Any, wanted: Sequence[Mapping[str, float]]) -> list[Array | UserError]:
         """Run the FMU with several values; what it refuses is in its place."""
         self.runs += len(wanted)
-        jobs = [(*stimulus, self._settings | dict(values), self._outputs, self._longest) for values in wanted]
+        jobs = [
+            (*stimulus, self._settings | dict(values), self._outputs, self._longest)
+            for values in wanted
+        ]
         if self._limits is None and (self._workers == 1 or len(jobs) == 1):
             return [_one(self._fmu, *job) for job in jobs]
         found = [self._pool.submit(_work, job) for job in jobs]
@@ -229,8 +272,14 @@ def _nominal(path: Path) -> dict[str, float]:
 
 def _declared(signal: Signal, nominal: float) -> ParameterDeclaration:
     declared = ParameterDeclaration(
-        unit=signal.unit, doc=signal.doc, min=signal.min, max=signal.max, display=signal.display, type=signal.type,
-        nominal=nominal or abs(signal.start) or 1.0, start=signal.start,
-    )  # fmt: skip
+        unit=signal.unit,
+        doc=signal.doc,
+        min=signal.min,
+        max=signal.max,
+        display=signal.display,
+        type=signal.type,
+        nominal=nominal or abs(signal.start) or 1.0,
+        start=signal.start,
+    )
     declared.name = signal.name
     return declared

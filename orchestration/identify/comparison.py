@@ -79,7 +79,9 @@ class Comparison:
     after: dict[str, GoodnessOfFit] | None
 
     def __str__(self) -> str:
-        return "\n".join([plain_text(presentation.overview(self)), *(self.fit.warning_lines if self.fit else [])])
+        return "\n".join(
+            [plain_text(presentation.overview(self)), *(self.fit.warning_lines if self.fit else [])]
+        )
 
     def __repr__(self) -> str:
         runs = self.before if self.after is None else self.after
@@ -160,7 +162,9 @@ def read_runs_for(
     UserError
         If the file is refused, or a run holds none of the model's outputs.
     """
-    runs = read_runs(path, _signals(model), mapping=mapping, inputs=list(model.inputs), column=column)
+    runs = read_runs(
+        path, _signals(model), mapping=mapping, inputs=list(model.inputs), column=column
+    )
     for record in runs:
         _check_outputs(record, model)
     return runs
@@ -222,7 +226,12 @@ def compare(
     result = fit_model(model, record.time, inputs, measured, names, given, workers)
     progress("simulating with the fitted parameters")
     return Comparison(
-        model, record, given, before, result, _assess(model, record.time, inputs, measured, given | result.values)
+        model,
+        record,
+        given,
+        before,
+        result,
+        _assess(model, record.time, inputs, measured, given | result.values),
     )
 
 
@@ -256,13 +265,17 @@ def fit_model(
     UserError
         If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
     """
-    fed = {name: np.full(time.size, value) for name, value in given.items() if name in model.inputs} | dict(inputs)
+    fed = {
+        name: np.full(time.size, value) for name, value in given.items() if name in model.inputs
+    } | dict(inputs)
     fixed = {name: value for name, value in given.items() if name in model.parameters}
     if model.cls is not None:
         return fit(model.cls, time, fed, measured, names, numeric(fixed))
     others = {name: value for name, value in fixed.items() if name not in names}
     with FmuWithDifferences(model, names, list(measured), others, workers) as fmu:
-        numbers = {name: value for name, value in fixed.items() if model.parameters[name].type != "string"}
+        numbers = {
+            name: value for name, value in fixed.items() if model.parameters[name].type != "string"
+        }
         found = fit(fmu, time, fed, measured, names, numeric(numbers))
         return replace(found, evaluations=fmu.runs)
 
@@ -271,7 +284,9 @@ def _check_names(model: Model, names: Sequence[str]) -> None:
     """Refuse, before any work is done, what cannot be fitted."""
     for k, name in enumerate(names):
         if name not in model.parameters:
-            raise UserError(f"--fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
+            raise UserError(
+                f"--fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}"
+            )
         if (kind := model.parameters[name].type) != "real":
             raise UserError(f"--fit: {name} is {kind}; only real parameters can be fitted")
         if name in names[:k]:

@@ -12,8 +12,12 @@ from orchestration.identify.noise.model import Noise
 
 Array = NDArray[np.float64]
 _SINGULAR = 1e-10  # eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding
-_LEVERAGE = 0.9  # highest that is granted: a sample that is fitted exactly tells nothing of its noise
-_INVOLVED = 1e-3  # share of a parameter in such a direction, from which on it is not identifiable itself
+_LEVERAGE = (
+    0.9  # highest that is granted: a sample that is fitted exactly tells nothing of its noise
+)
+_INVOLVED = (
+    1e-3  # share of a parameter in such a direction, from which on it is not identifiable itself
+)
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,9 @@ def covariance(information: Array, prior: ArrayLike = 0.0) -> Covariance:
         size = np.outer(scale[seen], scale[seen])
         values, directions = np.linalg.eigh(known[np.ix_(seen, seen)] / size)
         regular = values > _SINGULAR * values[-1]
-        matrix[np.ix_(seen, seen)] = (directions[:, regular] / values[regular]) @ directions[:, regular].T / size
+        matrix[np.ix_(seen, seen)] = (
+            (directions[:, regular] / values[regular]) @ directions[:, regular].T / size
+        )
         unidentifiable[seen] = np.abs(directions[:, ~regular]).max(axis=1, initial=0.0) > _INVOLVED
     return Covariance(matrix, unidentifiable)
 
@@ -98,7 +104,9 @@ def sandwich(bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise
     return replace(bread, matrix=halves.T @ halves)
 
 
-def excess_variance(bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0) -> Array:
+def excess_variance(
+    bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0
+) -> Array:
     """How much more parameters scatter than a covariance says where the level of the noise varies with what they do.
 
     White's estimate, with every residual as it would be had its sample not been fitted (HC3 of MacKinnon and White,
@@ -124,16 +132,22 @@ def excess_variance(bread: Covariance, jacobian: Array, score: Array, curvature:
     leverage = np.clip(curvature * (along * jacobian).sum(axis=1), 0.0, _LEVERAGE)
     robust = ((along * (score / (1.0 - leverage))[:, np.newaxis]) ** 2).sum(axis=0)
     plain = np.diag(bread.matrix)
-    return np.asarray(np.maximum(np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0), 1.0))
+    return np.asarray(
+        np.maximum(np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0), 1.0)
+    )
 
 
-def heteroscedastic(bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0) -> Covariance:
+def heteroscedastic(
+    bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0
+) -> Covariance:
     """Widen a covariance by :func:`excess_variance`, which see."""
     wider = np.sqrt(excess_variance(bread, jacobian, score, curvature))
     return replace(bread, matrix=bread.matrix * np.outer(wider, wider))
 
 
-def clustered(bread: Covariance, jacobian: Array, residual: Array, stretches: NDArray[np.intp]) -> Covariance:
+def clustered(
+    bread: Covariance, jacobian: Array, residual: Array, stretches: NDArray[np.intp]
+) -> Covariance:
     """Covariance of parameters from how far single stretches of a record pull them (CR2 of Bell and McCaffrey).
 
     Whatever the residual is, coloured, of changing level, or what a model gets wrong, it counts as often as it is

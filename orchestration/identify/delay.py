@@ -41,20 +41,33 @@ class DelayedModel:
         Names of the delays by output.
     """
 
-    def __init__(self, cls: type[Component], sensitivities: Sequence[str], linear: bool | Collection[str] = False):
+    def __init__(
+        self,
+        cls: type[Component],
+        sensitivities: Sequence[str],
+        linear: bool | Collection[str] = False,
+    ):
         base, effects = vars(cls).get("stacked", (cls, ()))
         delays = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
         others = [e for e in effects if e not in delays]
         self.layout, self._linear = cls.layout, linear
         self.delays = {effect.output: effect.neutral for effect in delays}
-        self._histories = {e.output: {e.layout.start_of[s.name]: s.name for s in e.layout.states} for e in delays}
+        self._histories = {
+            e.output: {e.layout.start_of[s.name]: s.name for s in e.layout.states} for e in delays
+        }
         own = {p.name for effect in delays for p in effect.layout.parameters}
-        self._model = _compiled(base, tuple(others), tuple(n for n in sensitivities if n not in own))
+        self._model = _compiled(
+            base, tuple(others), tuple(n for n in sensitivities if n not in own)
+        )
         self._known = {p.name for p in self._model.layout.parameters}
         self._names = list(sensitivities)
 
     def run(
-        self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 1e6
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float = 1e6,
     ) -> Trajectory:
         """Simulate, as `CompiledModel.run`.
 
@@ -87,12 +100,15 @@ class DelayedModel:
         late = {output: delay for output, delay in delays.items() if delay > 0.0}
         instants_of = {output: _delayed_instants(time, delay) for output, delay in late.items()}
         instants, back = np.unique(
-            np.concatenate([time, *(x for pair in instants_of.values() for x in pair), clock]), return_inverse=True
+            np.concatenate([time, *(x for pair in instants_of.values() for x in pair), clock]),
+            return_inverse=True,
         )
         held = np.searchsorted(clock, instants, "right") - 1
         full = {n: np.broadcast_to(np.asarray(v, dtype=float), len(clock)) for n, v in fed.items()}
         moving = full if self._linear is True else self._linear or ()
-        fed = {n: np.interp(instants, clock, v) if n in moving else v[held] for n, v in full.items()}
+        fed = {
+            n: np.interp(instants, clock, v) if n in moving else v[held] for n, v in full.items()
+        }
         ran = self._model.run(instants, fed, given, self._linear, effort)
         places = iter(np.split(back[: -len(clock)], 1 + 2 * len(instants_of)))
         now = next(places)
@@ -103,15 +119,24 @@ class DelayedModel:
             at, beside = next(places), next(places)
             signals[output], slopes[output] = ran.signals[output][at], ran.sensitivities[output][at]
             apart = np.where(near == then, 1.0, near - then)
-            of_delays[output][self.delays[output]] = -(ran.signals[output][beside] - signals[output]) / apart
+            of_delays[output][self.delays[output]] = (
+                -(ran.signals[output][beside] - signals[output]) / apart
+            )
             before = time - late[output] < time[0]
-            for name, line in zip(self._histories[output], (before * 1.0, before * (time - time[0])), strict=True):
+            for name, line in zip(
+                self._histories[output], (before * 1.0, before * (time - time[0])), strict=True
+            ):
                 signals[output] = signals[output] + parameters.get(name, 0.0) * line
                 of_delays[output][name] = line
-        for (level, state), (slope, rate) in (history.items() for history in self._histories.values()):
+        for (level, state), (slope, rate) in (
+            history.items() for history in self._histories.values()
+        ):
             signals[rate] = np.full(len(time), parameters.get(slope, 0.0))
             signals[state] = parameters.get(level, 0.0) + signals[rate] * (time - time[0])
-        return Trajectory(signals, {n: self._complete(values, of_delays.get(n, {})) for n, values in slopes.items()})
+        return Trajectory(
+            signals,
+            {n: self._complete(values, of_delays.get(n, {})) for n, values in slopes.items()},
+        )
 
     def _complete(self, slopes: Array, of_delay: Mapping[str, Array]) -> Array:
         """Put the derivatives by what a delay of the signal brings among the others."""
@@ -126,12 +151,17 @@ class DelayedModel:
 
 def _picked(ran: Trajectory, at: slice) -> Trajectory:
     """Some of the instants of a simulation."""
-    parts = ({name: values[at] for name, values in group.items()} for group in (ran.signals, ran.sensitivities))
+    parts = (
+        {name: values[at] for name, values in group.items()}
+        for group in (ran.signals, ran.sensitivities)
+    )
     return Trajectory(*parts)
 
 
 @lru_cache(maxsize=64)
-def _compiled(base: type[Component], effects: tuple[type[Effect], ...], names: tuple[str, ...]) -> CompiledModel:
+def _compiled(
+    base: type[Component], effects: tuple[type[Effect], ...], names: tuple[str, ...]
+) -> CompiledModel:
     """A model once for all fits of it: to trace one with many parameters takes seconds."""
     return CompiledModel(stack(base, *effects) if effects else base, names)
 

@@ -16,7 +16,9 @@ from orchestration.identify.metrics import number
 
 Array = NDArray[np.float64]
 SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
-_ROUNDING = 1e-6  # eigenvalue below zero, of correlations that may have been written with seven digits
+_ROUNDING = (
+    1e-6  # eigenvalue below zero, of correlations that may have been written with seven digits
+)
 NOTICEABLE = 0.02  # relative difference below which that is not worth a word
 
 
@@ -94,12 +96,16 @@ class Distribution:
         UserError
             If count or seed are none, or the covariance is that of nothing.
         """
-        if not (isinstance(count, Integral) and isinstance(seed, Integral) and count >= 1 and seed >= 0):
+        if not (
+            isinstance(count, Integral) and isinstance(seed, Integral) and count >= 1 and seed >= 0
+        ):
             raise UserError(
                 f"{count} draws with seed {seed}: whole numbers, of one draw or more and a seed from zero on"
             )
         sizes = np.sqrt(np.diag(self.covariance))
-        scaled = self.covariance / np.outer(*[np.where(sizes > 0.0, sizes, 1.0)] * 2)  # so that units do not count
+        scaled = self.covariance / np.outer(
+            *[np.where(sizes > 0.0, sizes, 1.0)] * 2
+        )  # so that units do not count
         if not (least := np.linalg.eigvalsh(scaled)[0]) >= -_ROUNDING:
             raise UserError(
                 f"the correlations of {', '.join(self.names)} contradict each other: their matrix has the eigenvalue "
@@ -108,14 +114,22 @@ class Distribution:
         values, directions = np.linalg.eigh(self.covariance)
         # the symmetric root is the only one, whatever signs the directions have
         root = (directions * np.sqrt(np.clip(values, 0.0, None))) @ directions.T
-        drawn = self.centre + np.random.default_rng(seed).standard_normal((count, len(self.names))) @ root
+        drawn = (
+            self.centre
+            + np.random.default_rng(seed).standard_normal((count, len(self.names))) @ root
+        )
         drawn = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, drawn, 0.0)), drawn)
-        return {name: np.ascontiguousarray(column) for name, column in zip(self.names, drawn.T, strict=True)}
+        return {
+            name: np.ascontiguousarray(column)
+            for name, column in zip(self.names, drawn.T, strict=True)
+        }
 
 
 def distribution(
-    estimates: Mapping[str, Estimate], correlations: Mapping[tuple[str, str], float], logarithmic: Sequence[str]
-) -> Distribution:  # fmt: skip
+    estimates: Mapping[str, Estimate],
+    correlations: Mapping[tuple[str, str], float],
+    logarithmic: Sequence[str],
+) -> Distribution:
     """Put together what a fit says of its parameters one by one and in pairs.
 
     Parameters
@@ -132,13 +146,19 @@ def distribution(
         If a parameter has no finite interval: nothing can be drawn of what a record does not determine.
     """
     names = tuple(estimates)
-    open_ended = [name for name, e in estimates.items() if not np.isfinite([e.value, *e.interval]).all()]
+    open_ended = [
+        name for name, e in estimates.items() if not np.isfinite([e.value, *e.interval]).all()
+    ]
     if open_ended:
-        raise UserError(f"the record does not determine {', '.join(open_ended)}: fit without, and it can be drawn from")
+        raise UserError(
+            f"the record does not determine {', '.join(open_ended)}: fit without, and it can be drawn from"
+        )
     log = np.array([name in logarithmic for name in names], dtype=bool)
     ends = np.array([[e.interval[0], e.value, e.interval[1]] for e in estimates.values()])
     if (ends[log] <= 0.0).any():
-        raise UserError("a parameter that was searched in its logarithm has no positive value and interval")
+        raise UserError(
+            "a parameter that was searched in its logarithm has no positive value and interval"
+        )
     ends[log] = np.log(ends[log])
     errors = (ends[:, 2] - ends[:, 0]) / (2.0 * norm.ppf(0.975))
     matrix = np.eye(len(names))

@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 # nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
 _METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
-_VAGUE = float(np.log(10.0) / norm.ppf(0.975))  # standard error of a logarithm whose parameter is hardly determined
+_VAGUE = float(
+    np.log(10.0) / norm.ppf(0.975)
+)  # standard error of a logarithm whose parameter is hardly determined
 _COUPLED = 0.9  # correlation beyond which an interval of one parameter alone says little
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
@@ -101,10 +103,14 @@ class Fit:
             If the parameter was not fitted, the fit is a copy or was pickled, or the FMU cannot be opened again.
         """
         if name not in self.estimates:
-            raise UserError(f"no profile of {name}: it was not fitted; there are {', '.join(self.estimates)}")
+            raise UserError(
+                f"no profile of {name}: it was not fitted; there are {', '.join(self.estimates)}"
+            )
         if name not in self.profiles:
             if self.likelihood is None:
-                raise UserError(f"no profile of {name}: this is a copy of a fit, without its model; fit again for one")
+                raise UserError(
+                    f"no profile of {name}: this is a copy of a fit, without its model; fit again for one"
+                )
             self.profiles[name] = self.likelihood.profile(name, progress)
         return self.profiles[name]
 
@@ -178,7 +184,9 @@ class Fit:
         return "\n".join([plain_text(presentation.parameters(self)), *self.warning_lines])
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{name} = {shown(e.value, self.declared[name])}" for name, e in self.estimates.items())
+        values = ", ".join(
+            f"{name} = {shown(e.value, self.declared[name])}" for name, e in self.estimates.items()
+        )
         return f"<Fit {values}>"
 
     def _repr_html_(self) -> str:
@@ -188,13 +196,20 @@ class Fit:
         """Return the figures, ready for JSON: parameters, correlations, number of simulations, warnings."""
         figures: dict[str, Any] = {
             "parameters": {
-                name: e.to_dict() | {"logarithmic": name in self.logarithmic} for name, e in self.estimates.items()
+                name: e.to_dict() | {"logarithmic": name in self.logarithmic}
+                for name, e in self.estimates.items()
             },
-            "correlations": [{"between": [*pair], "value": r} for pair, r in self.correlations.items()],
+            "correlations": [
+                {"between": [*pair], "value": r} for pair, r in self.correlations.items()
+            ],
             "simulations": self.evaluations,
             "warnings": self.warnings,
         }
-        return figures | ({"profiles": {n: p.to_dict() for n, p in self.profiles.items()}} if self.profiles else {})
+        return figures | (
+            {"profiles": {n: p.to_dict() for n, p in self.profiles.items()}}
+            if self.profiles
+            else {}
+        )
 
 
 @dataclass(frozen=True)
@@ -219,7 +234,10 @@ class Likelihood:
         """Profile one of the parameters; see `Fit.profile`."""
         problem, i, fits = self.problem, self.problem.names.index(name), 0
         own = covariance(self.fitted.information).matrix
-        least = sum(n.deviance(self.fitted.innovation[o], problem.present[o]) for o, n in self.fitted.noise.items())
+        least = sum(
+            n.deviance(self.fitted.innovation[o], problem.present[o])
+            for o, n in self.fitted.noise.items()
+        )
         colour = self.spread.matrix[i, i] / own[i, i] if own[i, i] > 0.0 else 1.0
         tangent = own[i] / own[i, i] if own[i, i] > 0.0 else np.eye(len(own))[i]
         low, high = problem.bounds()
@@ -228,7 +246,9 @@ class Likelihood:
             nonlocal fits
             fits += 1
             progress(f"profile of {name}, fit {fits}")
-            q, deviance = prediction_error.fit_in_noise(problem, np.clip(start, low, high), self.fitted.noise, _METHOD)
+            q, deviance = prediction_error.fit_in_noise(
+                problem, np.clip(start, low, high), self.fitted.noise, _METHOD
+            )
             return q, (deviance - least) / (colour * LEVEL)
 
         scale = problem.scales[i]
@@ -236,7 +256,11 @@ class Likelihood:
         along = Coordinate(i, scale.value, low[i], high[i], scale.logarithmic, tangent, error)
         problem.held = [i]
         try:
-            with self.subject.opened() if isinstance(self.subject, FmuWithDifferences) else nullcontext():
+            with (
+                self.subject.opened()
+                if isinstance(self.subject, FmuWithDifferences)
+                else nullcontext()
+            ):
                 return profile(name, problem.declared[name], refit, self.fitted.q, along)
         finally:
             problem.held = []
@@ -277,12 +301,16 @@ def fit(
         raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
     problem = Problem(cls, time, inputs, measured, names, fixed or {}, order=0)
     if len(names) >= problem.samples:
-        raise UserError(f"{len(names)} parameters cannot be fitted to {problem.samples} measured values")
+        raise UserError(
+            f"{len(names)} parameters cannot be fitted to {problem.samples} measured values"
+        )
     for name in names:
         declared = problem.declared[name]
         if not declared.min <= problem.start[name] <= declared.max:
             start = shown(problem.start[name], declared)
-            raise UserError(f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}")
+            raise UserError(
+                f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}"
+            )
     noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0) for o, y in problem.measured.items()}
     fitted = prediction_error.fit(problem, problem.position(problem.start), noise, method=_METHOD)
     spread, intervals, warnings = _intervals(problem, fitted)
@@ -290,9 +318,16 @@ def fit(
         warnings.insert(0, "the search stopped before it converged; the values are the best found")
     low, high = problem.bounds()
     at_limit = (fitted.q <= low) | (fitted.q >= high)
-    warnings += [f"{name} ended at the limit of its range" for name, at in zip(names, at_limit, strict=True) if at]
+    warnings += [
+        f"{name} ended at the limit of its range"
+        for name, at in zip(names, at_limit, strict=True)
+        if at
+    ]
     return Fit(
-        {n: Estimate(fitted.values[n], problem.start[n], intervals[n], problem.declared[n].unit) for n in names},
+        {
+            n: Estimate(fitted.values[n], problem.start[n], intervals[n], problem.declared[n].unit)
+            for n in names
+        },
         problem.evaluations,
         warnings,
         {n: problem.declared[n] for n in names},
@@ -302,11 +337,15 @@ def fit(
     )
 
 
-def _intervals(problem: Problem, fitted: FitResult) -> tuple[Covariance, dict[str, tuple[float, float]], list[str]]:
+def _intervals(
+    problem: Problem, fitted: FitResult
+) -> tuple[Covariance, dict[str, tuple[float, float]], list[str]]:
     """Covariance, 95 % intervals, and a sentence for parameters that the record does not determine."""
     slopes = problem.evaluate(fitted.q)[1]
     information = {o: np.sqrt(n.information) for o, n in fitted.noise.items()}
-    weighted = {o: information[o] * n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()}
+    weighted = {
+        o: information[o] * n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()
+    }
     scores = {o: fitted.weights[o] * fitted.innovation[o] / information[o] for o in fitted.noise}
     noise = [Noise(c, np.sqrt(v)) for c, v in map(autoregression, scores.values())]
     spread = sandwich(fitted.covariance, weighted.values(), noise)
@@ -321,9 +360,17 @@ def _intervals(problem: Problem, fitted: FitResult) -> tuple[Covariance, dict[st
             "this record hardly determines {}: the interval spans more than a factor of 100",
         ),
     ]
-    warnings = [text.format(", ".join(problem.names[i] for i in sorted(who))) for who, text in sentences if who]
+    warnings = [
+        text.format(", ".join(problem.names[i] for i in sorted(who)))
+        for who, text in sentences
+        if who
+    ]
     intervals = problem.intervals(fitted.q, spread.standard_errors)
-    return spread, intervals, warnings + [_slow(o, e) for o, e in fitted.residual.items() if _too_slow(problem, o, e)]
+    return (
+        spread,
+        intervals,
+        warnings + [_slow(o, e) for o, e in fitted.residual.items() if _too_slow(problem, o, e)],
+    )
 
 
 def _too_slow(problem: Problem, output: str, residual: Array) -> bool:

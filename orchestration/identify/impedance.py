@@ -77,7 +77,11 @@ def magnitude(circuit: ArrayLike, angular_frequency: float) -> Array:
     ndarray, shape (...)
     """
     r1, r2, c = np.moveaxis(np.asarray(circuit, dtype=float), -1, 0)
-    return r2 * np.hypot(1.0, r1 * c * angular_frequency) / np.hypot(1.0, (r1 + r2) * c * angular_frequency)
+    return (
+        r2
+        * np.hypot(1.0, r1 * c * angular_frequency)
+        / np.hypot(1.0, (r1 + r2) * c * angular_frequency)
+    )
 
 
 @dataclass(frozen=True)
@@ -140,11 +144,15 @@ def least_squares_windows(
     """
     i, v = np.asarray(current, dtype=float), np.asarray(voltage, dtype=float)
     if i.ndim != 1 or i.shape != v.shape:
-        raise UserError(f"current has shape {i.shape} and voltage {v.shape}: both must be vectors of one length")
+        raise UserError(
+            f"current has shape {i.shape} and voltage {v.shape}: both must be vectors of one length"
+        )
     if not period > 0.0:
         raise UserError(f"period = {period:g} s: must be above 0")
     if samples < 3:
-        raise UserError(f"samples = {samples}: three parameters need at least 3 samples in a window")
+        raise UserError(
+            f"samples = {samples}: three parameters need at least 3 samples in a window"
+        )
     count = (i.size - 1) // samples
     if count < 1:
         raise UserError(f"record of {i.size} samples: a window of {samples} needs {samples + 1}")
@@ -162,7 +170,9 @@ def least_squares_windows(
         solution, _, rank, _ = np.linalg.lstsq(triangle[:, :3], triangle[:, 3])
         if rank < 3:
             start, end = n * samples * period, (n + 1) * samples * period
-            raise UserError(f"window from {start:g} s to {end:g} s: the current does not vary enough")
+            raise UserError(
+                f"window from {start:g} s to {end:g} s: the current does not vary enough"
+            )
         theta[n] = solution
     circuit = conversion(theta, period)
     ends = np.asarray(period * samples * np.arange(1, count + 1), dtype=np.float64)

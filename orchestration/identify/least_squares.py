@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 _NOWHERE = 1e-9  # from the best point, in searched coordinates, where a step back ends
 _ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
-_UNDETERMINED = 1e-10  # of the largest singular value, below which a direction is not one that a step takes
+_UNDETERMINED = (
+    1e-10  # of the largest singular value, below which a direction is not one that a step takes
+)
 
 
 class SearchEndedError(UserError):
@@ -42,9 +44,14 @@ class Minimum(NamedTuple):
 
 
 def minimise(
-    residual: Function, jacobian: Function, q: Array, low: Array, high: Array, tolerance: float = 1e-6,
+    residual: Function,
+    jacobian: Function,
+    q: Array,
+    low: Array,
+    high: Array,
+    tolerance: float = 1e-6,
     trials: int = 200,
-) -> Minimum:  # fmt: skip
+) -> Minimum:
     """Minimise a sum of squared residuals within bounds.
 
     Parameters
@@ -114,11 +121,16 @@ class _Search:
         SciPy's first step may go.
         """
         origin, begin, free = self.best, self._rows, self.free
-        at_origin = [self._jacobian(origin)[:, free]]  # it may cost as many simulations as there are coordinates
+        at_origin = [
+            self._jacobian(origin)[:, free]
+        ]  # it may cost as many simulations as there are coordinates
         if not np.isfinite(at_origin[0]).all():
             raise UserError("the derivatives are not finite where the search starts")
         effect, wrong = np.linalg.norm(at_origin[0], axis=0), np.sqrt(self.least)
-        size, start = wrong / np.maximum(effect, wrong), np.full(int(free.sum()), free.sum() ** -0.5)
+        size, start = (
+            wrong / np.maximum(effect, wrong),
+            np.full(int(free.sum()), free.sum() ** -0.5),
+        )
         known = True  # the first point, even if there is no time for any other
 
         def moved(steps: Array) -> Array:
@@ -137,16 +149,26 @@ class _Search:
             return (at_origin.pop() if at_origin else self._jacobian(moved(steps))[:, free]) * size
 
         ends = start + (low - origin)[free] / size, start + (high - origin)[free] / size
-        with np.errstate(over="ignore"):  # of a trust region that comes to nothing where nothing is left to gain
+        with np.errstate(
+            over="ignore"
+        ):  # of a trust region that comes to nothing where nothing is left to gain
             solution = least_squares(
-                rows, start, slopes, ends, ftol=tolerance, xtol=_ROUNDING, gtol=_ROUNDING,
+                rows,
+                start,
+                slopes,
+                ends,
+                ftol=tolerance,
+                xtol=_ROUNDING,
+                gtol=_ROUNDING,
                 max_nfev=max(1, trials - self._tried),
-            )  # fmt: skip
+            )
         # it stays within the bounds by a rounding error
         at_end, there = solution.active_mask, moved(solution.x)
         there[free] = np.where(at_end < 0, low[free], np.where(at_end > 0, high[free], there[free]))
         self.best, self._rows = there, solution.fun
-        return bool(solution.success), _promised(np.asarray(solution.jac)[:, at_end == 0], solution.fun)
+        return bool(solution.success), _promised(
+            np.asarray(solution.jac)[:, at_end == 0], solution.fun
+        )
 
     def _at(self, point: Array) -> Array:
         """Residual at a point; infinite where there is none, so that the search steps back."""

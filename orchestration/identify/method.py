@@ -37,5 +37,7 @@ class Method:
 
 FULLY = Method()
 ALIKE = Method(again=0)  # in a colour that is known, so that there is none to do without
-GLANCE = Method(passes=1, trials=BRIEF, again=0)  # how far a fit goes that only tells whether to make it
+GLANCE = Method(
+    passes=1, trials=BRIEF, again=0
+)  # how far a fit goes that only tells whether to make it
 AS_IT_STANDS = Method(passes=1, trials=1, again=0)

@@ -33,7 +33,9 @@ def number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def normalised_rms(measured: ArrayLike, simulated: ArrayLike, judged: ArrayLike | None = None) -> float:
+def normalised_rms(
+    measured: ArrayLike, simulated: ArrayLike, judged: ArrayLike | None = None
+) -> float:
     """Return ``rms(y - yhat) / rms(y - mean(y))``: 0 is perfect, 1 is no better than the mean.
 
     Parameters
@@ -57,7 +59,9 @@ def normalised_rms(measured: ArrayLike, simulated: ArrayLike, judged: ArrayLike 
     """
     y, prediction = np.asarray(measured, dtype=float), np.asarray(simulated, dtype=float)
     if y.shape != prediction.shape or y.ndim != 1:
-        raise ValueError(f"measured {y.shape} and simulated {prediction.shape} must be vectors of one length")
+        raise ValueError(
+            f"measured {y.shape} and simulated {prediction.shape} must be vectors of one length"
+        )
     present = ~np.isnan(y)
     counted = present if judged is None else present & np.asarray(judged, dtype=bool)
     error, y = (y - prediction)[counted], y[present]
@@ -119,7 +123,9 @@ class Whiteness:
         return f"{'white' if self.is_white else 'not white'} (p = {self.p_value:.2g}, lag-1 {self.lag_one:+.2f})"
 
 
-def whiteness(residual: ArrayLike, lags: int | None = None, significance: float = 0.01) -> Whiteness:
+def whiteness(
+    residual: ArrayLike, lags: int | None = None, significance: float = 0.01
+) -> Whiteness:
     """Test whether a residual is white, by Ljung and Box.
 
     The mean is removed first, so a constant offset is not counted against whiteness. Samples that are NaN are gaps:
@@ -158,9 +164,13 @@ def whiteness(residual: ArrayLike, lags: int | None = None, significance: float 
         return Whiteness(n, count, undefined, undefined, undefined, undefined, significance)
     centred = np.where(present, values - np.mean(values[present]), 0.0)
     weight = present.astype(float)
-    correlation = np.array([centred[:-k] @ centred[k:] for k in range(1, count + 1)]) / (centred @ centred)
+    correlation = np.array([centred[:-k] @ centred[k:] for k in range(1, count + 1)]) / (
+        centred @ centred
+    )
     pairs = np.array([weight[:-k] @ weight[k:] for k in range(1, count + 1)])
-    deviation = np.sqrt(pairs / (n * (n + 2.0)))  # of an autocorrelation under whiteness; zero if a lag has no pairs
+    deviation = np.sqrt(
+        pairs / (n * (n + 2.0))
+    )  # of an autocorrelation under whiteness; zero if a lag has no pairs
     score = np.divide(correlation, deviation, out=np.zeros(count), where=pairs > 0)
     statistic = float(score @ score)
     freedom = int(np.count_nonzero(pairs))

@@ -10,7 +10,9 @@ from fmus.kit.build.parameters import Typed, to_ssv
 from fmus.kit.errors import UserError
 
 
-def write(path: str | Path, values: Mapping[str, float], declared: Mapping[str, Typed], doc: str = "") -> None:
+def write(
+    path: str | Path, values: Mapping[str, float], declared: Mapping[str, Typed], doc: str = ""
+) -> None:
     """Write values as a parameter set, named after the file.
 
     Parameters
@@ -37,4 +39,6 @@ def write(path: str | Path, values: Mapping[str, float], declared: Mapping[str, 
             raise UserError(f"{to}: no parameter is named {name}; there are {', '.join(declared)}")
         if not float("-inf") < value < float("inf"):
             raise UserError(f"{to}: {name} = {value:g} is no finite number")
-    files.write(to, to_ssv(to.stem, {name: float(value) for name, value in values.items()}, declared, doc))
+    files.write(
+        to, to_ssv(to.stem, {name: float(value) for name, value in values.items()}, declared, doc)
+    )

@@ -13,13 +13,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.identify.covariance import Covariance, covariance, excess_variance, heteroscedastic, sandwich
+from orchestration.identify.covariance import (
+    Covariance,
+    covariance,
+    excess_variance,
+    heteroscedastic,
+    sandwich,
+)
 from orchestration.identify.least_squares import Minimum, minimise
 from orchestration.identify.method import BRIEF, FULLY, Method
 from orchestration.identify.noise import tails
 from orchestration.identify.noise.model import Noise, white
 from orchestration.identify.problem import Problem
-from orchestration.identify.simulation_error import error_at, error_scales, fit_simulation_error, pooled_error
+from orchestration.identify.simulation_error import (
+    error_at,
+    error_scales,
+    fit_simulation_error,
+    pooled_error,
+)
 
 Array = NDArray[np.float64]
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
@@ -27,7 +38,9 @@ Array = NDArray[np.float64]
 PRIOR_STD = 1.0
 _BISECTIONS = 6
 _CURVED = 0.1  # of the curvature that is expected, below which the one observed is chance
-TOLERATED_EXCESS = 1.02  # of the error of the free run over the least there is, which a noise model may take
+TOLERATED_EXCESS = (
+    1.02  # of the error of the free run over the least there is, which a noise model may take
+)
 
 
 @dataclass(frozen=True)
@@ -159,7 +172,10 @@ def fit(
     q = np.clip(problem.inside(start), *problem.bounds())
     residual = problem.evaluate(q)[0]
     begin = one_pass(q, noise or (problem.noise(residual) if problem.colour else white(residual)))
-    best, without = iterate(begin), None if noise else begin  # the latter is what a pass without colour came to
+    best, without = (
+        iterate(begin),
+        None if noise else begin,
+    )  # the latter is what a pass without colour came to
     for _ in range(method.again):
         if not any(len(n.coefficients) > 1 for n in best.noise.values()):
             break
@@ -204,7 +220,9 @@ def fit_free_run(
     """
     prior, scales = _prior(problem, physical, prior_std), error_scales(problem)
     rows = (prior.residual, prior.jacobian)
-    minimum = fit_simulation_error(problem, starts, scales, method.tolerance / problem.samples, rows)
+    minimum = fit_simulation_error(
+        problem, starts, scales, method.tolerance / problem.samples, rows
+    )
     fitted, slopes = _assessed(problem, minimum, prior), problem.evaluate(minimum.q)[1]
     weighted = {o: j / scales[o] for o, j in slopes.items()}
     stacked = np.vstack(list(weighted.values()))
@@ -235,7 +253,10 @@ def _is_curved(observed: Array, expected: Array) -> bool:
     scale = np.sqrt(np.diag(expected))
     seen = scale > 0.0
     size = np.outer(scale[seen], scale[seen])
-    least = [np.linalg.eigvalsh(m[np.ix_(seen, seen)] / size).min(initial=1.0) for m in (observed, expected)]
+    least = [
+        np.linalg.eigvalsh(m[np.ix_(seen, seen)] / size).min(initial=1.0)
+        for m in (observed, expected)
+    ]
     return bool(least[0] > _CURVED * least[1])
 
 
@@ -262,7 +283,9 @@ def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> A
     return np.asarray(begin + near * (end - begin))
 
 
-def fit_in_noise(problem: Problem, q: Array, noise: Mapping[str, Noise], method: Method) -> tuple[Array, float]:
+def fit_in_noise(
+    problem: Problem, q: Array, noise: Mapping[str, Noise], method: Method
+) -> tuple[Array, float]:
     """Fit in noise that is given, without a prior: where it ends, (p,), and the deviance there.
 
     Raises
@@ -272,17 +295,27 @@ def fit_in_noise(problem: Problem, q: Array, noise: Mapping[str, Noise], method:
     """
     end = _minimised(problem, q, noise, _prior(problem, None, PRIOR_STD), method, method.trials).q
     residual, present = problem.evaluate(end)[0], problem.present
-    return end, sum(n.deviance(n.whiten(residual[o], present[o]), present[o]) for o, n in noise.items())
+    return end, sum(
+        n.deviance(n.whiten(residual[o], present[o]), present[o]) for o, n in noise.items()
+    )
 
 
 def _minimised(
-    problem: Problem, q: Array, noise: Mapping[str, Noise], prior: _Prior, method: Method, trials: int
+    problem: Problem,
+    q: Array,
+    noise: Mapping[str, Noise],
+    prior: _Prior,
+    method: Method,
+    trials: int,
 ) -> Minimum:
     """Fit with noise that is given."""
 
     def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
         residual = problem.evaluate(q)[0]
-        return {o: tails.rooted(n.whiten(residual[o], problem.present[o]), n.freedom) for o, n in noise.items()}
+        return {
+            o: tails.rooted(n.whiten(residual[o], problem.present[o]), n.freedom)
+            for o, n in noise.items()
+        }
 
     def rows(q: Array) -> Array:
         return np.concatenate([*(root for root, _ in rooted(q).values()), prior.residual(q)])
@@ -290,13 +323,21 @@ def _minimised(
     def slopes(q: Array) -> Array:
         jacobian = problem.evaluate(q)[1]
         whitened = {o: n.whiten(jacobian[o], problem.present[o]) for o, n in noise.items()}
-        tailed = {o: slope[:, np.newaxis] for o, (_, slope) in rooted(q).items() if noise[o].freedom < np.inf}
-        return np.vstack([*(tailed[o] * w if o in tailed else w for o, w in whitened.items()), prior.jacobian])
+        tailed = {
+            o: slope[:, np.newaxis]
+            for o, (_, slope) in rooted(q).items()
+            if noise[o].freedom < np.inf
+        }
+        return np.vstack(
+            [*(tailed[o] * w if o in tailed else w for o, w in whitened.items()), prior.jacobian]
+        )
 
     end = method.tolerance / problem.samples, trials
     best = minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), *end)
     while (other := problem.beyond(best.q)) is not None:
-        tried = minimise(problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), *end)
+        tried = minimise(
+            problem.while_there_is_time(rows), slopes, other, *problem.neighbourhood(other), *end
+        )
         if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
         best = tried
@@ -312,15 +353,22 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
     weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
     jacobian = {o: n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()}
     deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
-    stacked, score = np.vstack(list(jacobian.values())), np.concatenate([weights[o] * innovation[o] for o in noise])
+    stacked, score = (
+        np.vstack(list(jacobian.values())),
+        np.concatenate([weights[o] * innovation[o] for o in noise]),
+    )
     # of the loss, by every innovation, as expected and as it is
-    expected = np.concatenate([np.full_like(innovation[o], n.information) for o, n in noise.items()])
+    expected = np.concatenate(
+        [np.full_like(innovation[o], n.information) for o, n in noise.items()]
+    )
     observed = np.concatenate([tails.curvature(innovation[o], n.freedom) for o, n in noise.items()])
     information, bent = ((stacked.T * each) @ stacked for each in (expected, observed))
     plain = covariance(information, prior.precision)
     # of few samples in heavy tails the curvature may be anything
     bread, curved = (
-        (covariance(bent, prior.precision), observed) if _is_curved(bent, information) else (plain, expected)
+        (covariance(bent, prior.precision), observed)
+        if _is_curved(bent, information)
+        else (plain, expected)
     )
     return FitResult(
         q,

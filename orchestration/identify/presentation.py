@@ -39,13 +39,19 @@ def overview(comparison: Comparison) -> Group:
     Group
     """
     model, record = comparison.model, comparison.record
-    table = plain_table(None, "output", "run", "fit", "RMS error", "residual", right=("fit", "RMS error"))
+    table = plain_table(
+        None, "output", "run", "fit", "RMS error", "residual", right=("fit", "RMS error")
+    )
     for output in comparison.before:
         for label, run in _runs(comparison).items():
             g = run[output]
             residual = g.whiteness.summary() if g.whiteness else "too short to judge"
-            percent = f"{g.fit_percent:.2f} %" if math.isfinite(g.fit_percent) else "undefined"  # it was constant
-            table.add_row(output, label, percent, shown_difference(g.rms, model.outputs[output]), residual)
+            percent = (
+                f"{g.fit_percent:.2f} %" if math.isfinite(g.fit_percent) else "undefined"
+            )  # it was constant
+            table.add_row(
+                output, label, percent, shown_difference(g.rms, model.outputs[output]), residual
+            )
     parts: list[RenderableType] = [
         Text(f"{record.source.name} against {model.title}: {record.time.size} samples"),
         table,
@@ -72,11 +78,20 @@ def parameters(fit: Fit) -> Table:
     -------
     Table
     """
-    columns = ("fitted", "95 % interval", *(["95 % by profile"] if fit.profiles else []), "started from")
+    columns = (
+        "fitted",
+        "95 % interval",
+        *(["95 % by profile"] if fit.profiles else []),
+        "started from",
+    )
     table = plain_table(None, "parameter", *columns, right=columns)
     for name, e in fit.estimates.items():
-        value, nominal, low, high = (shown(x, fit.declared[name]) for x in (e.value, e.nominal, *e.interval))
-        profiled = [fit.profiles[name].written if name in fit.profiles else ""] if fit.profiles else []
+        value, nominal, low, high = (
+            shown(x, fit.declared[name]) for x in (e.value, e.nominal, *e.interval)
+        )
+        profiled = (
+            [fit.profiles[name].written if name in fit.profiles else ""] if fit.profiles else []
+        )
         table.add_row(name, value, f"{low} … {high}", *profiled, nominal)
     return table
 
@@ -84,7 +99,11 @@ def parameters(fit: Fit) -> Table:
 def coupled(fit: Fit) -> list[Text]:
     """Return a line on pairs of parameters that are known together better than each; none where there are none."""
     pairs = [f"{a} and {b} ({r:+.2f})" for (a, b), r in fit.coupled.items()]
-    return [Text(f"known together better than each, by their correlation: {', '.join(pairs)}")] if pairs else []
+    return (
+        [Text(f"known together better than each, by their correlation: {', '.join(pairs)}")]
+        if pairs
+        else []
+    )
 
 
 def figures(comparison: Comparison) -> dict[str, Any]:
@@ -169,6 +188,8 @@ def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -
         over.plot(time, values, color=colour, label=f"{label}: {g.fit_percent:.1f} % fit")
         if not hidden or g is runs[-1][1]:
             below.plot(time, units.convert(g.residual, signal.unit, difference), color=colour)
-    over.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
+    over.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
+    )
     pictures.label(over, output, signal.display)
     pictures.label(below, "residual (fitted)" if hidden else "residual", difference)

@@ -30,8 +30,12 @@ Subject = type[Component] | FmuWithDifferences
 # Internal steps, per sample and in all: beyond both, a search has strayed to parameters that make the model stiff.
 _EFFORT, _EFFORTS = 50.0, 3e5
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
-_SMALLEST = float(np.log(np.finfo(float).tiny))  # where a search goes on from a value that another took to zero
-_NUDGE = 0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
+_SMALLEST = float(
+    np.log(np.finfo(float).tiny)
+)  # where a search goes on from a value that another took to zero
+_NUDGE = (
+    0.1  # a search that starts at an end of a range starts this far inside, in searched coordinates
+)
 
 
 @dataclass(frozen=True)
@@ -78,16 +82,28 @@ class ModelOverRuns:
         Names of the delays of measurements by output.
     """
 
-    def __init__(self, cls: Subject, names: Sequence[str], linear: bool | Collection[str], runs: Sequence[Run]):
+    def __init__(
+        self,
+        cls: Subject,
+        names: Sequence[str],
+        linear: bool | Collection[str],
+        runs: Sequence[Run],
+    ):
         self._names, self._runs = list(names), tuple(runs)
         self._plain = list(dict.fromkeys(map(base_name, names)))
-        self._model = cls if isinstance(cls, FmuWithDifferences) else DelayedModel(cls, self._plain, linear)
+        self._model = (
+            cls if isinstance(cls, FmuWithDifferences) else DelayedModel(cls, self._plain, linear)
+        )
         self.layout, self.delays = self._model.layout, self._model.delays
 
     def run(
-        self, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float = 1e6,
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float = 1e6,
         runs: Sequence[Run] = (),
-    ) -> Trajectory:  # fmt: skip
+    ) -> Trajectory:
         """Simulate one run after the other.
 
         Parameters
@@ -117,7 +133,10 @@ class ModelOverRuns:
         done = [self._one(run, time, inputs, parameters, effort) for run in chosen]
         if len(chosen) == 1 and chosen[0].last - chosen[0].first == len(time):
             return done[0]
-        signals = {name: joined(len(time), chosen, [t.signals[name] for t in done]) for name in done[0].signals}
+        signals = {
+            name: joined(len(time), chosen, [t.signals[name] for t in done])
+            for name in done[0].signals
+        }
         slopes = {name: np.zeros((len(time), len(self._names))) for name in done[0].sensitivities}
         for name, matrix in slopes.items():
             for run, trajectory in zip(chosen, done, strict=True):
@@ -125,18 +144,30 @@ class ModelOverRuns:
         return Trajectory(signals, slopes)
 
     def _one(
-        self, run: Run, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float], effort: float
+        self,
+        run: Run,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float,
     ) -> Trajectory:
         """Simulate one run by its own clock."""
-        fed = {name: np.broadcast_to(values, len(time))[run.samples] for name, values in inputs.items()}
+        fed = {
+            name: np.broadcast_to(values, len(time))[run.samples] for name, values in inputs.items()
+        }
         ran = self._model.run(time[run.samples] - run.ahead, fed, run.values(parameters), effort)
         if self._names == self._plain:
             return ran
         # what is another run's own does nothing here, and what is this run's own does it instead of the common value
         bases, own = [base_name(name) for name in self._names], {*self._names}
-        acting = [name == (run.own(b) if run.own(b) in own else b) for name, b in zip(self._names, bases, strict=True)]
+        acting = [
+            name == (run.own(b) if run.own(b) in own else b)
+            for name, b in zip(self._names, bases, strict=True)
+        ]
         places = [self._plain.index(b) for b in bases]
-        return Trajectory(ran.signals, {name: s[:, places] * acting for name, s in ran.sensitivities.items()})
+        return Trajectory(
+            ran.signals, {name: s[:, places] * acting for name, s in ran.sensitivities.items()}
+        )
 
 
 class Problem:
@@ -196,17 +227,26 @@ class Problem:
     """
 
     def __init__(
-        self, cls: Subject, time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array],
-        names: Sequence[str], fixed: Mapping[str, float], linear: bool | Collection[str] = False,
-        order: int = ORDER, runs: Sequence[Run] = (),
-    ):  # fmt: skip
+        self,
+        cls: Subject,
+        time: Array,
+        inputs: Mapping[str, Array],
+        measured: Mapping[str, Array],
+        names: Sequence[str],
+        fixed: Mapping[str, float],
+        linear: bool | Collection[str] = False,
+        order: int = ORDER,
+        runs: Sequence[Run] = (),
+    ):
         self.runs = tuple(runs) or (Run("", 0, len(time)),)
         self.model = ModelOverRuns(cls, names, linear, self.runs)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
         self.declared |= {name: self.declared[base_name(name)] for name in names}
         for name in names:
             if self.declared[name].type != "real":
-                raise UserError(f"{name} is {self.declared[name].type}; only real parameters can be fitted")
+                raise UserError(
+                    f"{name} is {self.declared[name].type}; only real parameters can be fitted"
+                )
         self.time, self.inputs, self.names = time, inputs, list(names)
         self.even = sampled_alike(time, self.runs)
         self.order = order if self.even else 0
@@ -237,17 +277,25 @@ class Problem:
         """
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
-            trajectory = self.model.run(self.time, self.inputs, self.start | self.values(q), self.effort, self.runs)
+            trajectory = self.model.run(
+                self.time, self.inputs, self.start | self.values(q), self.effort, self.runs
+            )
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
-            residual = {o: (y - trajectory.signals[o])[self._where[o]] for o, y in self.measured.items()}
-            jacobian = {o: trajectory.sensitivities[o][self._where[o]] * -slopes for o in self.measured}
+            residual = {
+                o: (y - trajectory.signals[o])[self._where[o]] for o, y in self.measured.items()
+            }
+            jacobian = {
+                o: trajectory.sensitivities[o][self._where[o]] * -slopes for o in self.measured
+            }
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
 
     def traced(self, q: Array) -> list[str]:
         """Parameters that move anything that was measured, at a point."""
         slopes = self.evaluate(q)[1].values()
-        return [name for i, name in enumerate(self.names) if any(slope[:, i].any() for slope in slopes)]
+        return [
+            name for i, name in enumerate(self.names) if any(slope[:, i].any() for slope in slopes)
+        ]
 
     def while_there_is_time(self, residual: Callable[[Array], Array]) -> Callable[[Array], Array]:
         """Residuals for one search: its first point always, others while there is time, so that it ends at its best."""
@@ -265,7 +313,14 @@ class Problem:
     def noise(self, residual: Mapping[str, Array]) -> dict[str, Noise]:
         """Noise that is estimated from a residual, (m,) by output."""
         return {
-            o: estimate(e, self.present[o], self.order, self.calm[o], self.freedom.get(o), self.colour.get(o))
+            o: estimate(
+                e,
+                self.present[o],
+                self.order,
+                self.calm[o],
+                self.freedom.get(o),
+                self.colour.get(o),
+            )
             for o, e in residual.items()
         }
 
@@ -281,7 +336,10 @@ class Problem:
     def values(self, q: Array) -> dict[str, float]:
         """Searched parameters by name, none of them beyond its range by the rounding of a logarithm."""
         found = {n: s.value(x) for n, s, x in zip(self.names, self.scales, q, strict=True)}
-        return {n: min(max(value, self.declared[n].min), self.declared[n].max) for n, value in found.items()}
+        return {
+            n: min(max(value, self.declared[n].min), self.declared[n].max)
+            for n, value in found.items()
+        }
 
     def intervals(self, q: Array, standard_errors: Array) -> dict[str, tuple[float, float]]:
         """95 % confidence intervals of searched parameters by name; their ends are open where an error is infinite."""
@@ -291,12 +349,17 @@ class Problem:
 
     def position(self, values: Mapping[str, float]) -> Array:
         """Searched coordinates of values by name."""
-        return np.array([s.position(values[n]) for n, s in zip(self.names, self.scales, strict=True)])
+        return np.array(
+            [s.position(values[n]) for n, s in zip(self.names, self.scales, strict=True)]
+        )
 
     def bounds(self) -> tuple[Array, Array]:
         """Ends of the ranges in searched coordinates, each of shape (p,)."""
         ranges = [(self.declared[n].min, self.declared[n].max) for n in self.names]
-        ends = [(s.position(low), s.position(high)) for s, (low, high) in zip(self.scales, ranges, strict=True)]
+        ends = [
+            (s.position(low), s.position(high))
+            for s, (low, high) in zip(self.scales, ranges, strict=True)
+        ]
         low, high = np.array(ends, dtype=float).reshape(-1, 2).T
         return low, high
 
@@ -320,8 +383,13 @@ class Problem:
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
         """Return which coordinates are delays, and how many samples long each is."""
-        named = {i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()}
-        return [(i, self.scales[i].value(q[i]) / self._step) for i in sorted(named.difference(self.held))]
+        named = {
+            i for i, name in enumerate(self.names) if base_name(name) in self.model.delays.values()
+        }
+        return [
+            (i, self.scales[i].value(q[i]) / self._step)
+            for i in sorted(named.difference(self.held))
+        ]
 
     def _delay(self, i: int, samples: float) -> float:
         return self.scales[i].position(samples * self._step)
@@ -338,5 +406,9 @@ def _scale(declaration: Any, value: float) -> Scale:
     """How to search a parameter: its own size is what changes of it are relative to, unless it is none."""
     positive = declaration.min >= 0.0 and value > 0.0
     # where a state starts is no size of it, which may be anything at another time
-    size = max(abs(value), declaration.nominal) if declaration.starts else abs(value) or declaration.nominal
+    size = (
+        max(abs(value), declaration.nominal)
+        if declaration.starts
+        else abs(value) or declaration.nominal
+    )
     return Scale(positive, size)

@@ -20,7 +20,9 @@ from orchestration.identify.problem import Problem
 from orchestration.records.joined import base_name
 
 Array = NDArray[np.float64]
-_SPREAD = float(np.log(10.0))  # of starting points about nominal, in searched coordinates: a decade either way
+_SPREAD = float(
+    np.log(10.0)
+)  # of starting points about nominal, in searched coordinates: a decade either way
 _STARTS = 4  # beside the nominal one
 _BRIEF = 12  # trial points after which only the best start goes on
 _FLOOR = 1.1  # times the noise: closer to it nothing better is to be found elsewhere
@@ -38,7 +40,9 @@ def error_scales(problem: Problem) -> dict[str, float]:
 
 
 def pooled_error(
-    residual: Mapping[str, Array], scales: Mapping[str, float], weights: Mapping[str, Array] | None = None
+    residual: Mapping[str, Array],
+    scales: Mapping[str, float],
+    weights: Mapping[str, Array] | None = None,
 ) -> float:
     """Root mean square of the errors of all outputs, each over the size of its noise.
 
@@ -52,7 +56,9 @@ def pooled_error(
         How much every sample counts; all alike by default.
     """
     scaled = np.concatenate([e / scales[o] for o, e in residual.items()])
-    counted = np.concatenate([weights[o] if weights is not None else np.ones_like(e) for o, e in residual.items()])
+    counted = np.concatenate(
+        [weights[o] if weights is not None else np.ones_like(e) for o, e in residual.items()]
+    )
     return float(np.sqrt((counted * scaled**2).sum() / counted.sum()))
 
 
@@ -74,7 +80,9 @@ def error_at(problem: Problem, q: Array) -> float:
 def starting_points(problem: Problem) -> list[Array]:
     """Nominal parameters, and others within a decade, spread evenly; starts of states stay, and what is a run's own."""
     nominal = problem.inside(problem.position(problem.start))
-    moved = np.array([not problem.declared[name].starts and base_name(name) == name for name in problem.names])
+    moved = np.array(
+        [not problem.declared[name].starts and base_name(name) == name for name in problem.names]
+    )
     if not moved.any():
         return [nominal]
     points = 2.0 * qmc.Halton(int(moved.sum()), scramble=False).random(_STARTS + 1)[1:] - 1.0
@@ -88,9 +96,12 @@ def starting_points(problem: Problem) -> list[Array]:
 
 
 def fit_simulation_error(
-    problem: Problem, starts: Sequence[Array], scales: Mapping[str, float], tolerance: float,
+    problem: Problem,
+    starts: Sequence[Array],
+    scales: Mapping[str, float],
+    tolerance: float,
     prior: tuple[Callable[[Array], Array], Array] | None = None,
-) -> Minimum:  # fmt: skip
+) -> Minimum:
     """Fit by plain least squares, each output over the size of its noise.
 
     Parameters
@@ -128,7 +139,14 @@ def fit_simulation_error(
         return float((rows(q) ** 2).sum())
 
     def search(q: Array, trials: int = 200) -> Minimum:
-        return minimise(problem.while_there_is_time(rows), slopes, q, *problem.neighbourhood(q), tolerance, trials)
+        return minimise(
+            problem.while_there_is_time(rows),
+            slopes,
+            q,
+            *problem.neighbourhood(q),
+            tolerance,
+            trials,
+        )
 
     first = best = search(starts[0])
     if cost(best.q) <= _FLOOR**2 * problem.samples:

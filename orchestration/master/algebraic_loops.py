@@ -70,7 +70,11 @@ class FixedPoint:
                 break  # nowhere to go
             patience = patience - 1 if patience else _PATIENCE
             r_new = self._residual(x + step)
-            while self._continuous and self.evaluations < limit and error(x + step, r_new) > 2.0 * error(x, r):
+            while (
+                self._continuous
+                and self.evaluations < limit
+                and error(x + step, r_new) > 2.0 * error(x, r)
+            ):
                 step, patience = 0.5 * step, 0  # too far
                 r_new = self._residual(x + step)
             if self._jacobian is not None:

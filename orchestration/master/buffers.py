@@ -115,7 +115,9 @@ def bind(transfer: Transfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
         values = ctypes.byref(buffer.cells, ctypes.sizeof(ctypes.c_double) * buffer.at[own[0]])
         return fmu.bound(f"fmi2{verb}Real", *_references(fmu, own), values)
     integers = (ctypes.c_int * len(own))()
-    call = fmu.bound(f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(integers))
+    call = fmu.bound(
+        f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(integers)
+    )
     if verb == "Get":
         return _reading(call, integers, own, buffer)
     return _writing(call, integers, own, buffer, kind)
@@ -134,7 +136,9 @@ def _runs(places: list[int]) -> list[list[int]]:
     return [places[a:b] for a, b in pairwise([0, *cuts, len(places)])]
 
 
-def _reading(call: FmiCall, integers: ctypes.Array[ctypes.c_int], ports: list[Port], buffer: Buffer) -> FmiCall:
+def _reading(
+    call: FmiCall, integers: ctypes.Array[ctypes.c_int], ports: list[Port], buffer: Buffer
+) -> FmiCall:
     cells, places = buffer.cells, [buffer.at[port] for port in ports]
 
     def read() -> int:
@@ -147,7 +151,11 @@ def _reading(call: FmiCall, integers: ctypes.Array[ctypes.c_int], ports: list[Po
 
 
 def _writing(
-    call: FmiCall, integers: ctypes.Array[ctypes.c_int], ports: list[Port], buffer: Buffer, kind: str
+    call: FmiCall,
+    integers: ctypes.Array[ctypes.c_int],
+    ports: list[Port],
+    buffer: Buffer,
+    kind: str,
 ) -> FmiCall:
     cells, places = buffer.cells, [buffer.at[port] for port in ports]
 

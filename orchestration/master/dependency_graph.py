@@ -112,7 +112,9 @@ def plan(structure: Structure, members: Collection[str]) -> Plan:
     UserError
         If there is an algebraic loop with a member that depends on its inputs for sure and cannot restore its state.
     """
-    feedthrough = {port: needed for port, needed in structure.feedthrough.items() if port.member in members}
+    feedthrough = {
+        port: needed for port, needed in structure.feedthrough.items() if port.member in members
+    }
     at_step_end: list[Port] = []
     while True:
         attempt = _attempt(structure, members, feedthrough)
@@ -133,7 +135,9 @@ def plan(structure: Structure, members: Collection[str]) -> Plan:
             return attempt
 
 
-def _attempt(structure: Structure, members: Collection[str], feedthrough: Mapping[Port, tuple[Port, ...]]) -> Plan:
+def _attempt(
+    structure: Structure, members: Collection[str], feedthrough: Mapping[Port, tuple[Port, ...]]
+) -> Plan:
     ordered, sources, connected = Plan(), structure.sources, set(structure.sources.values())
     known: set[Port] = set()
     late: dict[str, list[Port]] = {}
@@ -142,15 +146,21 @@ def _attempt(structure: Structure, members: Collection[str], feedthrough: Mappin
             known.update(wanted)
             continue
         independent = [port for port in wanted if not feedthrough[port]]
-        if len(independent) < len(wanted):  # what nobody waits for is read with the others, in one call
+        if len(independent) < len(
+            wanted
+        ):  # what nobody waits for is read with the others, in one call
             independent = [port for port in independent if port in connected]
         late[member] = [port for port in wanted if port not in independent]
         ordered.early[member] = tuple(independent)
         known.update(independent)
-    unset = {member: list(structure.fed[member]) for member in structure.wanted if member in members}
+    unset = {
+        member: list(structure.fed[member]) for member in structure.wanted if member in members
+    }
 
     def write(member: str) -> None:
-        ports = tuple(port for port in unset[member] if port not in sources or sources[port] in known)
+        ports = tuple(
+            port for port in unset[member] if port not in sources or sources[port] in known
+        )
         if ports:
             ordered.operations.append(Write(member, ports))
             unset[member] = [port for port in unset[member] if port not in ports]
@@ -169,8 +179,13 @@ def _attempt(structure: Structure, members: Collection[str], feedthrough: Mappin
             late[port.member].remove(port)
 
     while any(late.values()):
-        ready = {member: [port for port in ports if not waits_for(port)] for member, ports in late.items()}
-        whole = [member for member, ports in ready.items() if ports and len(ports) == len(late[member])]
+        ready = {
+            member: [port for port in ports if not waits_for(port)]
+            for member, ports in late.items()
+        }
+        whole = [
+            member for member, ports in ready.items() if ports and len(ports) == len(late[member])
+        ]
         part = [member for member, ports in ready.items() if not connected.isdisjoint(ports)]
         if whole or part:
             for member in whole or part[:1]:
@@ -192,7 +207,9 @@ def _attempt(structure: Structure, members: Collection[str], feedthrough: Mappin
     return ordered
 
 
-def _strongly_connected(nodes: Collection[Node], before: Callable[[Node], Iterable[Node]]) -> list[Node]:
+def _strongly_connected(
+    nodes: Collection[Node], before: Callable[[Node], Iterable[Node]]
+) -> list[Node]:
     """Nodes, of which each waits for some of them, that wait for each other and for nothing else.
 
     Where every node waits, the smallest set of all that one waits for, directly or not, is strongly connected.
@@ -240,4 +257,6 @@ def order(structure: Structure) -> list[str]:
 
 def describe(loop: Loop) -> str:
     """Name a loop by its ports, each input after the output that feeds it."""
-    return "algebraic loop of " + ", ".join(str(port) for port in sorted((*loop.inputs, *loop.outputs)))
+    return "algebraic loop of " + ", ".join(
+        str(port) for port in sorted((*loop.inputs, *loop.outputs))
+    )

@@ -52,11 +52,21 @@ class Executor:
     """
 
     def __init__(
-        self, members: Sequence[Instance], structure: Structure, connections: Sequence[Connection],
-        external: Mapping[Port, list[float]], disturbances: Mapping[Port, list[float]], settings: Settings,
+        self,
+        members: Sequence[Instance],
+        structure: Structure,
+        connections: Sequence[Connection],
+        external: Mapping[Port, list[float]],
+        disturbances: Mapping[Port, list[float]],
+        settings: Settings,
         clock: Clock,
-    ):  # fmt: skip
-        self.members, self.structure, self.settings, self.clock = members, structure, settings, clock
+    ):
+        self.members, self.structure, self.settings, self.clock = (
+            members,
+            structure,
+            settings,
+            clock,
+        )
         self._by_name = {member.name: member for member in members}
         self._external, self._disturbances = external, disturbances
         self._point = 0  # whose values from outside are in the inputs
@@ -67,7 +77,9 @@ class Executor:
         for port, place in self.inputs.at.items():
             self.inputs.cells[place] = self._by_name[port.member].start(port.variable)
         self._connections = {
-            c.target: BufferedConnection(self.inputs.at[c.target], self.outputs.at[c.source], c.factor, c.offset)
+            c.target: BufferedConnection(
+                self.inputs.at[c.target], self.outputs.at[c.source], c.factor, c.offset
+            )
             for c in connections
         }
         self.slow = {name: 1 / rate for name, rate in settings.rates.items() if rate < 1}
@@ -86,7 +98,9 @@ class Executor:
             if isinstance(operation, Loop):
                 read, written = operation.outputs, operation.inputs
             else:
-                read, written = (operation.ports, ()) if isinstance(operation, Read) else ((), operation.ports)
+                read, written = (
+                    (operation.ports, ()) if isinstance(operation, Read) else ((), operation.ports)
+                )
             for port in read:
                 outputs[port.member].append(port)
             for port in written:
@@ -98,13 +112,17 @@ class Executor:
     def due(self, k: int, last: int) -> frozenset[str]:
         """Names of the members that take part in the exchange at point `k`, and in the step that ends there."""
         return frozenset(
-            name for name in self._by_name if name not in self.slow or k == last or k % int(self.slow[name]) == 0
+            name
+            for name in self._by_name
+            if name not in self.slow or k == last or k % int(self.slow[name]) == 0
         )
 
     def changes(self, points: int) -> list[bool]:
         """For each communication point whether a value from outside differs from that before."""
         rows = np.array(list(self._external.values()))
-        return [True, *(np.diff(rows) != 0.0).any(axis=0).tolist()] if rows.size else [False] * points
+        return (
+            [True, *(np.diff(rows) != 0.0).any(axis=0).tolist()] if rows.size else [False] * points
+        )
 
     def schedule(self, due: frozenset[str]) -> Schedule:
         """What to do when these members take part."""
@@ -113,7 +131,9 @@ class Executor:
         return self._schedules[due]
 
     def _make_schedule(self, due: frozenset[str]) -> Schedule:
-        order_of_exchange = self._complete_plan if len(due) == len(self.members) else plan(self.structure, due)
+        order_of_exchange = (
+            self._complete_plan if len(due) == len(self.members) else plan(self.structure, due)
+        )
         schedule = Schedule(order_of_exchange, [], [], [])
         stepped: set[str] = set()
         for name in [name for name in self.order if name in due]:
@@ -136,23 +156,40 @@ class Executor:
         doing = ("setting " if verb == "Set" else "reading ") + listed(ports)
         buffer = self.inputs if verb == "Set" else self.outputs
         moved = transfers(verb, member.fmu, ports, buffer)
-        return [MemberCall(bind(transfer, member.fmu, buffer), member, doing, transfer) for transfer in moved]
+        return [
+            MemberCall(bind(transfer, member.fmu, buffer), member, doing, transfer)
+            for transfer in moved
+        ]
 
     def _stage(self, ports: Sequence[Port]) -> ExchangeStage:
         connections = [self._connections[port] for port in ports if port in self._connections]
         return ExchangeStage(
             [(c.target, c.source) for c in connections if (c.factor, c.offset) == (1.0, 0.0)],
             [c for c in connections if (c.factor, c.offset) != (1.0, 0.0)],
-            [(self.inputs.at[port], self._disturbances[port]) for port in ports if port in self._disturbances],
-            [(self.inputs.at[port], self._external[port]) for port in ports if port in self._external],
+            [
+                (self.inputs.at[port], self._disturbances[port])
+                for port in ports
+                if port in self._disturbances
+            ],
+            [
+                (self.inputs.at[port], self._external[port])
+                for port in ports
+                if port in self._external
+            ],
             [],
         )
 
     def _add_step(self, schedule: Schedule, member: Instance, stepped: set[str]) -> None:
         settings, calls = self.settings, list[MemberCall]()
         connected = [port for port in self.structure.fed[member.name] if port in self._connections]
-        updated = [port for port in connected if settings.sequential and self.structure.sources[port].member in stepped]
-        real = [port for port in connected if type_of(member.fmu.variables[port.variable]) == "real"]
+        updated = [
+            port
+            for port in connected
+            if settings.sequential and self.structure.sources[port].member in stepped
+        ]
+        real = [
+            port for port in connected if type_of(member.fmu.variables[port.variable]) == "real"
+        ]
         linear = real if settings.extrapolation else []
         parts = max(1, int(settings.rates.get(member.name, 1)))
         early = schedule.plan.early[member.name]
@@ -165,7 +202,9 @@ class Executor:
                 for port in self.structure.fed[name]
                 if port in self._connections
             }
-            reads = [port for port in self.structure.wanted[member.name] if port in early or port in used]
+            reads = [
+                port for port in self.structure.wanted[member.name] if port in early or port in used
+            ]
         slow = member.name in self.slow
         if held := [port for port in updated if port not in linear]:
             stage = self._stage(held)
@@ -174,11 +213,22 @@ class Executor:
         if linear or parts > 1 or slow:
             to_new_value = [self._connections[port] for port in updated if port in linear]
             set_at_end = not settings.feedthrough or len(reads) > len(early)
-            history = self._histories.setdefault(member.name, StepHistory(self.clock.start, [0.0] * len(linear)))
+            history = self._histories.setdefault(
+                member.name, StepHistory(self.clock.start, [0.0] * len(linear))
+            )
             step = MemberStep(
-                member, self.clock, self.inputs, self.outputs, linear, to_new_value,
-                parts, slow, set_at_end, settings.adaptive, history,
-            )  # fmt: skip
+                member,
+                self.clock,
+                self.inputs,
+                self.outputs,
+                linear,
+                to_new_value,
+                parts,
+                slow,
+                set_at_end,
+                settings.adaptive,
+                history,
+            )
             calls.append(MemberCall(step, member, STEP))
             if linear or slow:
                 schedule.extrapolating.append(step)
@@ -186,7 +236,9 @@ class Executor:
             plain_step = member.stepper(self.clock.now, self.clock.size, settings.adaptive)
             what = None if member.may_be_pending else PlainStep(final=not settings.adaptive)
             calls.append(MemberCall(plain_step, member, STEP, what))
-        schedule.steps.append((self.members.index(member), calls + self._moving("Get", member, reads)))
+        schedule.steps.append(
+            (self.members.index(member), calls + self._moving("Get", member, reads))
+        )
 
     def _refresh(self, stage: ExchangeStage) -> FmiCall:
         """Give a member, before its step, what others have delivered by theirs."""
@@ -200,14 +252,24 @@ class Executor:
     def _add_loop(self, schedule: Schedule, loop: Loop) -> None:
         inputs, outputs = self.inputs, self.outputs
         closing = [self._connections[port] for port in loop.inputs]
-        targets, sources = np.array([c.target for c in closing]), np.array([c.source for c in closing])
-        factors, offsets = np.array([c.factor for c in closing]), np.array([c.offset for c in closing])
-        added = [(k, self._disturbances[p]) for k, p in enumerate(loop.inputs) if p in self._disturbances]
+        targets, sources = (
+            np.array([c.target for c in closing]),
+            np.array([c.source for c in closing]),
+        )
+        factors, offsets = (
+            np.array([c.factor for c in closing]),
+            np.array([c.offset for c in closing]),
+        )
+        added = [
+            (k, self._disturbances[p]) for k, p in enumerate(loop.inputs) if p in self._disturbances
+        ]
         members = [m for m in self.members if any(port.member == m.name for port in loop.outputs)]
         calls = []
         for verb, ports in (("Set", loop.inputs), ("Get", loop.outputs)):
             for member in members:
-                calls += self._moving(verb, member, [port for port in ports if port.member == member.name])
+                calls += self._moving(
+                    verb, member, [port for port in ports if port.member == member.name]
+                )
         saved = SavedState(members, self.clock)
 
         def around(v: Array) -> Array:
@@ -219,8 +281,12 @@ class Executor:
                 returned[k] += column[self._point]
             return returned
 
-        kinds = {type_of(self._by_name[port.member].fmu.variables[port.variable]) for port in loop.inputs}
-        nominal = np.array([self._by_name[port.member].nominal(port.variable) for port in loop.inputs])
+        kinds = {
+            type_of(self._by_name[port.member].fmu.variables[port.variable]) for port in loop.inputs
+        }
+        nominal = np.array(
+            [self._by_name[port.member].nominal(port.variable) for port in loop.inputs]
+        )
         fixed_point = FixedPoint(around, nominal, kinds == {"real"})
 
         def solve() -> int:
@@ -231,7 +297,9 @@ class Executor:
                 raise UserError(f"{describe(loop)}, at {self.clock.end:.10g} s: {error}") from error
             return 0
 
-        schedule.stages.append(ExchangeStage([], [], [], [], [MemberCall(solve, members[0], "solving")]))
+        schedule.stages.append(
+            ExchangeStage([], [], [], [], [MemberCall(solve, members[0], "solving")])
+        )
         self.loops.append((loop, fixed_point))
         self.saved_states.append(saved)
 
@@ -265,7 +333,9 @@ class Executor:
 
     def read_early(self) -> None:
         """Read what needs no inputs, as after a step."""
-        self._carry_out([call for _, calls in self.complete.steps for call in calls if call.doing != STEP])
+        self._carry_out(
+            [call for _, calls in self.complete.steps for call in calls if call.doing != STEP]
+        )
 
     def exchange(self, stages: Sequence[ExchangeStage], k: int) -> None:
         """Set inputs and read outputs, with the values from outside of communication point `k`.
@@ -310,11 +380,15 @@ class Executor:
     def not_finite(self, place: int) -> NoReturn:
         """Name an output that is no number; UserError."""
         port, value = list(self.outputs.at)[place], self.outputs.cells[place]
-        raise UserError(f"{port.member}: its output {port.variable} is {value:g} at {self.clock.end:.10g} s")
+        raise UserError(
+            f"{port.member}: its output {port.variable} is {value:g} at {self.clock.end:.10g} s"
+        )
 
     # --- afterwards -------------------------------------------------------------------------------------------------
 
     def steps_of(self, member: Instance) -> int:
         """How many steps a member made."""
-        made = sum(schedule.count for due, schedule in self._schedules.items() if member.name in due)
+        made = sum(
+            schedule.count for due, schedule in self._schedules.items() if member.name in due
+        )
         return made * max(1, int(self.settings.rates.get(member.name, 1)))

@@ -41,7 +41,9 @@ def initialize(executor: Executor) -> list[str]:
             break
     else:
         unsettled = ", ".join(str(port) for port, i in executor.inputs.at.items() if not settled[i])
-        notes.append(f"start values depend on each other in a circle and do not settle: {unsettled}")
+        notes.append(
+            f"start values depend on each other in a circle and do not settle: {unsettled}"
+        )
     _leave(executor)
     executor.read_early()
     return notes

@@ -6,7 +6,14 @@ import ctypes
 import time
 from collections.abc import Sequence
 
-from fmpy.fmi2 import fmi2Discard, fmi2DoStepStatus, fmi2LastSuccessfulTime, fmi2Pending, fmi2Terminated, fmi2Warning
+from fmpy.fmi2 import (
+    fmi2Discard,
+    fmi2DoStepStatus,
+    fmi2LastSuccessfulTime,
+    fmi2Pending,
+    fmi2Terminated,
+    fmi2Warning,
+)
 
 from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
@@ -58,7 +65,11 @@ class Instance:
     def is_continuous(self, variable: str) -> bool:
         """Whether it is an output that changes continuously."""
         scalar = self.fmu.variables[variable]
-        return scalar.causality == "output" and scalar.type == "Real" and scalar.variability in (None, "continuous")
+        return (
+            scalar.causality == "output"
+            and scalar.type == "Real"
+            and scalar.variability in (None, "continuous")
+        )
 
     def nominal(self, variable: str) -> float:
         """Nominal value of a variable; 1 if it has none."""
@@ -68,7 +79,9 @@ class Instance:
 
     def start(self, variable: str) -> float:
         """Start value of an input as set, or as the FMU declares it."""
-        return float(self.fmu.parameters.get(variable, read_signal(self.fmu.variables[variable]).start))
+        return float(
+            self.fmu.parameters.get(variable, read_signal(self.fmu.variables[variable]).start)
+        )
 
     def stepper(self, now: ctypes.c_double, size: ctypes.c_double, may_go_back: bool) -> FmiCall:
         """Bind the step to its beginning and its size; a step that is pending is waited for."""
@@ -101,7 +114,9 @@ class Instance:
             return
         stepping = doing == STEP
         doing = (
-            f"step from {clock.start:.10g} s to {clock.end:.10g} s" if stepping else f"{doing} at {clock.end:.10g} s"
+            f"step from {clock.start:.10g} s to {clock.end:.10g} s"
+            if stepping
+            else f"{doing} at {clock.end:.10g} s"
         )
         remark = self._about_discard() if stepping and status == fmi2Discard else ""
         raise UserError(f"{self.name}: {self.fmu.failed(doing, status, remark)}")
@@ -109,7 +124,9 @@ class Instance:
     def _about_discard(self) -> str:
         """How far a discarded step got, and whether the FMU asks for the end."""
         reached, ended = self.last_time(), ctypes.c_int()
-        ask = self.fmu.bound("fmi2GetBooleanStatus", ctypes.c_int(fmi2Terminated), ctypes.byref(ended))
+        ask = self.fmu.bound(
+            "fmi2GetBooleanStatus", ctypes.c_int(fmi2Terminated), ctypes.byref(ended)
+        )
         return (f", it reached {reached:.10g} s" if reached is not None else "") + (
             ", it asks to end the simulation" if ask() <= fmi2Warning and ended.value else ""
         )
@@ -117,7 +134,9 @@ class Instance:
     def last_time(self) -> float | None:
         """Time that the FMU says it has reached; None if it does not say."""
         reached = ctypes.c_double()
-        ask = self.fmu.bound("fmi2GetRealStatus", ctypes.c_int(fmi2LastSuccessfulTime), ctypes.byref(reached))
+        ask = self.fmu.bound(
+            "fmi2GetRealStatus", ctypes.c_int(fmi2LastSuccessfulTime), ctypes.byref(reached)
+        )
         return reached.value if ask() <= fmi2Warning else None
 
     def terminate(self, clock: Clock) -> None:
@@ -137,7 +156,11 @@ class SavedState:
             state = ctypes.c_void_p()
             there = ctypes.byref(state)
             bound = member.fmu.bound
-            calls = bound("fmi2GetFMUstate", there), bound("fmi2SetFMUstate", state), bound("fmi2FreeFMUstate", there)
+            calls = (
+                bound("fmi2GetFMUstate", there),
+                bound("fmi2SetFMUstate", state),
+                bound("fmi2FreeFMUstate", there),
+            )
             self._calls.append((member, *calls))
             self._states.append(state)
 

@@ -20,7 +20,10 @@ def deferred() -> Iterator[Interrupt]:
     """Note the first Ctrl-C; a second one interrupts as ever."""
     interrupt = Interrupt()
     before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or before is not signal.default_int_handler:
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or before is not signal.default_int_handler
+    ):
         yield interrupt  # somebody else takes care of it
         return
 

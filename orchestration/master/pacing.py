@@ -69,7 +69,9 @@ class RealTime:
                 raise UserError(f"{name} {value:g} s: must be above 0")
         there = os.cpu_count() or 1
         if self.processor is not None and not 0 <= self.processor < there:
-            raise UserError(f"processor {self.processor}: there are {', '.join(map(str, range(there)))}")
+            raise UserError(
+                f"processor {self.processor}: there are {', '.join(map(str, range(there)))}"
+            )
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,9 @@ class Pacing:
 
     def __str__(self) -> str:
         late = f"the latest by {self.worst_lag * 1e3:.3g} ms at {self.worst_at:.10g} s"
-        return f"{self.missed} of {self.deadlines} deadlines missed" + (f", {late}" if self.deadlines else "")
+        return f"{self.missed} of {self.deadlines} deadlines missed" + (
+            f", {late}" if self.deadlines else ""
+        )
 
 
 class Pacer:

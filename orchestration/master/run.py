@@ -27,7 +27,13 @@ from orchestration.master.kernel.run import KernelRun
 from orchestration.master.pacing import Pacer, RealTime
 from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
 from orchestration.master.schedule import Settings
-from orchestration.master.setup import check_abilities, disturbance_values, external_values, open_members, structure
+from orchestration.master.setup import (
+    check_abilities,
+    disturbance_values,
+    external_values,
+    open_members,
+    structure,
+)
 from orchestration.master.step_control import StepDoubling
 from orchestration.master.undisturbed import undisturbed
 from orchestration.system.check import check
@@ -108,21 +114,35 @@ def run(
     if method not in METHODS:
         raise UserError(f"method {method!r}; there are: {', '.join(METHODS)}")
     if extrapolation not in (0, 1):
-        raise UserError(f"extrapolation {extrapolation!r}: 0 (inputs are held) or 1 (they change linearly)")
+        raise UserError(
+            f"extrapolation {extrapolation!r}: 0 (inputs are held) or 1 (they change linearly)"
+        )
     if tolerance is not None and not (isinstance(tolerance, Real) and 0.0 < tolerance < 1.0):
         raise UserError(f"tolerance {tolerance!r}: must be a number between 0 and 1")
     if disturbances and extrapolation:
-        raise UserError("disturbances are held from point to point, and do not go with extrapolation 1")
+        raise UserError(
+            "disturbances are held from point to point, and do not go with extrapolation 1"
+        )
     if isolation is not None:
         if real_time is not None:
             raise UserError("a run in real time is made in this process: it cannot be isolated")
         options = {
-            "method": method, "record": record, "extrapolation": extrapolation, "feedthrough": feedthrough,
-            "tolerance": tolerance, "rates": rates,
-        }  # fmt: skip
-        return run_beside(isolation, run, system, time, inputs, disturbances, progress=progress, options=options)
-    fractions = {name: _rate(system.member(name).name, value) for name, value in (rates or {}).items()}
-    settings = Settings(method == "gauss-seidel", extrapolation, feedthrough, tolerance is not None, fractions)
+            "method": method,
+            "record": record,
+            "extrapolation": extrapolation,
+            "feedthrough": feedthrough,
+            "tolerance": tolerance,
+            "rates": rates,
+        }
+        return run_beside(
+            isolation, run, system, time, inputs, disturbances, progress=progress, options=options
+        )
+    fractions = {
+        name: _rate(system.member(name).name, value) for name, value in (rates or {}).items()
+    }
+    settings = Settings(
+        method == "gauss-seidel", extrapolation, feedthrough, tolerance is not None, fractions
+    )
     external = external_values(system, inputs or {}, len(points))
     disturbed = disturbance_values(system, disturbances or {}, len(points))
     with ExitStack() as opened:
@@ -132,7 +152,9 @@ def run(
         clock = Clock()
         clock.set(points[0], points[0])
         enter(members, points[0], points[-1])
-        executor = Executor(members, who_feeds_whom, system.connections, external, disturbed, settings, clock)
+        executor = Executor(
+            members, who_feeds_whom, system.connections, external, disturbed, settings, clock
+        )
         opened.callback(_release, executor.saved_states)
         notes = initialize(executor)
         return _Runner(executor, points, recorded, tolerance, real_time, progress, notes).run()
@@ -151,7 +173,12 @@ class _Runner:
         progress: Callable[[int], None],
         notes: Sequence[str],
     ):
-        self._executor, self._points, self._recorded, self._progress = executor, points, recorded, progress
+        self._executor, self._points, self._recorded, self._progress = (
+            executor,
+            points,
+            recorded,
+            progress,
+        )
         self._notes_before = list(notes)
         self._real_time = real_time
         self._pacer: Pacer | None = None
@@ -162,7 +189,10 @@ class _Runner:
             list(points),
             len(executor.outputs.at),
             {str(port): executor.outputs.at[port] for port in recorded},
-            {str(port): read_signal(variables[port.member][port.variable]).unit for port in recorded},
+            {
+                str(port): read_signal(variables[port.member][port.variable]).unit
+                for port in recorded
+            },
             {member.name: member.fmu.description.guid for member in executor.members},
         )
         keep(self._about)
@@ -195,7 +225,11 @@ class _Runner:
         return nullcontext([]) if asked is None else undisturbed(asked.processor, asked.priority)
 
     def _advance(self, interrupt: Interrupt) -> None:
-        executor, points, linear = self._executor, self._points, self._executor.settings.extrapolation
+        executor, points, linear = (
+            self._executor,
+            self._points,
+            self._executor.settings.extrapolation,
+        )
         last, every = len(points) - 1, max(1, len(points) // 200)
         write, cells = self._rows.write, executor.outputs.cells
         step, exchange, schedule = executor.step, executor.exchange, executor.complete
@@ -274,7 +308,9 @@ class _Runner:
         for member in self._executor.members:
             reached = member.last_time()
             if reached is not None and not abs(reached - last) <= 1e-9 * max(1.0, abs(last)):
-                raise UserError(f"{member.name}: says that it is at {reached:.10g} s at the end, {last:.10g} s")
+                raise UserError(
+                    f"{member.name}: says that it is at {reached:.10g} s at the end, {last:.10g} s"
+                )
         for saved in self._executor.saved_states:
             saved.free()
         for member in self._executor.members:
@@ -310,8 +346,13 @@ class _Runner:
     def _notes(self) -> Iterator[str]:
         yield from self._notes_before
         evaluations: dict[str, int] = {}
-        for loop, fixed_point in self._executor.loops:  # the same one again where members have rates of their own
-            evaluations[describe(loop)] = evaluations.get(describe(loop), 0) + fixed_point.evaluations
+        for (
+            loop,
+            fixed_point,
+        ) in self._executor.loops:  # the same one again where members have rates of their own
+            evaluations[describe(loop)] = (
+                evaluations.get(describe(loop), 0) + fixed_point.evaluations
+            )
         for name, count in evaluations.items():
             yield f"{name}: solved with {count} evaluations"
         for port in self._executor.complete.plan.at_step_end:
@@ -332,8 +373,15 @@ def _release(saved_states: Sequence[SavedState]) -> None:
 
 def _points(time: Array) -> list[float]:
     array = np.asarray(time, dtype=float)
-    if array.ndim != 1 or array.size < 2 or not np.isfinite(array).all() or not (np.diff(array) > 0.0).all():
-        raise UserError("communication points must be at least two finite numbers, each greater than the one before")
+    if (
+        array.ndim != 1
+        or array.size < 2
+        or not np.isfinite(array).all()
+        or not (np.diff(array) > 0.0).all()
+    ):
+        raise UserError(
+            "communication points must be at least two finite numbers, each greater than the one before"
+        )
     points: list[float] = array.tolist()
     return points
 
@@ -342,5 +390,7 @@ def _rate(name: str, value: float) -> Fraction:
     usable = isinstance(value, Real) and np.isfinite(value)
     rate = Fraction(value).limit_denominator(10**6) if usable else Fraction(0)
     if rate <= 0 or 1 not in (rate.numerator, rate.denominator):
-        raise UserError(f"rate {value!r} of {name}: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3, ...")
+        raise UserError(
+            f"rate {value!r} of {name}: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3, ..."
+        )
     return rate

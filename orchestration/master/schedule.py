@@ -36,7 +36,9 @@ class ExchangeStage(NamedTuple):
 
     copies: list[tuple[int, int]]  # index of the input, index of the output
     scaled: list[BufferedConnection]  # the same with factor and offset
-    disturbances: list[tuple[int, list[float]]]  # index of a connected input, what is added to it at all points
+    disturbances: list[
+        tuple[int, list[float]]
+    ]  # index of a connected input, what is added to it at all points
     external: list[tuple[int, list[float]]]  # index of the input, values from outside at all points
     calls: list[MemberCall]
 

@@ -41,7 +41,9 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
         fmu = Fmu(member.fmu, member.parameters, member.name, folders[path])
         once = fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         if once and any(other.fmu.path.resolve() == path for other in members):
-            raise UserError(f"{member.name}: {path.name} can run once only (canBeInstantiatedOnlyOncePerProcess)")
+            raise UserError(
+                f"{member.name}: {path.name} can run once only (canBeInstantiatedOnlyOncePerProcess)"
+            )
         try:
             members.append(Instance(member.name, opened.enter_context(fmu)))
         except UserError as error:
@@ -73,7 +75,9 @@ def check_abilities(members: Sequence[Instance], points: list[float], settings: 
             raise UserError(f"{member.name}: a rate below 1 does not go with a tolerance")
 
 
-def external_values(system: System, inputs: Mapping[str, Array], points: int) -> dict[Port, list[float]]:
+def external_values(
+    system: System, inputs: Mapping[str, Array], points: int
+) -> dict[Port, list[float]]:
     """Values from outside for each input of a member that receives some.
 
     Raises
@@ -85,7 +89,9 @@ def external_values(system: System, inputs: Mapping[str, Array], points: int) ->
     values_of: dict[Port, list[float]] = {}
     for name, values in inputs.items():
         if name not in system.inputs and "." not in name:
-            raise UserError(f"system {system.name}: no input named {name!r}{suggestion(name, system.inputs)}")
+            raise UserError(
+                f"system {system.name}: no input named {name!r}{suggestion(name, system.inputs)}"
+            )
         column = _column(f"input {name}", values, points)
         for port in system.inputs.get(name) or (system.port(name),):
             if port in values_of:
@@ -96,7 +102,9 @@ def external_values(system: System, inputs: Mapping[str, Array], points: int) ->
     return values_of
 
 
-def disturbance_values(system: System, disturbances: Mapping[str, Array], points: int) -> dict[Port, list[float]]:
+def disturbance_values(
+    system: System, disturbances: Mapping[str, Array], points: int
+) -> dict[Port, list[float]]:
     """What is added to each connected input that is disturbed.
 
     Raises
@@ -109,7 +117,9 @@ def disturbance_values(system: System, disturbances: Mapping[str, Array], points
     for name, values in disturbances.items():
         port = system.port(name)
         if port not in connected:
-            raise UserError(f"disturbance {name}: is no connected input; what nothing is connected to is driven")
+            raise UserError(
+                f"disturbance {name}: is no connected input; what nothing is connected to is driven"
+            )
         values_of[port] = _column(f"disturbance {name}", values, points)
     return values_of
 
@@ -117,7 +127,9 @@ def disturbance_values(system: System, disturbances: Mapping[str, Array], points
 def _column(what: str, values: Array, points: int) -> list[float]:
     array = np.asarray(values, dtype=float)
     if array.shape != (points,):
-        raise UserError(f"{what}: shape {array.shape} for {points} communication points; one value for each")
+        raise UserError(
+            f"{what}: shape {array.shape} for {points} communication points; one value for each"
+        )
     if not np.isfinite(array).all():
         k = int(np.argmin(np.isfinite(array)))
         raise UserError(f"{what}: {array[k]:g} at point {k} is no finite number")
@@ -126,7 +138,11 @@ def _column(what: str, values: Array, points: int) -> list[float]:
 
 
 def structure(
-    system: System, members: Sequence[Instance], fed: Sequence[Port], record: Sequence[str] | None, settings: Settings
+    system: System,
+    members: Sequence[Instance],
+    fed: Sequence[Port],
+    record: Sequence[str] | None,
+    settings: Settings,
 ) -> tuple[Structure, list[Port]]:
     """Gather who feeds whom, and which variables are recorded.
 
@@ -156,18 +172,24 @@ def structure(
         for name in member.fmu.outputs
         if type_of(member.fmu.variables[name]) != "string"
     ]
-    recorded = outputs if record is None else list(dict.fromkeys(system.port(text) for text in record))
+    recorded = (
+        outputs if record is None else list(dict.fromkeys(system.port(text) for text in record))
+    )
     watched = outputs if settings.adaptive else []
     sources = {connection.target: connection.source for connection in system.connections}
     for port in (*recorded, *sources, *sources.values(), *fed):
         known = by_name[port.member].fmu.variables
         if port.variable not in known:
-            raise UserError(f"{port.member}: no variable named {port.variable!r}{suggestion(port.variable, known)}")
+            raise UserError(
+                f"{port.member}: no variable named {port.variable!r}{suggestion(port.variable, known)}"
+            )
         if (port in sources or port in fed) and known[port.variable].causality != "input":
             raise UserError(f"{port}: is {known[port.variable].causality or 'local'}, no input")
     receiving = {m.name: [p for p in (*sources, *fed) if p.member == m.name] for m in members}
     wanted = {
-        m.name: [p for p in dict.fromkeys((*recorded, *watched, *sources.values())) if p.member == m.name]
+        m.name: [
+            p for p in dict.fromkeys((*recorded, *watched, *sources.values())) if p.member == m.name
+        ]
         for m in members
     }
     needs: dict[Port, tuple[Port, ...]] = {}

@@ -64,7 +64,9 @@ class StepDoubling:
         self._executor, self._tolerance = executor, tolerance
         self._checkpoint = Checkpoint(executor)
         by_name = {member.name: member for member in executor.members}
-        self._ports = [p for p in executor.outputs.at if by_name[p.member].is_continuous(p.variable)]
+        self._ports = [
+            p for p in executor.outputs.at if by_name[p.member].is_continuous(p.variable)
+        ]
         self._places = [executor.outputs.at[port] for port in self._ports]
         self._nominal = np.array([by_name[p.member].nominal(p.variable) for p in self._ports])
         self._order = 1 + executor.settings.extrapolation
@@ -96,7 +98,11 @@ class StepDoubling:
             twice = self._executor.outputs.values[self._places]
             errors = self._errors(once, twice)
             error = float(np.max(errors, initial=0.0))
-            factor = 5.0 if error == 0.0 else min(5.0, max(0.2, 0.9 * error ** (-1.0 / (self._order + 1))))
+            factor = (
+                5.0
+                if error == 0.0
+                else min(5.0, max(0.2, 0.9 * error ** (-1.0 / (self._order + 1))))
+            )
             if error <= 1.0:
                 self.steps += 1
                 if not whole or size == self._hint:

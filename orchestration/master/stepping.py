@@ -78,17 +78,24 @@ class MemberStep:
         index = {place: k for k, place in enumerate(self._places)}
         self._updated = [(index[connection.target], connection) for connection in self.updated]
         fmu, inputs = self.member.fmu, self.inputs
-        self._set_linear = [bind(moved, fmu, inputs) for moved in transfers("Set", fmu, self.linear, inputs)]
+        self._set_linear = [
+            bind(moved, fmu, inputs) for moved in transfers("Set", fmu, self.linear, inputs)
+        ]
         self._derivatives = (ctypes.c_double * len(self.linear))()
         self._interpolates = self.member.can_interpolate and bool(self.linear)
         if self._interpolates:
-            references = [self.member.fmu.variables[port.variable].valueReference for port in self.linear]
+            references = [
+                self.member.fmu.variables[port.variable].valueReference for port in self.linear
+            ]
             count = len(references)
             orders = (ctypes.c_int * count)(*[_ORDER] * count)
             self._set_slopes = self.member.fmu.bound(
-                "fmi2SetRealInputDerivatives", ctypes.byref((ctypes.c_uint * count)(*references)),
-                ctypes.c_size_t(count), ctypes.byref(orders), ctypes.byref(self._derivatives),
-            )  # fmt: skip
+                "fmi2SetRealInputDerivatives",
+                ctypes.byref((ctypes.c_uint * count)(*references)),
+                ctypes.c_size_t(count),
+                ctypes.byref(orders),
+                ctypes.byref(self._derivatives),
+            )
         self._held = [0.0] * len(self._places)
         self._span = 1.0
 
@@ -133,5 +140,6 @@ class MemberStep:
         """Take the slopes over the step just made, for the next one."""
         inputs, span = self.inputs.cells, self._span
         self.history.slopes[:] = [
-            (inputs[place] - value) / span for place, value in zip(self._places, self._held, strict=True)
+            (inputs[place] - value) / span
+            for place, value in zip(self._places, self._held, strict=True)
         ]

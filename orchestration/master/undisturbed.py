@@ -70,7 +70,10 @@ def _raise_priority() -> Callable[[], object]:
     """Raise the priority; return what undoes it."""
     if sys.platform == "win32":
         kernel = ctypes.windll.kernel32
-        process, before = kernel.GetCurrentProcess(), kernel.GetPriorityClass(kernel.GetCurrentProcess())
+        process, before = (
+            kernel.GetCurrentProcess(),
+            kernel.GetPriorityClass(kernel.GetCurrentProcess()),
+        )
         if not kernel.SetPriorityClass(process, _HIGH_PRIORITY_CLASS):
             raise ctypes.WinError()
         return lambda: kernel.SetPriorityClass(process, before)

@@ -59,9 +59,13 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
         missing = np.isnan(values)
         if missing.all():
             if name in required:
-                raise refuse(samples.path, f"the signal '{name}' is required, and its column has no values")
+                raise refuse(
+                    samples.path, f"the signal '{name}' is required, and its column has no values"
+                )
             del samples.values[name]
-            samples.repairs.append(Repair("empty column", f"{name}: the column has no values; treated as absent"))
+            samples.repairs.append(
+                Repair("empty column", f"{name}: the column has no values; treated as absent")
+            )
         elif missing.any() and name in inputs:
             samples.values[name] = _fill_input(samples, name, values, missing)
         elif missing.any():
@@ -141,7 +145,9 @@ def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[
         _notice_clipped(samples, name, values, levels, unit)
 
 
-def _notice_quantised(samples: Samples, name: str, levels: NDArray[np.float64], count: int, unit: str) -> None:
+def _notice_quantised(
+    samples: Samples, name: str, levels: NDArray[np.float64], count: int, unit: str
+) -> None:
     """Note a channel that takes few distinct values, and its least step."""
     if count < _QUANTISED_MINIMUM_SAMPLES or levels.size * _QUANTISED_SAMPLES_PER_LEVEL > count:
         return
@@ -171,4 +177,6 @@ def _notice_clipped(
                 f"{name}: clipped (or held) at its {word} {level:.6g} {unit}: {100 * share:.1f} % of the samples, "
                 f"up to {length} in a row from row {samples.rows[longest[0]]}"
             )
-            samples.repairs.append(Repair("clipped", message, tuple(samples.rows[at_level].tolist())))
+            samples.repairs.append(
+                Repair("clipped", message, tuple(samples.rows[at_level].tolist()))
+            )

@@ -82,7 +82,11 @@ def _require_two(samples: Samples) -> None:
     """Refuse a record of fewer than two instants."""
     if samples.time.size < 2:
         count = samples.time.size
-        what = f"only one instant ({list_rows(samples.rows.tolist())})" if count else "no row with a valid time"
+        what = (
+            f"only one instant ({list_rows(samples.rows.tolist())})"
+            if count
+            else "no row with a valid time"
+        )
         raise refuse(samples.path, f"{what}; a record needs at least two different times")
 
 
@@ -110,9 +114,7 @@ def _sort_late_rows(samples: Samples) -> None:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
-        jump = (
-            f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]} at {time[first]:g} s"
-        )
+        jump = f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]} at {time[first]:g} s"
         if _restarts(time, first):
             raise refuse(
                 samples.path,
@@ -132,13 +134,17 @@ def _sort_late_rows(samples: Samples) -> None:
             f"{len(rows)} of {time.size} rows are out of order ({list_rows(rows)}); sorted are at most 1 %: "
             "the times do not order this record",
         )
-    samples.repairs.append(Repair("order", f"{len(rows)} rows out of order sorted ({list_rows(rows)})", tuple(rows)))
+    samples.repairs.append(
+        Repair("order", f"{len(rows)} rows out of order sorted ({list_rows(rows)})", tuple(rows))
+    )
     samples.keep(np.argsort(time, kind="stable"))
 
 
 def _restarts(time: NDArray[np.float64], row: int) -> bool:
     """Tell whether a row that comes late is back where the clock began."""
-    return row >= RESTART_AFTER_ROWS and bool(time[row] - time[0] <= 0.05 * (time[:row].max() - time[0]))
+    return row >= RESTART_AFTER_ROWS and bool(
+        time[row] - time[0] <= 0.05 * (time[:row].max() - time[0])
+    )
 
 
 def restarts(time: NDArray[np.float64]) -> list[int]:
@@ -157,7 +163,9 @@ def restarts(time: NDArray[np.float64]) -> list[int]:
     at = np.flatnonzero(np.isfinite(time))
     clock, first, found = time[at], 0, []
     for k in np.flatnonzero(np.diff(clock) < 0.0) + 1:
-        stays = clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]  # else these are a few late rows
+        stays = (
+            clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]
+        )  # else these are a few late rows
         if stays and _restarts(clock[first:], int(k) - first):
             first = int(k)
             found.append(int(at[k]))
@@ -192,7 +200,9 @@ def _average_duplicates(samples: Samples) -> None:
         alike = alike and bool(np.all((values == reference) | (~valid & np.isnan(reference))))
         # taken around the group's first value, so that equal values give exactly that value
         finite_reference = np.where(np.isnan(reference), 0.0, reference)
-        total = np.bincount(group[valid], weights=(values - finite_reference)[valid], minlength=group[-1] + 1)
+        total = np.bincount(
+            group[valid], weights=(values - finite_reference)[valid], minlength=group[-1] + 1
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
             means[name] = finite_reference[first] + total / count
     instants = int((np.bincount(group) > 1).sum())
@@ -248,7 +258,8 @@ def gaps(time: NDArray[np.float64]) -> NDArray[np.intp]:
         return np.zeros(0, dtype=np.intp)
     suspects = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
     return np.array(
-        [i for i in suspects if steps[i] > GAP_FACTOR * np.median(steps[max(0, i - 5) : i + 6])], dtype=np.intp
+        [i for i in suspects if steps[i] > GAP_FACTOR * np.median(steps[max(0, i - 5) : i + 6])],
+        dtype=np.intp,
     )
 
 

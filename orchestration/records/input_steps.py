@@ -31,4 +31,6 @@ def input_steps(inputs: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
 
 def _steps(values: Array) -> NDArray[np.bool_]:
     change = np.abs(np.diff(values, prepend=values[:1]))
-    return np.asarray(change > max(_LEAST * float(np.ptp(values)), _STEP * float(np.median(change))))
+    return np.asarray(
+        change > max(_LEAST * float(np.ptp(values)), _STEP * float(np.median(change)))
+    )

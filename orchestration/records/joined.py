@@ -54,7 +54,11 @@ class Run:
     def values(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Parameters by their plain names, as they are in this run."""
         plain = {name: value for name, value in parameters.items() if _MARK not in name}
-        return plain | {base_name(n): x for n, x in parameters.items() if _MARK in n and n == self.own(base_name(n))}
+        return plain | {
+            base_name(n): x
+            for n, x in parameters.items()
+            if _MARK in n and n == self.own(base_name(n))
+        }
 
 
 def base_name(name: str) -> str:
@@ -71,14 +75,20 @@ def shown_name(name: str) -> str:
 def names_in(runs: Sequence[Run], names: Iterable[str], own: Iterable[str]) -> list[str]:
     """Names to search over several runs: those that are each run's own once for every run."""
     each = set(own)
-    return [n for name in names for n in ([run.own(name) for run in runs] if name in each else [name])]
+    return [
+        n for name in names for n in ([run.own(name) for run in runs] if name in each else [name])
+    ]
 
 
 def sampled_alike(time: Array, runs: Sequence[Run]) -> bool:
     """Whether samples are equally spaced in every run, and in all of them alike."""
     parts = [time[run.samples] for run in runs if run.last - run.first > 1]
     steps = [float(np.median(np.diff(part))) for part in parts]
-    return bool(steps) and all(map(evenly_sampled, parts)) and max(steps) <= (1.0 + _ALIKE) * min(steps)
+    return (
+        bool(steps)
+        and all(map(evenly_sampled, parts))
+        and max(steps) <= (1.0 + _ALIKE) * min(steps)
+    )
 
 
 def joined(count: int, runs: Sequence[Run], parts: Sequence[Array]) -> Array:

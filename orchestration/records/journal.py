@@ -53,7 +53,9 @@ class Journal:
     def add(self, time: float, values: Sequence[float]) -> None:
         """Add a row: time in s, and a value of each signal."""
         self._is_empty = False
-        self._rows.append(",".join(["" if value != value else repr(value) for value in (time, *values)]))
+        self._rows.append(
+            ",".join(["" if value != value else repr(value) for value in (time, *values)])
+        )
         if monotonic() - self._since > _EVERY:
             self._pass_on()
 

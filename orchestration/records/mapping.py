@@ -52,8 +52,14 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     for entry in entries:
         column, equals, target = (part.strip() for part in entry.rpartition("="))
         signal, unit = split_header_cell(target)
-        if not (equals and column and signal) or set("[]") & set(signal) or (unit is None and "[" in target):
-            raise UserError(f"--map '{entry}': the form is file_column=signal or file_column=signal[unit]")
+        if (
+            not (equals and column and signal)
+            or set("[]") & set(signal)
+            or (unit is None and "[" in target)
+        ):
+            raise UserError(
+                f"--map '{entry}': the form is file_column=signal or file_column=signal[unit]"
+            )
         if column in mapping:
             raise UserError(f"--map '{entry}': column '{column}' is mapped twice")
         if signal in (split_header_cell(other)[0] for other in mapping.values()):
@@ -64,11 +70,17 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
 
 def _find_column(table: Table, name: str, why: str) -> Column:
     """Find a column by its name, or by its whole header cell ``name [unit]``."""
-    called = [column for column in table.columns if name in (column.name, f"{column.name} [{column.unit}]")]
+    called = [
+        column
+        for column in table.columns
+        if name in (column.name, f"{column.name} [{column.unit}]")
+    ]
     if len(called) > 1:
         raise refuse(table.path, f"{len(called)} columns are called '{name}'; rename them")
     if not called:
-        raise refuse(table.path, f"{why}: there is no column '{name}'{suggestion(name, table.names())}")
+        raise refuse(
+            table.path, f"{why}: there is no column '{name}'{suggestion(name, table.names())}"
+        )
     return called[0]
 
 
@@ -102,7 +114,9 @@ def match_columns(
     for name, target in mapping.items():
         signal, unit = split_header_cell(target)
         if signal != TIME and signal not in signals:
-            raise UserError(f"--map '{name}={target}': the model has no signal '{signal}'{suggestion(signal, signals)}")
+            raise UserError(
+                f"--map '{name}={target}': the model has no signal '{signal}'{suggestion(signal, signals)}"
+            )
         if signal in matches:
             raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
         matches[signal] = Match(_find_column(table, name, f"--map '{name}={target}'"), signal, unit)
@@ -116,15 +130,21 @@ def match_columns(
         if signal in matches:
             continue
         free = [
-            column for column in table.columns if column.name == signal and not any(column is other for other in taken)
+            column
+            for column in table.columns
+            if column.name == signal and not any(column is other for other in taken)
         ]
         if len(free) > 1:
-            raise refuse(table.path, f"{len(free)} columns are called '{signal}'; rename them, or keep one")
+            raise refuse(
+                table.path, f"{len(free)} columns are called '{signal}'; rename them, or keep one"
+            )
         if free:
             matches[signal] = Match(free[0], signal, None)
             taken.append(free[0])
     _match_members(table, signals, matches, taken)
-    ignored = [column.name for column in table.columns if not any(column is other for other in taken)]
+    ignored = [
+        column.name for column in table.columns if not any(column is other for other in taken)
+    ]
     for signal in required:
         if signal not in matches:
             raise refuse(
@@ -141,11 +161,15 @@ def match_columns(
     if ignored:
         absent = [signal for signal in signals if signal not in matches]
         hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in ignored]
-        table.repairs.append(Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}"))
+        table.repairs.append(
+            Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
+        )
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
 
 
-def _match_members(table: Table, signals: Iterable[str], matches: dict[str, Match], taken: list[Column]) -> None:
+def _match_members(
+    table: Table, signals: Iterable[str], matches: dict[str, Match], taken: list[Column]
+) -> None:
     """Take the column ``member.signal`` for a signal that has none: results of a system call them so."""
     for signal in signals:
         free = [
@@ -165,14 +189,24 @@ def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) ->
     from fmus.kit.units import parse
 
     free = [column for column in table.columns if not any(column is other for other in taken)]
-    named = [column for column in free if column.name.casefold() in _TIME_NAMES and column.name not in signals]
+    named = [
+        column
+        for column in free
+        if column.name.casefold() in _TIME_NAMES and column.name not in signals
+    ]
     exact = [column for column in named if column.name.casefold() == TIME] or named
     if len(exact) > 1:
-        raise refuse(table.path, f"{len(exact)} columns are called time; keep one, or --map 'column=time'")
+        raise refuse(
+            table.path, f"{len(exact)} columns are called time; keep one, or --map 'column=time'"
+        )
     if exact:
         return exact[0]
     first = table.columns[0]
-    if any(first is column for column in free) and first.unit is not None and first.name not in signals:
+    if (
+        any(first is column for column in free)
+        and first.unit is not None
+        and first.name not in signals
+    ):
         try:
             if parse(first.unit).dimensionality == {"[time]": 1}:
                 return first

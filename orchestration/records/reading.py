@@ -51,7 +51,9 @@ def read_record(
     UserError
         If the file cannot be used: file, row, reason.
     """
-    samples = _samples(_table(Path(path), signals, required, inputs), signals, mapping or {}, required)
+    samples = _samples(
+        _table(Path(path), signals, required, inputs), signals, mapping or {}, required
+    )
     return _record(samples, signals, required, inputs)
 
 
@@ -93,7 +95,9 @@ def read_runs(
     return [_record(part, signals, required, inputs, label) for label, part in parts]
 
 
-def _table(path: Path, signals: Mapping[str, str], required: Collection[str], inputs: Collection[str]) -> Table:
+def _table(
+    path: Path, signals: Mapping[str, str], required: Collection[str], inputs: Collection[str]
+) -> Table:
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
@@ -111,7 +115,11 @@ def _samples(
 
 
 def _record(
-    samples: Samples, signals: Mapping[str, str], required: Collection[str], inputs: Collection[str], label: str = ""
+    samples: Samples,
+    signals: Mapping[str, str],
+    required: Collection[str],
+    inputs: Collection[str],
+    label: str = "",
 ) -> Record:
     """Repair what can be repaired of one run, and refuse or notice what cannot."""
     # absurd values near the largest double overflow in differences; they are the file's, and no reason for a traceback
@@ -130,7 +138,9 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
     stated = match.unit or column.unit
     if stated is None:
         stated = unit
-        message = f"column '{column.name}' states no unit: taken as {unit}, the unit of {match.signal}"
+        message = (
+            f"column '{column.name}' states no unit: taken as {unit}, the unit of {match.signal}"
+        )
         table.repairs.append(Repair("unit assumed", message))
     elif match.unit is not None and column.unit is not None and match.unit != column.unit:
         message = f"column '{column.name}' [{column.unit}] read as {match.signal} in {match.unit}, as asked"

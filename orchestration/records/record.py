@@ -18,7 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REPAIRING_KINDS = frozenset(
-    {"partial line", "missing time", "order", "duplicates", "filled hole", "masked", "infinite", "unit replaced"}
+    {
+        "partial line",
+        "missing time",
+        "order",
+        "duplicates",
+        "filled hole",
+        "masked",
+        "infinite",
+        "unit replaced",
+    }
 )
 """Kinds of `Repair` that changed, dropped or reinterpreted data; all others only state a fact about it."""
 _LONGEST = 1000  # characters of a message
@@ -80,7 +89,9 @@ class Record:
         seconds = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
         signals = ", ".join(f"{name} [{self.units[name]}]" for name in self.signals)
         which = f", run {self.label}" if self.label else ""
-        lines = [f"{self.source.name}{which}: {self.time.size} samples over {seconds:.6g} s: {signals}"]
+        lines = [
+            f"{self.source.name}{which}: {self.time.size} samples over {seconds:.6g} s: {signals}"
+        ]
         lines += [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in self.repairs]
         return "\n".join(lines)
 

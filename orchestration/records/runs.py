@@ -39,17 +39,22 @@ def run_marks(table: Table, column: str, mapping: Mapping[str, str]) -> list[str
     named = [c for c in table.columns if c.name == column]
     if len(named) != 1:
         what = "no column is" if not named else f"{len(named)} columns are"
-        raise refuse(table.path, f"--runs {column}: {what} called {column!r}{suggestion(column, table.names())}")
+        raise refuse(
+            table.path,
+            f"--runs {column}: {what} called {column!r}{suggestion(column, table.names())}",
+        )
     if column in mapping:
         raise UserError(f"--runs {column}: this column is mapped to the signal {mapping[column]}")
     marks = [_label(cell) for cell in named[0].cells]
     if "" in marks:
         raise refuse(
-            table.path, f"row {table.rows[marks.index('')]}: no value in column '{column}', which tells the runs"
+            table.path,
+            f"row {table.rows[marks.index('')]}: no value in column '{column}', which tells the runs",
         )
     if len(set(marks)) > MOST:
         raise refuse(
-            table.path, f"column '{column}' has {len(set(marks))} values; it may tell {MOST} runs apart at most"
+            table.path,
+            f"column '{column}' has {len(set(marks))} values; it may tell {MOST} runs apart at most",
         )
     return marks
 
@@ -74,7 +79,9 @@ def divided_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
         return [("", samples)]
     rows = tuple(int(samples.rows[k]) for k in starts)
     count = f"the clock restarts {'once' if len(rows) == 1 else f'{len(rows)} times'}, first before row {rows[0]}"
-    samples.repairs.append(Repair("runs", f"{count}: taken as {len(rows) + 1} runs, 1 to {len(rows) + 1}", rows))
+    samples.repairs.append(
+        Repair("runs", f"{count}: taken as {len(rows) + 1} runs, 1 to {len(rows) + 1}", rows)
+    )
     number = np.searchsorted(starts, np.arange(samples.time.size), "right") + 1
     return _parts(samples, {str(k): number == k for k in range(1, len(rows) + 2)})
 
@@ -83,7 +90,13 @@ def _parts(samples: Samples, members: Mapping[str, NDArray[np.bool_]]) -> list[t
     """Runs by label; what is to be said of the whole file is said with the first."""
     parts: list[tuple[str, Samples]] = []
     for label, mask in members.items():
-        part = Samples(samples.path, samples.time, samples.values, samples.rows, [] if parts else samples.repairs)
+        part = Samples(
+            samples.path,
+            samples.time,
+            samples.values,
+            samples.rows,
+            [] if parts else samples.repairs,
+        )
         part.keep(mask)
         parts.append((label, part))
     return parts

@@ -11,11 +11,27 @@ from numpy.typing import NDArray
 from orchestration.records.record import Repair, refuse
 
 MISSING_CELLS = frozenset(
-    {"", "nan", "+nan", "-nan", "na", "n/a", "#n/a", "null", "none", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"}
+    {
+        "",
+        "nan",
+        "+nan",
+        "-nan",
+        "na",
+        "n/a",
+        "#n/a",
+        "null",
+        "none",
+        "1.#qnan",
+        "-1.#qnan",
+        "1.#ind",
+        "-1.#ind",
+    }
 )
 INFINITE_CELLS = {"1.#inf": np.inf, "-1.#inf": -np.inf}
 _HEADER_CELL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII)
+_NUMBER = re.compile(
+    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII
+)
 
 
 @dataclass
@@ -139,7 +155,9 @@ def numbers(table: Table, column: Column) -> NDArray[np.float64]:
     if isinstance(column.cells, np.ndarray):
         return np.array(column.cells, dtype=float)
     joined = "".join(column.cells)
-    if joined.isascii() and "_" not in joined:  # float() would take 1_000 and non-Latin digits for numbers
+    if (
+        joined.isascii() and "_" not in joined
+    ):  # float() would take 1_000 and non-Latin digits for numbers
         try:
             return np.array([float(cell) for cell in column.cells], dtype=float)
         except ValueError:
@@ -171,7 +189,9 @@ def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
         Instants become seconds since the first one; objects become text, to be judged only if the column is used.
     """
     if values.dtype.kind == "M":
-        seconds = (values - values[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+        seconds = (
+            (values - values[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+        )
         return np.asarray(seconds, dtype=float)
     if values.dtype.kind == "m":
         return np.asarray(values / np.timedelta64(1, "s"), dtype=float)

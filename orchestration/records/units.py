@@ -42,7 +42,8 @@ def convert(
         source = units.parse(unit)
     except UserError as error:
         raise refuse(
-            path, f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'"
+            path,
+            f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'",
         ) from error
     if not units.convertible(source, units.parse(expected)):
         raise refuse(

@@ -35,7 +35,9 @@ def header(units: Mapping[str, str]) -> list[str]:
     return cells
 
 
-def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayLike], units: Mapping[str, str]) -> None:
+def write_record(
+    path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayLike], units: Mapping[str, str]
+) -> None:
     """Write a record as CSV: a header ``name [unit]``, time in seconds first, one row per sample.
 
     Every number is written with the fewest digits that read back as the same double. NaN becomes an empty cell.
@@ -73,5 +75,7 @@ def write_record(path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayL
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header({name: units[name] for name in signals}))
-    writer.writerows(["" if value != value else repr(value) for value in row] for row in zip(*lists, strict=True))
+    writer.writerows(
+        ["" if value != value else repr(value) for value in row] for row in zip(*lists, strict=True)
+    )
     files.write(Path(path), text.getvalue().encode())

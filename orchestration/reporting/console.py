@@ -21,7 +21,7 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
-)  # fmt: skip
+)
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -124,8 +124,13 @@ class Tell:
         self._bar = bar
         self._task = bar.add_task("", total=None) if bar else None
         self._text, self._part, self._whole = "", 0, 0
-        self._began = self._since = self._said = monotonic()  # the step, its present part, the latest line
-        self._lines, self._timer = 0, Timer(0.0, self._say)  # lines of the step so far; for the next one
+        self._began = self._since = self._said = (
+            monotonic()
+        )  # the step, its present part, the latest line
+        self._lines, self._timer = (
+            0,
+            Timer(0.0, self._say),
+        )  # lines of the step so far; for the next one
 
     def __call__(self, text: str) -> None:
         """Begin a step."""
@@ -169,7 +174,11 @@ class Tell:
         if not self._text:  # the step ended while the timer ran out
             return
         now = monotonic()
-        left = round((now - self._began) * (self._whole - self._part) / self._part) if self._part else 0
+        left = (
+            round((now - self._began) * (self._whole - self._part) / self._part)
+            if self._part
+            else 0
+        )
         remaining = f", {timedelta(seconds=left)} left" if left else ""
         err.print(f"{self._text} ({self._part:,} of {self._whole:,}{remaining})", soft_wrap=True)
         self._said, self._lines = now, self._lines + 1
@@ -190,7 +199,10 @@ class _Rate(ProgressColumn):
     """How many parts are done in a second, where they are many."""
 
     def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:,.0f}/s" if task.speed and task.speed >= 1.0 else "", style="progress.data.speed")
+        return Text(
+            f"{task.speed:,.0f}/s" if task.speed and task.speed >= 1.0 else "",
+            style="progress.data.speed",
+        )
 
 
 @contextmanager

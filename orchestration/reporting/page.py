@@ -108,10 +108,15 @@ class Page:
     def table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Add a table of texts."""
         columns = "".join(f"<th>{escaped(cell)}</th>" for cell in head)
-        labels = ["" if isinstance(cell, Markup) else escaped(cell) for cell in head]  # told where a row is stacked
+        labels = [
+            "" if isinstance(cell, Markup) else escaped(cell) for cell in head
+        ]  # told where a row is stacked
         body = ""
         for row in rows:
-            cells = (f'<td data-label="{name}">{escaped(cell)}</td>' for name, cell in zip(labels, row, strict=True))
+            cells = (
+                f'<td data-label="{name}">{escaped(cell)}</td>'
+                for name, cell in zip(labels, row, strict=True)
+            )
             body += f"<tr>{''.join(cells)}</tr>"
         self.parts.append(f'<div class="table"><table><tr>{columns}</tr>{body}</table></div>')
 
@@ -125,7 +130,10 @@ class Page:
         )
 
     def plot(
-        self, figure: Mapping[str, Any], caption: str, views: Mapping[str, Sequence[float] | None] | None = None
+        self,
+        figure: Mapping[str, Any],
+        caption: str,
+        views: Mapping[str, Sequence[float] | None] | None = None,
     ) -> None:
         """Add an interactive figure.
 

@@ -19,15 +19,21 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
 _STYLE = {
-    "axes.grid": True, "grid.color": "#e3e8ec", "axes.edgecolor": "#9aa5af", "axes.spines.top": False,
-    "axes.spines.right": False, "font.size": 9, "axes.titlesize": 10, "axes.titlelocation": "left",
+    "axes.grid": True,
+    "grid.color": "#e3e8ec",
+    "axes.edgecolor": "#9aa5af",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
     "figure.dpi": 110,
-}  # fmt: skip
+}
 
 
 def panels(
     count: int, title: str, below: str = "time [s]", height: float = 1.9, shared: bool = True
-) -> tuple[Figure, list[Axes]]:  # fmt: skip
+) -> tuple[Figure, list[Axes]]:
     """Make a figure of panels, one above the other, that share what is below them, such as the time axis.
 
     Parameters
@@ -47,7 +53,9 @@ def panels(
     with matplotlib.style.context(_STYLE):
         figure = Figure(figsize=(9, 1.0 + height * count), layout="constrained")
         axes = figure.subplots(count, 1, sharex=shared, squeeze=False)
-    title = title.encode(errors="backslashreplace").decode()  # a file name may hold bytes that no font can draw
+    title = title.encode(
+        errors="backslashreplace"
+    ).decode()  # a file name may hold bytes that no font can draw
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     axes[-1, 0].set_xlabel(below)
     return figure, list(axes.flat)
@@ -76,7 +84,9 @@ def picture_format(path: Path) -> str:
     """
     ending = path.suffix.lower()
     if ending not in FORMATS:
-        raise UserError(f"cannot draw {path}: its name must end in {', '.join(FORMATS)}, not {ending or 'nothing'!r}")
+        raise UserError(
+            f"cannot draw {path}: its name must end in {', '.join(FORMATS)}, not {ending or 'nothing'!r}"
+        )
     return ending[1:]
 
 

@@ -12,7 +12,9 @@ WIDTH = 120  # columns, for tables
 
 def plain_text(renderable: RenderableType) -> str:
     """Return what would be printed, without colours."""
-    console = Console(file=io.StringIO(), width=WIDTH, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    console = Console(
+        file=io.StringIO(), width=WIDTH, highlight=False, markup=False, emoji=False, soft_wrap=True
+    )
     console.print(renderable)
     written: str = console.file.getvalue()  # type: ignore[attr-defined]
     return "\n".join(line.rstrip() for line in written.rstrip("\n").split("\n"))

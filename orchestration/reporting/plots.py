@@ -137,14 +137,30 @@ def stacked(
     inner = sum(panel.height + _TITLE for panel in panels)
     top = _LEGEND + (_STRIP if boundary or marks else 0)
     layout: dict[str, Any] = {
-        "height": inner + top + _BOTTOM, "font": _FONT, "hovermode": "x unified", "hoversubplots": "axis",
-        "margin": {"l": 62, "r": 8, "t": top, "b": _BOTTOM}, "paper_bgcolor": "#fff", "plot_bgcolor": "rgba(0,0,0,0)",
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "xref": "container", "y": 1, "yanchor": "top",
-                   "yref": "container", "groupclick": "togglegroup", "font": {"size": 13}},
-        "hoverlabel": {"font": {"size": 12}}, "shapes": [], "annotations": [],
+        "height": inner + top + _BOTTOM,
+        "font": _FONT,
+        "hovermode": "x unified",
+        "hoversubplots": "axis",
+        "margin": {"l": 62, "r": 8, "t": top, "b": _BOTTOM},
+        "paper_bgcolor": "#fff",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "legend": {
+            "orientation": "h",
+            "x": 0,
+            "xanchor": "left",
+            "xref": "container",
+            "y": 1,
+            "yanchor": "top",
+            "yref": "container",
+            "groupclick": "togglegroup",
+            "font": {"size": 13},
+        },
+        "hoverlabel": {"font": {"size": 12}},
+        "shapes": [],
+        "annotations": [],
         "xaxis": _axis(logarithmic)
         | {"title": {"text": across, "standoff": 8, "font": _FONT}, "anchor": _y(len(panels) - 1)},
-    }  # fmt: skip
+    }
     data: list[dict[str, Any]] = []
     named: set[str] = set()
     down = 0
@@ -155,7 +171,14 @@ def stacked(
         layout[_y(k).replace("y", "yaxis")] = _axis(panel.logarithmic) | ends
         layout["annotations"].append(_note(panel.title, 0.0, high / inner, "left"))
         if panel.band:
-            ends = {"y0": panel.band[0], "y1": panel.band[1], "xref": "paper", "x0": 0, "x1": 1, "yref": _y(k)}
+            ends = {
+                "y0": panel.band[0],
+                "y1": panel.band[1],
+                "xref": "paper",
+                "x0": 0,
+                "x1": 1,
+                "yref": _y(k),
+            }
             layout["shapes"].append(_box(ends, "#e1e5e8"))
         for trace in panel.traces:
             data.append(_drawn(trace, k, bool(trace.label) and trace.label not in named))
@@ -168,23 +191,44 @@ def stacked(
         layout["shapes"].append(_box(ends, "#fbf5e6"))
         line = {"color": "#b98a2f", "width": 1, "dash": "dash"}
         layout["shapes"].append({**ends, "type": "line", "x1": boundary.place, "line": line})
-        for text, side, shift in ((f"{boundary.before} ◂", "right", -3), (f"▸ {boundary.after}", "left", 3)):
+        for text, side, shift in (
+            (f"{boundary.before} ◂", "right", -3),
+            (f"▸ {boundary.after}", "left", 3),
+        ):
             more = {"xref": "x", "xshift": shift, "font": {"size": 12, "color": "#8a6116"}}
             layout["annotations"].append(_note(text, place, 1.0, side) | more)
     for place, text in marks:
         ends = {"xref": "x", "x0": place, "x1": place, "yref": "paper", "y0": 0, "y1": 1}
-        name = {"text": text, "textposition": "end", "textangle": 0, "xanchor": "right", "font": {"size": 12}}
-        layout["shapes"].append({**ends, "type": "line", "line": {"color": "#b98a2f", "dash": "dot"}, "label": name})
+        name = {
+            "text": text,
+            "textposition": "end",
+            "textangle": 0,
+            "xanchor": "right",
+            "font": {"size": 12},
+        }
+        layout["shapes"].append(
+            {**ends, "type": "line", "line": {"color": "#b98a2f", "dash": "dot"}, "label": name}
+        )
     return {"data": data, "layout": layout}
 
 
 def _drawn(trace: Trace, panel: int, in_legend: bool) -> dict[str, Any]:
     x, y = envelope(*broken(trace.x, trace.y))
     return {
-        "type": "scatter", "mode": "lines", "x": _packed(x, "<f8"), "y": _packed(y, "<f4"), "xaxis": "x",
-        "yaxis": _y(panel), "name": escaped(trace.label), "legendgroup": trace.label, "showlegend": in_legend,
-        "line": trace.style, "hovertemplate": "%{y:.5~g}", "connectgaps": False, **trace.more,
-    }  # fmt: skip
+        "type": "scatter",
+        "mode": "lines",
+        "x": _packed(x, "<f8"),
+        "y": _packed(y, "<f4"),
+        "xaxis": "x",
+        "yaxis": _y(panel),
+        "name": escaped(trace.label),
+        "legendgroup": trace.label,
+        "showlegend": in_legend,
+        "line": trace.style,
+        "hovertemplate": "%{y:.5~g}",
+        "connectgaps": False,
+        **trace.more,
+    }
 
 
 def _packed(values: Array, kind: str) -> dict[str, str]:
@@ -194,14 +238,38 @@ def _packed(values: Array, kind: str) -> dict[str, str]:
 
 def _axis(logarithmic: bool) -> dict[str, Any]:
     about = {"type": "log"} if logarithmic else {"type": "linear"}
-    shown = {"tickformat": "~g"} if logarithmic else {"exponentformat": "none", "hoverformat": ".6~g"}
-    line = {"gridcolor": _GRID, "zerolinecolor": _GREY, "linecolor": _GREY, "showline": True, "ticks": "outside"}
-    return {**about, **shown, **line, "tickcolor": _GREY, "tickfont": {"size": 12}, "automargin": False}
+    shown = (
+        {"tickformat": "~g"} if logarithmic else {"exponentformat": "none", "hoverformat": ".6~g"}
+    )
+    line = {
+        "gridcolor": _GRID,
+        "zerolinecolor": _GREY,
+        "linecolor": _GREY,
+        "showline": True,
+        "ticks": "outside",
+    }
+    return {
+        **about,
+        **shown,
+        **line,
+        "tickcolor": _GREY,
+        "tickfont": {"size": 12},
+        "automargin": False,
+    }
 
 
 def _note(text: str, x: float, y: float, side: str) -> dict[str, Any]:
-    return {"text": escaped(text), "x": x, "y": y, "xref": "paper", "yref": "paper", "xanchor": side,
-            "yanchor": "bottom", "showarrow": False, "font": {"size": 13, "color": _INK}}  # fmt: skip
+    return {
+        "text": escaped(text),
+        "x": x,
+        "y": y,
+        "xref": "paper",
+        "yref": "paper",
+        "xanchor": side,
+        "yanchor": "bottom",
+        "showarrow": False,
+        "font": {"size": 13, "color": _INK},
+    }
 
 
 def _box(ends: dict[str, Any], colour: str) -> dict[str, Any]:
@@ -213,7 +281,11 @@ def _y(panel: int) -> str:
 
 
 def heat_map(
-    rows: Sequence[str], columns: Sequence[str], values: Array, texts: Sequence[Sequence[str]], title: str
+    rows: Sequence[str],
+    columns: Sequence[str],
+    values: Array,
+    texts: Sequence[Sequence[str]],
+    title: str,
 ) -> dict[str, Any]:
     """Draw a table of positive numbers as colours on a logarithmic scale.
 
@@ -239,20 +311,44 @@ def heat_map(
     high = max(high, low + 1.0)
     ticks = np.unique(np.round(np.linspace(low, high, 5)))
     longest = max((len(name) for name in columns), default=0)
-    bottom, left = 24 + min(5 * longest, 170), 24 + min(7 * max((len(name) for name in rows), default=0), 150)
+    bottom, left = (
+        24 + min(5 * longest, 170),
+        24 + min(7 * max((len(name) for name in rows), default=0), 150),
+    )
     drawn = {
-        "type": "heatmap", "x": list(map(escaped, columns)), "y": list(map(escaped, rows)), "xgap": 2, "ygap": 2,
-        "z": [[None if not np.isfinite(v) else float(v) for v in row] for row in powers], "zmin": low, "zmax": high,
-        "text": [list(map(escaped, row)) for row in texts], "hovertemplate": "%{text}<extra></extra>",
+        "type": "heatmap",
+        "x": list(map(escaped, columns)),
+        "y": list(map(escaped, rows)),
+        "xgap": 2,
+        "ygap": 2,
+        "z": [[None if not np.isfinite(v) else float(v) for v in row] for row in powers],
+        "zmin": low,
+        "zmax": high,
+        "text": [list(map(escaped, row)) for row in texts],
+        "hovertemplate": "%{text}<extra></extra>",
         "colorscale": [[0.0, "#eef3f7"], [0.5, "#7fb0d0"], [0.8, "#0b6aa2"], [1.0, "#08304a"]],
-        "colorbar": {"title": {"text": title, "font": _FONT}, "tickvals": ticks.tolist(), "thickness": 14,
-                     "ticktext": [f"{10.0**t:,.0f}" for t in ticks], "outlinewidth": 0},
-    }  # fmt: skip
-    axis = {"showgrid": False, "zeroline": False, "ticks": "", "fixedrange": True, "automargin": False}
+        "colorbar": {
+            "title": {"text": title, "font": _FONT},
+            "tickvals": ticks.tolist(),
+            "thickness": 14,
+            "ticktext": [f"{10.0**t:,.0f}" for t in ticks],
+            "outlinewidth": 0,
+        },
+    }
+    axis = {
+        "showgrid": False,
+        "zeroline": False,
+        "ticks": "",
+        "fixedrange": True,
+        "automargin": False,
+    }
     layout = {
-        "height": 30 * len(rows) + bottom + 40 + max(0, 110 - 30 * len(rows)), "font": _FONT,
-        "margin": {"l": left, "r": 8, "t": 16, "b": bottom}, "paper_bgcolor": "#fff", "plot_bgcolor": "#fff",
+        "height": 30 * len(rows) + bottom + 40 + max(0, 110 - 30 * len(rows)),
+        "font": _FONT,
+        "margin": {"l": left, "r": 8, "t": 16, "b": bottom},
+        "paper_bgcolor": "#fff",
+        "plot_bgcolor": "#fff",
         "xaxis": {**axis, "tickangle": -40, "type": "category"},
         "yaxis": {**axis, "autorange": "reversed", "type": "category"},
-    }  # fmt: skip
+    }
     return {"data": [drawn], "layout": layout}

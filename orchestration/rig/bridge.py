@@ -19,7 +19,9 @@ from fmus.rig_proxy.protocol import MAX_FRAME
 from orchestration.rig.endpoint import Endpoint, bounded
 
 LOOPBACK = "127.0.0.1"
-_MOST_CLIENTS = 32  # connections at a time; beyond, the one that was silent for the longest time is closed
+_MOST_CLIENTS = (
+    32  # connections at a time; beyond, the one that was silent for the longest time is closed
+)
 _WAITING = 8  # frames of a client that are kept while its connection to the server comes about
 _LATEST = 1.0  # s; a frame that has waited for longer is dropped
 _SOON = 0.005  # s between two attempts to carry on what waits
@@ -33,7 +35,9 @@ class _Client:
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], remote: Endpoint):
         self.socket = context.socket(zmq.DEALER)
-        self.socket.immediate = True  # no queue for a server that is not there: an old command must never arrive
+        self.socket.immediate = (
+            True  # no queue for a server that is not there: an old command must never arrive
+        )
         remote.connect(self.socket, remote.requests)
         self._waiting: deque[tuple[float, bytes]] = deque(maxlen=_WAITING)
 
@@ -77,7 +81,9 @@ class Bridge:
         If a port is taken.
     """
 
-    def __init__(self, remote: Endpoint, port: int, tell: Callable[[str], None] = lambda text: None):
+    def __init__(
+        self, remote: Endpoint, port: int, tell: Callable[[str], None] = lambda text: None
+    ):
         self._remote, self._tell = remote, tell
         self._clients: OrderedDict[bytes, _Client] = OrderedDict()
         self._heard = monotonic()
@@ -155,7 +161,9 @@ def _bind(socket: zmq.Socket[bytes], port: int) -> None:
     try:
         socket.bind(address)
     except zmq.ZMQError as error:
-        raise UserError(f"cannot listen at {address}: {error.strerror}; --port chooses another one") from error
+        raise UserError(
+            f"cannot listen at {address}: {error.strerror}; --port chooses another one"
+        ) from error
 
 
 def _frames(socket: zmq.Socket[bytes], parts: int) -> Iterator[list[bytes]]:

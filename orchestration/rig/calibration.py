@@ -202,20 +202,34 @@ def read_calibration(name_or_path: str) -> Calibration:
     rig = top.table("rig")
     rate, watchdog = rig.number("rate", above=0.0), rig.number("watchdog", above=0.0)
     rig.finish()
-    instruments = {name: _instrument(name, table) for name, table in top.tables("instruments").items()}
-    inputs = {name: _channel(name, table, "write", instruments) for name, table in top.tables("inputs").items()}
-    outputs = {name: _channel(name, table, "query", instruments) for name, table in top.tables("outputs").items()}
+    instruments = {
+        name: _instrument(name, table) for name, table in top.tables("instruments").items()
+    }
+    inputs = {
+        name: _channel(name, table, "write", instruments)
+        for name, table in top.tables("inputs").items()
+    }
+    outputs = {
+        name: _channel(name, table, "query", instruments)
+        for name, table in top.tables("outputs").items()
+    }
     limits = {name: channel.reachable() for name, channel in inputs.items()}
     for name, table in top.tables("limits").items():
         if name not in inputs and name not in outputs:
-            raise UserError(f"{path}: [limits.{name}]: no such signal{suggestion(name, [*inputs, *outputs])}")
+            raise UserError(
+                f"{path}: [limits.{name}]: no such signal{suggestion(name, [*inputs, *outputs])}"
+            )
         limits[name] = _limit(table, {**outputs, **inputs}[name], is_command=name in inputs)
     top.finish()
     for name, channel in inputs.items():
         if name in outputs:
-            raise UserError(f"{path}: [outputs.{name}]: is an input, too; a measured one needs a name of its own")
+            raise UserError(
+                f"{path}: [outputs.{name}]: is an input, too; a measured one needs a name of its own"
+            )
         if not limits[name].min <= channel.safe <= limits[name].max:
-            raise UserError(f"{path}: [inputs.{name}] safe = {channel.safe:g} {channel.unit}: is beyond its limits")
+            raise UserError(
+                f"{path}: [inputs.{name}] safe = {channel.safe:g} {channel.unit}: is beyond its limits"
+            )
     return Calibration(path, rate, watchdog, inputs, outputs, limits, instruments)
 
 
@@ -228,7 +242,9 @@ def _channel(name: str, table: Table, verb: str, instruments: dict[str, Instrume
     except UserError as error:
         raise table.wrong("unit", str(error)) from error
     if (base.factor, base.offset) != (1.0, 0.0):
-        raise table.wrong("unit", f"{name} is not known by name, so write its SI unit, too: si = ...")
+        raise table.wrong(
+            "unit", f"{name} is not known by name, so write its SI unit, too: si = ..."
+        )
     place, command = _place(table, verb, instruments)
     gain, offset = table.number("gain"), table.number("offset", 0.0)
     if gain == 0.0:
@@ -239,9 +255,22 @@ def _channel(name: str, table: Table, verb: str, instruments: dict[str, Instrume
     safe = (one - zero) * table.number("safe", 0.0) + zero if verb == "write" else 0.0
     terminal = table.choice("terminal", "default", TERMINALS) if verb == "query" else "default"
     channel = Channel(
-        name, si, place, command, terminal, gain, offset, sign, low, high, safe, one - zero, zero, table.date("date"),
+        name,
+        si,
+        place,
+        command,
+        terminal,
+        gain,
+        offset,
+        sign,
+        low,
+        high,
+        safe,
+        one - zero,
+        zero,
+        table.date("date"),
         table.text("source", "not stated"),
-    )  # fmt: skip
+    )
     table.finish()
     return channel
 
@@ -258,7 +287,9 @@ def _place(table: Table, verb: str, instruments: dict[str, Instrument]) -> tuple
         try:
             formatted = command.format(volts=0.125)
         except (LookupError, ValueError) as error:
-            raise table.wrong(verb, "a message is wanted with {volts} where the number goes") from error
+            raise table.wrong(
+                verb, "a message is wanted with {volts} where the number goes"
+            ) from error
         if formatted == command:
             raise table.wrong(verb, "a message is wanted with {volts} where the number goes")
     return instrument, command
@@ -266,9 +297,14 @@ def _place(table: Table, verb: str, instruments: dict[str, Instrument]) -> tuple
 
 def _instrument(name: str, table: Table) -> Instrument:
     instrument = Instrument(
-        name, table.text("resource"), table.number("timeout", 0.5, above=0.0), table.texts("setup"),
-        table.texts("safe"), table.text("error") if "error" in table else "", table.text("termination", "\n"),
-    )  # fmt: skip
+        name,
+        table.text("resource"),
+        table.number("timeout", 0.5, above=0.0),
+        table.texts("setup"),
+        table.texts("safe"),
+        table.text("error") if "error" in table else "",
+        table.text("termination", "\n"),
+    )
     if instrument.timeout > 5.0:
         raise table.wrong("timeout", "at most 5 s, for the rig waits that long")
     table.finish()
@@ -291,7 +327,9 @@ def _limit(table: Table, channel: Channel, is_command: bool) -> Limit:
     ]
     rate = math.inf if given[2] is None else (one - zero) * given[2]
     if not bounds[0] < bounds[1]:
-        raise table.wrong("max" if "max" in table else "min", "the lower limit must be below the upper one")
+        raise table.wrong(
+            "max" if "max" in table else "min", "the lower limit must be below the upper one"
+        )
     room = _ROUNDING * (reach.max - reach.min)
     for key, bound in zip(("min", "max"), bounds, strict=True):
         if is_command and not reach.min - room <= bound <= reach.max + room:

@@ -14,7 +14,9 @@ from fmus.rig_proxy.protocol import MAX_FRAME
 
 _FORM = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
 _LONGEST_QUEUE = 16  # messages: what a socket may hold for a peer that does not take them
-_HEARTBEAT = 500  # ms; a peer that is silent for three of them is taken for dead, and connected to anew
+_HEARTBEAT = (
+    500  # ms; a peer that is silent for three of them is taken for dead, and connected to anew
+)
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,8 @@ def read_endpoint(
     """
     host, port = host_and_port(text)
     if "*" in host or not 1 <= port <= 65534:
-        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT, with one host and a port from 1 to 65534")
+        raise UserError(
+            f"--endpoint {text!r}: write tcp://HOST:PORT, with one host and a port from 1 to 65534"
+        )
     keys = None if credentials is None else read_client_keys(credentials, warn)
     return Endpoint(text, f"tcp://{host}:{port + 1}", keys)

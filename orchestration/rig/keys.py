@@ -15,7 +15,14 @@ from pathlib import Path
 from fmus.kit.errors import UserError
 from fmus.rig_proxy.credentials import ClientKeys, checked, key, read_client_keys, read_table
 
-__all__ = ["ClientKeys", "ServerKeys", "add_client", "make_keys", "read_client_keys", "read_server_keys"]
+__all__ = [
+    "ClientKeys",
+    "ServerKeys",
+    "add_client",
+    "make_keys",
+    "read_client_keys",
+    "read_server_keys",
+]
 SERVER_FILE, CLIENT_FILE = "rig-server.toml", "rig-client.toml"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 _CLIENT_LINE = re.compile(r'^\s*"(?P<key>[^"]+)",\s*#\s*(?P<name>.+?)\s*$', re.M)
@@ -61,7 +68,9 @@ def read_server_keys(path: Path, warn: Callable[[str], None] = lambda text: None
     """
     table = read_table(path, warn)
     if "server_key" in table:
-        raise UserError(f"{path}: this is the key file of a client; a server has public_key, secret_key and clients")
+        raise UserError(
+            f"{path}: this is the key file of a client; a server has public_key, secret_key and clients"
+        )
     clients = table.get("clients")
     if not isinstance(clients, list):
         raise UserError(f"{path}: clients must be a list of the public keys that may connect")
@@ -91,14 +100,18 @@ def make_keys(folder: Path) -> tuple[Path, Path]:
     server, client = folder / SERVER_FILE, folder / CLIENT_FILE
     for path in (server, client):
         if path.exists():
-            raise UserError(f"{path}: there are keys already; they are not overwritten (--client NAME adds a client)")
+            raise UserError(
+                f"{path}: there are keys already; they are not overwritten (--client NAME adds a client)"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"cannot make {folder}: {error.strerror}") from error
     allowed = _write_client(client, public)
     try:
-        _write_new(server, _server_text(ServerKeys(public, secret, (allowed,)), {allowed: "first client"}))
+        _write_new(
+            server, _server_text(ServerKeys(public, secret, (allowed,)), {allowed: "first client"})
+        )
     except UserError:
         client.unlink(missing_ok=True)
         raise
@@ -127,18 +140,26 @@ def add_client(folder: Path, name: str) -> Path:
         is then as it was.
     """
     if not _NAME.fullmatch(name):
-        raise UserError(f"--client {name!r}: a name has 1 to 40 letters, digits, - and _, and begins with none of -_")
+        raise UserError(
+            f"--client {name!r}: a name has 1 to 40 letters, digits, - and _, and begins with none of -_"
+        )
     server, client = folder / SERVER_FILE, folder / f"rig-client-{name}.toml"
-    next_one = server.with_name(f"{SERVER_FILE}.part")  # there can be only one: whoever makes it has the server's file
+    next_one = server.with_name(
+        f"{SERVER_FILE}.part"
+    )  # there can be only one: whoever makes it has the server's file
     read_server_keys(server)
     _write_new(next_one, "")
     try:
         keys = read_server_keys(server)
-        names = {m["key"]: m["name"] for m in _CLIENT_LINE.finditer(server.read_text(encoding="utf-8"))}
+        names = {
+            m["key"]: m["name"] for m in _CLIENT_LINE.finditer(server.read_text(encoding="utf-8"))
+        }
         public = _write_client(client, keys.public_key)
         try:
-            text = _server_text(ServerKeys(keys.public_key, keys.secret_key, (*keys.clients, public)),
-                                names | {public: name})  # fmt: skip
+            text = _server_text(
+                ServerKeys(keys.public_key, keys.secret_key, (*keys.clients, public)),
+                names | {public: name},
+            )
             next_one.write_text(text, encoding="utf-8")
             next_one.replace(server)
         except OSError as error:
@@ -154,7 +175,9 @@ def _pair() -> tuple[str, str]:
     import zmq
 
     if not zmq.has("curve"):
-        raise UserError("this ZeroMQ was built without CURVE; install pyzmq from its wheels: pip install pyzmq")
+        raise UserError(
+            "this ZeroMQ was built without CURVE; install pyzmq from its wheels: pip install pyzmq"
+        )
     public, secret = zmq.curve_keypair()
     return public.decode(), secret.decode()
 
@@ -171,7 +194,9 @@ def _write_client(path: Path, server: str) -> str:
 
 
 def _server_text(keys: ServerKeys, names: dict[str, str]) -> str:
-    clients = "".join(f'  "{public}",  # {names.get(public, "a client")}\n' for public in keys.clients)
+    clients = "".join(
+        f'  "{public}",  # {names.get(public, "a client")}\n' for public in keys.clients
+    )
     return (
         "# Keys of the rig's server: this file stays on its machine, and nobody else may read it.\n"
         f'public_key = "{keys.public_key}"\nsecret_key = "{keys.secret_key}"\n'

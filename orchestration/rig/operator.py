@@ -56,7 +56,9 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
     finally:
         context.destroy(linger=0)
     keys = ", without keys" if remote.keys is None else ", with these keys"
-    raise UserError(f"no answer within {timeout:g} s from {remote.requests}{keys}; is `ppy rig serve` running?")
+    raise UserError(
+        f"no answer within {timeout:g} s from {remote.requests}{keys}; is `ppy rig serve` running?"
+    )
 
 
 def acknowledge(remote: Endpoint, timeout: float = 5.0) -> dict[str, Any]:
@@ -101,6 +103,8 @@ def summary(answer: Mapping[str, Any]) -> str:
     parts = [answer["state"] + (f": {answer['reason']}" if answer["reason"] else "")]
     if answer["client"]:
         parts.append(f"client {answer['client']}")
-    parts.append(f"{answer['mode']}, period {answer['period']:.4g} s, watchdog {answer['watchdog']:g} s")
+    parts.append(
+        f"{answer['mode']}, period {answer['period']:.4g} s, watchdog {answer['watchdog']:g} s"
+    )
     parts += [f"{number} {what}" for what, number in answer["counts"].items() if number]
     return "; ".join(parts)

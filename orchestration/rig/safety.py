@@ -55,8 +55,14 @@ class CommandFilter:
             A sentence for every value that is refused; empty if all were taken.
         """
         refused = []
-        for (name, unit, limit), value, before in zip(self._signals, values, self.applied, strict=True):
-            fault = beyond(limit, value, before, elapsed, unit) if isfinite(value) else "is no finite number"
+        for (name, unit, limit), value, before in zip(
+            self._signals, values, self.applied, strict=True
+        ):
+            fault = (
+                beyond(limit, value, before, elapsed, unit)
+                if isfinite(value)
+                else "is no finite number"
+            )
             if fault:
                 refused.append(f"{name} {value:g} {unit} {fault}; {before:g} {unit} goes on")
         if not refused:
@@ -87,7 +93,11 @@ def beyond(limit: Limit, value: float, before: float | None, elapsed: float, uni
         return f"is below {limit.min:g} {unit}"
     if value > limit.max:
         return f"is above {limit.max:g} {unit}"
-    if before is not None and limit.rate < inf and abs(value - before) > limit.rate * elapsed * (1 + _ROUNDING):
+    if (
+        before is not None
+        and limit.rate < inf
+        and abs(value - before) > limit.rate * elapsed * (1 + _ROUNDING)
+    ):
         return f"is a change by {value - before:+.3g} {unit} in {elapsed:.3g} s, faster than {limit.rate:g} {unit}/s"
     return ""
 
@@ -105,10 +115,14 @@ class MeasurementMonitor:
         How long an output with limits, or all of them, may be without a finite value, in s.
     """
 
-    def __init__(self, outputs: Mapping[str, str], limits: Mapping[str, Limit], patience: float) -> None:
+    def __init__(
+        self, outputs: Mapping[str, str], limits: Mapping[str, Limit], patience: float
+    ) -> None:
         self._signals = [(name, unit, limits.get(name)) for name, unit in outputs.items()]
         self._patience = patience
-        self._last: dict[str, tuple[float, float]] = {}  # newest finite value of each output, and its time
+        self._last: dict[
+            str, tuple[float, float]
+        ] = {}  # newest finite value of each output, and its time
         self._begun: float | None = None
 
     def check(self, values: Mapping[str, float], now: float) -> str:
@@ -134,7 +148,9 @@ class MeasurementMonitor:
             before, time = self._last.get(name, (None, self._begun))
             if not isfinite(value):
                 if limit is not None and now - time > self._patience:
-                    reason = reason or f"no finite {name} for {self._patience:g} s, and it has limits"
+                    reason = (
+                        reason or f"no finite {name} for {self._patience:g} s, and it has limits"
+                    )
                 continue
             self._last[name] = (value, now)
             fault = beyond(limit, value, before, now - time, unit) if limit is not None else ""

@@ -10,11 +10,23 @@ from orchestration.rig import LIMITS
 from orchestration.rig.limit import Limit
 
 UNITS = {
-    "current": "A", "force": "N", "length_change": "m", "force_reference": "N",
-    "voltage": "V", "displacement": "m", "electrochemical_displacement": "m", "mechanical_displacement": "m",
-    "charge": "C", "tension": "N", "position": "m", "velocity": "m/s", "coil_current": "A", "coil_voltage": "V",
-    "force_measured": "N", "position_measured": "m",
-}  # fmt: skip
+    "current": "A",
+    "force": "N",
+    "length_change": "m",
+    "force_reference": "N",
+    "voltage": "V",
+    "displacement": "m",
+    "electrochemical_displacement": "m",
+    "mechanical_displacement": "m",
+    "charge": "C",
+    "tension": "N",
+    "position": "m",
+    "velocity": "m/s",
+    "coil_current": "A",
+    "coil_voltage": "V",
+    "force_measured": "N",
+    "position_measured": "m",
+}
 """SI unit of every signal that is known by name."""
 
 _STROKE = 12.7e-3  # m, of the voice coil (thesis section 2.2.2)
@@ -46,16 +58,28 @@ class Signals:
 
 _DISPLACEMENTS = ("electrochemical_displacement", "mechanical_displacement")
 SIGNALS: Mapping[str, Signals] = {
-    "force-driven": Signals(("current", "force"), ("voltage", "displacement", *_DISPLACEMENTS, "charge")),
-    "length-driven": Signals(("current", "length_change"), ("tension", "voltage", *_DISPLACEMENTS, "charge")),
+    "force-driven": Signals(
+        ("current", "force"), ("voltage", "displacement", *_DISPLACEMENTS, "charge")
+    ),
+    "length-driven": Signals(
+        ("current", "length_change"), ("tension", "voltage", *_DISPLACEMENTS, "charge")
+    ),
     "bench": Signals(
         ("force_reference", "current"),
         (
-            "position", "velocity", "coil_current", "coil_voltage", "force_measured", "position_measured", "tension",
-            "voltage", *_DISPLACEMENTS, "charge",
+            "position",
+            "velocity",
+            "coil_current",
+            "coil_voltage",
+            "force_measured",
+            "position_measured",
+            "tension",
+            "voltage",
+            *_DISPLACEMENTS,
+            "charge",
         ),
     ),
-}  # fmt: skip
+}
 """Of ``ppy_actuator`` and ``ppy_actuator_length_driven``; inputs of ``dma_bench`` and outputs of both its members."""
 
 
@@ -98,7 +122,9 @@ def seconds(option: str, value: str, most: float) -> float:
     except ValueError:
         duration = 0.0
     if not 0 < duration <= most:
-        raise UserError(f"option {option} = {value!r}: must be a number of seconds above 0, at most {most:g}")
+        raise UserError(
+            f"option {option} = {value!r}: must be a number of seconds above 0, at most {most:g}"
+        )
     return duration
 
 
@@ -112,11 +138,15 @@ def commands(values: Mapping[str, float], inputs: Mapping[str, str]) -> dict[str
     """
     for name in values:
         if name not in inputs:
-            raise UserError(f"command {name!r}: not an input of this rig{suggestion(name, list(inputs))}")
+            raise UserError(
+                f"command {name!r}: not an input of this rig{suggestion(name, list(inputs))}"
+            )
     for name in inputs:
         value = values.get(name)
         if value is None or not abs(value) < float("inf"):
-            raise UserError(f"command {name} = {'missing' if value is None else value}: must be a finite number")
+            raise UserError(
+                f"command {name} = {'missing' if value is None else value}: must be a finite number"
+            )
     return {name: float(values[name]) for name in inputs}
 
 

@@ -50,7 +50,9 @@ class Table:
         """Make the error for a value; the caller raises it."""
         where = f"{self.file}: [{self.name}] " if self.name else f"{self.file}: "
         value = self._values.get(key)
-        return UserError(f"{where}{key} {'is missing' if value is None else f'= {_shown(value)}'}: {allowed}")
+        return UserError(
+            f"{where}{key} {'is missing' if value is None else f'= {_shown(value)}'}: {allowed}"
+        )
 
     def __contains__(self, key: str) -> bool:
         return key in self._values
@@ -72,7 +74,9 @@ class Table:
         UserError
             If it is missing without a default, is none, or is not above a bound.
         """
-        allowed = "a finite number" + (f" above {above:g}" if above > -math.inf else "") + " is wanted"
+        allowed = (
+            "a finite number" + (f" above {above:g}" if above > -math.inf else "") + " is wanted"
+        )
         return float(self._get(key, default, lambda v: _is_number(v) and v > above, allowed))
 
     def maybe(self, key: str, above: float = -math.inf) -> float | None:
@@ -82,13 +86,17 @@ class Table:
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a text that is not empty."""
-        found: str = self._get(key, default, lambda v: isinstance(v, str) and v.strip() != "", "a text is wanted")
+        found: str = self._get(
+            key, default, lambda v: isinstance(v, str) and v.strip() != "", "a text is wanted"
+        )
         return found
 
     def choice(self, key: str, default: Any, among: tuple[Any, ...]) -> Any:
         """Return one of several values."""
         allowed = f"allowed are {', '.join(map(_shown, among))}"
-        return self._get(key, default, lambda v: any(v == a and type(v) is type(a) for a in among), allowed)
+        return self._get(
+            key, default, lambda v: any(v == a and type(v) is type(a) for a in among), allowed
+        )
 
     def texts(self, key: str) -> tuple[str, ...]:
         """Return a list of texts, empty if it is not there."""
@@ -102,15 +110,25 @@ class Table:
         """Return a lower and an upper bound."""
 
         def is_right(value: Any) -> bool:
-            return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)) and value[0] < value[1]
+            return (
+                isinstance(value, list)
+                and len(value) == 2
+                and all(map(_is_number, value))
+                and value[0] < value[1]
+            )
 
-        low, high = self._get(key, None, is_right, "[low, high] of two finite numbers is wanted, the lower one first")
+        low, high = self._get(
+            key, None, is_right, "[low, high] of two finite numbers is wanted, the lower one first"
+        )
         return float(low), float(high)
 
     def date(self, key: str) -> datetime.date:
         """Return a date."""
         found: datetime.date = self._get(
-            key, None, lambda v: isinstance(v, datetime.date), "a date is wanted, such as 2007-05-01"
+            key,
+            None,
+            lambda v: isinstance(v, datetime.date),
+            "a date is wanted, such as 2007-05-01",
         )
         return found
 
@@ -118,11 +136,15 @@ class Table:
         """Return the tables within a table, by name; none if it is not there."""
 
         def is_right(value: Any) -> bool:
-            return isinstance(value, dict) and all(isinstance(table, dict) for table in value.values())
+            return isinstance(value, dict) and all(
+                isinstance(table, dict) for table in value.values()
+            )
 
         found = self._get(key, {}, is_right, f"tables are wanted, such as [{key}.current]")
         name = f"{self.name}.{key}" if self.name else key
-        return {inner: Table(self.file, f"{name}.{inner}", values) for inner, values in found.items()}
+        return {
+            inner: Table(self.file, f"{name}.{inner}", values) for inner, values in found.items()
+        }
 
     def table(self, key: str) -> Table:
         """Return the table within a table, an empty one if it is not there."""

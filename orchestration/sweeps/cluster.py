@@ -47,12 +47,21 @@ class Parcel:
 
 def packed(task: Task) -> Parcel:
     """Read the files of a task."""
-    fmu, library = task.path.read_bytes(), task.equations.library.read_bytes() if task.equations else b""
-    of_task = repr(task).encode() + task.time.tobytes() + b"".join(v.tobytes() for v in task.inputs.values())
+    fmu, library = (
+        task.path.read_bytes(),
+        task.equations.library.read_bytes() if task.equations else b"",
+    )
+    of_task = (
+        repr(task).encode()
+        + task.time.tobytes()
+        + b"".join(v.tobytes() for v in task.inputs.values())
+    )
     return Parcel(task, fmu, library, hashlib.sha256(fmu + library + of_task).hexdigest())
 
 
-def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[int]) -> Iterator[Part]:
+def outcomes_of_cluster(
+    address: str, task: Task, cases: Array, which: Sequence[int]
+) -> Iterator[Part]:
     """Run cases on a cluster, and tell each as soon as it is there.
 
     Parameters
@@ -78,7 +87,9 @@ def outcomes_of_cluster(address: str, task: Task, cases: Array, which: Sequence[
         pass
     client, threads = _connected(address)
     parts = Parts(task, which, threads)
-    suspects: deque[list[int]] = deque()  # cases of parts whose worker ended, which may not be to blame
+    suspects: deque[list[int]] = (
+        deque()
+    )  # cases of parts whose worker ended, which may not be to blame
     running: dict[Any, list[int]] = {}
     try:
         # as a result, which is made again where the workers that have it end; what is scattered would be lost with them
@@ -131,11 +142,15 @@ def _check_address(address: str) -> None:
         if not 0 < port < 65536:
             raise ValueError
     except (ValueError, ImportError) as error:
-        raise UserError(f"--scheduler {address}: no address of a scheduler, such as tcp://10.0.0.5:8786") from error
+        raise UserError(
+            f"--scheduler {address}: no address of a scheduler, such as tcp://10.0.0.5:8786"
+        ) from error
     certified = Security().get_connection_args("client").get("ssl_context") is not None
     certified = certified or bool(dask.config.get("distributed.client.security-loader", None))
     if address.startswith(("tls:", "wss:")) and not certified:
-        raise UserError(f"--scheduler {address}: Dask has no certificates for it (distributed.comm.tls)")
+        raise UserError(
+            f"--scheduler {address}: Dask has no certificates for it (distributed.comm.tls)"
+        )
 
 
 def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]:
@@ -155,7 +170,7 @@ def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]
 
 def _results(
     future: Any, rows: list[int], task: Task, suspects: deque[list[int]] | None, address: str
-) -> Iterator[Part]:  # fmt: skip
+) -> Iterator[Part]:
     """Take what a part left; where its worker ended, its cases are run again alone, and blamed if it ends then."""
     from distributed.scheduler import KilledWorker
 
@@ -177,7 +192,9 @@ def _results(
 # ---- on a worker ----------------------------------------------------------------------------------------------------
 
 _lock = Lock()  # a worker may have several threads; an instance has one
-_open: tuple[str, Repeated, Any] | None = None  # what was run last: its digest, what runs it, the folder of its files
+_open: tuple[str, Repeated, Any] | None = (
+    None  # what was run last: its digest, what runs it, the folder of its files
+)
 
 
 def unpacked(parcel: Parcel) -> Parcel:

@@ -87,7 +87,9 @@ def _equations(model: Model) -> Equations:
 
     cls = model.cls
     if cls is None or plan(cls, "native").guid != read_description(model.path).guid:
-        raise UserError(f"{model.name} is run as an FMU; native builds of components here can be compiled")
+        raise UserError(
+            f"{model.name} is run as an FMU; native builds of components here can be compiled"
+        )
     path, tolerance = plain_library(cls)
     layout = cls.layout
     return Equations(
@@ -121,19 +123,29 @@ class CompiledCases:
         from fmus.kit.record.library import RecordLibrary
 
         self._equations = equations
-        self._starts, self._smallest, self._largest = np.array(list(equations.parameters.values())).reshape(-1, 3).T
+        self._starts, self._smallest, self._largest = (
+            np.array(list(equations.parameters.values())).reshape(-1, 3).T
+        )
         self._index = {name: k for k, name in enumerate(equations.parameters)}
         self._periods = [self._index[name] for name in equations.periods]
-        self._column = {name: k for k, name in enumerate((*equations.outputs, *equations.remembered))}
+        self._column = {
+            name: k for k, name in enumerate((*equations.outputs, *equations.remembered))
+        }
         try:
-            self._library = RecordLibrary(equations.library, len(equations.outputs), len(equations.remembered))
+            self._library = RecordLibrary(
+                equations.library, len(equations.outputs), len(equations.remembered)
+            )
         except OSError as error:
             raise UserError(f"{equations.library}: cannot be loaded ({error})") from error
 
     def run(
-        self, time: Array, inputs: Mapping[str, Array], settings: Mapping[str, Value], over: Mapping[str, Array],
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
+        over: Mapping[str, Array],
         outputs: Sequence[str],
-    ) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
+    ) -> tuple[Array, NDArray[np.bool_]]:
         """Run cases from the start.
 
         Parameters
@@ -181,15 +193,23 @@ class CompiledCases:
         return values, taken & (values[:, self._periods] > 0.0).all(axis=1)
 
     def _tables(
-        self, points: int, count: int, inputs: Mapping[str, Array], settings: Mapping[str, Value],
+        self,
+        points: int,
+        count: int,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
         over: Mapping[str, Array],
-    ) -> tuple[Array, NDArray[np.bool_]]:  # fmt: skip
+    ) -> tuple[Array, NDArray[np.bool_]]:
         """Inputs (k or 1, n, u), held where they have no course, and whether the FMU would take them (k or 1,)."""
         kept = self._equations.inputs
         tables = np.empty((count if {*kept} & {*over} else 1, points, len(kept)))
         taken = np.ones(len(tables), bool)
         for k, (name, (start, real)) in enumerate(kept.items()):
-            given = over[name][:, np.newaxis] if name in over else inputs.get(name, settings.get(name, start))
+            given = (
+                over[name][:, np.newaxis]
+                if name in over
+                else inputs.get(name, settings.get(name, start))
+            )
             tables[:, :, k] = given
             if not real:
                 taken &= np.isin(tables[:, :, k], (0.0, 1.0)).all(axis=1)

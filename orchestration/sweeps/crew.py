@@ -75,7 +75,9 @@ def _pool(task: Task, count: int) -> Iterator[Submit]:
             threads.shutdown(wait=False, cancel_futures=True)
 
 
-def _side_by_side(submit: Submit, task: Task, cases: Array, parts: Parts, count: int) -> Iterator[Part]:
+def _side_by_side(
+    submit: Submit, task: Task, cases: Array, parts: Parts, count: int
+) -> Iterator[Part]:
     """Let workers run parts until all are done, and halves of one whose worker ends until the case is found."""
     running: dict[Future[Outcomes], list[int]] = {}
     suspects: list[list[int]] = []
@@ -92,7 +94,10 @@ def _side_by_side(submit: Submit, task: Task, cases: Array, parts: Parts, count:
                 half = len(rows) // 2
                 suspects += [part for part in (rows[:half], rows[half:]) if half]
                 if not half:
-                    yield rows, failed(task, f"{end.state.words(task.time, task.path.name)}: {end.reason}")
+                    yield (
+                        rows,
+                        failed(task, f"{end.state.words(task.time, task.path.name)}: {end.reason}"),
+                    )
                 continue
             parts.took(len(rows), found.seconds)
             yield rows, found

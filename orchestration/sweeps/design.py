@@ -44,13 +44,20 @@ class Design:
     @property
     def shape(self) -> tuple[int, ...]:
         """Values of each parameter of a grid; of another design the number of cases."""
-        return tuple(len(one.values) for one in self.ranges) if self.kind == "grid" else (len(self.cases),)
+        return (
+            tuple(len(one.values) for one in self.ranges)
+            if self.kind == "grid"
+            else (len(self.cases),)
+        )
 
 
 def design(
-    ranges: Sequence[Range], kind: str = "grid", samples: int | None = None, seed: int = 0,
+    ranges: Sequence[Range],
+    kind: str = "grid",
+    samples: int | None = None,
+    seed: int = 0,
     starts: Mapping[str, float] | None = None,
-) -> Design:  # fmt: skip
+) -> Design:
     """Choose the cases.
 
     Parameters
@@ -78,7 +85,9 @@ def design(
     if kind not in DESIGNS:
         raise UserError(f"--design {kind}: it is one of {', '.join(DESIGNS)}")
     if not ranges:
-        raise UserError("nothing to sweep: name a parameter with --over, such as --over R1=0.3..0.7:41")
+        raise UserError(
+            "nothing to sweep: name a parameter with --over, such as --over R1=0.3..0.7:41"
+        )
     if seed < 0:
         raise UserError(f"seed {seed}: zero or more")
     names = [one.name for one in ranges]
@@ -90,7 +99,9 @@ def design(
         return _given(chosen, kind, samples)
     counted = next((one.name for one in chosen if one.counted), None)
     if counted:
-        raise UserError(f"--over {counted} has its values, which --design {kind} chooses: write from..to")
+        raise UserError(
+            f"--over {counted} has its values, which --design {kind} chooses: write from..to"
+        )
     if kind == tornado.KIND:
         _refuse_samples(kind, samples)
         return Design(kind, chosen, tornado.one_at_a_time(chosen, starts or {}))
@@ -99,14 +110,18 @@ def design(
 
 def _refuse_samples(kind: str, samples: int | None) -> None:
     if samples is not None:
-        raise UserError(f"--samples {samples} is of --design {', '.join(SAMPLED)}; a {kind} has its own values")
+        raise UserError(
+            f"--samples {samples} is of --design {', '.join(SAMPLED)}; a {kind} has its own values"
+        )
 
 
 def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
     _refuse_samples(kind, samples)
     open_ended = next((one.name for one in ranges if not one.counted), None)
     if open_ended:
-        raise UserError(f"--over {open_ended} names no count of values, as in 0.3..0.7:41, which a {kind} needs")
+        raise UserError(
+            f"--over {open_ended} names no count of values, as in 0.3..0.7:41, which a {kind} needs"
+        )
     lengths = [len(one.values) for one in ranges]
     if kind != "grid" and len(set(lengths)) > 1:
         told = ", ".join(f"{one.name} {n}" for one, n in zip(ranges, lengths, strict=True))
@@ -127,7 +142,9 @@ def _sampled(ranges: tuple[Range, ...], kind: str, samples: int | None, seed: in
     if samples is None or not 1 <= samples <= MOST:
         raise UserError(f"--design {kind} needs --samples, from 1 to {MOST:,}")
     if kind != "latin-hypercube" and samples & (samples - 1):
-        raise UserError(f"--samples {samples}: points of Sobol are even for powers of two only, such as 128 and 256")
+        raise UserError(
+            f"--samples {samples}: points of Sobol are even for powers of two only, such as 128 and 256"
+        )
     if kind == indices.KIND:
         if samples < FEWEST:
             raise UserError(
@@ -139,7 +156,9 @@ def _sampled(ranges: tuple[Range, ...], kind: str, samples: int | None, seed: in
     else:
         from scipy.stats import qmc  # half a second to load, which a grid does without
 
-        sampler = (qmc.Sobol if kind == "sobol" else qmc.LatinHypercube)(len(ranges), rng=np.random.default_rng(seed))
+        sampler = (qmc.Sobol if kind == "sobol" else qmc.LatinHypercube)(
+            len(ranges), rng=np.random.default_rng(seed)
+        )
         unit = sampler.random(samples)
     columns = [one.between(unit[:, k]) for k, one in enumerate(ranges)]
     return Design(kind, ranges, np.column_stack(columns))

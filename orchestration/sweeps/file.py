@@ -51,7 +51,9 @@ class SweepTable(Table):
         if self.fitted is not None and {"design"} & self.model_fields_set:
             raise ValueError("has a fit to draw parameters from, and a design besides")
         if self.fitted is not None and self.samples is None:
-            raise ValueError("has a fit to draw parameters from; say how many cases are drawn, such as samples = 200")
+            raise ValueError(
+                "has a fit to draw parameters from; say how many cases are drawn, such as samples = 200"
+            )
         return self
 
 
@@ -111,12 +113,16 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> A
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
     stated = _experiment(table.experiment, path)
     if stated.component is None:
-        raise UserError(f"{where}: a sweep is of a component or an FMU, and {stated.system} is a system")
+        raise UserError(
+            f"{where}: a sweep is of a component or an FMU, and {stated.system} is a system"
+        )
     if stated.noise:
         raise UserError(f"{where}: noise is of what is measured; a sweep has none")
     model = find_model(stated.component, stated.runtime, stated.effects)
     fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
-    over: Mapping[str, str | Array] = _over(table) if fit is None else fit.draws(table.samples, table.seed)
+    over: Mapping[str, str | Array] = (
+        _over(table) if fit is None else fit.draws(table.samples, table.seed)
+    )
     # of a tornado what the experiment has is where the others stay
     replaced = {} if table.design == TORNADO else over
     experiment = _without(stated, replaced)
@@ -126,15 +132,27 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> A
     settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
     for line in [] if fit is None else fit.differences(settings):
         note(line)
-    kind, samples, keep = (table.design, table.samples, KEPT) if fit is None else (DRAWS, None, (TRACE,))
+    kind, samples, keep = (
+        (table.design, table.samples, KEPT) if fit is None else (DRAWS, None, (TRACE,))
+    )
     return Asked(
-        model, over, kind, samples, table.keep or [*keep], prepared.time, prepared.inputs, settings, prepared.record,
+        model,
+        over,
+        kind,
+        samples,
+        table.keep or [*keep],
+        prepared.time,
+        prepared.inputs,
+        settings,
+        prepared.record,
         table,
-    )  # fmt: skip
+    )
 
 
 def _over(table: SweepTable) -> dict[str, str]:
-    return {name: v if isinstance(v, str) else ", ".join(map(str, v)) for name, v in table.over.items()}
+    return {
+        name: v if isinstance(v, str) else ", ".join(map(str, v)) for name, v in table.over.items()
+    }
 
 
 def _experiment(given: str | dict[str, Any], path: Path) -> Experiment:

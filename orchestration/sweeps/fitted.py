@@ -74,7 +74,9 @@ class Fitted:
     def draws(self, samples: int | None, seed: int) -> dict[str, Array]:
         """Draw parameters; UserError if it is not said how many, or one is drawn that the model does not allow."""
         if samples is None:
-            raise UserError(f"{self.path}: how many cases are drawn from it is said by --samples, such as 200")
+            raise UserError(
+                f"{self.path}: how many cases are drawn from it is said by --samples, such as 200"
+            )
         if samples < 1:
             raise UserError(f"--samples {samples}: one or more are drawn from {self.path}")
         if samples > MOST:
@@ -93,7 +95,9 @@ class Fitted:
     def differences(self, settings: Mapping[str, Value]) -> list[str]:
         """Lines on parameters that are set otherwise than they were in the fit."""
         known, lines = {**self.model.parameters, **self.model.inputs}, []
-        for name in sorted({*self.settings, *settings} & {*self.model.parameters} - {*self.distribution.names}):
+        for name in sorted(
+            {*self.settings, *settings} & {*self.model.parameters} - {*self.distribution.names}
+        ):
             usual = known[name].default
             one, other = self.settings.get(name, usual), settings.get(name, usual)
             if one != other:
@@ -130,7 +134,9 @@ def read_fitted(path: Path, model: Model) -> Fitted:
     estimates = {}
     for name, p in fitted.parameters.items():
         if name not in model.parameters:
-            raise UserError(f"{path}: {model.name} has no parameter {name}; it is a fit of another model")
+            raise UserError(
+                f"{path}: {model.name} has no parameter {name}; it is a fit of another model"
+            )
         unit = model.parameters[name].unit
         if p.unit != unit:
             raise UserError(f"{path}: {name} is in {p.unit}, and of {model.name} in {unit}")
@@ -153,11 +159,22 @@ def _correlations(path: Path, fitted: _Fitted) -> dict[tuple[str, str], float]:
         if stranger is not None:
             raise UserError(f"{path}: a correlation with {stranger}, which was not fitted")
         if one == other:
-            raise UserError(f"{path}: a correlation of {one} with itself; there is one for every pair of parameters")
+            raise UserError(
+                f"{path}: a correlation of {one} with itself; there is one for every pair of parameters"
+            )
         if frozenset((one, other)) not in left:
             raise UserError(f"{path}: the correlation of {one} and {other} is there twice")
         left.remove(frozenset((one, other)))
-    missing = next((f"{a} and {b}" for a, b in combinations(fitted.parameters, 2) if frozenset((a, b)) in left), None)
+    missing = next(
+        (
+            f"{a} and {b}"
+            for a, b in combinations(fitted.parameters, 2)
+            if frozenset((a, b)) in left
+        ),
+        None,
+    )
     if missing is not None:
-        raise UserError(f"{path}: the correlation of {missing} is missing; without it nothing can be drawn")
+        raise UserError(
+            f"{path}: the correlation of {missing} is missing; without it nothing can be drawn"
+        )
     return {one.between: one.value for one in fitted.correlations}

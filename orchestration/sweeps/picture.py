@@ -31,7 +31,9 @@ def draw(data: xarray.Dataset, path: Path) -> None:
     """
     names = [str(n) for n, v in data.items() if n != "failure" and "time" not in v.dims][:_MOST]
     if not names:
-        raise UserError(f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none")
+        raise UserError(
+            f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none"
+        )
     parameters = [str(n) for n in data.coords if n != "time"]
     figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
     first = data[parameters[0]]
@@ -42,9 +44,14 @@ def draw(data: xarray.Dataset, path: Path) -> None:
         else:
             others = [d for d in value.dims if d != parameters[0]]
             lines = value.transpose(parameters[0], *others).values.reshape(len(first), -1)
-            shades, called = np.linspace(1.0, 0.25, lines.shape[1]), _called(data, [str(d) for d in others])
+            shades, called = (
+                np.linspace(1.0, 0.25, lines.shape[1]),
+                _called(data, [str(d) for d in others]),
+            )
             for line, shade, label in zip(lines.T, shades, called, strict=True):
-                panel.plot(first.values, line, color=pictures.MODEL, alpha=float(shade), label=label)
+                panel.plot(
+                    first.values, line, color=pictures.MODEL, alpha=float(shade), label=label
+                )
             if 1 < len(called) <= _MOST and panel is panels[0]:
                 panel.legend()
         pictures.label(panel, name, value.units)

@@ -105,24 +105,34 @@ def given_range(name: str, values: Sequence[float] | Array, model: Model) -> Ran
 def _signal(name: str, model: Model, text: str) -> Signal:
     known = {**model.parameters, **model.inputs}
     if name not in known:
-        raise UserError(f"{model.name}: no parameter or input named {name!r}{suggestion(name, known)}")
+        raise UserError(
+            f"{model.name}: no parameter or input named {name!r}{suggestion(name, known)}"
+        )
     if known[name].type != "real":
-        raise UserError(f"--over {text!r}: {name} is of type {known[name].type}; real numbers can be swept")
+        raise UserError(
+            f"--over {text!r}: {name} is of type {known[name].type}; real numbers can be swept"
+        )
     return known[name]
 
 
 def _divided(
     name: str, signal: Signal, ends: tuple[float, float], count: str | None, log: bool, text: str
-) -> Range:  # fmt: skip
+) -> Range:
     low, high = ends
     if not low < high:
-        raise UserError(f"--over {text!r}: a range goes up, which {low:g} to {high:g} {signal.unit} does not")
+        raise UserError(
+            f"--over {text!r}: a range goes up, which {low:g} to {high:g} {signal.unit} does not"
+        )
     if log and low <= 0.0:
-        raise UserError(f"--over {text!r}: equal ratios need positive ends, which {low:g} {signal.unit} is not")
+        raise UserError(
+            f"--over {text!r}: equal ratios need positive ends, which {low:g} {signal.unit} is not"
+        )
     if count is None:
         return Range(name, signal.unit, np.array(ends), log, counted=False)
     if not count.strip().isdigit() or not 2 <= int(count) <= MOST:
-        raise UserError(f"--over {text!r}: {count.strip() or 'nothing'} is no count of values, which is 2 to {MOST:,}")
+        raise UserError(
+            f"--over {text!r}: {count.strip() or 'nothing'} is no count of values, which is 2 to {MOST:,}"
+        )
     values = np.geomspace(low, high, int(count)) if log else np.linspace(low, high, int(count))
     return Range(name, signal.unit, values, log)
 

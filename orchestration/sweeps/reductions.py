@@ -32,7 +32,9 @@ def checked(names: Sequence[str]) -> list[str]:
     known = [*REDUCTIONS, TRACE]
     for name in names:
         if name not in known:
-            raise UserError(f"--keep {name}: no such reduction{suggestion(name, known)}; there are {', '.join(known)}")
+            raise UserError(
+                f"--keep {name}: no such reduction{suggestion(name, known)}; there are {', '.join(known)}"
+            )
     if not names:
         raise UserError(f"--keep names nothing; there are {', '.join(known)}")
     return list(dict.fromkeys(names))

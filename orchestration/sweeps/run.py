@@ -30,9 +30,14 @@ _MOST_IN_MEMORY = 4e9  # bytes of traces
 
 
 def run(
-    model: Model, task: Task, cases: Design, workers: int = 1, folder: Path | None = None,
-    progress: Callable[[int, int], None] = lambda done, whole: None, scheduler: str | None = None,
-) -> xarray.Dataset:  # fmt: skip
+    model: Model,
+    task: Task,
+    cases: Design,
+    workers: int = 1,
+    folder: Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+    scheduler: str | None = None,
+) -> xarray.Dataset:
     """Run all cases of a design that were not run yet.
 
     Parameters
@@ -84,7 +89,9 @@ def run(
     return found.assign_attrs(model=model.name, guid=guid, engine=task.engine)
 
 
-def _all(task: Task, cases: Array, rows: list[int], workers: int, scheduler: str | None) -> Iterator[Part]:
+def _all(
+    task: Task, cases: Array, rows: list[int], workers: int, scheduler: str | None
+) -> Iterator[Part]:
     """Run cases, those that compiled code cannot judge by the FMU afterwards."""
     for one in (task, task.by_fmu) if task.equations else (task,):
         if one is not task and not rows:
@@ -108,7 +115,9 @@ def check_memory(task: Task, cases: Design) -> None:
     UserError
         How large they are.
     """
-    size = 8.0 * len(cases.cases) * len(task.outputs) * len(task.time) if TRACE in task.keep else 0.0
+    size = (
+        8.0 * len(cases.cases) * len(task.outputs) * len(task.time) if TRACE in task.keep else 0.0
+    )
     if size > _MOST_IN_MEMORY:
         raise UserError(
             f"--keep {TRACE}: {size / 1e9:.3g} GB of traces, and at most {_MOST_IN_MEMORY / 1e9:g} GB are taken into "
@@ -157,14 +166,32 @@ def dataset(model: Model, task: Task, cases: Design, journal: Journal) -> xarray
             values[output] = ((*dims, "time"), journal.traces(m, cases.shape), about)
     why = np.array([failures.get(row, "") for row in range(len(cases.cases))], dtype=str)
     if failures:
-        values["failure"] = (dims, why.reshape(cases.shape), {"long_name": "why a case left nothing"})
+        values["failure"] = (
+            dims,
+            why.reshape(cases.shape),
+            {"long_name": "why a case left nothing"},
+        )
     coordinates = {
-        one.name: (dims[k : k + 1] if grid else dims, one.values if grid else column, _about(signals[one.name]))
+        one.name: (
+            dims[k : k + 1] if grid else dims,
+            one.values if grid else column,
+            _about(signals[one.name]),
+        )
         for k, (one, column) in enumerate(zip(cases.ranges, cases.cases.T, strict=True))
     }
-    clock = {"time": ("time", task.time, {"units": "s", "long_name": "time"})} if TRACE in task.keep else {}
-    return xarray.Dataset(values, {**coordinates, **clock}, {"design": cases.kind, "over": " ".join(cases.names)})
+    clock = (
+        {"time": ("time", task.time, {"units": "s", "long_name": "time"})}
+        if TRACE in task.keep
+        else {}
+    )
+    return xarray.Dataset(
+        values, {**coordinates, **clock}, {"design": cases.kind, "over": " ".join(cases.names)}
+    )
 
 
 def _about(signal: Signal) -> dict[str, str]:
-    return {"units": signal.unit, "long_name": signal.doc or signal.name, "display_units": signal.display}
+    return {
+        "units": signal.unit,
+        "long_name": signal.doc or signal.name,
+        "display_units": signal.display,
+    }

@@ -94,7 +94,9 @@ class Outcomes:
 
     def at(self, places: Sequence[int]) -> Outcomes:
         """Those at some places, as often as they are named."""
-        failures = {k: self.failures[place] for k, place in enumerate(places) if place in self.failures}
+        failures = {
+            k: self.failures[place] for k, place in enumerate(places) if place in self.failures
+        }
         return Outcomes(self.numbers[[*places]], self.traces[[*places]], failures, (), self.seconds)
 
 
@@ -103,9 +105,14 @@ def failed(task: Task, reason: str) -> Outcomes:
     return _kept(task, np.full((1, len(task.time), len(task.outputs)), np.nan), {0: reason})
 
 
-def _kept(task: Task, courses: Array, failures: dict[int, str], left: Sequence[int] = ()) -> Outcomes:
+def _kept(
+    task: Task, courses: Array, failures: dict[int, str], left: Sequence[int] = ()
+) -> Outcomes:
     return Outcomes(
-        reduced(courses, task.keep), courses if TRACE in task.keep else courses[:, :0], failures, tuple(left)
+        reduced(courses, task.keep),
+        courses if TRACE in task.keep else courses[:, :0],
+        failures,
+        tuple(left),
     )
 
 
@@ -133,7 +140,10 @@ class Repeated:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self._fmu:
             self._fmu.__exit__(kind, error, trace)

@@ -51,7 +51,9 @@ def variable(member: Member, name: str) -> Signal:
     known = {**model.parameters, **model.inputs}
     if name not in known:
         what = "an output" if name in model.outputs else "no parameter or input of its FMU"
-        raise UserError(f"member {member.name}: {name!r} is {what} and cannot be set{suggestion(name, known)}")
+        raise UserError(
+            f"member {member.name}: {name!r} is {what} and cannot be set{suggestion(name, known)}"
+        )
     return known[name]
 
 
@@ -69,12 +71,21 @@ def check(system: System) -> None:
         _check(system)
     except UserError as error:
         where = f"system {system.name}: "
-        raise UserError(str(error) if str(error).startswith(where) else where + str(error)) from error
+        raise UserError(
+            str(error) if str(error).startswith(where) else where + str(error)
+        ) from error
 
 
 def _check(system: System) -> None:
-    if not (math.isfinite(system.step) and math.isfinite(system.stop) and system.step > 0.0 and system.stop > 0.0):
-        raise UserError(f"step {system.step:g} s and stop time {system.stop:g} s must both be positive")
+    if not (
+        math.isfinite(system.step)
+        and math.isfinite(system.stop)
+        and system.step > 0.0
+        and system.stop > 0.0
+    ):
+        raise UserError(
+            f"step {system.step:g} s and stop time {system.stop:g} s must both be positive"
+        )
     _check_names(system)
     models = {member.name: interface(member) for member in system.members}
     for member in system.members:
@@ -100,7 +111,9 @@ def _check_names(system: System) -> None:
             if names.count(name) > 1:
                 raise UserError(f"two {kind} are named {name!r}")
             if not name or name != name.strip() or (kind == "members" and "." in name):
-                raise UserError(f"{name!r} is no name for one of its {kind}: it is empty, padded, or has a dot")
+                raise UserError(
+                    f"{name!r} is no name for one of its {kind}: it is empty, padded, or has a dot"
+                )
 
 
 def _end(system: System, models: Mapping[str, Model], port: Port, causality: str) -> Signal:
@@ -113,7 +126,9 @@ def _end(system: System, models: Mapping[str, Model], port: Port, causality: str
         if port.variable in signals:
             article = "a" if other == "parameter" else "an"
             raise UserError(f"{port} is {article} {other} where an {causality} is needed")
-    raise UserError(f"{port.member} has no {causality} named {port.variable!r}{suggestion(port.variable, wanted)}")
+    raise UserError(
+        f"{port.member} has no {causality} named {port.variable!r}{suggestion(port.variable, wanted)}"
+    )
 
 
 def _check_connection(system: System, models: Mapping[str, Model], connection: Connection) -> None:
@@ -126,19 +141,29 @@ def _check_connection(system: System, models: Mapping[str, Model], connection: C
     if source.member == target.member:
         raise UserError(f"{where}: a member cannot be connected with itself")
     if gives.type != takes.type:
-        raise UserError(f"{where}: {source} is {gives.type} and {target} is {takes.type}; types must be the same")
+        raise UserError(
+            f"{where}: {source} is {gives.type} and {target} is {takes.type}; types must be the same"
+        )
     transformation = (connection.factor, connection.offset)
     if not all(map(math.isfinite, transformation)):
-        raise UserError(f"{where}: factor {connection.factor} and offset {connection.offset} must be finite")
+        raise UserError(
+            f"{where}: factor {connection.factor} and offset {connection.offset} must be finite"
+        )
     if connection.passes_on:
         needed = conversion(gives.unit, takes.unit)
         if needed is None:
-            raise UserError(f"{where}: unit {gives.unit!r} of {source} cannot become {takes.unit!r} of {target}")
+            raise UserError(
+                f"{where}: unit {gives.unit!r} of {source} cannot become {takes.unit!r} of {target}"
+            )
         if needed != _IDENTITY:
             by = _words(needed)
-            raise UserError(f"{where}: {source} is in {gives.unit!r} and {target} in {takes.unit!r}; it needs {by}")
+            raise UserError(
+                f"{where}: {source} is in {gives.unit!r} and {target} in {takes.unit!r}; it needs {by}"
+            )
     elif gives.type != "real":
-        raise UserError(f"{where}: {_words(transformation)} is for real variables, these are {gives.type}")
+        raise UserError(
+            f"{where}: {_words(transformation)} is for real variables, these are {gives.type}"
+        )
 
 
 def conversion(unit: str, to: str) -> tuple[float, float] | None:
@@ -157,19 +182,28 @@ def _words(transformation: tuple[float, float]) -> str:
     return f"factor {factor:.12g}" + (f" and offset {offset:.12g}" if offset else "")
 
 
-def _check_system_input(system: System, models: Mapping[str, Model], name: str, ports: tuple[Port, ...]) -> None:
+def _check_system_input(
+    system: System, models: Mapping[str, Model], name: str, ports: tuple[Port, ...]
+) -> None:
     """All that one input of the system feeds gets the same number, so it must be of one type and unit."""
     signals = [_end(system, models, port, "input") for port in ports]
     for port, signal in zip(ports[1:], signals[1:], strict=True):
-        for what, one, other in (("type", signals[0].type, signal.type), ("unit", signals[0].unit, signal.unit)):
+        for what, one, other in (
+            ("type", signals[0].type, signal.type),
+            ("unit", signals[0].unit, signal.unit),
+        ):
             if one != other:
-                raise UserError(f"input {name} feeds {ports[0]} of {what} {one!r} and {port} of {what} {other!r}")
+                raise UserError(
+                    f"input {name} feeds {ports[0]} of {what} {one!r} and {port} of {what} {other!r}"
+                )
 
 
 def _check_sources(system: System, models: Mapping[str, Model]) -> None:
     sources: dict[Port, str] = {}
     pairs = [(str(connection.source), connection.target) for connection in system.connections]
-    pairs += [(f"system input {name}", port) for name, ports in system.inputs.items() for port in ports]
+    pairs += [
+        (f"system input {name}", port) for name, ports in system.inputs.items() for port in ports
+    ]
     for source, target in pairs:
         if target in sources:
             raise UserError(f"{target} has two sources, {sources[target]} and {source}")
@@ -178,7 +212,9 @@ def _check_sources(system: System, models: Mapping[str, Model]) -> None:
         for name in models[member.name].inputs:
             port = Port(member.name, name)
             if port not in sources and name not in member.parameters:
-                raise UserError(f"{port} is not connected, no input of the system feeds it, and it is given no value")
+                raise UserError(
+                    f"{port} is not connected, no input of the system feeds it, and it is given no value"
+                )
 
 
 def warnings(system: System) -> list[str]:
@@ -194,19 +230,29 @@ def warnings(system: System) -> list[str]:
         with Archive(member.fmu) as archive:
             if fmpy.platform not in archive.platforms:
                 there = ", ".join(archive.platforms) or "none"
-                lines.append(f"{member.name}: {member.fmu.name} has no binary for {fmpy.platform}; it has {there}")
+                lines.append(
+                    f"{member.name}: {member.fmu.name} has no binary for {fmpy.platform}; it has {there}"
+                )
     for connection in system.connections:
-        gives = interface(system.member(connection.source.member)).outputs[connection.source.variable]
-        takes = interface(system.member(connection.target.member)).inputs[connection.target.variable]
+        gives = interface(system.member(connection.source.member)).outputs[
+            connection.source.variable
+        ]
+        takes = interface(system.member(connection.target.member)).inputs[
+            connection.target.variable
+        ]
         needed, given = conversion(gives.unit, takes.unit), (connection.factor, connection.offset)
         if needed is not None and gives.unit != takes.unit and not _close(needed, given):
             lines.append(
                 f"{connection.source} -> {connection.target}: from {gives.unit!r} to {takes.unit!r} the units ask for "
                 f"{_words(needed)}, given is {_words(given)}"
             )
-    lines += [f"system input {name} feeds nothing" for name, ports in system.inputs.items() if not ports]
+    lines += [
+        f"system input {name} feeds nothing" for name, ports in system.inputs.items() if not ports
+    ]
     return lines
 
 
 def _close(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    return all(math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-300) for a, b in zip(one, other, strict=True))
+    return all(
+        math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-300) for a, b in zip(one, other, strict=True)
+    )

@@ -51,7 +51,9 @@ class Box:
     @property
     def width(self) -> float:
         """Room for the longest of either list, and for the title."""
-        of_inputs, of_outputs = (max((len(name) for name in names), default=0) for names in (self.inputs, self.outputs))
+        of_inputs, of_outputs = (
+            max((len(name) for name in names), default=0) for names in (self.inputs, self.outputs)
+        )
         return max(LETTER * (of_inputs + of_outputs) + 0.45, LETTER * 1.1 * len(self.title) + 0.3)
 
     def end(self, variable: str, output: bool) -> tuple[float, float]:
@@ -101,7 +103,9 @@ def arrange(system: System) -> tuple[dict[str, Box], dict[Port, Lane]]:
 
 
 def _boxes(system: System) -> dict[str, Box]:
-    used_in = {c.target for c in system.connections} | {port for ports in system.inputs.values() for port in ports}
+    used_in = {c.target for c in system.connections} | {
+        port for ports in system.inputs.values() for port in ports
+    }
     used_out = {c.source for c in system.connections} | set(system.outputs.values())
     columns = _columns(system)
     boxes = {}
@@ -141,7 +145,9 @@ def _columns(system: System) -> dict[str, int]:
     return columns
 
 
-def _tracks(system: System, boxes: Mapping[str, Box]) -> Mapping[Port, tuple[int, dict[int, int], int]]:
+def _tracks(
+    system: System, boxes: Mapping[str, Box]
+) -> Mapping[Port, tuple[int, dict[int, int], int]]:
     """Tracks of every net: number in the gap right of its source, numbers left of columns it skips to, and lane.
 
     A lane is 0 for a net of neighbours only, else counted from 1 upwards over the boxes, from -1 downwards under them.
@@ -174,13 +180,25 @@ def _place(system: System, boxes: Mapping[str, Box]) -> dict[Port, Lane]:
     tracks = _tracks(system, boxes)
     count = max(box.column for box in boxes.values()) + 1
     columns = [[box for box in boxes.values() if box.column == c] for c in range(count)]
-    in_pins = [LETTER * max((len(n) for n, ps in system.inputs.items() for p in ps if boxes[p.member].column == c),
-                             default=0) for c in range(count)]  # fmt: skip
-    out_pins = [LETTER * max((len(n) for n, p in system.outputs.items() if boxes[p.member].column == c), default=0)
-                for c in range(count)]  # fmt: skip
+    in_pins = [
+        LETTER
+        * max(
+            (len(n) for n, ps in system.inputs.items() for p in ps if boxes[p.member].column == c),
+            default=0,
+        )
+        for c in range(count)
+    ]
+    out_pins = [
+        LETTER
+        * max((len(n) for n, p in system.outputs.items() if boxes[p.member].column == c), default=0)
+        for c in range(count)
+    ]
     widths = dict.fromkeys(range(-1, count), 0)
     for source, (own, entries, _) in tracks.items():
-        for gap, number in ((boxes[source.member].column, own), *((c - 1, n) for c, n in entries.items())):
+        for gap, number in (
+            (boxes[source.member].column, own),
+            *((c - 1, n) for c, n in entries.items()),
+        ):
             widths[gap] = max(widths[gap], number + 1)
     starts, x = {}, 0.2
     for gap in range(-1, count):
@@ -191,10 +209,14 @@ def _place(system: System, boxes: Mapping[str, Box]) -> dict[Port, Lane]:
             for box in columns[gap + 1]:
                 box.x = x
             x += max(box.width for box in columns[gap + 1])
-    tallest = max(sum(box.height for box in column) + _SPACE * (len(column) - 1) for column in columns)
+    tallest = max(
+        sum(box.height for box in column) + _SPACE * (len(column) - 1) for column in columns
+    )
     for column in columns:
         height = sum(box.height for box in column) + _SPACE * (len(column) - 1)
-        y = -(tallest - height) / 2 - 0.08 * (column[0].column % 2)  # so that rows of neighbours are not in line
+        y = -(tallest - height) / 2 - 0.08 * (
+            column[0].column % 2
+        )  # so that rows of neighbours are not in line
         for box in column:
             box.y = y
             y -= box.height + _SPACE
@@ -208,7 +230,9 @@ def _place(system: System, boxes: Mapping[str, Box]) -> dict[Port, Lane]:
     }
 
 
-def route(boxes: Mapping[str, Box], connection: Connection, lane: Lane) -> list[tuple[float, float]]:
+def route(
+    boxes: Mapping[str, Box], connection: Connection, lane: Lane
+) -> list[tuple[float, float]]:
     """Corners of a wire from end to end."""
     box, other = boxes[connection.source.member], boxes[connection.target.member]
     start = box.end(connection.source.variable, output=True)

@@ -28,9 +28,11 @@ FIRST_VOLTAGE = 1.15  # V, the printed amplitude at the start
 # those of the effect; cooling half as well as its default and the growth rate are chosen to give a minimum at 2100 s
 # and 16 % from there to the end.
 AGEING = {
-    "resistance_growth_rate": 6.7e-5, "conductance_rise_per_kelvin": 0.02,
-    "thermal_resistance": 40.0, "thermal_time": 2000.0,
-}  # fmt: skip
+    "resistance_growth_rate": 6.7e-5,
+    "conductance_rise_per_kelvin": 0.02,
+    "thermal_resistance": 40.0,
+    "thermal_time": 2000.0,
+}
 # Just above the first voltages, so that derating is felt within the life; a design parameter (section 4.2).
 ESTIMATOR = {"initial_voltage_limit": 1.2}
 
@@ -49,9 +51,16 @@ def _bench(name: str, actuator: str, of: str, doc: str, runtime: str) -> System:
             Member.of("bench", component("voice_coil_dma"), {"hold": 0.0}, runtime),
             Member.of(actuator, component(of), runtime=runtime),
         ),
-        connect(f"bench.position -> {actuator}.length_change", f"{actuator}.tension -> bench.tension"),
-        {"force_reference": (Port("bench", "force_reference"),), "current": (Port(actuator, "current"),)},
-        _outputs(f"{actuator}.tension", f"{actuator}.voltage", "bench.position", "bench.force_measured"),
+        connect(
+            f"bench.position -> {actuator}.length_change", f"{actuator}.tension -> bench.tension"
+        ),
+        {
+            "force_reference": (Port("bench", "force_reference"),),
+            "current": (Port(actuator, "current"),),
+        },
+        _outputs(
+            f"{actuator}.tension", f"{actuator}.voltage", "bench.position", "bench.force_measured"
+        ),
         doc,
         step=1e-4,  # at 1e-3 a Jacobi master overshoots by a fifth more
         stop=5.0,
@@ -60,7 +69,9 @@ def _bench(name: str, actuator: str, of: str, doc: str, runtime: str) -> System:
 
 def dma_bench(runtime: str) -> System:
     """Voice coil that keeps an actuator at a wanted force while current goes through it (thesis section 2.2)."""
-    return _bench("dma_bench", "actuator", "ppy_actuator_length_driven", _summary(dma_bench), runtime)
+    return _bench(
+        "dma_bench", "actuator", "ppy_actuator_length_driven", _summary(dma_bench), runtime
+    )
 
 
 def hil_bench(runtime: str) -> System:
@@ -69,7 +80,9 @@ def hil_bench(runtime: str) -> System:
     The proxy has the signals of the actuator, so that another FMU with the same signals can replace it.
     """
     bench = _bench("hil_bench", "proxy", "rig_proxy_length_driven", _summary(hil_bench), runtime)
-    return replace(bench, step=1e-3, stop=30.0)  # an exchange with the rig for each step; 1 kHz is what a link can do
+    return replace(
+        bench, step=1e-3, stop=30.0
+    )  # an exchange with the rig for each step; 1 kHz is what a link can do
 
 
 def degradation_watch(runtime: str) -> System:
@@ -92,8 +105,16 @@ def degradation_watch(runtime: str) -> System:
             "actuator.voltage -> galvanostat.voltage",
             "estimator.voltage_limit -> galvanostat.voltage_limit",
         ),
-        {"current_command": (Port("galvanostat", "current_command"),), "force": (Port("actuator", "force"),)},
-        _outputs("galvanostat.current", "actuator.voltage", "actuator.displacement", "estimator.voltage_limit"),
+        {
+            "current_command": (Port("galvanostat", "current_command"),),
+            "force": (Port("actuator", "force"),),
+        },
+        _outputs(
+            "galvanostat.current",
+            "actuator.voltage",
+            "actuator.displacement",
+            "estimator.voltage_limit",
+        ),
         _summary(degradation_watch),
         step=step,
         stop=18000.0,
@@ -152,7 +173,9 @@ def capacitance() -> float:
     from scipy.optimize import brentq
 
     fresh: Any = component("ppy_actuator")()
-    return float(brentq(lambda C: periodic_voltage(fresh.R1, fresh.R2, C) - FIRST_VOLTAGE, 0.1, 100.0))
+    return float(
+        brentq(lambda C: periodic_voltage(fresh.R1, fresh.R2, C) - FIRST_VOLTAGE, 0.1, 100.0)
+    )
 
 
 def foot_gait(runtime: str) -> System:
@@ -161,8 +184,9 @@ def foot_gait(runtime: str) -> System:
     actuator: Any = component("ppy_actuator_length_driven")
     stiffness = actuator().k1
     wires = [
-        (f"foot.{a}_length_change -> {a}.length_change", f"{a}.tension -> foot.{a}_tension") for a in FEET
-    ]  # fmt: skip
+        (f"foot.{a}_length_change -> {a}.length_change", f"{a}.tension -> foot.{a}_tension")
+        for a in FEET
+    ]
     return System(
         "foot_gait",
         (
@@ -170,7 +194,9 @@ def foot_gait(runtime: str) -> System:
             # an actuator that has flowed to a shorter length than it is held at is under tension
             *(
                 Member.of(a, actuator, {"maxwell_elongation_start": -tension / stiffness}, runtime)
-                for a, tension in sorted(balanced(foot()).items(), key=lambda pair: FEET.index(pair[0]))
+                for a, tension in sorted(
+                    balanced(foot()).items(), key=lambda pair: FEET.index(pair[0])
+                )
             ),
         ),
         connect(*(wire for pair in wires for wire in pair)),

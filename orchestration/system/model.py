@@ -163,7 +163,9 @@ class System:
         for text, value in values.items():
             port = self.port(text)
             parameters[port.member][port.variable] = value
-        return replace(self, members=tuple(replace(m, parameters=parameters[m.name]) for m in self.members))
+        return replace(
+            self, members=tuple(replace(m, parameters=parameters[m.name]) for m in self.members)
+        )
 
     def disconnected(self, target: str, value: float) -> System:
         """Same system in which the input ``member.variable`` stays at a value, in the FMU's unit.

@@ -32,7 +32,9 @@ def entries() -> Iterator[Entry]:
         yield from part()
 
 
-def run(time: Array, inputs: Mapping[str, Array], model: PpyActuator | None = None) -> dict[str, Array]:
+def run(
+    time: Array, inputs: Mapping[str, Array], model: PpyActuator | None = None
+) -> dict[str, Array]:
     """Run the actuator of chapter 3, inputs held between the times.
 
     Parameters
@@ -67,23 +69,46 @@ def run(time: Array, inputs: Mapping[str, Array], model: PpyActuator | None = No
 
 
 def _speed() -> Iterator[Entry]:
-    yield Claim("section 1.2", "stress of PPy over that of muscle", ">10", 5.0 / 0.1, "", "5 MPa over 0.1 MPa")
+    yield Claim(
+        "section 1.2",
+        "stress of PPy over that of muscle",
+        ">10",
+        5.0 / 0.1,
+        "",
+        "5 MPa over 0.1 MPa",
+    )
     length = 93.2e-3  # m, the shortest actuator of table 5-1
     share = MODEL["R2"] / (MODEL["R1"] + MODEL["R2"])
     rate = 100.0 * MODEL["alpha"] * CURRENT_LIMIT * share / length
     about = f"fastest with alpha {1e3 * MODEL['alpha']:g} mm/C and {CURRENT_LIMIT:g} A, shortest actuator of table 5-1"
-    others = Claim("table 1-1", "strain rate of PPy", "1", rate, "%/s", f"of the literature; {about}", erratum=30)
+    others = Claim(
+        "table 1-1",
+        "strain rate of PPy",
+        "1",
+        rate,
+        "%/s",
+        f"of the literature; {about}",
+        erratum=30,
+    )
     yield others
-    speed = Claim("section 1.2", "strain rate of the 12-layer actuator", "0.5", rate, "%/s", about, erratum=30)
+    speed = Claim(
+        "section 1.2", "strain rate of the 12-layer actuator", "0.5", rate, "%/s", about, erratum=30
+    )
     yield speed
     alpha, used = 1e3 * MODEL["alpha"], 5.0  # mm/C
     ratio = Claim(
-        "section 5.4.2", "how often 5 mm/C holds the alpha of fig. 3-10", "7 to 10", used / alpha, "",
-        f"7 to 10 would need {used / 10:.2g} to {used / 7:.2g} mm/C", erratum=30,
-    )  # fmt: skip
+        "section 5.4.2",
+        "how often 5 mm/C holds the alpha of fig. 3-10",
+        "7 to 10",
+        used / alpha,
+        "",
+        f"7 to 10 would need {used / 10:.2g} to {used / 7:.2g} mm/C",
+        erratum=30,
+    )
     yield ratio
     yield Erratum(
-        30, "section 5.4.2 against fig. 3-10",
+        30,
+        "section 5.4.2 against fig. 3-10",
         f"{used:g} mm/C is {ratio.published} times what the latest actuators can do; strain rate {speed.published} %/s "
         f"of the maker's (section 1.2), {others.published} %/s in the literature (table 1-1)",
         f"it is {ratio.reproduced:.0f} times the {alpha:g} mm/C that chapter 3 measures, with which "
@@ -92,7 +117,7 @@ def _speed() -> Iterator[Entry]:
         f"{float(speed.published) / rate:.0f} to {float(others.published) / rate:.0f} times; they can be about other "
         "actuators, and the data are lost",
         "thesis/test_actuator",
-    )  # fmt: skip
+    )
 
 
 # --- equations 3.5 to 3.9 ---------------------------------------------------------------------------------------------
@@ -115,9 +140,12 @@ def _equations() -> Iterator[Entry]:
         entry = response[:, rows.index(output), columns.index(given)]
         same = bool(np.allclose(entry, printed, rtol=1e-9, atol=0.0))
         yield Claim(
-            f"eq. 3.5, {equation}", f"{output.replace('_', ' ')} from {given}", "equal",
-            "equal" if same else "different", inferred=True,
-        )  # fmt: skip
+            f"eq. 3.5, {equation}",
+            f"{output.replace('_', ' ')} from {given}",
+            "equal",
+            "equal" if same else "different",
+            inferred=True,
+        )
 
 
 # --- programs and creep -----------------------------------------------------------------------------------------------
@@ -126,55 +154,85 @@ def _equations() -> Iterator[Entry]:
 def _scripts() -> Iterator[Entry]:
     k2, b2, k1, b1 = 3190.0, 0.76, 1.0, 0.02  # appendix A2, first program
     s = 1j * np.logspace(-2, 4, 50)
-    program = (b1 * b2 * s**2 + (k2 * b2 + k1 * b2 + k2 * b1) * s + k1 * k2) / (b1 * b2 * k2 * s**2 + k1 * k2 * b2 * s)
+    program = (b1 * b2 * s**2 + (k2 * b2 + k1 * b2 + k2 * b1) * s + k1 * k2) / (
+        b1 * b2 * k2 * s**2 + k1 * k2 * b2 * s
+    )
 
     def is_program(k1: float, b1: float, k2: float, b2: float) -> bool:
-        return bool(np.allclose(1.0 / k1 + 1.0 / (b1 * s) + 1.0 / (k2 + b2 * s), program, rtol=1e-9))
+        return bool(
+            np.allclose(1.0 / k1 + 1.0 / (b1 * s) + 1.0 / (k2 + b2 * s), program, rtol=1e-9)
+        )
 
     kelvin = "2" if is_program(k1, b1, k2, b2) else "1" if is_program(k2, b2, k1, b1) else "none"
     yield Claim(
-        "appendix A2 against eq. 3.7", "index of the Kelvin element", "2", kelvin,
-        reason="the program has the indices of spring-dashpot pairs exchanged", erratum=24, inferred=True,
-    )  # fmt: skip
+        "appendix A2 against eq. 3.7",
+        "index of the Kelvin element",
+        "2",
+        kelvin,
+        reason="the program has the indices of spring-dashpot pairs exchanged",
+        erratum=24,
+        inferred=True,
+    )
     yield Erratum(
-        24, "appendix A2 against eq. 3.7", "k1, b1 are the Maxwell element, k2, b2 the Kelvin element",
+        24,
+        "appendix A2 against eq. 3.7",
+        "k1, b1 are the Maxwell element, k2, b2 the Kelvin element",
         f"the first program names them the other way, its index {kelvin} is the Kelvin element; A4's is eq. 3.7 itself",
         "thesis/test_actuator",
-    )  # fmt: skip
+    )
     r1, r2, c = MODEL["R1"], MODEL["R2"], MODEL["C"]
     share = (r2 - r1 * r2 / (r1 + r2)) / ((r1 + r2) * c)
     start = Claim(
-        "appendix A2", "voltage at the start per V(1) - 0.2", "1", share, "V/V",
-        "lsim takes a state of tf2ss, which is no voltage", erratum=25, inferred=True,
-    )  # fmt: skip
+        "appendix A2",
+        "voltage at the start per V(1) - 0.2",
+        "1",
+        share,
+        "V/V",
+        "lsim takes a state of tf2ss, which is no voltage",
+        erratum=25,
+        inferred=True,
+    )
     yield start
     yield Erratum(
-        25, "appendix A2", "`lsim(sys,I,t,V(1)-0.2)`: a voltage is taken for the state at the start",
+        25,
+        "appendix A2",
+        "`lsim(sys,I,t,V(1)-0.2)`: a voltage is taken for the state at the start",
         f"the state of `tf2ss` is no voltage: {share:.3f} of it shows in the output (table 3-1). The 0.2 V may be a "
         "correction by hand",
         "thesis/test_actuator",
-    )  # fmt: skip
+    )
 
 
 def _creep() -> Iterator[Entry]:
     load, plotted = 2.75, "0.4"  # N; mm, as fig. 3-9 plots it
     k1 = MODEL["k1"]
     yield Claim(
-        "fig. 3-9, section 3.3.1", f"elongation of k1 by {load:g} N, in N/mm", plotted, load / k1, "mm",
-        "appendix A4 multiplies its output by 1000", f"{1e3 * load / k1:.2f} mm with k1 in N/m", erratum=1,
-    )  # fmt: skip
+        "fig. 3-9, section 3.3.1",
+        f"elongation of k1 by {load:g} N, in N/mm",
+        plotted,
+        load / k1,
+        "mm",
+        "appendix A4 multiplies its output by 1000",
+        f"{1e3 * load / k1:.2f} mm with k1 in N/m",
+        erratum=1,
+    )
     yield Erratum(
-        1, "section 3.3.1, fig. 3-9",
+        1,
+        "section 3.3.1, fig. 3-9",
         "k1 = 6300 N/mm, b1 = 1.7e6 N·s/mm, k2 = 1.0e4 N/mm, b2 = 2.0e6 N·s/mm",
         f"N/m and N·s/m: {load:g} N on {k1:.0f} N/mm would stretch the actuator by {1e3 * load / k1:.2f} µm, where the "
         f"plots show {plotted} mm; fig. 5-7 has the same b1 in N·s/m, and A4 multiplies its output by 1000",
-    )  # fmt: skip
+    )
     time, force = staircase()
     flow = run(time, {"force": force - force.min()})["maxwell_elongation"][-1]
     yield Claim(
-        "section 3.3.1", "elongation that stays when all is unloaded", "0.2", 1e3 * flow, "mm",
+        "section 3.3.1",
+        "elongation that stays when all is unloaded",
+        "0.2",
+        1e3 * flow,
+        "mm",
         "model of fig. 3-9, loads of 30 s every 60 s; the thesis prints no period",
-    )  # fmt: skip
+    )
     yield Claim("section 3.3.2", "1 Hz as an angular frequency", "6.3", 2.0 * pi, "rad/s")
 
 
@@ -219,9 +277,12 @@ def _square() -> Figure:
     signals = run(time, {"current": current})
     figure, axes = pictures.panels(3, "±0.9 A at 0.2 Hz, 12 layers")
     for axis, name, unit, values in zip(
-        axes, ("current", "voltage", "displacement"), ("A", "V", "mm"),
-        (current, signals["voltage"], 1e3 * signals["displacement"]), strict=True,
-    ):  # fmt: skip
+        axes,
+        ("current", "voltage", "displacement"),
+        ("A", "V", "mm"),
+        (current, signals["voltage"], 1e3 * signals["displacement"]),
+        strict=True,
+    ):
         axis.plot(time, values, color=_BLUE)
         pictures.label(axis, name, unit)
     return figure
@@ -233,7 +294,14 @@ def _creeping() -> Figure:
     figure, (upper, lower) = pictures.panels(2, "Loads from 0.5 N to 2.75 N, 12 layers")
     upper.step(time, force, where="post", color=_BLUE)
     lower.plot(time, 1e3 * signals["displacement"], color=_BLUE, label="all")
-    lower.step(time, 1e3 * force / MODEL["k1"], where="post", color=_GREY, linestyle="--", label="spring k1")
+    lower.step(
+        time,
+        1e3 * force / MODEL["k1"],
+        where="post",
+        color=_GREY,
+        linestyle="--",
+        label="spring k1",
+    )
     lower.plot(time, 1e3 * signals["maxwell_elongation"], color=_RED, label="dashpot b1")
     lower.legend(fontsize=8)
     pictures.label(upper, "force", "N")

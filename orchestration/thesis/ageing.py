@@ -30,10 +30,18 @@ _NO_LIMIT = 15.0  # V, the compliance of the galvanostat: no voltage is beyond i
 # What is read of each FMU at every sample; states of the actuator, which are no outputs, tell its series resistance.
 _STATES = ("actuator.throughput", "actuator.temperature_rise")
 _READ = (
-    "galvanostat.current", "galvanostat.recovering", "actuator.voltage", *_STATES, "estimator.voltage_limit",
-    "estimator.impedance", "estimator.impedance_change", "estimator.R1", "estimator.R2", "estimator.C",
+    "galvanostat.current",
+    "galvanostat.recovering",
+    "actuator.voltage",
+    *_STATES,
+    "estimator.voltage_limit",
+    "estimator.impedance",
+    "estimator.impedance_change",
+    "estimator.R1",
+    "estimator.R2",
+    "estimator.C",
     "estimator.estimate_valid",
-)  # fmt: skip
+)
 
 
 def run(
@@ -72,21 +80,33 @@ def run(
     UserError
         If an FMU cannot be built, refuses a parameter or fails.
     """
-    system = library.system("degradation_watch").given({f"estimator.{name}": v for name, v in estimator.items()})
+    system = library.system("degradation_watch").given(
+        {f"estimator.{name}": v for name, v in estimator.items()}
+    )
     if not protected:
         system = system.disconnected("galvanostat.voltage_limit", _NO_LIMIT)
     time = grid(0.0, duration, system.step)[:-1]
-    command = square_wave(time + 0.25 / FREQUENCY, AMPLITUDE, FREQUENCY)  # half a half period first: nearly periodic
+    command = square_wave(
+        time + 0.25 / FREQUENCY, AMPLITUDE, FREQUENCY
+    )  # half a half period first: nearly periodic
     error = voltage_noise * np.random.default_rng(seed).standard_normal(time.size)
     inputs = {"current_command": command}
     if voltage_noise:
-        system, inputs = library.with_voltmeter(system, "actuator.voltage"), inputs | {"voltage_error": error}
+        system, inputs = (
+            library.with_voltmeter(system, "actuator.voltage"),
+            inputs | {"voltage_error": error},
+        )
     life = master.run(system, time, inputs, method="jacobi", record=_READ, progress=progress)
     if not life.complete:
         raise KeyboardInterrupt
     signals = {name.partition(".")[2]: values for name, values in life.signals.items()}
     aged: Any = library.ageing_actuator()(**system.member("actuator").parameters)
     for name in _STATES:
-        setattr(aged, name.partition(".")[2], life.signals[name])  # a law on the record of its states
-    made = {"series_resistance": aged.series_resistance(), "measured_voltage": signals["voltage"] + error}
+        setattr(
+            aged, name.partition(".")[2], life.signals[name]
+        )  # a law on the record of its states
+    made = {
+        "series_resistance": aged.series_resistance(),
+        "measured_voltage": signals["voltage"] + error,
+    }
     return {"time": time, "current_command": command} | signals | made

@@ -45,7 +45,9 @@ def _resolution() -> Iterator[Entry]:
     step = 2.0 * _DMA["converter_range"] / 2.0 ** _DMA["converter_bits"]
     position = convert(step / _DMA["potentiometer_sensitivity"], "m", "mm")
     about = "16 bits over the stroke of the potentiometer"
-    yield Claim("section 2.2.2", "resolution of the position", "<0.003", float(position), "mm", about)
+    yield Claim(
+        "section 2.2.2", "resolution of the position", "<0.003", float(position), "mm", about
+    )
 
 
 def _filters() -> Iterator[Entry]:
@@ -56,27 +58,50 @@ def _filters() -> Iterator[Entry]:
         for frequency in (_NYQUIST, hum)
     )
     cutoff = Claim(
-        "section 2.2.2", "cutoff of the sensor filters, against A1", f"{_DESCRIBED_CUTOFF:g}", _A1_CUTOFF, "Hz",
-        f"A1's filter leaves {100 * remaining[_A1_CUTOFF]:.1f} % at half the sampling frequency", erratum=5,
-    )  # fmt: skip
+        "section 2.2.2",
+        "cutoff of the sensor filters, against A1",
+        f"{_DESCRIBED_CUTOFF:g}",
+        _A1_CUTOFF,
+        "Hz",
+        f"A1's filter leaves {100 * remaining[_A1_CUTOFF]:.1f} % at half the sampling frequency",
+        erratum=5,
+    )
     yield cutoff
     yield Erratum(
-        5, "section 2.2.2 against A1", f"sensor filters at about {cutoff.published} Hz",
+        5,
+        "section 2.2.2 against A1",
+        f"sensor filters at about {cutoff.published} Hz",
         f"A1 designs with {_A1_CUTOFF:g} Hz. At {_NYQUIST:g} Hz, half the sampling frequency, the one leaves "
         f"{100 * remaining[_DESCRIBED_CUTOFF]:.0f} % of a disturbance, the other {100 * remaining[_A1_CUTOFF]:.0f} %; "
         f"of {hum:g} Hz hum, which {2 * _NYQUIST:g} Hz sampling folds to {folded:g} Hz, "
         f"{100 * humming[_DESCRIBED_CUTOFF]:.0f} % and {100 * humming[_A1_CUTOFF]:.0f} %",
-    )  # fmt: skip
-    yield Claim("section 2.2.3", "sampling period at 30 Hz", "33", 1e3 * analysis.SAMPLE_PERIOD, "ms")
+    )
+    yield Claim(
+        "section 2.2.3", "sampling period at 30 Hz", "33", 1e3 * analysis.SAMPLE_PERIOD, "ms"
+    )
 
 
 def _galvanostat() -> Iterator[Entry]:
     asked = Galvanostat(current_command=1e3)
-    yield Claim("table 2-2", "largest current", "1.3", float(asked.outputs()[0]), "A", "component asked for more")
+    yield Claim(
+        "table 2-2",
+        "largest current",
+        "1.3",
+        float(asked.outputs()[0]),
+        "A",
+        "component asked for more",
+    )
     resistance = 100.0
     driver = Galvanostat(current_command=1.0, voltage_limit=1e3)
     integrator = Integrator(driver)
     for k in range(200):  # into a resistance too large for the current
         driver.voltage = resistance * driver.outputs()[0]
         integrator.advance(0.01 * k, 0.01)
-    yield Claim("table 2-2", "largest voltage", "15", resistance * float(driver.outputs()[0]), "V", "into 100 Ω")
+    yield Claim(
+        "table 2-2",
+        "largest voltage",
+        "15",
+        resistance * float(driver.outputs()[0]),
+        "V",
+        "into 100 Ω",
+    )

@@ -18,12 +18,25 @@ from orchestration.thesis import (
     identification,
     work_loops,
 )
-from orchestration.thesis.analyses import charge_displacement, creep, excitation, impedance, potentiostat
+from orchestration.thesis.analyses import (
+    charge_displacement,
+    creep,
+    excitation,
+    impedance,
+    potentiostat,
+)
 from orchestration.thesis.claim import Claim, Erratum, Illustration
 
 CHAPTERS = {
     "Chapter 2: the bench": (analyser, force_loop),
-    "Chapters 1 and 3: the actuator": (actuator, identification, creep, charge_displacement, excitation, impedance),
+    "Chapters 1 and 3: the actuator": (
+        actuator,
+        identification,
+        creep,
+        charge_displacement,
+        excitation,
+        impedance,
+    ),
     "Chapter 4: degradation": (forgetting, degradation, potentiostat),
     "Chapter 5: the foot": (foot, work_loops),
 }
@@ -41,12 +54,17 @@ from the computations that `ppy thesis` shows; do not edit. Each row has a test 
 @cache
 def entries() -> dict[str, tuple[Claim | Erratum, ...]]:
     """Everything that is recomputed, by chapter."""
-    return {title: tuple(e for part in parts for e in part.entries()) for title, parts in CHAPTERS.items()}
+    return {
+        title: tuple(e for part in parts for e in part.entries())
+        for title, parts in CHAPTERS.items()
+    }
 
 
 def claims() -> dict[str, list[Claim]]:
     """Figures and statements with what the computation gives, by chapter."""
-    return {title: [e for e in chapter if isinstance(e, Claim)] for title, chapter in entries().items()}
+    return {
+        title: [e for e in chapter if isinstance(e, Claim)] for title, chapter in entries().items()
+    }
 
 
 def errata() -> list[Erratum]:
@@ -57,13 +75,18 @@ def errata() -> list[Erratum]:
 
 def illustrations() -> dict[str, list[Illustration]]:
     """Figures by chapter."""
-    return {title: [i for part in parts for i in part.illustrations()] for title, parts in CHAPTERS.items()}
+    return {
+        title: [i for part in parts for i in part.illustrations()]
+        for title, parts in CHAPTERS.items()
+    }
 
 
 def errata_page() -> str:
     """Return ``docs/errata.md`` as Markdown."""
     rows = (
-        " | ".join([str(e.number), e.where, e.printed, e.holds.replace("|", "\\|"), f"`tests/{e.test}.py`"])
+        " | ".join(
+            [str(e.number), e.where, e.printed, e.holds.replace("|", "\\|"), f"`tests/{e.test}.py`"]
+        )
         for e in errata()
     )
     return _HEAD + "".join(f"| {row} |\n" for row in rows)

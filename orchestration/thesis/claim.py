@@ -67,7 +67,12 @@ class Claim:
         if match is None:
             raise ValueError(f"{self.where}, {self.what}: {self.published!r} is no printed figure")
         low, high = match["low"], match["high"] or match["low"]
-        return match["relation"] or "", float(low), float(high), max(_half_digit(low), _half_digit(high))
+        return (
+            match["relation"] or "",
+            float(low),
+            float(high),
+            max(_half_digit(low), _half_digit(high)),
+        )
 
     @property
     def printed_range(self) -> tuple[float, float]:
@@ -121,8 +126,12 @@ class Claim:
         """The recomputed value, with one digit more than is printed and at least three."""
         if isinstance(self.reproduced, str):
             return self.reproduced
-        figures = (re.sub(r"e.*|\D", "", part).lstrip("0") for part in re.findall(_NUMBER, self.published))
-        return number(self.reproduced, max(3, *(len(f) + 1 for f in figures)), "e" in self.published)
+        figures = (
+            re.sub(r"e.*|\D", "", part).lstrip("0") for part in re.findall(_NUMBER, self.published)
+        )
+        return number(
+            self.reproduced, max(3, *(len(f) + 1 for f in figures)), "e" in self.published
+        )
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.experiment.waveforms import square_wave
-from orchestration.identify.impedance import least_squares_windows, magnitude, tustin, zero_order_hold
+from orchestration.identify.impedance import (
+    least_squares_windows,
+    magnitude,
+    tustin,
+    zero_order_hold,
+)
 from orchestration.reporting import pictures
 from orchestration.system.library import FIRST_VOLTAGE, capacitance, periodic_voltage
 from orchestration.thesis import ageing
@@ -41,22 +46,32 @@ def _excitation() -> Iterator[Entry]:
     r1, r2, c = CIRCUIT
     z = abs((r1 * r2 * c * 1j * omega + r2) / ((r1 + r2) * c * 1j * omega + 1.0))  # eq. 4.1
     same = abs(float(magnitude(CIRCUIT, omega)) / z - 1.0) < 1e-12
-    yield Claim("eq. 4.10", "magnitude of eq. 4.1", "equal", "equal" if same else "different", inferred=True)
     yield Claim(
-        "section 4.3", "largest voltage at 1.3 A and 0.1 Hz", f"{FIRST_VOLTAGE:g}", periodic_voltage(*CIRCUIT), "V",
+        "eq. 4.10", "magnitude of eq. 4.1", "equal", "equal" if same else "different", inferred=True
+    )
+    yield Claim(
+        "section 4.3",
+        "largest voltage at 1.3 A and 0.1 Hz",
+        f"{FIRST_VOLTAGE:g}",
+        periodic_voltage(*CIRCUIT),
+        "V",
         "that of actuator 135, whose circuit is not printed; held against the means of table 3-1, of another actuator: "
         f"with their resistances it takes {capacitance():.1f} F in place of {CIRCUIT[2]:.1f} F",
-    )  # fmt: skip
+    )
 
 
 def _record() -> Iterator[Entry]:
     yield Claim("section 4.3", "length of a window", "100", _WINDOW * PERIOD, "s")
     first, last = 16100, 184850  # appendix A3
     yield Claim(
-        "abstract", "continuous operation that was recorded", ">5", last * PERIOD / 3600.0, "h",
+        "abstract",
+        "continuous operation that was recorded",
+        ">5",
+        last * PERIOD / 3600.0,
+        "h",
         f"up to the last sample that appendix A3 reads, at {PERIOD:g} s; it leaves out the first "
         f"{first * PERIOD / 60:.0f} minutes",
-    )  # fmt: skip
+    )
 
 
 def _windows() -> Iterator[Entry]:
@@ -70,19 +85,28 @@ def _windows() -> Iterator[Entry]:
     true = 100.0 * (float(magnitude((r1[-_WINDOW // 2], *CIRCUIT[1:]), omega)) / start - 1.0)
     rise_of = {}
     for kept in (True, False):
-        windows = least_squares_windows(current, voltage, PERIOD, _WINDOW, kept, omega, zero_order_hold)
+        windows = least_squares_windows(
+            current, voltage, PERIOD, _WINDOW, kept, omega, zero_order_hold
+        )
         rise_of[kept] = 100.0 * (float(windows.impedance[-1]) / start - 1.0)
     yield Claim(
-        "appendix A3", f"samples behind estimate {count}", str(_WINDOW), float(count * _WINDOW),
+        "appendix A3",
+        f"samples behind estimate {count}",
+        str(_WINDOW),
+        float(count * _WINDOW),
         reason=f"the normal matrices are never cleared; a rise of the impedance by {true:.1f} % shows as "
-        f"{rise_of[True]:.1f} %", erratum=7,
-    )  # fmt: skip
+        f"{rise_of[True]:.1f} %",
+        erratum=7,
+    )
     yield Erratum(
-        7, "appendix A3, batch least squares", f"estimates for every {_WINDOW} points",
+        7,
+        "appendix A3, batch least squares",
+        f"estimates for every {_WINDOW} points",
         f"the normal matrices are never cleared, so that window n holds all data up to n: of an impedance that has "
         f"risen by {true:.1f} % in the last of {count} windows it shows {rise_of[True]:.1f} %, a window of its own "
-        f"{rise_of[False]:.1f} %", "unit/identify/test_impedance",
-    )  # fmt: skip
+        f"{rise_of[False]:.1f} %",
+        "unit/identify/test_impedance",
+    )
 
 
 def expected_estimate(noise: float) -> Array:
@@ -113,15 +137,23 @@ def expected_estimate(noise: float) -> Array:
 def _noise() -> Iterator[Entry]:
     large, small = (float(expected_estimate(noise)[1]) for noise in (20e-3, 5e-3))
     yield Claim(
-        "section 4.1", "R2 by least squares with 20 mV of noise", "2.35", large, "ohm",
-        "limit for a long record, 0.9 A at 0.2 Hz; noise on the regressor", erratum=9, inferred=True,
-    )  # fmt: skip
+        "section 4.1",
+        "R2 by least squares with 20 mV of noise",
+        "2.35",
+        large,
+        "ohm",
+        "limit for a long record, 0.9 A at 0.2 Hz; noise on the regressor",
+        erratum=9,
+        inferred=True,
+    )
     yield Erratum(
-        9, "section 4.1", "least squares on the measured regressor",
+        9,
+        "section 4.1",
+        "least squares on the measured regressor",
         f"biased by voltage noise: with 20 mV rms on a 0.9 A, 0.2 Hz square wave a long record gives R2 = "
         f"{large:.2f} Ω for a true {CIRCUIT[1]:.2f} Ω (5 mV: {small:.2f} Ω); the fit here minimises the simulation "
         "error, which is not",
-    )  # fmt: skip
+    )
 
 
 def printed_fit(voltage: Array, predicted: Array) -> float:
@@ -142,15 +174,24 @@ def _judging() -> Iterator[Entry]:
     time = PERIOD * np.arange(2 * _WINDOW + 1)
     voltage = response(square_wave(time, 1.3, 0.1))[_WINDOW:]
     fit = Claim(
-        "appendix A3", "fit of a prediction without error", "100", printed_fit(voltage, voltage[1:]), "%",
-        "the program holds every prediction against the sample before it", erratum=27, inferred=True,
-    )  # fmt: skip
+        "appendix A3",
+        "fit of a prediction without error",
+        "100",
+        printed_fit(voltage, voltage[1:]),
+        "%",
+        "the program holds every prediction against the sample before it",
+        erratum=27,
+        inferred=True,
+    )
     yield fit
     yield Erratum(
-        27, "appendix A3", "`DataFit`: the fit of the predicted voltage to the measured one",
+        27,
+        "appendix A3",
+        "`DataFit`: the fit of the predicted voltage to the measured one",
         f"predictions of samples n + 1 are held against samples n: a prediction without error is given "
-        f"{fit.reproduced:.0f} % (±1.3 A at 0.1 Hz, circuit of table 3-1)", "thesis/test_degradation",
-    )  # fmt: skip
+        f"{fit.reproduced:.0f} % (±1.3 A at 0.1 Hz, circuit of table 3-1)",
+        "thesis/test_degradation",
+    )
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -186,7 +227,12 @@ def _life() -> Figure:
     valid = signals["estimate_valid"] > 0.5
     time = np.where(valid, signals["time"], np.nan)[::50]
     figure, (upper, middle, lower) = pictures.panels(3, "±1.3 A at 0.1 Hz for five hours")
-    upper.plot(signals["time"][::50], signals["series_resistance"][::50], color=_GREY, label="of the actuator")
+    upper.plot(
+        signals["time"][::50],
+        signals["series_resistance"][::50],
+        color=_GREY,
+        label="of the actuator",
+    )
     upper.plot(time, signals["R1"][::50], color=_BLUE, label="estimated")
     upper.legend(fontsize=8)
     middle.plot(time, signals["impedance"][::50], color=_BLUE)
@@ -205,7 +251,14 @@ def _protection() -> Figure:
     upper.step(time, signals["current"][last], where="post", color=_BLUE)
     lower.plot(time, signals["voltage"][last], color=_BLUE)
     for sign in (1.0, -1.0):
-        lower.step(time, sign * signals["voltage_limit"][last], where="post", color=_RED, linestyle="--", linewidth=1)
+        lower.step(
+            time,
+            sign * signals["voltage_limit"][last],
+            where="post",
+            color=_RED,
+            linestyle="--",
+            linewidth=1,
+        )
     pictures.label(upper, "current", "A")
     pictures.label(lower, "voltage", "V")
     return figure

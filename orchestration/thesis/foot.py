@@ -20,12 +20,26 @@ Array = NDArray[np.float64]
 _TEST = "thesis/test_foot"
 # table 5-1 as printed, with the same number in appendix A4: inches, degrees
 TABLE = {
-    "l_1": ("50.8", 2.00), "l_2": ("62.5", 2.46), "l_3": ("23.6", 0.93), "l_po,0": ("93.2", 3.67),
-    "l_an,0": ("97.5", 3.84), "l_do,0": ("113.3", 4.46), "l_pl,0": ("139.2", 5.48), "r_po": ("41.7", 1.64),
-    "r_an": ("18.0", 0.71), "r_do": ("23.1", 0.91), "r_pl": ("16.3", 0.64), "beta_pf": ("49.0", 49.03),
-    "beta_df": ("30.9", 30.896), "beta_p": ("10.1", 10.075), "beta_po": ("57.7", 57.66), "beta_an": ("50.7", 50.71),
-    "gamma_po": ("12.9", 12.901), "gamma_an": ("6.1", 6.126), "gamma_do": ("15.1", 15.064),
-}  # fmt: skip
+    "l_1": ("50.8", 2.00),
+    "l_2": ("62.5", 2.46),
+    "l_3": ("23.6", 0.93),
+    "l_po,0": ("93.2", 3.67),
+    "l_an,0": ("97.5", 3.84),
+    "l_do,0": ("113.3", 4.46),
+    "l_pl,0": ("139.2", 5.48),
+    "r_po": ("41.7", 1.64),
+    "r_an": ("18.0", 0.71),
+    "r_do": ("23.1", 0.91),
+    "r_pl": ("16.3", 0.64),
+    "beta_pf": ("49.0", 49.03),
+    "beta_df": ("30.9", 30.896),
+    "beta_p": ("10.1", 10.075),
+    "beta_po": ("57.7", 57.66),
+    "beta_an": ("50.7", 50.71),
+    "gamma_po": ("12.9", 12.901),
+    "gamma_an": ("6.1", 6.126),
+    "gamma_do": ("15.1", 15.064),
+}
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
 
@@ -46,21 +60,28 @@ def _motor() -> Iterator[Entry]:
     yield Claim("eq. 5.1", "free integrators of the motor", "1", float(integrators), inferred=True)
     lasting = float(abs(muscle.stiffness(0.0)))
     yield Claim(
-        "section 5.1 against eq. 5.17", "stiffness of PPy under a lasting load", ">0", lasting, "N/m",
+        "section 5.1 against eq. 5.17",
+        "stiffness of PPy under a lasting load",
+        ">0",
+        lasting,
+        "N/m",
         "s k b/(b s + k) vanishes at rest, and eq. 3.7 has the pole s = 0: by the reading of section 5.1 PPy has none "
-        "either", erratum=34, inferred=True,
-    )  # fmt: skip
+        "either",
+        erratum=34,
+        inferred=True,
+    )
     load = 2.75  # N
     volts, watts = driven.holding(load)
     yield Erratum(
-        34, "section 5.1",
+        34,
+        "section 5.1",
         "the free integrator of eq. 5.1 can be read as a lack of stiffness; PPy inherently has stiffness",
         "by that reading PPy has none either: eqs. 3.7 and 5.17 have a free integrator too, their stiffness under a "
         f"lasting load is {lasting:g} N/m. What differs is the time: PPy is a spring for b/k = "
         f"{muscle.time_constant:.0f} s; a small shorted motor (assumed) yields after "
         f"{1e3 * driven.time_constant:.0f} ms and needs {volts:.1f} V and {watts:.2f} W to hold {load:g} N",
         "thesis/test_motor",
-    )  # fmt: skip
+    )
 
 
 # --- table 5-1 --------------------------------------------------------------------------------------------------------
@@ -70,7 +91,14 @@ def _table() -> Iterator[Entry]:
     for symbol, (text, program) in TABLE.items():
         length = symbol[0] in "lr"
         value = program * MILLIMETRES_PER_INCH if length else program
-        yield Claim("table 5-1", symbol, text, value, "mm" if length else "deg", "appendix A4" + ", in inches" * length)
+        yield Claim(
+            "table 5-1",
+            symbol,
+            text,
+            value,
+            "mm" if length else "deg",
+            "appendix A4" + ", in inches" * length,
+        )
     total = sum(TABLE[symbol][1] for symbol in ("beta_pf", "beta_df", "beta_p"))
     yield Claim(
         "eq. 5.3",
@@ -99,27 +127,43 @@ def _matrices() -> Iterator[Entry]:
         ("eq. 5.11", "C", "mm/N", ("1081", "9.6", "7.3"), program.compliance, compliance),
         ("eq. 5.12", "D", "N*s/mm", ("1.7e7", "1.5e5", "1.1e5"), program.damping, damping),
     ):
-        for (row, column), axes, text in zip(((0, 0), (0, 1), (1, 1)), ("xx", "xy", "yy"), texts, strict=True):
+        for (row, column), axes, text in zip(
+            ((0, 0), (0, 1), (1, 1)), ("xx", "xy", "yy"), texts, strict=True
+        ):
             yield Claim(
-                equation, f"{name}_{axes}", text, float(values[row, column]), unit,
-                "follows from the printed program in inches only", f"{number(right[row, column])} {unit}", 12,
-            )  # fmt: skip
+                equation,
+                f"{name}_{axes}",
+                text,
+                float(values[row, column]),
+                unit,
+                "follows from the printed program in inches only",
+                f"{number(right[row, column])} {unit}",
+                12,
+            )
     c, d = program.compliance, program.damping
     in_mm = printed(MILLIMETRES_PER_INCH).compliance[0, 0]
     foot_length = sum(TABLE[symbol][1] for symbol in ("l_1", "l_2", "l_3")) * MILLIMETRES_PER_INCH
     yield Erratum(
-        12, "eqs. 5.11, 5.12", "C_x = [[1081, 9.6], [9.6, 7.3]] mm/N, D_x = [[1.7e7, 1.5e5], [1.5e5, 1.1e5]] N·s/mm",
+        12,
+        "eqs. 5.11, 5.12",
+        "C_x = [[1081, 9.6], [9.6, 7.3]] mm/N, D_x = [[1.7e7, 1.5e5], [1.5e5, 1.1e5]] N·s/mm",
         f"the printed program in inches gives {_matrix(c, '.2f', '.3f')} and {_matrix(d, '.3e', '.3e')}. They rest on "
         f"its constant 1e-4, not on the foot: in mm the same program has C_xx = {_short(in_mm, '.1e')}; 1 N would "
         f"move the toe of a {foot_length:.0f} mm foot by {c[0, 0]:.0f} mm. "
         f"Consistent: {_matrix(compliance, '.2f', '.2f')} and {_matrix(damping, '.0f', '.0f')}",
         "components/foot/test_thesis",
-    )  # fmt: skip
+    )
     for name, matrix, right in (("C", c, compliance), ("D", d, damping)):
         yield Claim(
-            "text under eq. 5.12", f"{name}_xx over {name}_yy, two orders of magnitude", "~1e2",
-            matrix[0, 0] / matrix[1, 1], "", "of the printed matrix", number(right[0, 0] / right[1, 1]), 12,
-        )  # fmt: skip
+            "text under eq. 5.12",
+            f"{name}_xx over {name}_yy, two orders of magnitude",
+            "~1e2",
+            matrix[0, 0] / matrix[1, 1],
+            "",
+            "of the printed matrix",
+            number(right[0, 0] / right[1, 1]),
+            12,
+        )
 
 
 def _shape_of_matrices() -> Iterator[Entry]:
@@ -128,39 +172,62 @@ def _shape_of_matrices() -> Iterator[Entry]:
     damping = consistent()[1]
     larger = "y" if d[1, 1] > d[0, 0] else "x"
     yield Claim(
-        "text under eq. 5.12", "direction of the larger damping", "y", larger,
-        reason="the text expects y, the printed matrix says x", erratum=37,
+        "text under eq. 5.12",
+        "direction of the larger damping",
+        "y",
+        larger,
+        reason="the text expects y, the printed matrix says x",
+        erratum=37,
         consistent=f"D_yy = {damping[1, 1] / damping[0, 0]:.1f} D_xx",
-    )  # fmt: skip
+    )
     yield Erratum(
-        37, "text under eq. 5.12", "the damping is expected to be larger along y, just after it is larger along x",
+        37,
+        "text under eq. 5.12",
+        "the damping is expected to be larger along y, just after it is larger along x",
         f"the printed matrix has it {d[0, 0] / d[1, 1]:.0f} times larger along x; with antagonists in parallel it is "
-        f"{damping[1, 1] / damping[0, 0]:.1f} times larger along y, as the text expects", _TEST,
-    )  # fmt: skip
+        f"{damping[1, 1] / damping[0, 0]:.1f} times larger along y, as the text expects",
+        _TEST,
+    )
     product = STIFFNESS * DAMPING
     share = float(np.ptp(d / c / product))
     yield Claim(
-        "eqs. 5.7 and 5.9", "D_x, but for the factor k b", "a matrix of its own",
+        "eqs. 5.7 and 5.9",
+        "D_x, but for the factor k b",
+        "a matrix of its own",
         "C_x" if share < 1e-9 else "a matrix of its own",
-        reason="damping is mapped as compliance is, so that both are one matrix", erratum=36, inferred=True,
-    )  # fmt: skip
+        reason="damping is mapped as compliance is, so that both are one matrix",
+        erratum=36,
+        inferred=True,
+    )
     yield Erratum(
-        36, "eqs. 5.11, 5.12", "two matrices, compliance and damping",
+        36,
+        "eqs. 5.11, 5.12",
+        "two matrices, compliance and damping",
         f"one: D_x = k b C_x with k b = {product:g} N²·s/mm², because eq. 5.9 maps damping as if it were compliance",
         _TEST,
-    )  # fmt: skip
-    power = round(log10(printed(MILLIMETRES_PER_INCH, 1e-4 * MILLIMETRES_PER_INCH).compliance[0, 0] / c[0, 0])
-                  / log10(MILLIMETRES_PER_INCH), 1)  # fmt: skip
+    )
+    power = round(
+        log10(printed(MILLIMETRES_PER_INCH, 1e-4 * MILLIMETRES_PER_INCH).compliance[0, 0] / c[0, 0])
+        / log10(MILLIMETRES_PER_INCH),
+        1,
+    )
     yield Claim(
-        "appendix A4, J(3,4)", "power of length in C_xx", "0", float(power),
-        reason="r_pl multiplies where the other entries divide by the radius", erratum=35, inferred=True,
-    )  # fmt: skip
+        "appendix A4, J(3,4)",
+        "power of length in C_xx",
+        "0",
+        float(power),
+        reason="r_pl multiplies where the other entries divide by the radius",
+        erratum=35,
+        inferred=True,
+    )
     yield Erratum(
-        35, "appendix A4, `J(3,4)`", "`L(4)*rpl/sqrt(L(4)^2-lopl^2)`",
+        35,
+        "appendix A4, `J(3,4)`",
+        "`L(4)*rpl/sqrt(L(4)^2-lopl^2)`",
         "the radius belongs into the denominator, as in the other entries of J: as printed it is a length where they "
         f"are inverse lengths, so that C_xx grows with length to the power {power:.0f} when all lengths grow alike",
         _TEST,
-    )  # fmt: skip
+    )
 
 
 def _short(value: float, form: str) -> str:
@@ -177,32 +244,50 @@ def _statics() -> Iterator[Entry]:
     ankle, _, toe = foot.joint_stiffnesses()
     arms = [abs(arm) * 1e3 for arm in foot.arms()]
     k = foot.k_an
-    series = 1.0 / sum(1.0 / (k * (arm * 1e-3) ** 2) for arm in arms[:2])  # compliances added, as eq. 5.7 does
+    series = 1.0 / sum(
+        1.0 / (k * (arm * 1e-3) ** 2) for arm in arms[:2]
+    )  # compliances added, as eq. 5.7 does
     yield Claim(
-        "eq. 5.7", "stiffness of the ankle", f"{series:.2f}", ankle, "N*m/rad",
-        "eq. 5.7 adds compliances of the antagonists; parallel springs add stiffness", erratum=13, inferred=True,
-    )  # fmt: skip
+        "eq. 5.7",
+        "stiffness of the ankle",
+        f"{series:.2f}",
+        ankle,
+        "N*m/rad",
+        "eq. 5.7 adds compliances of the antagonists; parallel springs add stiffness",
+        erratum=13,
+        inferred=True,
+    )
     yield Erratum(
-        13, "eqs. 5.3, 5.7, 5.9",
+        13,
+        "eqs. 5.3, 5.7, 5.9",
         "the program has sin where eq. 5.3 has cos, and two of its signs turned; compliances of antagonists add",
         "antagonists on one joint act in parallel: stiffness and damping add, K_θ = Rᵀ K_ℓ R. With moment arms of "
         f"{arms[0]:.1f}, {arms[1]:.1f}, {arms[2]:.1f} and {arms[3]:.1f} mm the ankle has {ankle:.2f} N·m/rad and "
         f"the toe {toe:.2f} N·m/rad; adding compliances leaves {series:.2f} N·m/rad at the ankle. "
         "The plantar arm is a choice, for its triangle is singular in the reference configuration. The program "
-        "couples do and pl to the arch by a token 0.001", "components/foot/test_model",
-    )  # fmt: skip
+        "couples do and pl to the arch by a token 0.001",
+        "components/foot/test_model",
+    )
 
 
 # --- symbol list ------------------------------------------------------------------------------------------------------
 
 
 def _symbols() -> Iterator[Entry]:
-    yield Erratum(16, "symbol list", "compliance c_i in N/mm", "mm/N, as c_i = 1/k_i (symbol list) and in eq. 5.11")
     yield Erratum(
-        17, "symbol list", "one K for coil and motor, in N·m/A or V·s; joint displacements δθ in deg",
+        16,
+        "symbol list",
+        "compliance c_i in N/mm",
+        "mm/N, as c_i = 1/k_i (symbol list) and in eq. 5.11",
+    )
+    yield Erratum(
+        17,
+        "symbol list",
+        "one K for coil and motor, in N·m/A or V·s; joint displacements δθ in deg",
         f"those are the motor's units; the coil's are N/A or V·s/m. δθ in rad: eq. 5.2 gives mm per rad, and with "
-        f"degrees it would be {degrees(1.0):.1f} times too large", _TEST,
-    )  # fmt: skip
+        f"degrees it would be {degrees(1.0):.1f} times too large",
+        _TEST,
+    )
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------

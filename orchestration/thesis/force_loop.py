@@ -50,29 +50,47 @@ def static_stiffness() -> float:
 
 def _plant() -> Iterator[Entry]:
     frequency = 10.0  # Hz
-    program, equation = abs(program_plant(2j * pi * frequency)), abs(analysis.plant()(2j * pi * frequency))
+    program, equation = (
+        abs(program_plant(2j * pi * frequency)),
+        abs(analysis.plant()(2j * pi * frequency)),
+    )
     yield Claim(
-        "appendix A1 against eq. 2.1", f"gain of the plant at {frequency:g} Hz", f"{equation:.3g}", program, "N/V",
-        "a parenthesis is misplaced; the next line overwrites it", erratum=2, inferred=True,
-    )  # fmt: skip
+        "appendix A1 against eq. 2.1",
+        f"gain of the plant at {frequency:g} Hz",
+        f"{equation:.3g}",
+        program,
+        "N/V",
+        "a parenthesis is misplaced; the next line overwrites it",
+        erratum=2,
+        inferred=True,
+    )
     yield Erratum(
-        2, "appendix A1", "the plant's denominator with a parenthesis misplaced, overwritten in the next line by "
+        2,
+        "appendix A1",
+        "the plant's denominator with a parenthesis misplaced, overwritten in the next line by "
         "(K/R)/((L/R)s + 1); comments shifted by one line",
         f"eq. 2.1: {equation:.2f} N/V at {frequency:g} Hz, where the program's line gives {number(program)} N/V; "
         f"R = {_DMA['R']:g} Ω, L = {convert(_DMA['L'], 'H', 'mH'):g} mH, K = {_DMA['K']:g} N/A, m = {_DMA['m']:g} kg, "
         f"b_vc = {_DMA['b_vc']:g} N·s/m. The design was done without back-EMF",
-    )  # fmt: skip
+    )
     stiff = static_stiffness()
     yield Claim(
-        "eq. 2.1", "static stiffness of chapter 3's actuator", "0", stiff, "N/m",
+        "eq. 2.1",
+        "static stiffness of chapter 3's actuator",
+        "0",
+        stiff,
+        "N/m",
         "eq. 2.1 has k1 beside k2 and b2 in series, a standard linear solid; chapter 3 has a fluid, which yields",
-        erratum=19, inferred=True,
-    )  # fmt: skip
+        erratum=19,
+        inferred=True,
+    )
     yield Erratum(
-        19, "eq. 2.1", "the term in parentheses holds the actuator dynamics of chapter 3",
+        19,
+        "eq. 2.1",
+        "the term in parentheses holds the actuator dynamics of chapter 3",
         f"it holds a standard linear solid, whose stiffness under a lasting load is {stiff:.0f} N/m; the actuator of "
         "eq. 3.7 flows, its static stiffness is 0",
-    )  # fmt: skip
+    )
 
 
 def _controller() -> Iterator[Entry]:
@@ -82,25 +100,41 @@ def _controller() -> Iterator[Entry]:
     for text, now, program, name in zip(printed, held, a1, ("E(t)", "E(t-1)"), strict=True):
         yield Claim("eq. 2.2", f"coefficient of {name}", text, now, "V/N", about)
         yield Claim(
-            "eq. 2.2", f"coefficient of {name}, from A1", text, program, "V/N", f"A1 has another controller; {about}",
-            erratum=3, inferred=True,
-        )  # fmt: skip
+            "eq. 2.2",
+            f"coefficient of {name}, from A1",
+            text,
+            program,
+            "V/N",
+            f"A1 has another controller; {about}",
+            erratum=3,
+            inferred=True,
+        )
     yield Erratum(
-        3, "eq. 2.2 against A1", f"{printed[0]} and {printed[1].replace('-', '−')}",
+        3,
+        "eq. 2.2 against A1",
+        f"{printed[0]} and {printed[1].replace('-', '−')}",
         f"Tustin at 30 Hz of 18 (0.02 s + 1)/s; A1's {_A1['gain']:g} ({_A1['zero_time']:g} s + 1)/s gives "
-        f"{a1[0]:.2f} and {a1[1]:.2f}", _TEST,
-    )  # fmt: skip
+        f"{a1[0]:.2f} and {a1[1]:.2f}",
+        _TEST,
+    )
     gain, zero_time = analysis.continuous_coefficients(float(printed[0]), float(printed[1]))
     proportional = Claim(
-        "section 2.2.3", "proportional gain of eq. 2.2", printed[0], gain * zero_time, "V/N",
-        "half the difference of the coefficients; their sum is the integral gain times the period", erratum=18,
-    )  # fmt: skip
+        "section 2.2.3",
+        "proportional gain of eq. 2.2",
+        printed[0],
+        gain * zero_time,
+        "V/N",
+        "half the difference of the coefficients; their sum is the integral gain times the period",
+        erratum=18,
+    )
     yield proportional
     yield Erratum(
-        18, "section 2.2.3", f"the coefficient of E(t), {proportional.published}, is the proportional gain",
+        18,
+        "section 2.2.3",
+        f"the coefficient of E(t), {proportional.published}, is the proportional gain",
         f"by Tustin's rule the proportional gain is half the difference of the coefficients, "
         f"{proportional.reproduced:.2f} V/N; {proportional.published} V/N holds half a period of the integral too",
-    )  # fmt: skip
+    )
 
 
 def _margins() -> Iterator[Entry]:
@@ -108,21 +142,40 @@ def _margins() -> Iterator[Entry]:
     whole = analysis.margins(analysis.loop(**_SIMPLE))
     a1 = analysis.margins(analysis.loop(**_A1, back_emf=False))
     # a gain that A1 has in a comment, with its cutoff taken for rad/s
-    near = analysis.margins(analysis.loop(24.55, 0.02, period=None, cutoff=_A1_CUTOFF / (2.0 * pi), back_emf=False))
+    near = analysis.margins(
+        analysis.loop(24.55, 0.02, period=None, cutoff=_A1_CUTOFF / (2.0 * pi), back_emf=False)
+    )
     about = "eq. 2.2 as a continuous controller on (K/R)/((L/R)s + 1); no printed set of numbers gives it"
-    phase = Claim("section 2.2.3, fig. 2-5", "phase margin", _PRINTED_PHASE, plain.phase, "deg", about, erratum=4)
+    phase = Claim(
+        "section 2.2.3, fig. 2-5",
+        "phase margin",
+        _PRINTED_PHASE,
+        plain.phase,
+        "deg",
+        about,
+        erratum=4,
+    )
     crossover = Claim(
-        "section 2.2.3, fig. 2-5", "crossover frequency", _PRINTED_CROSSOVER, plain.crossover, "Hz", about, erratum=4
+        "section 2.2.3, fig. 2-5",
+        "crossover frequency",
+        _PRINTED_CROSSOVER,
+        plain.crossover,
+        "Hz",
+        about,
+        erratum=4,
     )
     yield phase
     yield crossover
     yield Erratum(
-        4, "section 2.2.3", f"phase margin {phase.published}°, crossover {crossover.published} Hz",
+        4,
+        "section 2.2.3",
+        f"phase margin {phase.published}°, crossover {crossover.published} Hz",
         f"not reproduced: eq. 2.2 gives {plain.phase:.1f}° at {plain.crossover:.2f} Hz, with eq. 2.1's full plant "
         f"{whole.phase:.1f}° at {whole.crossover:.2f} Hz, A1's gains {a1.phase:.1f}° at {a1.crossover:.2f} Hz. "
         f"Nearest found: {near.phase:.1f}° at {near.crossover:.2f} Hz with the gain 24.55, which A1 has in a comment, "
-        f"the zero of eq. 2.2, a filter of {_A1_CUTOFF:g} rad/s and no hold", _TEST,
-    )  # fmt: skip
+        f"the zero of eq. 2.2, a filter of {_A1_CUTOFF:g} rad/s and no hold",
+        _TEST,
+    )
 
 
 def sampled_bandwidth() -> float:
@@ -131,7 +184,10 @@ def sampled_bandwidth() -> float:
 
     period = analysis.SAMPLE_PERIOD
     coil = analysis.plant(back_emf=False)
-    driven, read = (control.sample_system(p, period, "zoh") for p in (coil, coil * analysis.force_filter(_A1_CUTOFF)))
+    driven, read = (
+        control.sample_system(p, period, "zoh")
+        for p in (coil, coil * analysis.force_filter(_A1_CUTOFF))
+    )
     law = control.tf([_DMA["error_gain"], _DMA["previous_error_gain"]], [1.0, -1.0], period)
     frequencies = np.linspace(0.01, _NYQUIST, 3001)
     z = np.exp(2j * pi * frequencies * period)
@@ -143,9 +199,16 @@ def sampled_bandwidth() -> float:
 def _closed_loop() -> Iterator[Entry]:
     time = np.linspace(0.0, 1.0, 2001)
     rise = analysis.rise_time(time, analysis.closed_loop_step(time))
-    yield Claim("section 2.2.3, fig. 2-6", "closed-loop time constant", "<0.1", rise, "s", "63 % of a step")
     yield Claim(
-        "table 2-1", "force bandwidth", "≥5", sampled_bandwidth(), "Hz", "-3 dB of eq. 2.2 at 30 Hz with A1's filter"
+        "section 2.2.3, fig. 2-6", "closed-loop time constant", "<0.1", rise, "s", "63 % of a step"
+    )
+    yield Claim(
+        "table 2-1",
+        "force bandwidth",
+        "≥5",
+        sampled_bandwidth(),
+        "Hz",
+        "-3 dB of eq. 2.2 at 30 Hz with A1's filter",
     )
 
 
@@ -188,7 +251,12 @@ def _bode() -> Figure:
         if np.isfinite(margins.crossover):
             upper.plot(margins.crossover, 0.0, "o", color=color)
             lower.plot(margins.crossover, margins.phase - 180.0, "o", color=color)
-    upper.plot(float(_PRINTED_CROSSOVER), 0.0, "kx", label=f"as printed: {_PRINTED_PHASE}° at {_PRINTED_CROSSOVER} Hz")
+    upper.plot(
+        float(_PRINTED_CROSSOVER),
+        0.0,
+        "kx",
+        label=f"as printed: {_PRINTED_PHASE}° at {_PRINTED_CROSSOVER} Hz",
+    )
     lower.plot(float(_PRINTED_CROSSOVER), float(_PRINTED_PHASE) - 180.0, "kx")
     upper.legend(fontsize=8)
     pictures.label(upper, "gain", "dB")

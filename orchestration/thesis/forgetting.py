@@ -28,7 +28,12 @@ def entries() -> Iterator[Entry]:
 
 
 def recursive(
-    current: Array, voltage: Array, forgetting: float, denominator: float, covariance: float, reset: int = 0
+    current: Array,
+    voltage: Array,
+    forgetting: float,
+    denominator: float,
+    covariance: float,
+    reset: int = 0,
 ) -> Array:
     """Estimate by eqs. 4.7 and 4.9, the missing phi put into the gain.
 
@@ -72,17 +77,30 @@ def _recursion() -> Iterator[Entry]:
     right = recursive(current, voltage, forgetting, forgetting, forgetting)
     same = bool(np.allclose(printed, right, rtol=1e-9, atol=1e-9))
     phi = np.array([[current[1]], [current[0]], [-voltage[0]]])
-    sizes = [" x ".join(map(str, np.shape(g / (1.0 + phi.T @ phi)))) for g in (phi, np.eye(3))]  # with P = 1
+    sizes = [
+        " x ".join(map(str, np.shape(g / (1.0 + phi.T @ phi)))) for g in (phi, np.eye(3))
+    ]  # with P = 1
     yield Claim(
-        "eqs. 4.7 to 4.9", "size of the gain", sizes[0], sizes[1],
-        reason="as printed it is a matrix times a number: phi is missing", erratum=6, inferred=True,
-    )  # fmt: skip
+        "eqs. 4.7 to 4.9",
+        "size of the gain",
+        sizes[0],
+        sizes[1],
+        reason="as printed it is a matrix times a number: phi is missing",
+        erratum=6,
+        inferred=True,
+    )
     yield Erratum(
-        6, "eqs. 4.7–4.9", "gain P/(1 + φᵀPφ); with forgetting, 1/α before eq. 4.8",
+        6,
+        "eqs. 4.7–4.9",
+        "gain P/(1 + φᵀPφ); with forgetting, 1/α before eq. 4.8",
         "the gain lacks φ: Pφ/(1 + φᵀPφ). With forgetting the usual denominator is α + φᵀPφ, as the program has it; "
-        + ("the printed one gives the same estimates with a covariance 1/α times as large, so that it is the start "
-           "that differs" if same else "the printed one gives other estimates"),
-    )  # fmt: skip
+        + (
+            "the printed one gives the same estimates with a covariance 1/α times as large, so that it is the start "
+            "that differs"
+            if same
+            else "the printed one gives other estimates"
+        ),
+    )
 
 
 def forgetting_factor(weight: float, sample: float, time: float) -> float:
@@ -105,29 +123,44 @@ def _forgetting() -> Iterator[Entry]:
     slow, rate, five = 0.985, 15.0, 5.0
     remaining_slow = 100.0 * slow ** (five * rate)
     known = Claim(
-        "appendix A3", "time that a factor of 0.91 remembers, at 10 Hz", f"{asked:g}", memory, "s",
-        f"time constant of the weights; after {asked:g} s a weight of {remaining:.3f} % is left", erratum=11,
-    )  # fmt: skip
+        "appendix A3",
+        "time that a factor of 0.91 remembers, at 10 Hz",
+        f"{asked:g}",
+        memory,
+        "s",
+        f"time constant of the weights; after {asked:g} s a weight of {remaining:.3f} % is left",
+        erratum=11,
+    )
     yield known
     yield Erratum(
-        11, "section 4.1.2, appendix A3", f"α = {factor:g} corresponds to approximately {known.published} seconds",
+        11,
+        "section 4.1.2, appendix A3",
+        f"α = {factor:g} corresponds to approximately {known.published} seconds",
         f"by eq. 4.11 at {1 / PERIOD:g} Hz that is a weight of {remaining:.3f} % after {asked:g} s, a memory of "
         f"{memory:.1f} s; {slow:g} at {rate:g} Hz leaves {remaining_slow:.0f} % after {five:g} s",
         "components/degradation_estimator/test_model",
-    )  # fmt: skip
+    )
     weight, plotted = 10.0, 1.0  # percent; s, on the axis of the program's plot
     drawn = forgetting_factor(weight, PERIOD, plotted + 1.0)
     right = forgetting_factor(weight, PERIOD, plotted)
     yield Claim(
-        "appendix A3", "forgetting time of what is plotted at 1 s", f"{plotted:g}", PERIOD * log10(0.1) / log10(drawn),
-        "s", "the program evaluates eq. 4.11 at j + 1 and plots at j", erratum=28, inferred=True,
-    )  # fmt: skip
+        "appendix A3",
+        "forgetting time of what is plotted at 1 s",
+        f"{plotted:g}",
+        PERIOD * log10(0.1) / log10(drawn),
+        "s",
+        "the program evaluates eq. 4.11 at j + 1 and plots at j",
+        erratum=28,
+        inferred=True,
+    )
     yield Erratum(
-        28, "appendix A3", "plot of the forgetting factor over the desired time",
+        28,
+        "appendix A3",
+        "plot of the forgetting factor over the desired time",
         f"every value stands one second too early: at {plotted:g} s, with {weight:g} % left and {1 / PERIOD:g} Hz, the "
         f"plot shows {drawn:.4f}, which is the factor for {plotted + 1:g} s; eq. 4.11 gives {right:.4f}",
         "thesis/test_degradation",
-    )  # fmt: skip
+    )
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------

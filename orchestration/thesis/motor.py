@@ -99,12 +99,18 @@ class Maxwell:
         """Force per displacement at frequencies in Hz without charge, s k b/(b s + k) of eq. 5.17, in N/m."""
         s = 2j * np.pi * np.asarray(frequency, dtype=float)
         return np.asarray(
-            s * self.instantaneous_stiffness * self.damping / (self.damping * s + self.instantaneous_stiffness)
+            s
+            * self.instantaneous_stiffness
+            * self.damping
+            / (self.damping * s + self.instantaneous_stiffness)
         )
 
     def displacement(self, force: float, time: ArrayLike) -> NDArray[np.float64]:
         """Displacement in m at times in s after a lasting force in N."""
-        return np.asarray(force / self.instantaneous_stiffness + force / self.damping * np.asarray(time, dtype=float))
+        return np.asarray(
+            force / self.instantaneous_stiffness
+            + force / self.damping * np.asarray(time, dtype=float)
+        )
 
 
 def figure() -> Figure:

@@ -19,9 +19,11 @@ from orchestration.thesis.claim import Claim
 
 _STYLE = {"holds": "", "within rounding": "", "only as printed": "yellow", "differs": "red"}
 _COUNTED = {
-    "holds": "hold", "within rounding": "are within the rounding of their inputs",
-    "only as printed": "are reproduced but wrong", "differs": "differ",
-}  # fmt: skip
+    "holds": "hold",
+    "within rounding": "are within the rounding of their inputs",
+    "only as printed": "are reproduced but wrong",
+    "differs": "differ",
+}
 
 
 def run(out: Path) -> Path:
@@ -69,7 +71,9 @@ def run(out: Path) -> Path:
                     page.picture(picture, f"{drawing.title}. {drawing.caption}")
         page.heading("Errata")
         rows = [[str(e.number), e.where, e.printed, e.holds] for e in chapters.errata()]
-        page.parts.append(_wrapped(("#", "where", "printed", "what holds"), rows, widths={1: 8, 2: 12, 3: 16}))
+        page.parts.append(
+            _wrapped(("#", "where", "printed", "what holds"), rows, widths={1: 8, 2: 12, 3: 16})
+        )
         page.write(path)
     show(by_chapter)
     console.out.print(f"\n{_verdict(by_chapter)}\nwrote {path}", markup=False)
@@ -101,7 +105,9 @@ def target(out: Path) -> Path:
 
 def _verdict(by_chapter: dict[str, list[Claim]]) -> str:
     every = [claim for claims in by_chapter.values() for claim in claims]
-    printed, inferred = (_counted([c for c in every if c.inferred is kind]) for kind in (False, True))
+    printed, inferred = (
+        _counted([c for c in every if c.inferred is kind]) for kind in (False, True)
+    )
     return (
         f"{printed[0]} printed figures and statements: {printed[1]}. {inferred[0]} that follow from print: "
         f"{inferred[1]}. Each that does not hold has its reason; {len(chapters.errata())} errata."
@@ -111,13 +117,22 @@ def _verdict(by_chapter: dict[str, list[Claim]]) -> str:
 def _counted(claims: Sequence[Claim]) -> tuple[int, str]:
     """Their number, and how many have each verdict."""
     count = Counter(c.verdict for c in claims)
-    return len(claims), ", ".join(f"{count[verdict]} {words}" for verdict, words in _COUNTED.items() if count[verdict])
+    return len(claims), ", ".join(
+        f"{count[verdict]} {words}" for verdict, words in _COUNTED.items() if count[verdict]
+    )
 
 
 def show(by_chapter: dict[str, list[Claim]]) -> None:
     """Print the claims, chapter by chapter."""
     for title, claims in by_chapter.items():
-        table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=True)
+        table = Table(
+            title=title,
+            title_justify="left",
+            title_style="bold",
+            box=None,
+            pad_edge=False,
+            expand=True,
+        )
         for column, ratio in (("where", 5), ("quantity", 8)):
             table.add_column(column, ratio=ratio)
         for column, ratio in (("published", 4), ("reproduced", 5)):
@@ -157,19 +172,30 @@ def _note(claim: Claim, brief: bool = True) -> str:
 
 def _table(claims: Sequence[Claim]) -> str:
     head = ("where", "quantity", "published", "reproduced", "difference", "note")
-    rows = [[c.where, c.what, _published(c), _value(c), _difference(c), _note(c, brief=False)] for c in claims]
+    rows = [
+        [c.where, c.what, _published(c), _value(c), _difference(c), _note(c, brief=False)]
+        for c in claims
+    ]
     return _wrapped(head, rows, widths={0: 6, 1: 9, 5: 14}, marked=[not c.holds for c in claims])
 
 
 def _wrapped(
-    head: Sequence[str], rows: Sequence[Sequence[str]], widths: Mapping[int, int], marked: Sequence[bool] = ()
+    head: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    widths: Mapping[int, int],
+    marked: Sequence[bool] = (),
 ) -> str:
     """Table that breaks the lines of some columns, with their least widths in rem; marked rows stand out."""
-    styles = [f' style="white-space:normal;min-width:{widths[k]}rem"' if k in widths else "" for k in range(len(head))]
+    styles = [
+        f' style="white-space:normal;min-width:{widths[k]}rem"' if k in widths else ""
+        for k in range(len(head))
+    ]
     columns = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
     body = ""
     for n, row in enumerate(rows):
         colour = ' style="background:#fdf0f1"' if marked and marked[n] else ""
-        cells = "".join(f"<td{style}>{html.escape(cell)}</td>" for style, cell in zip(styles, row, strict=True))
+        cells = "".join(
+            f"<td{style}>{html.escape(cell)}</td>" for style, cell in zip(styles, row, strict=True)
+        )
         body += f"<tr{colour}>{cells}</tr>"
     return f'<div class="table"><table><tr>{columns}</tr>{body}</table></div>'

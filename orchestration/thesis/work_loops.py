@@ -35,28 +35,50 @@ def entries() -> Iterator[Entry]:
 def _gait() -> Iterator[Entry]:
     foot = Foot()
     change = gait.length_changes(0.25)
-    angles = {a: degrees(gait.joint_angle(foot, a, gait.lengths(0.25, foot)[a])) for a in gait.ACTUATORS}
+    angles = {
+        a: degrees(gait.joint_angle(foot, a, gait.lengths(0.25, foot)[a])) for a in gait.ACTUATORS
+    }
     yield Claim(
-        "eq. 5.16", "change of the plantar actuator at 0.25 s", f"{1e3 * change['do']:.0f}", 1e3 * change["pl"], "mm",
-        "eq. 5.15 is printed twice; this is appendix A4's", erratum=14, inferred=True,
-    )  # fmt: skip
+        "eq. 5.16",
+        "change of the plantar actuator at 0.25 s",
+        f"{1e3 * change['do']:.0f}",
+        1e3 * change["pl"],
+        "mm",
+        "eq. 5.15 is printed twice; this is appendix A4's",
+        erratum=14,
+        inferred=True,
+    )
     yield Erratum(
-        14, "eq. 5.16", "repeats eq. 5.15",
+        14,
+        "eq. 5.16",
+        "repeats eq. 5.15",
         f"the program's plantar length, ℓ_pl,0 + sin(2πt) + 1 mm: {1e3 * change['pl']:.0f} mm longer at 0.25 s, where "
-        f"eq. 5.15 has {1e3 * change['do']:.0f} mm".replace("-", "−"), "components/foot/test_thesis",
-    )  # fmt: skip
-    for equations, one, other in (("eqs. 5.13 and 5.14", "an", "po"), ("eqs. 5.15 and A4", "do", "pl")):
+        f"eq. 5.15 has {1e3 * change['do']:.0f} mm".replace("-", "−"),
+        "components/foot/test_thesis",
+    )
+    for equations, one, other in (
+        ("eqs. 5.13 and 5.14", "an", "po"),
+        ("eqs. 5.15 and A4", "do", "pl"),
+    ):
         yield Claim(
-            equations, f"joint angle at 0.25 s, {one} against {other}", f"{angles[one]:.1f}", angles[other], "deg",
-            "antagonists of unequal moment arms cannot move alike", erratum=29, inferred=True,
-        )  # fmt: skip
+            equations,
+            f"joint angle at 0.25 s, {one} against {other}",
+            f"{angles[one]:.1f}",
+            angles[other],
+            "deg",
+            "antagonists of unequal moment arms cannot move alike",
+            erratum=29,
+            inferred=True,
+        )
     yield Erratum(
-        29, "eqs. 5.13 to 5.16",
+        29,
+        "eqs. 5.13 to 5.16",
         "for simplicity, antagonists whose lengths change alike; eq. 5.4 gives the velocities of the joints",
         "it gives each joint two, for no rigid foot moves so: at 0.25 s an asks for "
         f"{angles['an']:.1f}° of the ankle, po for {angles['po']:.1f}°; do for {angles['do']:.1f}° of the toe, pl for "
-        f"{angles['pl']:.1f}°", _TEST,
-    )  # fmt: skip
+        f"{angles['pl']:.1f}°",
+        _TEST,
+    )
 
 
 def _force() -> Iterator[Entry]:
@@ -65,9 +87,17 @@ def _force() -> Iterator[Entry]:
     yield Claim("appendix A4 against fig. 5-7", "k", f"{STIFFNESS:g}", k * 1e-3, "N/mm")
     yield Claim("appendix A4 against fig. 5-7", "b", f"{DAMPING:g}", b * 1e-3, "N*s/mm")
     frequency = np.logspace(-5, 1, 30)  # Hz
-    chain = 1.0 / (1.0 / k + 1.0 / (2j * pi * frequency * b))  # spring and dashpot bear the same force
+    chain = 1.0 / (
+        1.0 / k + 1.0 / (2j * pi * frequency * b)
+    )  # spring and dashpot bear the same force
     same = bool(np.allclose(muscle.stiffness(frequency), chain, rtol=1e-12, atol=0.0))
-    yield Claim("eq. 5.17", "force over length of fig. 5-6", "equal", "equal" if same else "different", inferred=True)
+    yield Claim(
+        "eq. 5.17",
+        "force over length of fig. 5-6",
+        "equal",
+        "equal" if same else "different",
+        inferred=True,
+    )
 
 
 def work_loop(rate: float, current: float = CURRENT) -> tuple[Array, Array]:
@@ -93,9 +123,13 @@ def work_loop(rate: float, current: float = CURRENT) -> tuple[Array, Array]:
         """Solution of dF/dt = amplitude cos or sin(omega t) - slow F from rest."""
         scale = amplitude / (slow**2 + omega**2)
         fade, c, s = np.exp(-slow * t), np.cos(omega * t), np.sin(omega * t)
-        return scale * (slow * c + omega * s - slow * fade if cosine else slow * s - omega * c + omega * fade)
+        return scale * (
+            slow * c + omega * s - slow * fade if cosine else slow * s - omega * c + omega * fade
+        )
 
-    force = answer(-STIFFNESS * gait_rate, gait_rate, True) - answer(STIFFNESS * ALPHA * current, rate, False)
+    force = answer(-STIFFNESS * gait_rate, gait_rate, True) - answer(
+        STIFFNESS * ALPHA * current, rate, False
+    )
     return -np.sin(gait_rate * t), force
 
 
@@ -115,55 +149,95 @@ def _loops() -> Iterator[Entry]:
     taken, given = energy(*passive), energy(*active)
     low, high = float(active[1].min()), float(active[1].max())
     yield Claim(
-        "section 5.4.2", "angular frequency of the current, against A4", f"{PRINTED_RATE:g}", PROGRAM_RATE, "rad/s",
-        "rounded in print", erratum=15,
-    )  # fmt: skip
+        "section 5.4.2",
+        "angular frequency of the current, against A4",
+        f"{PRINTED_RATE:g}",
+        PROGRAM_RATE,
+        "rad/s",
+        "rounded in print",
+        erratum=15,
+    )
     yield Erratum(
-        15, "section 5.4.2", f"i(t) = {CURRENT:g} sin({PRINTED_RATE:g} t)",
+        15,
+        "section 5.4.2",
+        f"i(t) = {CURRENT:g} sin({PRINTED_RATE:g} t)",
         f"the program has {CURRENT:g} sin(4.1πt) = {CURRENT:g} sin({PROGRAM_RATE:.2f} t). Passive path "
         f"{taken:.4f} N·mm (±{np.abs(passive[1]).max():.1f} N), active {given:.3f} N·mm ({low:.2f} to {high:.2f} N) as "
-        f"∮F dℓ over 1 s from rest".replace("-", "−"), _TEST,
-    )  # fmt: skip
-    yield Claim(
-        "fig. 5-9", "direction of the passive loop", "clockwise", "clockwise" if taken > 0 else "counterclockwise"
+        f"∮F dℓ over 1 s from rest".replace("-", "−"),
+        _TEST,
     )
     yield Claim(
-        "section 5.4.2", "net effect of the current", "power produced", "power produced" if given < 0 else "absorbed",
+        "fig. 5-9",
+        "direction of the passive loop",
+        "clockwise",
+        "clockwise" if taken > 0 else "counterclockwise",
+    )
+    yield Claim(
+        "section 5.4.2",
+        "net effect of the current",
+        "power produced",
+        "power produced" if given < 0 else "absorbed",
         reason="over the path of appendix A4",
-    )  # fmt: skip
+    )
     limit = Claim(
-        "section 5.4.2 against table 2-2", "current", f"≤{CURRENT_LIMIT:g}", CURRENT, "A",
-        "more than the galvanostat gives; an illustration, says the thesis of its alpha", erratum=31,
-    )  # fmt: skip
+        "section 5.4.2 against table 2-2",
+        "current",
+        f"≤{CURRENT_LIMIT:g}",
+        CURRENT,
+        "A",
+        "more than the galvanostat gives; an illustration, says the thesis of its alpha",
+        erratum=31,
+    )
     yield limit
     yield Erratum(
-        31, "section 5.4.2 against section 2.3", f"a current of {CURRENT:g} A",
+        31,
+        "section 5.4.2 against section 2.3",
+        f"a current of {CURRENT:g} A",
         f"the galvanostat gives {CURRENT_LIMIT:g} A, and the model of the circuit is said to be valid below that; "
-        f"fig. 5-9, an illustration, needs {100 * (CURRENT / CURRENT_LIMIT - 1):.0f} % more", _TEST,
-    )  # fmt: skip
+        f"fig. 5-9, an illustration, needs {100 * (CURRENT / CURRENT_LIMIT - 1):.0f} % more",
+        _TEST,
+    )
     for what, force in (("passive", passive[1]), ("active", active[1])):
         yield Claim(
-            "fig. 5-9 against table 2-1", f"range of the force, {what}", "≤3", float(np.ptp(force)), "N",
-            "films buckle below 0 N (section 3.1) and deform permanently beyond 3 N: no bias helps", erratum=32,
-        )  # fmt: skip
+            "fig. 5-9 against table 2-1",
+            f"range of the force, {what}",
+            "≤3",
+            float(np.ptp(force)),
+            "N",
+            "films buckle below 0 N (section 3.1) and deform permanently beyond 3 N: no bias helps",
+            erratum=32,
+        )
     yield Erratum(
-        32, "fig. 5-9", "forces of an actuator that is used in tension only and takes about 3 N",
+        32,
+        "fig. 5-9",
+        "forces of an actuator that is used in tension only and takes about 3 N",
         f"passive ±{np.abs(passive[1]).max():.1f} N, active {low:.1f} to {high:.1f} N: {pushing(passive[1]):.0f} % "
         f"of the one path and {pushing(active[1]):.0f} % of the other are compression; no bias brings ranges of "
-        f"{np.ptp(passive[1]):.1f} and {np.ptp(active[1]):.1f} N between 0 and 3 N".replace("-", "−"), _TEST,
-    )  # fmt: skip
+        f"{np.ptp(passive[1]):.1f} and {np.ptp(active[1]):.1f} N between 0 and 3 N".replace(
+            "-", "−"
+        ),
+        _TEST,
+    )
     gap = float(as_printed[1][-1])
     yield Claim(
-        "fig. 5-9 against section 5.1", "force after one gait, less that at its start", "0.0", gap, "N",
-        f"{PRINTED_RATE:g} rad/s is {PRINTED_RATE / (2 * pi):.2f} periods in 1 s; a loop needs whole ones", erratum=33,
+        "fig. 5-9 against section 5.1",
+        "force after one gait, less that at its start",
+        "0.0",
+        gap,
+        "N",
+        f"{PRINTED_RATE:g} rad/s is {PRINTED_RATE / (2 * pi):.2f} periods in 1 s; a loop needs whole ones",
+        erratum=33,
         inferred=True,
-    )  # fmt: skip
+    )
     yield Erratum(
-        33, "fig. 5-9 against section 5.1", "a work loop; those of a repeated motion must be closed",
+        33,
+        "fig. 5-9 against section 5.1",
+        "a work loop; those of a repeated motion must be closed",
         f"{PRINTED_RATE:g} rad/s is {PRINTED_RATE / (2 * pi):.2f} periods of the gait (A4: "
         f"{PROGRAM_RATE / (2 * pi):.2f}): the path ends {abs(gap):.2f} N ({abs(active[1][-1]):.2f} N) below its "
-        "start, and its area is no energy per cycle", _TEST,
-    )  # fmt: skip
+        "start, and its area is no energy per cycle",
+        _TEST,
+    )
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -195,8 +269,18 @@ def _maxwell() -> Figure:
     flow = np.concatenate([[0.0], np.cumsum(force[:-1] * np.diff(time))]) / muscle.damping
     figure, (upper, lower) = pictures.panels(2, "Loads from 0.5 N to 2.75 N")
     upper.step(time, force, where="post", color=_BLUE)
-    lower.plot(time, 1e3 * run(time, {"force": force})["displacement"], color=_GREY, label="four elements, fig. 3-9")
-    lower.plot(time, 1e3 * (force / muscle.instantaneous_stiffness + flow), color=_BLUE, label="two elements, fig. 5-7")
+    lower.plot(
+        time,
+        1e3 * run(time, {"force": force})["displacement"],
+        color=_GREY,
+        label="four elements, fig. 3-9",
+    )
+    lower.plot(
+        time,
+        1e3 * (force / muscle.instantaneous_stiffness + flow),
+        color=_BLUE,
+        label="two elements, fig. 5-7",
+    )
     lower.legend(fontsize=8)
     pictures.label(upper, "force", "N")
     pictures.label(lower, "displacement", "mm")

@@ -25,13 +25,27 @@ from tests.support import hosts
 from tests.support.pace import slow_but
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
-QUICK = slow_but(COMPONENTS, *(name for name in COMPONENTS if name != "foot_dynamic"))  # whose laws in Python take long
+QUICK = slow_but(
+    COMPONENTS, *(name for name in COMPONENTS if name != "foot_dynamic")
+)  # whose laws in Python take long
 OPTIONS = ("-std=c99 -O2", "-O0", "-O3")
 FORCED, LENGTH_DRIVEN = "ppy_actuator", "ppy_actuator_length_driven"
 SECOND_INPUT = {FORCED: "force", LENGTH_DRIVEN: "length_change"}
 OUTPUTS = {
-    FORCED: ("voltage", "charge", "electrochemical_displacement", "mechanical_displacement", "displacement"),
-    LENGTH_DRIVEN: ("voltage", "charge", "electrochemical_displacement", "mechanical_displacement", "tension"),
+    FORCED: (
+        "voltage",
+        "charge",
+        "electrochemical_displacement",
+        "mechanical_displacement",
+        "displacement",
+    ),
+    LENGTH_DRIVEN: (
+        "voltage",
+        "charge",
+        "electrochemical_displacement",
+        "mechanical_displacement",
+        "tension",
+    ),
 }
 # Thesis table 3-1 (mean of the 12-layer sets) and fig. 3-9, typed in here once more: no number is taken from the model.
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
@@ -68,7 +82,8 @@ def moves(name: str, n: int, seed: int) -> tuple[np.ndarray, Signals]:
     random = np.random.default_rng(seed)
     steps = component(name).experiment[1] * 10.0 ** random.uniform(-2.0, 0.5, n - 1)
     return points(steps), {
-        signal: value * random.uniform(-1.0, 1.5, n) for signal, value in SUBJECTS[name].inputs.items()
+        signal: value * random.uniform(-1.0, 1.5, n)
+        for signal, value in SUBJECTS[name].inputs.items()
     }
 
 
@@ -101,7 +116,9 @@ def long_runs(fmu) -> Callable[[str, int], tuple[np.ndarray, Signals, dict[str, 
             inputs = stimulus(name, count + 1, seed=8)
             if name == LENGTH_DRIVEN:
                 inputs["length_change"] += creep(points(steps), 2.0)
-            results = {runtime: run(fmu(name, runtime), points(steps), inputs) for runtime in RUNTIMES}
+            results = {
+                runtime: run(fmu(name, runtime), points(steps), inputs) for runtime in RUNTIMES
+            }
             done[name, count] = steps, inputs, results
         return done[name, count]
 
@@ -131,8 +148,15 @@ def test_length_driven_run_was_taut_and_slack(long_runs, count):
 
 @actuators_only
 def test_builds_agree_away_from_the_defaults(fmu, name):
-    parameters = {"R1": 1.32, "C": 0.46, "alpha": -2e-4, "b2": 1e3, "k2": 4e3, "charge_start": 0.3,
-                  "kelvin_elongation_start": 1e-4}  # fmt: skip
+    parameters = {
+        "R1": 1.32,
+        "C": 0.46,
+        "alpha": -2e-4,
+        "b2": 1e3,
+        "k2": 4e3,
+        "charge_start": 0.3,
+        "kelvin_elongation_start": 1e-4,
+    }
     steps = 10.0 ** np.random.default_rng(5).uniform(-4.0, 2.0, 3000)
     inputs = stimulus(name, 3001, seed=6)
     results = [run(fmu(name, runtime), points(steps), inputs, **parameters) for runtime in RUNTIMES]
@@ -172,7 +196,11 @@ def outputs_of(name: str, states: np.ndarray, inputs: Signals) -> Signals:
     current, second = inputs["current"], inputs[SECOND_INPUT[name]]
     # Kirchhoff: v = R2 (i - j), j through R1 and C with v = R1 j + Q / C
     through = (R2 * current - charge / C) / (R1 + R2)
-    found = {"charge": charge, "voltage": R2 * (current - through), "electrochemical_displacement": ALPHA * charge}
+    found = {
+        "charge": charge,
+        "voltage": R2 * (current - through),
+        "electrochemical_displacement": ALPHA * charge,
+    }
     if name == FORCED:
         found["mechanical_displacement"] = kelvin + maxwell + second / K1
         found["displacement"] = ALPHA * charge + kelvin + maxwell + second / K1
@@ -224,12 +252,18 @@ def sampled(transfer: control.TransferFunction, time: np.ndarray, held: np.ndarr
     return control.forced_response(discrete, time, held).outputs
 
 
-def transfers() -> tuple[control.TransferFunction, control.TransferFunction, list[control.TransferFunction]]:
+def transfers() -> tuple[
+    control.TransferFunction, control.TransferFunction, list[control.TransferFunction]
+]:
     """Impedance (eq. 3.9), charge per current, and the parts of the compliance (eqs. 3.1-3.3), as printed."""
     denominator = [C * (R1 + R2), 1.0]
     impedance = control.tf([R1 * R2 * C, R2], denominator)
     charge = control.tf([R2 * C], denominator)
-    compliance = [control.tf([1.0 / K1], [1.0]), control.tf([1.0 / B1], [1.0, 0.0]), control.tf([1.0], [B2, K2])]
+    compliance = [
+        control.tf([1.0 / K1], [1.0]),
+        control.tf([1.0 / B1], [1.0, 0.0]),
+        control.tf([1.0], [B2, K2]),
+    ]
     return impedance, charge, compliance
 
 
@@ -241,10 +275,14 @@ def test_force_driven_follows_its_transfer_functions(fmu, runtime):
     expected: Signals = {
         "voltage": sampled(impedance, time, inputs["current"]),
         "charge": sampled(charge, time, inputs["current"]),
-        "mechanical_displacement": np.sum([sampled(part, time, inputs["force"]) for part in compliance], axis=0),
+        "mechanical_displacement": np.sum(
+            [sampled(part, time, inputs["force"]) for part in compliance], axis=0
+        ),
     }
     expected["electrochemical_displacement"] = ALPHA * expected["charge"]
-    expected["displacement"] = expected["electrochemical_displacement"] + expected["mechanical_displacement"]
+    expected["displacement"] = (
+        expected["electrochemical_displacement"] + expected["mechanical_displacement"]
+    )
     for output in OUTPUTS[FORCED]:
         assert deviation(found[output], expected[output]) < 1e-7, output
 
@@ -256,7 +294,9 @@ def test_length_driven_follows_its_transfer_functions_while_taut(fmu, runtime):
     found = run(fmu(LENGTH_DRIVEN, runtime), time, inputs)
     impedance, charge, _ = transfers()
     # stiffness of the chain: 1 / (1/k1 + 1/(b1 s) + 1/(b2 s + k2)), cleared of fractions by hand
-    stiffness = control.tf([K1 * B1 * B2, K1 * B1 * K2, 0.0], [B1 * B2, B1 * K2 + K1 * (B1 + B2), K1 * K2])
+    stiffness = control.tf(
+        [K1 * B1 * B2, K1 * B1 * K2, 0.0], [B1 * B2, B1 * K2 + K1 * (B1 + B2), K1 * K2]
+    )
     expected: Signals = {
         "voltage": sampled(impedance, time, inputs["current"]),
         "charge": sampled(charge, time, inputs["current"]),
@@ -264,7 +304,9 @@ def test_length_driven_follows_its_transfer_functions_while_taut(fmu, runtime):
         - ALPHA * sampled(stiffness * charge, time, inputs["current"]),
     }
     expected["electrochemical_displacement"] = ALPHA * expected["charge"]
-    expected["mechanical_displacement"] = inputs["length_change"] - expected["electrochemical_displacement"]
+    expected["mechanical_displacement"] = (
+        inputs["length_change"] - expected["electrochemical_displacement"]
+    )
     assert expected["tension"].min() > 0.0
     for output in OUTPUTS[LENGTH_DRIVEN]:
         assert deviation(found[output], expected[output]) < 1e-7, output
@@ -283,7 +325,9 @@ def test_both_builds_run_in_real_masters(fmu, name, runtime, master):
     expected = hosts.run_fmpy(
         fmu(name, runtime), time, inputs, reals(name), SUBJECTS[name].parameters, feedthrough=False
     )
-    found = getattr(hosts, master)(fmu(name, runtime), time, inputs, reals(name), SUBJECTS[name].parameters)
+    found = getattr(hosts, master)(
+        fmu(name, runtime), time, inputs, reals(name), SUBJECTS[name].parameters
+    )
     for output in reals(name):
         assert deviation(found[output][1:], expected[output][1:]) < 1e-9, output
 
@@ -292,7 +336,9 @@ def test_both_builds_run_in_real_masters(fmu, name, runtime, master):
 def test_native_build_runs_in_a_host_without_python(fmu, name):
     time, inputs = moves(name, 201, seed=23)
     environment = {"PPY_LIBPYTHON": "/nowhere/libpython3.so", "PYTHONHOME": "/nowhere"}
-    found = hosts.run_c_host(fmu(name, "native"), time, inputs, reals(name), environment=environment)
+    found = hosts.run_c_host(
+        fmu(name, "native"), time, inputs, reals(name), environment=environment
+    )
     expected = run(fmu(name, "native"), time, inputs)
     for output in reals(name):
         assert np.array_equal(found[output], expected[output]), output
@@ -300,7 +346,9 @@ def test_native_build_runs_in_a_host_without_python(fmu, name):
 
 def python_library() -> str:
     """Shared library of this Python, as ``PPY_LIBPYTHON`` wants it."""
-    path = Path(sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("LDLIBRARY") or "")
+    path = Path(
+        sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("LDLIBRARY") or ""
+    )
     if path.suffix == ".a" or not path.is_file():
         pytest.skip("this Python has no shared library")
     return str(path)
@@ -311,7 +359,9 @@ def python_library() -> str:
 def test_python_build_brings_python_into_a_host_without(fmu, name):
     time, inputs = moves(name, 81, seed=24)
     environment = {"PPY_LIBPYTHON": python_library()}
-    found = hosts.run_c_host(fmu(name, "python"), time, inputs, reals(name), environment=environment)
+    found = hosts.run_c_host(
+        fmu(name, "python"), time, inputs, reals(name), environment=environment
+    )
     expected = run(fmu(name, "python"), time, inputs)
     for output in reals(name):
         assert np.array_equal(found[output], expected[output]), output
@@ -324,7 +374,13 @@ def test_python_build_brings_python_into_a_host_without(fmu, name):
 )
 def test_python_build_without_python_says_what_to_do(fmu, library, complaint):
     with pytest.raises(hosts.HostError) as caught:
-        hosts.run_c_host(fmu(FORCED, "python"), [0.0, 0.1], {}, ["charge"], environment={"PPY_LIBPYTHON": library})
+        hosts.run_c_host(
+            fmu(FORCED, "python"),
+            [0.0, 0.1],
+            {},
+            ["charge"],
+            environment={"PPY_LIBPYTHON": library},
+        )
     assert caught.value.returncode == 3, "no clean refusal by fmi2Instantiate"
     message = caught.value.output.splitlines()[0]
     assert "no Python: PPY_LIBPYTHON" in message
@@ -337,7 +393,9 @@ def test_python_build_left_alone_in_a_host_runs_or_refuses(fmu):
     # Which of the two depends on the machine: is there a libpython where the dynamic linker looks?
     output = ""
     try:
-        hosts.run_c_host(fmu(FORCED, "python"), [0.0, 0.1], {}, ["charge"], environment={"PPY_LIBPYTHON": ""})
+        hosts.run_c_host(
+            fmu(FORCED, "python"), [0.0, 0.1], {}, ["charge"], environment={"PPY_LIBPYTHON": ""}
+        )
         returncode = 0
     except hosts.HostError as error:
         returncode, output = error.returncode, error.output
@@ -366,7 +424,16 @@ def test_sources_compile_alone_and_give_the_same_results(fmu, name, tmp_path, op
                 (folder / member.removeprefix("sources/")).write_bytes(archive.read(member))
         description = ElementTree.fromstring(archive.read("modelDescription.xml"))
     files = [node.attrib["name"] for node in description.iterfind("CoSimulation/SourceFiles/File")]
-    command = [hosts.compiler(), *options.split(), "-fPIC", "-shared", *files, "-o", "library.so", "-lm"]
+    command = [
+        hosts.compiler(),
+        *options.split(),
+        "-fPIC",
+        "-shared",
+        *files,
+        "-o",
+        "library.so",
+        "-lm",
+    ]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
     time, inputs = moves(name, 1001, seed=32)
     again = tmp_path / "again.fmu"
@@ -379,7 +446,9 @@ def test_sources_compile_alone_and_give_the_same_results(fmu, name, tmp_path, op
 def swap_binary(source: Path, target: Path, library: bytes) -> None:
     with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
         for entry in old.infolist():
-            new.writestr(entry, library if entry.filename.startswith("binaries/") else old.read(entry))
+            new.writestr(
+                entry, library if entry.filename.startswith("binaries/") else old.read(entry)
+            )
 
 
 def test_numbers_of_the_thesis_are_the_defaults():
@@ -387,5 +456,12 @@ def test_numbers_of_the_thesis_are_the_defaults():
     cls = component(FORCED)
     defaults = {parameter.name: parameter.start for parameter in cls.layout.parameters}
     assert {n: defaults[n] for n in ("R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2")} == {
-        "R1": R1, "R2": R2, "C": C, "alpha": ALPHA, "k1": K1, "b1": B1, "k2": K2, "b2": B2,
-    }  # fmt: skip
+        "R1": R1,
+        "R2": R2,
+        "C": C,
+        "alpha": ALPHA,
+        "k1": K1,
+        "b1": B1,
+        "k2": K2,
+        "b2": B2,
+    }

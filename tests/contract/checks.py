@@ -58,7 +58,9 @@ def a_state_may_be_restored_anywhere(archive: Path) -> None:
             go(one, schedule(library, 1, STEPS))
             moves, state, time = schedule(library, 2, STEPS), one.save(), one.time
             first = go(one, moves)
-            assert continuation(other, state, time, moves) == first, "into an instance that was never initialized"
+            assert continuation(other, state, time, moves) == first, (
+                "into an instance that was never initialized"
+            )
             for spoil in ("fmi2Terminate", "fmi2Reset"):
                 other.do(spoil)
                 assert continuation(other, state, time, moves) == first
@@ -107,7 +109,10 @@ def ranges(archive) -> list[tuple[str, str, float, float]]:
     found = []
     for v in fmpy.read_model_description(str(archive), validate=False).modelVariables:
         if v.causality == "parameter" and (v.min is not None or v.max is not None):
-            low, high = (math.inf * sign if text is None else float(text) for text, sign in ((v.min, -1), (v.max, 1)))
+            low, high = (
+                math.inf * sign if text is None else float(text)
+                for text, sign in ((v.min, -1), (v.max, 1))
+            )
             found.append((v.name, "" if v.unit in (None, "1") else f" {told(v.unit)}", low, high))
     return found
 

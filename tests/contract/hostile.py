@@ -50,7 +50,9 @@ def infinite_input(one, subject):
 @case
 def one_bad_value_among_good_ones(one, subject):
     before = one.get(subject.first)
-    status = one.call("fmi2SetReal", one.references([subject.first, subject.second]), 2, doubles(3.0, NAN))
+    status = one.call(
+        "fmi2SetReal", one.references([subject.first, subject.second]), 2, doubles(3.0, NAN)
+    )
     assert one.get(subject.first) == before, "nothing is written unless everything is valid"
     return [status]
 
@@ -58,7 +60,9 @@ def one_bad_value_among_good_ones(one, subject):
 @case
 def setting_an_output(one, subject):
     calculated = [
-        n for n, c in one.library.causality.items() if c in ("output", "local") and one.variables[n][1] == "Real"
+        n
+        for n, c in one.library.causality.items()
+        if c in ("output", "local") and one.variables[n][1] == "Real"
     ]
     return [put(one, name, 1.0) for name in (subject.output, *calculated)]
 
@@ -106,7 +110,10 @@ def wrong_type(one, subject):
 @case
 def text_variables(one, subject):
     cell = (ctypes.c_char_p * 1)(b"text")
-    return [one.call("fmi2GetString", references(0), 1, cell), one.call("fmi2SetString", references(0), 1, cell)]
+    return [
+        one.call("fmi2GetString", references(0), 1, cell),
+        one.call("fmi2SetString", references(0), 1, cell),
+    ]
 
 
 @case
@@ -150,7 +157,10 @@ def invisibly_small_step(one, subject):
 
 @case
 def step_from_another_time(one, subject):
-    return [one.call("fmi2DoStep", one.time + 77.0, 0.1, 1), one.call("fmi2DoStep", one.time - 0.05, 0.1, 1)]
+    return [
+        one.call("fmi2DoStep", one.time + 77.0, 0.1, 1),
+        one.call("fmi2DoStep", one.time - 0.05, 0.1, 1),
+    ]
 
 
 @case
@@ -270,9 +280,14 @@ def broken_serialized_state(one, subject):
     block = one.serialize(state)
     statuses = []
     for spoiled in (
-        block[:-1], block + b"\0", bytes(len(block)), b"\xff" * len(block), b"",
-        block[:100] + bytes([block[100] ^ 1]) + block[101:], bytes([block[0] ^ 1]) + block[1:],
-    ):  # fmt: skip
+        block[:-1],
+        block + b"\0",
+        bytes(len(block)),
+        b"\xff" * len(block),
+        b"",
+        block[:100] + bytes([block[100] ^ 1]) + block[101:],
+        bytes([block[0] ^ 1]) + block[1:],
+    ):
         target = c_void_p()
         statuses.append(one.call("fmi2DeSerializeFMUstate", spoiled, len(spoiled), byref(target)))
         assert not target.value
@@ -287,7 +302,11 @@ def broken_serialized_state(one, subject):
 
 @case
 def wrong_directions(one, subject):
-    output, fed, cell = one.references([subject.output]), one.references([subject.first]), doubles(0.0)
+    output, fed, cell = (
+        one.references([subject.output]),
+        one.references([subject.first]),
+        doubles(0.0),
+    )
     return [
         one.call("fmi2GetDirectionalDerivative", *arguments)
         for arguments in (
@@ -324,7 +343,15 @@ def wrong_slopes(one, subject):
 
 @case
 def slopes_of_outputs(one, subject):
-    return [one.call("fmi2GetRealOutputDerivatives", one.references([subject.output]), 1, integers(1), doubles(0.0))]
+    return [
+        one.call(
+            "fmi2GetRealOutputDerivatives",
+            one.references([subject.output]),
+            1,
+            integers(1),
+            doubles(0.0),
+        )
+    ]
 
 
 # --- creating -------------------------------------------------------------------------------------------------------
@@ -408,10 +435,15 @@ def call_without_an_instance(fmu: str) -> dict[str, int]:
         statuses = {}
         for name, function in vars(library.dll).items():
             if name.startswith("fmi2") and name not in (
-                "fmi2Instantiate", "fmi2FreeInstance", "fmi2GetVersion", "fmi2GetTypesPlatform",
-            ):  # fmt: skip
+                "fmi2Instantiate",
+                "fmi2FreeInstance",
+                "fmi2GetVersion",
+                "fmi2GetTypesPlatform",
+            ):
                 print(name, flush=True)
-                statuses[name] = function(None, *(arguments[kind] for kind in function.argtypes[1:]))
+                statuses[name] = function(
+                    None, *(arguments[kind] for kind in function.argtypes[1:])
+                )
         library.dll.fmi2FreeInstance(None)
     return statuses
 
@@ -475,9 +507,14 @@ def meet_a_bug(fmu: str) -> dict[str, Any]:
         after = dict(zip(one.variables, one.everything(), strict=True))
         statuses["terminate"] = one.call("fmi2Terminate")
         return {
-            "statuses": statuses, "message": text, "at start": at_start, "same": before == after,
-            "charge kept": kept[0] == before["charge"], "time": time.value, "levels": one.levels,
-        }  # fmt: skip
+            "statuses": statuses,
+            "message": text,
+            "at start": at_start,
+            "same": before == after,
+            "charge kept": kept[0] == before["charge"],
+            "time": time.value,
+            "levels": one.levels,
+        }
 
 
 def run_away(fmu: str) -> tuple[int, str, float]:

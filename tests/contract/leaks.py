@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 
-from tests.contract.raw import ERROR, Instance, Library, allocated, fast_stepper, instance, resident, unzipped
+from tests.contract.raw import (
+    ERROR,
+    Instance,
+    Library,
+    allocated,
+    fast_stepper,
+    instance,
+    resident,
+    unzipped,
+)
 from tests.contract.subjects import Subject
 
 WARM_UP = 100  # cycles or steps before memory is counted

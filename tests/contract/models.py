@@ -21,11 +21,35 @@ class Sampler(Component):
 
     x = State("1", rate="x_rate", start=0.25, output=True, doc="first-order lag of the input")
 
-    instant = Discrete("s", update="now", period="period", output=True, doc="time of the latest sample")
-    count = Discrete("1", update="one_more", period="period", output=True, type="integer", doc="samples times step")
-    last = Discrete("1", update="sample", period="period", output=True, doc="state at the latest sample")
-    total = Discrete("1", update="accumulate", period=0.025, output=True, doc="sum of the samples of the fast group")
-    high = Discrete("1", update="compare", period=0.025, output=True, type="boolean", doc="state above the last sample")
+    instant = Discrete(
+        "s", update="now", period="period", output=True, doc="time of the latest sample"
+    )
+    count = Discrete(
+        "1",
+        update="one_more",
+        period="period",
+        output=True,
+        type="integer",
+        doc="samples times step",
+    )
+    last = Discrete(
+        "1", update="sample", period="period", output=True, doc="state at the latest sample"
+    )
+    total = Discrete(
+        "1",
+        update="accumulate",
+        period=0.025,
+        output=True,
+        doc="sum of the samples of the fast group",
+    )
+    high = Discrete(
+        "1",
+        update="compare",
+        period=0.025,
+        output=True,
+        type="boolean",
+        doc="state above the last sample",
+    )
 
     def x_rate(self):
         return self.rate * (self.u - self.x)
@@ -61,7 +85,9 @@ class Oscillator(Component):
     growth = Input("1/s", doc="gain of the runaway")
     position = State("1", rate="position_rate", start=1.0, output=True, doc="position")
     velocity = State("1", rate="velocity_rate", output=True, doc="velocity over angular frequency")
-    runaway = State("1", rate="runaway_rate", start=1.0, output=True, doc="reaches infinity in finite time")
+    runaway = State(
+        "1", rate="runaway_rate", start=1.0, output=True, doc="reaches infinity in finite time"
+    )
 
     def position_rate(self):
         return self.speed * self.velocity

@@ -11,8 +11,18 @@ from scipy.linalg import expm
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
 K1, B1, K2, B2 = 6300.0, 1.7e6, 1.0e4, 2.0e6
 OUTPUTS = {
-    "ppy_actuator": ("voltage", "electrochemical_displacement", "mechanical_displacement", "displacement"),
-    "ppy_actuator_length_driven": ("voltage", "electrochemical_displacement", "tension", "mechanical_displacement"),
+    "ppy_actuator": (
+        "voltage",
+        "electrochemical_displacement",
+        "mechanical_displacement",
+        "displacement",
+    ),
+    "ppy_actuator_length_driven": (
+        "voltage",
+        "electrochemical_displacement",
+        "tension",
+        "mechanical_displacement",
+    ),
 }
 # What is typical of each output, for relative comparisons
 SCALE = {

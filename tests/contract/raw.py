@@ -41,10 +41,17 @@ _EXCHANGE: dict[str, list[Any]] = {
     "fmi2NewDiscreteStates": [c_void_p],
     "fmi2CompletedIntegratorStep": [c_int, c_void_p, c_void_p],
     "fmi2SetTime": [c_double],
-    **{f"fmi2{name}": [c_void_p, c_size_t]
-       for name in ("SetContinuousStates", "GetContinuousStates", "GetNominalsOfContinuousStates", "GetDerivatives",
-                    "GetEventIndicators")},
-}  # fmt: skip
+    **{
+        f"fmi2{name}": [c_void_p, c_size_t]
+        for name in (
+            "SetContinuousStates",
+            "GetContinuousStates",
+            "GetNominalsOfContinuousStates",
+            "GetDerivatives",
+            "GetEventIndicators",
+        )
+    },
+}
 _SIGNATURES: dict[str, list[Any]] = {
     "fmi2SetDebugLogging": [c_int, c_size_t, c_void_p],
     "fmi2SetupExperiment": [c_int, c_double, c_double, c_int, c_double],
@@ -63,10 +70,16 @@ _SIGNATURES: dict[str, list[Any]] = {
     "fmi2SerializedFMUstateSize": [c_void_p, c_void_p],
     "fmi2SerializeFMUstate": [c_void_p, c_void_p, c_size_t],
     "fmi2DeSerializeFMUstate": [c_void_p, c_size_t, c_void_p],
-    **{f"fmi2{verb}{kind}": [c_void_p, c_size_t, c_void_p] for verb in ("Get", "Set")
-       for kind in ("Real", "Integer", "Boolean", "String")},
-    **{f"fmi2Get{kind}Status": [c_int, c_void_p] for kind in ("", "Real", "Integer", "Boolean", "String")},
-}  # fmt: skip
+    **{
+        f"fmi2{verb}{kind}": [c_void_p, c_size_t, c_void_p]
+        for verb in ("Get", "Set")
+        for kind in ("Real", "Integer", "Boolean", "String")
+    },
+    **{
+        f"fmi2Get{kind}Status": [c_int, c_void_p]
+        for kind in ("", "Real", "Integer", "Boolean", "String")
+    },
+}
 
 
 @contextlib.contextmanager
@@ -94,14 +107,25 @@ class Library:
         description = ElementTree.parse(folder / "modelDescription.xml").getroot()
         self.guid = description.attrib["guid"]
         self.variables = {
-            v.attrib["name"]: (int(v.attrib["valueReference"]), v[0].tag) for v in description.iter("ScalarVariable")
+            v.attrib["name"]: (int(v.attrib["valueReference"]), v[0].tag)
+            for v in description.iter("ScalarVariable")
         }
-        self.causality = {v.attrib["name"]: v.attrib["causality"] for v in description.iter("ScalarVariable")}
+        self.causality = {
+            v.attrib["name"]: v.attrib["causality"] for v in description.iter("ScalarVariable")
+        }
         self.step = float(description.find("DefaultExperiment").attrib["stepSize"])  # type: ignore[union-attr]
         identifier = description.find("CoSimulation").attrib["modelIdentifier"]  # type: ignore[union-attr]
         platform, extension = BINARY[sys.platform]
         self.dll = ctypes.CDLL(str(folder / "binaries" / platform / (identifier + extension)))
-        self.dll.fmi2Instantiate.argtypes = [c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int]
+        self.dll.fmi2Instantiate.argtypes = [
+            c_char_p,
+            c_int,
+            c_char_p,
+            c_char_p,
+            c_void_p,
+            c_int,
+            c_int,
+        ]
         self.dll.fmi2Instantiate.restype = c_void_p
         self.dll.fmi2FreeInstance.argtypes = [c_void_p]
         self.dll.fmi2FreeInstance.restype = None
@@ -135,13 +159,26 @@ class Instance:
         self.time = 0.0
         self._callbacks = _Callbacks(logger=_Logger(self._log))
         self.callbacks = byref(self._callbacks)
-        given = {"kind": 1, "guid": library.guid.encode(), "resources": library.resources, "logging": 0}
+        given = {
+            "kind": 1,
+            "guid": library.guid.encode(),
+            "resources": library.resources,
+            "logging": 0,
+        }
         given |= {"callbacks": self.callbacks} | replaced
         self.component = self.dll.fmi2Instantiate(
-            name, given["kind"], given["guid"], given["resources"], given["callbacks"], 0, given["logging"]
+            name,
+            given["kind"],
+            given["guid"],
+            given["resources"],
+            given["callbacks"],
+            0,
+            given["logging"],
         )
 
-    def _log(self, environment: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
+    def _log(
+        self, environment: Any, name: bytes, status: int, category: bytes, message: bytes
+    ) -> None:
         self.messages.append(message.decode().replace("%%", "%"))
         self.levels.append(status)
         self.categories.append(category.decode())
@@ -167,7 +204,9 @@ class Instance:
         status = self.call(function, *arguments)
         assert status == OK, f"{function} returned {status}: {self.messages}"
 
-    def initialize(self, parameters: Mapping[str, float] | None = None, start: float = 0.0) -> Instance:
+    def initialize(
+        self, parameters: Mapping[str, float] | None = None, start: float = 0.0
+    ) -> Instance:
         """Go through initialization; inputs may be among the parameters."""
         self.do("fmi2SetupExperiment", 0, 0.0, start, 0, 0.0)
         self.time = start
@@ -176,7 +215,9 @@ class Instance:
         self.do("fmi2ExitInitializationMode")
         return self
 
-    def transfer(self, verb: str, names: Sequence[str], values: Sequence[float] | None = None) -> list[float]:
+    def transfer(
+        self, verb: str, names: Sequence[str], values: Sequence[float] | None = None
+    ) -> list[float]:
         result = []
         for i, name in enumerate(names):
             reference, kind = self.variables[name]
@@ -224,12 +265,19 @@ class Instance:
         self.do("fmi2DeSerializeFMUstate", block, len(block), byref(state))
         return state
 
-    def tangent(self, unknowns: Sequence[str], knowns: Sequence[str], seeds: Sequence[float]) -> list[float]:
+    def tangent(
+        self, unknowns: Sequence[str], knowns: Sequence[str], seeds: Sequence[float]
+    ) -> list[float]:
         result = (c_double * len(unknowns))()
         self.do(
-            "fmi2GetDirectionalDerivative", self.references(unknowns), len(unknowns), self.references(knowns),
-            len(knowns), doubles(*seeds), result,
-        )  # fmt: skip
+            "fmi2GetDirectionalDerivative",
+            self.references(unknowns),
+            len(unknowns),
+            self.references(knowns),
+            len(knowns),
+            doubles(*seeds),
+            result,
+        )
         return list(result)
 
     def references(self, names: Sequence[str]) -> Any:
@@ -275,10 +323,14 @@ def allocated() -> int:
     ask = ctypes.CDLL(None).mallinfo2
     ask.restype = _Mallinfo
     info = ask()
-    return int(info.uordblks + info.hblkhd) + 16 * sys.getallocatedblocks()  # the smallest block of Python
+    return (
+        int(info.uordblks + info.hblkhd) + 16 * sys.getallocatedblocks()
+    )  # the smallest block of Python
 
 
-def fast_stepper(one: Instance, name: str, value: float, output: str) -> Callable[[int, float], None]:
+def fast_stepper(
+    one: Instance, name: str, value: float, output: str
+) -> Callable[[int, float], None]:
     """Return a function that makes many set-step-get cycles, with nothing allocated in between."""
     component, dll = one.component, one.dll
     fed, read, cell = one.references([name]), one.references([output]), doubles(value)

@@ -9,7 +9,10 @@ import numpy as np
 from tests.contract.raw import Instance, Library
 
 Moves = list[tuple[float, dict[str, float]]]
-FOOT_LOADS = [f"{actuator}_tension" for actuator in ("an", "po", "do", "pl")] + ["toe_force_x", "toe_force_y"]
+FOOT_LOADS = [f"{actuator}_tension" for actuator in ("an", "po", "do", "pl")] + [
+    "toe_force_x",
+    "toe_force_y",
+]
 
 
 def schedule(library: Library, seed: int, count: int) -> Moves:
@@ -20,7 +23,9 @@ def schedule(library: Library, seed: int, count: int) -> Moves:
     moves = []
     for _ in range(count):
         values = {n: float(sizes.get(n, 1.0) * rng.uniform(-1, 1)) for n in inputs}
-        values |= {n: float(abs(values[n]) > 0.2) for n in inputs if library.variables[n][1] == "Boolean"}
+        values |= {
+            n: float(abs(values[n]) > 0.2) for n in inputs if library.variables[n][1] == "Boolean"
+        }
         moves.append((float(library.step * 10 ** rng.uniform(-2, 1.3)), values))
     return moves
 

@@ -35,8 +35,15 @@ def random_point(rng: np.random.Generator, description) -> dict[str, float]:
             values[v.name] = float(rng.integers(2))
             continue
         start, nominal = float(v.start), float(v.nominal or 1.0)
-        near = start * rng.uniform(0.8, 1.2) if start else nominal * rng.uniform(0.2, 2.0) * rng.choice(SIZES)
-        low, high = (fallback if text is None else float(text) for text, fallback in ((v.min, near), (v.max, near)))
+        near = (
+            start * rng.uniform(0.8, 1.2)
+            if start
+            else nominal * rng.uniform(0.2, 2.0) * rng.choice(SIZES)
+        )
+        low, high = (
+            fallback if text is None else float(text)
+            for text, fallback in ((v.min, near), (v.max, near))
+        )
         values[v.name] = float(round(near) if v.type == "Integer" else min(max(near, low), high))
     if "length_change" in values:
         values["length_change"] = rng.uniform(2e-3, 3e-3) * rng.choice([-1.0, 1.0])
@@ -56,7 +63,9 @@ def effective_dependencies(
         before = evaluate(library, point, unknowns)
         for known, variable in knowns.items():
             after = evaluate(library, point | {variable: other[variable]}, unknowns)
-            for name, differs in zip(unknowns, np.abs(after - before) > 1e-12 * np.abs(before), strict=True):
+            for name, differs in zip(
+                unknowns, np.abs(after - before) > 1e-12 * np.abs(before), strict=True
+            ):
                 if differs:
                     moved[name].add(known)
     return moved
@@ -96,4 +105,6 @@ def every_unknown_is_listed(archive: Path) -> None:
     states = [v.derivative.name for v in description.modelVariables if v.derivative is not None]
     assert list(declared(description.outputs)) == outputs
     assert list(declared(description.derivatives)) == derivatives
-    assert sorted(declared(description.initialUnknowns)) == sorted({*outputs, *derivatives, *states})
+    assert sorted(declared(description.initialUnknowns)) == sorted(
+        {*outputs, *derivatives, *states}
+    )

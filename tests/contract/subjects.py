@@ -117,7 +117,9 @@ SUBJECTS = {
         {"initial_voltage_limit": 1.2, "R1_start": 0.4, "forgetting_time": 100.0},
         "current A voltage V R1 Ohm R2 Ohm C F impedance Ohm impedance_change 1 voltage_limit V estimate_valid -",
     ),
-    "foot": Subject({"po_tension": 1.0, "ankle_angle": 0.1}, "toe_x", {"l1": 0.052, "k_an": 8000.0}, _FOOT),
+    "foot": Subject(
+        {"po_tension": 1.0, "ankle_angle": 0.1}, "toe_x", {"l1": 0.052, "k_an": 8000.0}, _FOOT
+    ),
     "foot_dynamic": Subject(
         {"po_tension": 0.1, "toe_force_y": 0.1},
         "toe_x",

@@ -14,24 +14,43 @@ from tests.contract.subjects import actuators_only
 # Exponents of SI base units, worked out by hand: C = A s, V = W/A, Ohm = V/A, F = C/V, H = V s/A, N = kg m/s^2.
 AMPERE, METRE, SECOND, KILOGRAM, RADIAN = ({unit: 1} for unit in ("A", "m", "s", "kg", "rad"))
 BASE = {
-    "1": {}, "A": AMPERE, "m": METRE, "s": SECOND, "kg": KILOGRAM, "rad": RADIAN, "C": {"A": 1, "s": 1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "Ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "F": {"kg": -1, "m": -2, "s": 4, "A": 2}, "Hz": {"s": -1}, "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
+    "1": {},
+    "A": AMPERE,
+    "m": METRE,
+    "s": SECOND,
+    "kg": KILOGRAM,
+    "rad": RADIAN,
+    "C": {"A": 1, "s": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "Ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
+    "Hz": {"s": -1},
+    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "N": {"kg": 1, "m": 1, "s": -2},
-}  # fmt: skip
+}
 # Display value = factor * value in the unit
 DISPLAY = {
-    ("m", "mm"): 1e3, ("m/C", "mm/C"): 1e3, ("A", "mA"): 1e3, ("V", "mV"): 1e3, ("s", "us"): 1e6, ("1", "%"): 1e2,
-    ("rad", "deg"): 180.0 / math.pi, ("m/N", "mm/N"): 1e3, ("s", "ms"): 1e3,
-    ("m/s", "mm/s"): 1e3, ("rad/s", "deg/s"): 180.0 / math.pi,
-}  # fmt: skip
+    ("m", "mm"): 1e3,
+    ("m/C", "mm/C"): 1e3,
+    ("A", "mA"): 1e3,
+    ("V", "mV"): 1e3,
+    ("s", "us"): 1e6,
+    ("1", "%"): 1e2,
+    ("rad", "deg"): 180.0 / math.pi,
+    ("m/N", "mm/N"): 1e3,
+    ("s", "ms"): 1e3,
+    ("m/s", "mm/s"): 1e3,
+    ("rad/s", "deg/s"): 180.0 / math.pi,
+}
 POSITIVE = {
-    "ppy_actuator": "R2 C k1 b1 k2 b2", "ppy_actuator_length_driven": "R2 C k1 b1 k2 b2",
+    "ppy_actuator": "R2 C k1 b1 k2 b2",
+    "ppy_actuator_length_driven": "R2 C k1 b1 k2 b2",
     "galvanostat": "current_limit compliance_voltage protection_period control_period",
     "voice_coil_dma": "R L m force_cutoff position_cutoff sample_period",
     "degradation_estimator": "sample_period forgetting_time remaining_weight initial_covariance",
-    "foot": "l1 l2 l3 k_an b_an r_po", "foot_dynamic": "l1 l2 l3 k_an b_an r_po ankle_inertia tm_inertia mtp_inertia",
-}  # fmt: skip
+    "foot": "l1 l2 l3 k_an b_an r_po",
+    "foot_dynamic": "l1 l2 l3 k_an b_an r_po ankle_inertia tm_inertia mtp_inertia",
+}
 
 
 def exponents(unit: str) -> dict[str, int]:
@@ -59,7 +78,11 @@ def root(archive):
 
 
 def reals(root) -> dict[str, ElementTree.Element]:
-    return {v.attrib["name"]: v.find("Real") for v in root.iter("ScalarVariable") if v.find("Real") is not None}
+    return {
+        v.attrib["name"]: v.find("Real")
+        for v in root.iter("ScalarVariable")
+        if v.find("Real") is not None
+    }
 
 
 def test_units_are_defined_by_their_si_exponents(root):
@@ -75,12 +98,19 @@ def test_units_are_defined_by_their_si_exponents(root):
 
 def test_display_units_convert_rightly(root):
     found = {
-        (unit.attrib["name"], d.attrib["name"]): (float(d.attrib["factor"]), float(d.attrib.get("offset", 0)))
+        (unit.attrib["name"], d.attrib["name"]): (
+            float(d.attrib["factor"]),
+            float(d.attrib.get("offset", 0)),
+        )
         for unit in root.iter("Unit")
         for d in unit.iter("DisplayUnit")
     }
     assert found == {pair: (pytest.approx(DISPLAY[pair], rel=1e-15), 0.0) for pair in found}
-    used = {(r.attrib["unit"], r.attrib["displayUnit"]) for r in reals(root).values() if "displayUnit" in r.attrib}
+    used = {
+        (r.attrib["unit"], r.attrib["displayUnit"])
+        for r in reals(root).values()
+        if "displayUnit" in r.attrib
+    }
     assert used == set(found)
 
 
@@ -107,21 +137,34 @@ def test_types_are_defined_and_agree_with_their_variables(root):
         assert kind.attrib["unit"] == real.attrib["unit"], name
         assert kind.attrib.get("displayUnit") == real.attrib.get("displayUnit"), name
     assert declared == set(types)
-    assert not [name for name in types if re.search(r"\s", name)], "Modelica tools make identifiers of them"
+    assert not [name for name in types if re.search(r"\s", name)], (
+        "Modelica tools make identifiers of them"
+    )
 
 
 def test_physical_parameters_have_ranges_around_their_default(root, name):
     for variable, real in reals(root).items():
-        low, high = (float(real.attrib.get(key, fallback)) for key, fallback in (("min", -math.inf), ("max", math.inf)))
+        low, high = (
+            float(real.attrib.get(key, fallback))
+            for key, fallback in (("min", -math.inf), ("max", math.inf))
+        )
         if "start" in real.attrib:
             assert low <= float(real.attrib["start"]) <= high, variable
     for parameter in POSITIVE[name].split():
         assert (
-            0.0 < float(reals(root)[parameter].attrib["min"]) < float(reals(root)[parameter].attrib["max"]) < math.inf
+            0.0
+            < float(reals(root)[parameter].attrib["min"])
+            < float(reals(root)[parameter].attrib["max"])
+            < math.inf
         )
 
 
 @actuators_only
 def test_small_quantities_have_a_nominal_value(root):
-    for name in ("kelvin_elongation", "maxwell_elongation", "mechanical_displacement", "electrochemical_displacement"):
+    for name in (
+        "kelvin_elongation",
+        "maxwell_elongation",
+        "mechanical_displacement",
+        "electrochemical_displacement",
+    ):
         assert float(reals(root)[name].attrib["nominal"]) == 1e-4

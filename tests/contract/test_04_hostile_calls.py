@@ -110,19 +110,26 @@ def test_refused_instance(archive, name, runtime, case):
 def test_null_instance(archive, runtime):
     returncode, statuses = hosts.in_subprocess(hostile.call_without_an_instance, str(archive))
     assert returncode == 0, statuses
-    assert len(statuses) == {"python": 30, "native": 40}[runtime], "model exchange has ten of its own"
+    assert len(statuses) == {"python": 30, "native": 40}[runtime], (
+        "model exchange has ten of its own"
+    )
     assert {name: s for name, s in statuses.items() if s != ERROR} == {}
 
 
 @each_front_end
 def test_host_without_a_logger(archive, name):
-    assert hosts.in_subprocess(hostile.without_a_logger, str(archive), SUBJECTS[name].first) == (0, [ERROR, ERROR])
+    assert hosts.in_subprocess(hostile.without_a_logger, str(archive), SUBJECTS[name].first) == (
+        0,
+        [ERROR, ERROR],
+    )
 
 
 @each_front_end
 def test_state_of_another_fmu(fmu, name, runtime):
     other = {"python": "native", "native": "python"}[runtime]
-    returncode, answer = hosts.in_subprocess(hostile.foreign_state, str(fmu(name, runtime)), str(fmu(name, other)))
+    returncode, answer = hosts.in_subprocess(
+        hostile.foreign_state, str(fmu(name, runtime)), str(fmu(name, other))
+    )
     assert returncode == 0, answer
     statuses, messages = answer
     assert statuses == [ERROR, ERROR]
@@ -138,9 +145,16 @@ def test_bug_in_a_law(built, name, runtime, effect):
     assert "Traceback" not in finished.output
     found = finished.result
     assert found["statuses"] == {
-        "step": ERROR, "step again": ERROR, "set": ERROR, "states": OK, "last time": OK, "reset": OK,
-        "initialize": ERROR, "reset again": OK, "terminate": OK,
-    }  # fmt: skip
+        "step": ERROR,
+        "step again": ERROR,
+        "set": ERROR,
+        "states": OK,
+        "last time": OK,
+        "reset": OK,
+        "initialize": ERROR,
+        "reset again": OK,
+        "terminate": OK,
+    }
     variable = {BrokenRate: "kelvin_elongation", BrokenOutput: "voltage"}[effect]
     for message in (found["message"], found["at start"]):
         assert "\n" not in message

@@ -13,7 +13,9 @@ from tests.contract.subjects import each_front_end
 
 
 @each_front_end
-@pytest.mark.parametrize("folder", ["plain", "with space", "größe äöü", "a+b#c", "100%", "%41", "quote'\"", "日本"])
+@pytest.mark.parametrize(
+    "folder", ["plain", "with space", "größe äöü", "a+b#c", "100%", "%41", "quote'\"", "日本"]
+)
 def test_folder_with_any_name(archive, tmp_path, folder):
     with unzipped(archive) as original:
         place = tmp_path / folder

@@ -32,10 +32,14 @@ def named(value: str | type) -> str:
 
 # Each component, and models that have discrete states or make the integrator change its step
 each_model = pytest.mark.parametrize(
-    ("kind", "runtime"), slow_but(KINDS, *((name, "native") for name in COMPONENTS), *TELLING, *BESIDE), ids=named
+    ("kind", "runtime"),
+    slow_but(KINDS, *((name, "native") for name in COMPONENTS), *TELLING, *BESIDE),
+    ids=named,
 )
 # The same where it is about what all states have in common
-each_kind = pytest.mark.parametrize(("kind", "runtime"), slow_but(KINDS, *TELLING, *BESIDE), ids=named)
+each_kind = pytest.mark.parametrize(
+    ("kind", "runtime"), slow_but(KINDS, *TELLING, *BESIDE), ids=named
+)
 
 
 @pytest.fixture
@@ -131,7 +135,9 @@ def resume(fmu: str, block: bytes, time: float, seed: int) -> bytes:
 
 @pytest.mark.parametrize(
     ("kind", "runtime"),
-    slow_but(KINDS, *((kind, runtime) for kind in ("ppy_actuator", Sampler) for runtime in RUNTIMES)),
+    slow_but(
+        KINDS, *((kind, runtime) for kind in ("ppy_actuator", Sampler) for runtime in RUNTIMES)
+    ),
     ids=named,
 )
 def test_a_serialized_state_goes_on_in_another_process(model):
@@ -175,7 +181,9 @@ def test_state_saved_before_the_simulation_starts(one, subject, mode):
         one.do("fmi2ExitInitializationMode")
         one.time = 0.0
         trails.append(go(one, schedule(one.library, 4, 5)))
-        assert one.call("fmi2DoStep", one.time, 200.0, 1) != OK, "the stop time is part of the state"
+        assert one.call("fmi2DoStep", one.time, 200.0, 1) != OK, (
+            "the stop time is part of the state"
+        )
     assert trails[0] == trails[1]
     one.forget(state)
 
@@ -183,7 +191,13 @@ def test_state_saved_before_the_simulation_starts(one, subject, mode):
 def test_slopes_of_inputs_are_part_of_the_state(fmu, name, subject):
     with instance(fmu(name, "native")) as one:
         one.initialize()
-        one.do("fmi2SetRealInputDerivatives", one.references([subject.first]), 1, integers(1), doubles(0.7))
+        one.do(
+            "fmi2SetRealInputDerivatives",
+            one.references([subject.first]),
+            1,
+            integers(1),
+            doubles(0.7),
+        )
         state, found = one.save(), []
         for _ in range(2):
             one.restore(state)
@@ -191,7 +205,13 @@ def test_slopes_of_inputs_are_part_of_the_state(fmu, name, subject):
             one.step(0.5)
             found.append(one.everything())
         one.restore(state)
-        one.do("fmi2SetRealInputDerivatives", one.references([subject.first]), 1, integers(1), doubles(0.0))
+        one.do(
+            "fmi2SetRealInputDerivatives",
+            one.references([subject.first]),
+            1,
+            integers(1),
+            doubles(0.0),
+        )
         one.time = 0.0
         one.step(0.5)
         found.append(one.everything())

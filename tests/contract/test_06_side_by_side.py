@@ -33,10 +33,15 @@ def interleaved(runs: list[tuple[str, int, dict[str, float]]]) -> list[bytes]:
     """Run all at once, step by step in turn; the same FMU may be there several times and is then loaded once."""
     with contextlib.ExitStack() as cleanup:
         libraries = {fmu: Library(cleanup.enter_context(unzipped(fmu))) for fmu, _, _ in runs}
-        ones = [cleanup.enter_context(Instance(libraries[fmu], f"i{k}".encode())) for k, (fmu, _, _) in enumerate(runs)]
+        ones = [
+            cleanup.enter_context(Instance(libraries[fmu], f"i{k}".encode()))
+            for k, (fmu, _, _) in enumerate(runs)
+        ]
         for one, (_, _, parameters) in zip(ones, runs, strict=True):
             one.initialize(parameters)
-        plans = [schedule(one.library, seed, STEPS) for one, (_, seed, _) in zip(ones, runs, strict=True)]
+        plans = [
+            schedule(one.library, seed, STEPS) for one, (_, seed, _) in zip(ones, runs, strict=True)
+        ]
         trails = [b""] * len(runs)
         for k in range(STEPS):
             for i, one in enumerate(ones):
@@ -44,7 +49,9 @@ def interleaved(runs: list[tuple[str, int, dict[str, float]]]) -> list[bytes]:
         return trails
 
 
-def together(runs: list[tuple[str, int, dict[str, float]]]) -> tuple[list[bytes], list[str], list[str]]:
+def together(
+    runs: list[tuple[str, int, dict[str, float]]],
+) -> tuple[list[bytes], list[str], list[str]]:
     """Interleaved, with what was changed in the Python of the host: names of new modules, new search paths."""
     modules, paths = set(sys.modules), list(sys.path)
     trails = interleaved(runs)
@@ -70,9 +77,13 @@ def test_all_fmus_in_one_process_run_as_each_alone(fmu, built):
     trails, modules, paths = answer
     assert trails == [hosts.in_subprocess(alone, file, seed)[1] for file, seed, _ in runs]
     assert not paths
-    assert not [m for m in modules if m.partition(".")[0] == "fmus" or m.startswith("tests.")], "modules of the host"
+    assert not [m for m in modules if m.partition(".")[0] == "fmus" or m.startswith("tests.")], (
+        "modules of the host"
+    )
     # each had a package of its own; of those whose instances are gone the last four are kept
-    assert len({m.partition(".")[0] for m in modules if m.startswith("_ppy_fmu_")}) == min(4, len(files) // 2)
+    assert len({m.partition(".")[0] for m in modules if m.startswith("_ppy_fmu_")}) == min(
+        4, len(files) // 2
+    )
 
 
 @actuators_only

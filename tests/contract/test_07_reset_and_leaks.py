@@ -90,6 +90,8 @@ def test_a_million_steps_make_no_process_grow(archive, name, subject, runtime):
 @pytest.mark.parametrize("name", slow_but(ACTUATORS, "ppy_actuator"))
 def test_states_and_errors_leak_nothing(archive, built, name, runtime):
     broken = built(stack(component(name), BrokenOutput), runtime)
-    returncode, grown = hosts.in_subprocess(leaks.grow_by_everything_else, str(archive), str(broken), CYCLES)
+    returncode, grown = hosts.in_subprocess(
+        leaks.grow_by_everything_else, str(archive), str(broken), CYCLES
+    )
     assert returncode == 0, grown
     assert grown < 0.5 * CYCLES * leaks.LEAST, f"{grown / CYCLES:.0f} bytes per cycle"

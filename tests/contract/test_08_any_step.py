@@ -16,9 +16,14 @@ from tests.contract.subjects import actuators_only, each_component
 
 # From a hundredth of what a controller would use to longer than any time constant but the slowest.
 SIZES = st.floats(-4.0, 1.5).map(lambda power: 10.0**power)
-MOVES = st.lists(st.tuples(SIZES, st.floats(-1.0, 1.0), st.floats(0.0, 1.0)), min_size=1, max_size=25)
+MOVES = st.lists(
+    st.tuples(SIZES, st.floats(-1.0, 1.0), st.floats(0.0, 1.0)), min_size=1, max_size=25
+)
 relaxed = settings(
-    max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=40,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 
@@ -32,7 +37,9 @@ def loads(name: str, shares: list[float]) -> np.ndarray:
 @given(moves=MOVES)
 def test_any_sequence_of_steps_follows_the_matrix_exponential(one, name, load, moves):
     steps = [size for size, _, _ in moves]
-    inputs = np.column_stack([[current for _, current, _ in moves], loads(name, [share for *_, share in moves])])
+    inputs = np.column_stack(
+        [[current for _, current, _ in moves], loads(name, [share for *_, share in moves])]
+    )
     expected = oracle.solve(name, steps, inputs)
     one.do("fmi2Reset")
     one.initialize()
@@ -65,7 +72,9 @@ def test_start_time_changes_nothing(one, name, load):
     one.do("fmi2Reset")
     one.initialize({"current": 0.9, load: 1e-3}, start=-1024.0)
     one.step(2.5)
-    assert one.get(*oracle.OUTPUTS[name]) == pytest.approx(expected, rel=1e-12), "but for the rounding of times"
+    assert one.get(*oracle.OUTPUTS[name]) == pytest.approx(expected, rel=1e-12), (
+        "but for the rounding of times"
+    )
 
 
 @each_component
@@ -130,7 +139,9 @@ def test_a_fast_oscillation_under_changing_steps(oscillating, moves):
         one.step(size)
         angle += speed * size
     found = one.get("position", "velocity")
-    assert found == pytest.approx([math.cos(angle), -math.sin(angle)], abs=1e-8 * (1.0 + 10.0 * angle))
+    assert found == pytest.approx(
+        [math.cos(angle), -math.sin(angle)], abs=1e-8 * (1.0 + 10.0 * angle)
+    )
 
 
 # --- samples --------------------------------------------------------------------------------------------------------
@@ -147,7 +158,9 @@ def lag(x: float, u: float, rate: float, time: float) -> float:
 
 @relaxed
 @given(
-    moves=st.lists(st.tuples(SIZES.map(lambda s: min(s, 3.0)), st.floats(-1.0, 1.0)), min_size=1, max_size=15),
+    moves=st.lists(
+        st.tuples(SIZES.map(lambda s: min(s, 3.0)), st.floats(-1.0, 1.0)), min_size=1, max_size=15
+    ),
     period=st.sampled_from([0.1, 0.25, 1.0 / 30.0, 0.7, math.pi / 10]),
     start=st.sampled_from([0.0, 5.0, -2.0]),
 )
@@ -173,9 +186,13 @@ def test_samples_fall_on_their_instants_whatever_the_steps(sampling, moves, peri
             if fast * 0.025 <= due + 1e-9 * 0.025:
                 total, fast = total + (x - 0.1 * total), fast + 1
         x, elapsed = lag(x, u, 3.0, end - elapsed), end
-        instant, count, found_x, last, found_total = one.get("instant", "count", "x", "last", "total")
+        instant, count, found_x, last, found_total = one.get(
+            "instant", "count", "x", "last", "total"
+        )
         assert count == 2 * slow == 2 * taken(end, period)
-        assert instant == pytest.approx(start + (slow - 1) * period, abs=1e-12 * (1.0 + abs(one.time)))
+        assert instant == pytest.approx(
+            start + (slow - 1) * period, abs=1e-12 * (1.0 + abs(one.time))
+        )
         assert [found_x, last, found_total] == pytest.approx([x, sampled, total], abs=1e-7)
     assert one.get("difference")[0] == pytest.approx(x - sampled, abs=1e-7)
 

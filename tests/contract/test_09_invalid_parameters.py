@@ -37,11 +37,18 @@ def test_the_bounds_themselves_are_allowed(archive, one, subject, runtime):
 @actuators_only
 @pytest.mark.parametrize(
     ("name_", "value", "range_"),
-    [("R1", -0.1, "[0, 1000000] ohm"), ("C", 0.0, "[1e-09, 1000000000] F"), ("k2", -5.0, "[1e-06, 1e+15] N/m")],
+    [
+        ("R1", -0.1, "[0, 1000000] ohm"),
+        ("C", 0.0, "[1e-09, 1000000000] F"),
+        ("k2", -5.0, "[1e-06, 1e+15] N/m"),
+    ],
 )
 def test_sentence_for_people(one, name_, value, range_):
     (message,) = refused(one, {name_: value})
-    assert message == f"parameter '{name_}' = {value:.10g} {range_.split()[-1]} is outside its range {range_}"
+    assert (
+        message
+        == f"parameter '{name_}' = {value:.10g} {range_.split()[-1]} is outside its range {range_}"
+    )
 
 
 @actuators_only

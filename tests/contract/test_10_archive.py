@@ -45,7 +45,9 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
-        self.outside += [v for k, v in attributes if k in ("src", "href") and v and not v.startswith("#")]
+        self.outside += [
+            v for k, v in attributes if k in ("src", "href") and v and not v.startswith("#")
+        ]
         if tag not in ("meta", "br", "img", "hr", "link"):
             self.open.append(tag)
 
@@ -64,7 +66,9 @@ def test_documentation_is_a_page_with_every_variable_and_the_readme(files, folde
     for line in (folder / "README.md").read_text().splitlines():
         if line.startswith("#"):
             assert line.strip("# ").replace("`", "") in page.words
-    assert not [link for link in page.outside if not link.startswith(("https://", "http://", "mailto:"))]
+    assert not [
+        link for link in page.outside if not link.startswith(("https://", "http://", "mailto:"))
+    ]
 
 
 def test_icon_is_a_small_square_picture(files):
@@ -124,7 +128,9 @@ def preset(files: dict[str, bytes], title: str) -> dict[str, float]:
     """Values of a preset's parameter file."""
     root = ElementTree.fromstring(files[f"resources/presets/{title}.ssv"])
     words = {"true": 1.0, "false": 0.0}
-    texts = {p.attrib["name"]: p[0].attrib["value"] for p in root.iter() if p.tag.endswith("}Parameter")}
+    texts = {
+        p.attrib["name"]: p[0].attrib["value"] for p in root.iter() if p.tag.endswith("}Parameter")
+    }
     return {name: words[text] if text in words else float(text) for name, text in texts.items()}
 
 
@@ -173,7 +179,9 @@ def test_layered_standard_files(files, folder, name):
     assert manifest.attrib[f"{namespace}fmi-ls-name"] == "org.fmi-standard.fmi-ls-ref"
     assert manifest.attrib[f"{namespace}fmi-ls-version"]
     assert manifest.attrib[f"{namespace}fmi-ls-description"]
-    (experiment,) = ElementTree.fromstring(files[f"{REFERENCES}/experiments.xml"]).iter("Experiment")
+    (experiment,) = ElementTree.fromstring(files[f"{REFERENCES}/experiments.xml"]).iter(
+        "Experiment"
+    )
     assert experiment.attrib["stopTime"] == options(folder, name)["StopTime"]
     assert experiment.attrib["stepSize"] == options(folder, name)["StepSize"]
     sources = [e.attrib["source"] for e in experiment]
@@ -199,4 +207,6 @@ def test_fmu_reproduces_the_reference_result(archive, files, name):
     for i, signal in enumerate(wanted[1:]):
         assert np.abs(found[signal] - expected[after, i + 1]).max() <= 1e-7 * scale[i], signal
         at_jumps = np.isin(times, expected[before, 0])
-        assert np.abs(left[signal][at_jumps] - expected[before, i + 1]).max() <= 1e-7 * scale[i], signal
+        assert np.abs(left[signal][at_jumps] - expected[before, i + 1]).max() <= 1e-7 * scale[i], (
+            signal
+        )

@@ -28,7 +28,9 @@ def native(fmu, name):
 def abilities(archive) -> dict[str, bool]:
     with zipfile.ZipFile(archive) as opened:
         node = ElementTree.fromstring(opened.read("modelDescription.xml")).find("CoSimulation")
-    return {key: value == "true" for key, value in node.attrib.items() if value in ("true", "false")}
+    return {
+        key: value == "true" for key, value in node.attrib.items() if value in ("true", "false")
+    }
 
 
 def test_declared_abilities(archive, runtime):
@@ -85,9 +87,14 @@ def test_derivatives_between_steps_are_the_matrices_of_the_model(native, name, l
     outputs, inputs = list(oracle.OUTPUTS[name]), ["current", load]
     rates = [f"der({state})" for state in STATES]
     for unknowns, knowns, expected in (
-        (rates, STATES, a), (rates, inputs, b), (outputs, STATES, c), (outputs, inputs, d),
-    ):  # fmt: skip
-        np.testing.assert_allclose(jacobian(native, unknowns, knowns), expected, rtol=1e-12, atol=1e-12)
+        (rates, STATES, a),
+        (rates, inputs, b),
+        (outputs, STATES, c),
+        (outputs, inputs, d),
+    ):
+        np.testing.assert_allclose(
+            jacobian(native, unknowns, knowns), expected, rtol=1e-12, atol=1e-12
+        )
 
 
 @actuators_only
@@ -108,7 +115,10 @@ def test_slack_actuator_does_not_answer_to_its_length(fmu):
 
 def test_derivatives_in_initialization_are_finite_differences(native, subject):
     """With respect to every parameter and input; the states follow their start parameters."""
-    causality, kinds = native.library.causality, {n: kind for n, (_, kind) in native.variables.items()}
+    causality, kinds = (
+        native.library.causality,
+        {n: kind for n, (_, kind) in native.variables.items()},
+    )
     reals = [n for n in causality if kinds[n] == "Real"]
     unknowns = [n for n in reals if causality[n] in ("output", "local")]
     knowns = [n for n in reals if causality[n] in ("parameter", "input")]
@@ -126,9 +136,13 @@ def test_derivatives_in_initialization_are_finite_differences(native, subject):
         minus = np.array(native.get(*unknowns))
         native.set({known: value})
         found = np.array(native.tangent(unknowns, [known], [1.0]))
-        size = (np.abs(plus) + np.abs(minus)) / (2.0 * abs(value))  # a derivative of this size would be proportionality
+        size = (np.abs(plus) + np.abs(minus)) / (
+            2.0 * abs(value)
+        )  # a derivative of this size would be proportionality
         np.testing.assert_array_less(
-            np.abs(found - (plus - minus) / (2.0 * h)), 1e-8 * size + 1e-7 * np.abs(found) + 1e-300, err_msg=known
+            np.abs(found - (plus - minus) / (2.0 * h)),
+            1e-8 * size + 1e-7 * np.abs(found) + 1e-300,
+            err_msg=known,
         )
 
 
@@ -160,18 +174,26 @@ def test_inputs_with_slopes_follow_the_ramp_response(native, name, load, size):
     native.initialize({"current": scale[0], load: scale[1]})
     for k in range(6):
         native.do(
-            "fmi2SetRealInputDerivatives", native.references(["current", load]), 2, integers(1, 1), doubles(*slopes)
+            "fmi2SetRealInputDerivatives",
+            native.references(["current", load]),
+            2,
+            integers(1, 1),
+            doubles(*slopes),
         )
         native.step(size)
         expected = ramp_response(name, (k + 1) * size, scale, slopes)
         assert native.get(*oracle.OUTPUTS[name]) == pytest.approx(expected, rel=1e-7)
-        assert native.get("current", load) == pytest.approx(scale + slopes * (k + 1) * size, rel=1e-12)
+        assert native.get("current", load) == pytest.approx(
+            scale + slopes * (k + 1) * size, rel=1e-12
+        )
 
 
 def test_slopes_hold_for_one_step_only(native, subject):
     native.initialize(subject.inputs)
     slope = doubles(0.5 * subject.inputs[subject.first])
-    native.do("fmi2SetRealInputDerivatives", native.references([subject.first]), 1, integers(1), slope)
+    native.do(
+        "fmi2SetRealInputDerivatives", native.references([subject.first]), 1, integers(1), slope
+    )
     native.step(0.1)
     native.step(0.1)
     assert native.get(subject.first) == [pytest.approx(1.05 * subject.inputs[subject.first])]
@@ -180,7 +202,9 @@ def test_slopes_hold_for_one_step_only(native, subject):
 @actuators_only
 def test_slope_of_one_input_leaves_the_other_alone(native, name, load):
     native.initialize({"current": 0.9, load: 1e-3})
-    native.do("fmi2SetRealInputDerivatives", native.references([load]), 1, integers(1), doubles(1e-3))
+    native.do(
+        "fmi2SetRealInputDerivatives", native.references([load]), 1, integers(1), doubles(1e-3)
+    )
     native.step(1.0)
     expected = ramp_response(name, 1.0, np.array([0.9, 1e-3]), np.array([0.0, 1e-3]))
     assert native.get(*oracle.OUTPUTS[name]) == pytest.approx(expected, rel=1e-7)
@@ -203,5 +227,7 @@ def test_other_models_declare_the_same(built, cls, runtime):
     assert abilities(built(cls, runtime))["canInterpolateInputs"] == native
     with instance(built(cls, runtime)) as one:
         one.initialize()
-        status = one.call("fmi2SetRealInputDerivatives", one.references(["u"]), 1, integers(1), doubles(1.0))
+        status = one.call(
+            "fmi2SetRealInputDerivatives", one.references(["u"]), 1, integers(1), doubles(1.0)
+        )
         assert status == (OK if native else ERROR)

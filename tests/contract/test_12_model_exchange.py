@@ -10,7 +10,19 @@ from ctypes import byref, c_double, c_int
 import pytest
 
 from fmus import component
-from fmus.kit import Component, Discrete, Input, Output, Parameter, State, absolute, maximum, sqrt, stack, where
+from fmus.kit import (
+    Component,
+    Discrete,
+    Input,
+    Output,
+    Parameter,
+    State,
+    absolute,
+    maximum,
+    sqrt,
+    stack,
+    where,
+)
 from tests.contract.models import BrokenRate, Sampler
 from tests.contract.raw import ERROR, Instance, Library, doubles, instance, integers, unzipped
 
@@ -54,7 +66,9 @@ class Clocked(Component):
 
     u = Input("1", start=4.0, doc="what is sampled")
     x = State("s**2", rate="since", output=True, doc="half of the time squared")
-    root = Discrete("1", update="rooted", period=0.5, output=True, doc="root of the input at the latest sample")
+    root = Discrete(
+        "1", update="rooted", period=0.5, output=True, doc="root of the input at the latest sample"
+    )
 
     def since(self):
         return self.time
@@ -70,8 +84,9 @@ class Clocked(Component):
 
 class _Event(ctypes.Structure):
     _fields_ = (
-        *((name, c_int) for name in ("needed", "terminate", "nominals", "values", "defined")), ("time", c_double),
-    )  # fmt: skip
+        *((name, c_int) for name in ("needed", "terminate", "nominals", "values", "defined")),
+        ("time", c_double),
+    )
 
 
 class Exchanged(Instance):
@@ -113,7 +128,9 @@ def exchanged(built):
 
 
 def test_rates_are_those_of_the_law(exchanged):
-    one = exchanged(component("ppy_actuator")).initialize({"R1": 0.5, "R2": 2.0, "C": 3.0, "current": 0.25})
+    one = exchanged(component("ppy_actuator")).initialize(
+        {"R1": 0.5, "R2": 2.0, "C": 3.0, "current": 0.25}
+    )
     one.event()
     one.do("fmi2EnterContinuousTimeMode")
     one.at(4.0, 1.5, 2e-5, 1e-5)
@@ -124,7 +141,9 @@ def test_rates_are_those_of_the_law(exchanged):
     assert one.array("GetNominalsOfContinuousStates", 3) == [1.0, 1e-4, 1e-4]
     assert one.get("voltage") == pytest.approx([0.5 * rate[0] + 0.5], rel=1e-14)
     assert one.get("der(charge)") == [rate[0]]
-    assert one.tangent(["der(charge)"], ["charge"], [1.0]) == pytest.approx([-1 / 3.0 / 2.5], rel=1e-14)
+    assert one.tangent(["der(charge)"], ["charge"], [1.0]) == pytest.approx(
+        [-1 / 3.0 / 2.5], rel=1e-14
+    )
     flags = c_int(7), c_int(7)
     one.do("fmi2CompletedIntegratorStep", 1, byref(flags[0]), byref(flags[1]))
     assert [flag.value for flag in flags] == [0, 0]
@@ -150,7 +169,9 @@ def test_a_sample_that_is_no_number_is_refused_and_told(exchanged):
 
 
 def test_samples_are_time_events_at_their_instants(exchanged):
-    one = exchanged(Sampler).initialize({"u": 1.0, "rate": 3.0, "period": 0.1, "step": 2}, start=5.0)
+    one = exchanged(Sampler).initialize(
+        {"u": 1.0, "rate": 3.0, "period": 0.1, "step": 2}, start=5.0
+    )
 
     def lag(time):
         return 1.0 - 0.75 * math.exp(-3.0 * (time - 5.0))
@@ -209,7 +230,9 @@ def test_indicators_change_sign_where_laws_switch_and_there_only(exchanged):
     for k in range(-100, 401):  # between the places, so that none is met exactly
         one.at(0.0, ramp := 0.01 * k + 0.005, 0.0, 0.0)
         signs = [z > 0.0 for z in one.array("GetEventIndicators", 3)]
-        places += [ramp - 0.005 for was, now in zip(before or signs, signs, strict=True) if was != now]
+        places += [
+            ramp - 0.005 for was, now in zip(before or signs, signs, strict=True) if was != now
+        ]
         before = signs
     assert places == pytest.approx([0.0, 1.0, 2.0], abs=1e-9)
 
@@ -257,36 +280,74 @@ def test_reset_begins_anew(exchanged):
 
 
 REFUSED = {
-    "a step": ("continuous", lambda o: o.call("fmi2DoStep", 0.0, 0.1, 1), "fmi2DoStep is not allowed in continuous-"),
+    "a step": (
+        "continuous",
+        lambda o: o.call("fmi2DoStep", 0.0, 0.1, 1),
+        "fmi2DoStep is not allowed in continuous-",
+    ),
     "samples between events": (
-        "continuous", lambda o: o.call("fmi2NewDiscreteStates", byref(_Event())), "not allowed in continuous-time mode",
+        "continuous",
+        lambda o: o.call("fmi2NewDiscreteStates", byref(_Event())),
+        "not allowed in continuous-time mode",
     ),
     "a completed step in an event": (
-        "event", lambda o: o.call("fmi2CompletedIntegratorStep", 1, byref(c_int()), byref(c_int())), "in event mode",
+        "event",
+        lambda o: o.call("fmi2CompletedIntegratorStep", 1, byref(c_int()), byref(c_int())),
+        "in event mode",
     ),
-    "time during initialization": ("init", lambda o: o.call("fmi2SetTime", 1.0), "not allowed during initialization"),
+    "time during initialization": (
+        "init",
+        lambda o: o.call("fmi2SetTime", 1.0),
+        "not allowed during initialization",
+    ),
     "a slope, which nothing would follow": (
-        "init", lambda o: o.call("fmi2SetRealInputDerivatives", o.references(["u"]), 1, integers(1), doubles(1.0)),
+        "init",
+        lambda o: o.call(
+            "fmi2SetRealInputDerivatives", o.references(["u"]), 1, integers(1), doubles(1.0)
+        ),
         "made for model exchange",
     ),
-    "time that is none": ("event", lambda o: o.call("fmi2SetTime", math.nan), "fmi2SetTime: -?nan is not a finite"),
+    "time that is none": (
+        "event",
+        lambda o: o.call("fmi2SetTime", math.nan),
+        "fmi2SetTime: -?nan is not a finite",
+    ),
     "too many states": (
-        "continuous", lambda o: o.call("fmi2SetContinuousStates", doubles(1, 2), 2), "2 elements, but there are 1",
+        "continuous",
+        lambda o: o.call("fmi2SetContinuousStates", doubles(1, 2), 2),
+        "2 elements, but there are 1",
     ),
     "no room for states": (
-        "continuous", lambda o: o.call("fmi2GetContinuousStates", None, 1), "array is NULL though it should have 1",
+        "continuous",
+        lambda o: o.call("fmi2GetContinuousStates", None, 1),
+        "array is NULL though it should have 1",
     ),
-    "too few rates": ("continuous", lambda o: o.call("fmi2GetDerivatives", None, 0), "0 elements, but there are 1"),
+    "too few rates": (
+        "continuous",
+        lambda o: o.call("fmi2GetDerivatives", None, 0),
+        "0 elements, but there are 1",
+    ),
     "too many indicators": (
-        "continuous", lambda o: o.call("fmi2GetEventIndicators", doubles(1, 2, 3), 3), "3 elements, but there are 0",
+        "continuous",
+        lambda o: o.call("fmi2GetEventIndicators", doubles(1, 2, 3), 3),
+        "3 elements, but there are 0",
     ),
-    "no event": ("event", lambda o: o.call("fmi2NewDiscreteStates", None), "the pointer to the event is NULL"),
-    "no flags": ("continuous", lambda o: o.call("fmi2CompletedIntegratorStep", 1, None, None), "a pointer is NULL"),
+    "no event": (
+        "event",
+        lambda o: o.call("fmi2NewDiscreteStates", None),
+        "the pointer to the event is NULL",
+    ),
+    "no flags": (
+        "continuous",
+        lambda o: o.call("fmi2CompletedIntegratorStep", 1, None, None),
+        "a pointer is NULL",
+    ),
     "a discrete input between events": (
-        "continuous", lambda o: o.call("fmi2SetBoolean", o.references(["enabled"]), 1, integers(0)),
+        "continuous",
+        lambda o: o.call("fmi2SetBoolean", o.references(["enabled"]), 1, integers(0)),
         "'enabled' is discrete and can be set in event mode only",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -324,7 +385,10 @@ def test_a_trial_that_goes_too_far_is_discarded_and_the_next_is_heard(exchanged)
     assert one.call("fmi2SetContinuousStates", doubles(math.nan, 0.0, 0.0), 3) == DISCARD
     one.set({"current": 6.0})  # where this law is broken
     assert one.call("fmi2GetDerivatives", doubles(0, 0, 0), 3) == DISCARD
-    assert one.call("fmi2GetReal", one.references(["der(kelvin_elongation)"]), 1, doubles(0.0)) == DISCARD
+    assert (
+        one.call("fmi2GetReal", one.references(["der(kelvin_elongation)"]), 1, doubles(0.0))
+        == DISCARD
+    )
     assert [message.partition(" at t = ")[0] for message in one.messages] == [
         "fmi2SetContinuousStates: 'charge' = nan is not a finite number",
         *["'der(kelvin_elongation)' is not a finite number"] * 2,
@@ -333,16 +397,22 @@ def test_a_trial_that_goes_too_far_is_discarded_and_the_next_is_heard(exchanged)
     assert one.array("GetDerivatives", 3) == before
 
 
-@pytest.mark.parametrize("function", ["GetDerivatives", "GetContinuousStates", "GetEventIndicators"])
+@pytest.mark.parametrize(
+    "function", ["GetDerivatives", "GetContinuousStates", "GetEventIndicators"]
+)
 def test_what_belongs_to_model_exchange_is_none_of_co_simulation(built, function):
     with instance(built(Sampler, "native")) as one:
         one.initialize()
         assert one.call(f"fmi2{function}", doubles(0.0), 1) == ERROR
-        assert one.messages == [f"fmi2{function}: this instance of sampler was made for co-simulation"]
+        assert one.messages == [
+            f"fmi2{function}: this instance of sampler was made for co-simulation"
+        ]
 
 
 def test_the_build_with_python_is_for_co_simulation_only(built):
     with unzipped(built(Sampler, "python")) as folder:
         one = Instance(Library(folder), kind=EXCHANGE)
         assert one.component is None
-        assert one.messages == ["fmi2Instantiate: sampler is made for co-simulation, not for type 0"]
+        assert one.messages == [
+            "fmi2Instantiate: sampler is made for co-simulation, not for type 0"
+        ]

@@ -85,13 +85,17 @@ def test_single_file(tmp_path, runtime, file):
 
 
 def test_functions_of_the_kit_by_their_full_name(tmp_path, runtime):
-    cls = load(write(tmp_path / "lag.py", "from fmus.kit.functions import exp", "return exp(self.x)"))
+    cls = load(
+        write(tmp_path / "lag.py", "from fmus.kit.functions import exp", "return exp(self.x)")
+    )
     assert run(cls, runtime, tmp_path) == pytest.approx(math.exp(0.5), rel=1e-8)
 
 
 def test_import_inside_a_law(tmp_path, runtime):
     law = "from fmus.kit import exp; return exp(self.x)"
-    assert run(load(write(tmp_path / "lag.py", law=law)), runtime, tmp_path) == pytest.approx(math.exp(0.5), rel=1e-8)
+    assert run(load(write(tmp_path / "lag.py", law=law)), runtime, tmp_path) == pytest.approx(
+        math.exp(0.5), rel=1e-8
+    )
 
 
 @pytest.mark.parametrize(
@@ -179,7 +183,9 @@ class Lag(Effect):
         (tmp_path / f"{name}.py").write_text(effect.format(id=name, factor=factor))
         effects.append(load(tmp_path / f"{name}.py"))
     assert effects[0].__name__ == effects[1].__name__
-    with instance(built(stack(component("ppy_actuator"), *effects, name=f"six_{next(_count)}"), runtime)) as one:
+    with instance(
+        built(stack(component("ppy_actuator"), *effects, name=f"six_{next(_count)}"), runtime)
+    ) as one:
         one.initialize({"current": 1.0})
         assert one.get("voltage")[0] == pytest.approx(6.0 * 0.43 * 2.35 / (0.43 + 2.35), rel=1e-12)
 
@@ -204,8 +210,14 @@ def test_archive_has_nothing_of_this_machine(tmp_path):
         ("import numpy as np", "lag.py, line 15: 'import numpy' cannot go into a Python FMU"),
         ("from numpy import exp", "lag.py, line 15: numpy cannot go into a Python FMU"),
         ("import fmus.kit", "lag.py, line 15: 'import fmus.kit' cannot go into a Python FMU"),
-        ("from fmus.kit import units", "lag.py, line 15: fmus.kit.units is not part of a Python FMU"),
-        ("from fmus.kit.units import convert", "lag.py, line 15: fmus.kit.units is not part of a Python FMU"),
+        (
+            "from fmus.kit import units",
+            "lag.py, line 15: fmus.kit.units is not part of a Python FMU",
+        ),
+        (
+            "from fmus.kit.units import convert",
+            "lag.py, line 15: fmus.kit.units is not part of a Python FMU",
+        ),
     ],
 )
 def test_what_cannot_come_along_is_told_with_its_line(tmp_path, imports, message):

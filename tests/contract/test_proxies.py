@@ -65,7 +65,11 @@ def test_the_interface_is_that_of_the_component_it_replaces(name, replaced):
 def test_the_bench_is_that_of_the_system():
     stands_in, system = component("rig_proxy_bench").layout, library.system("dma_bench")
     assert {v.name for v in stands_in.inputs} == set(system.inputs)
-    measured = {v.name for v in stands_in.measurable if not v.name.endswith(("_age", "_time", "_deadlines", "_state"))}
+    measured = {
+        v.name
+        for v in stands_in.measurable
+        if not v.name.endswith(("_age", "_time", "_deadlines", "_state"))
+    }
     assert measured == set(system.outputs)
 
 
@@ -105,9 +109,20 @@ def test_without_a_rig_initialization_fails_in_time_and_says_what_to_do(one):
 
 
 @pytest.mark.parametrize(
-    "endpoint", ["", "nonsense", "tcp://", "tcp://127.0.0.1", "tcp://127.0.0.1:", "tcp://127.0.0.1:99999",
-                 "tcp://:::::", "udp://127.0.0.1:5570", "tcp://127.0.0.1:1e3", "tcp://127.0.0.1:5570extra"],
-)  # fmt: skip
+    "endpoint",
+    [
+        "",
+        "nonsense",
+        "tcp://",
+        "tcp://127.0.0.1",
+        "tcp://127.0.0.1:",
+        "tcp://127.0.0.1:99999",
+        "tcp://:::::",
+        "udp://127.0.0.1:5570",
+        "tcp://127.0.0.1:1e3",
+        "tcp://127.0.0.1:5570extra",
+    ],
+)
 def test_an_endpoint_that_is_none_is_named(one, endpoint):
     assert set_text(one, "endpoint", endpoint) == OK
     one.set({"communication_timeout": 0.2})
@@ -178,9 +193,11 @@ def test_the_state_is_declared_unsupported_and_refused(proxy, one):
 
 def test_two_proxies_in_one_process_each_see_their_own_rig(fmu, runtime):
     with (
-        actuator_rig() as first, actuator_rig() as second,
-        instance(fmu("rig_proxy", runtime)) as one, instance(fmu("rig_proxy", runtime)) as other,
-    ):  # fmt: skip
+        actuator_rig() as first,
+        actuator_rig() as second,
+        instance(fmu("rig_proxy", runtime)) as one,
+        instance(fmu("rig_proxy", runtime)) as other,
+    ):
         connected(one, first), connected(other, second)
         for k in range(1, 6):
             one.set({"current": 0.1 * k})
@@ -245,7 +262,9 @@ def grow_by_sessions(archive: str, sessions: int, steps: int) -> tuple[int, int]
 
 @linux_only
 def test_sessions_and_steps_leak_nothing(fmu, runtime):
-    returncode, grown = hosts.in_subprocess(grow_by_sessions, str(fmu("rig_proxy", runtime)), 100, 6000)
+    returncode, grown = hosts.in_subprocess(
+        grow_by_sessions, str(fmu("rig_proxy", runtime)), 100, 6000
+    )
     assert returncode == 0, grown
     by_sessions, by_steps = grown
     assert by_sessions < 0.5 * 2**20, f"{by_sessions / 100:.0f} bytes per session"
@@ -277,7 +296,11 @@ def test_any_step_ends_at_its_time_on_the_rigs_clock(one, sizes):
         ({"on_stale": "perhaps"}, {}, r"'on_stale' = '?perhaps'?.*hold.*fail"),
         ({}, {"deadline": 2.0}, r"'deadline' = 2 s.*communication_timeout"),
         ({}, {"max_age": 0.0}, r"'max_age' = 0 s is outside its range"),
-        ({}, {"communication_timeout": 1e3}, r"'communication_timeout' = 1000 s is outside its range"),
+        (
+            {},
+            {"communication_timeout": 1e3},
+            r"'communication_timeout' = 1000 s is outside its range",
+        ),
     ],
 )
 def test_invalid_parameters_are_refused(one, texts, values, said):
@@ -302,4 +325,6 @@ def test_the_archive_tells_what_it_is_and_what_it_needs(proxy, runtime):
     packed = [name for name in files if name.startswith("resources/python/")]
     assert bool(packed) == (runtime == "python")
     for name in packed:
-        assert not re.search(rb"^\s*(import|from) (numpy|casadi|pint|orchestration)", files[name], re.M), name
+        assert not re.search(
+            rb"^\s*(import|from) (numpy|casadi|pint|orchestration)", files[name], re.M
+        ), name

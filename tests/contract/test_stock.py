@@ -34,7 +34,9 @@ from tests.contract.subjects import SUBJECTS, TELLING_NAMES
 from tests.support import hosts, source
 from tests.support.pace import slow_but
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="the hosts of the tests run on Linux"
+)
 pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
 
 ALL = [*COMPONENTS, "Sampler", "Oscillator"]
@@ -73,8 +75,15 @@ def works(function: Callable, *arguments):
 def stimulus(name: str, n: int = 120) -> tuple[np.ndarray, dict, list[str]]:
     """Equal steps, inputs that jump at every one, and the real outputs."""
     random, cls = np.random.default_rng(3), component(name)
-    inputs = {signal: value * random.uniform(-1.0, 1.5, n) for signal, value in SUBJECTS[name].inputs.items()}
-    return cls.experiment[1] * np.arange(n), inputs, [v.name for v in cls.layout.measurable if v.type == "real"]
+    inputs = {
+        signal: value * random.uniform(-1.0, 1.5, n)
+        for signal, value in SUBJECTS[name].inputs.items()
+    }
+    return (
+        cls.experiment[1] * np.arange(n),
+        inputs,
+        [v.name for v in cls.layout.measurable if v.type == "real"],
+    )
 
 
 def close(found, wanted, outputs):
@@ -90,7 +99,11 @@ def test_the_numbers_are_those_of_the_native_build_in_fmpy(stock, fmu, name, cha
     """Also with other parameters, more accuracy than the component's own, and outputs read before inputs are set."""
     times, inputs, outputs = stimulus(name)
     times = np.cumsum(np.random.default_rng(4).choice([0.3, 1.0, 2.7], times.size)) * times[1]
-    given = {"parameters": dict(SUBJECTS[name].parameters), "tolerance": 1e-11, "feedthrough": False} if changed else {}
+    given = (
+        {"parameters": dict(SUBJECTS[name].parameters), "tolerance": 1e-11, "feedthrough": False}
+        if changed
+        else {}
+    )
     run = functools.partial(hosts.run_fmpy, times=times, inputs=inputs, outputs=outputs, **given)
     close(works(run_with, str(stock(name)), run.keywords), run(fmu(name, "native")), outputs)
 
@@ -102,7 +115,11 @@ def run_with(archive: str, given: dict) -> dict:
 @pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
 def test_the_numbers_are_those_of_the_native_build_in_libcosim(stock, fmu, name):
     times, inputs, outputs = stimulus(name)
-    real = {n: v for n, v in inputs.items() if {i.name: i.type for i in component(name).layout.inputs}[n] == "real"}
+    real = {
+        n: v
+        for n, v in inputs.items()
+        if {i.name: i.type for i in component(name).layout.inputs}[n] == "real"
+    }
     found = hosts.run_libcosim(stock(name), times, real, outputs, clean_exit=False)
     wanted = hosts.run_libcosim(fmu(name, "native"), times, real, outputs)
     assert np.isnan(found[outputs[0]][0])
@@ -197,7 +214,9 @@ def watched(archive: Path) -> list[float]:
 def test_outputs_follow_a_step_and_a_restored_state_by_themselves(tmp_path):
     (tmp_path / "clock.py").write_text(CLOCK)
     archive = tmp_path / "clock.fmu"
-    archive.write_bytes(kit.build(find_class(f"{tmp_path / 'clock.py'}:Clock"), "pythonfmu", ["linux64"]))
+    archive.write_bytes(
+        kit.build(find_class(f"{tmp_path / 'clock.py'}:Clock"), "pythonfmu", ["linux64"])
+    )
     assert works(watched, archive) == [0.0, 0.5, 0.75, 0.5]
 
 
@@ -205,7 +224,11 @@ def beside(first: Path, second: Path) -> list[bytes]:
     """What an instance gives alone, after a reset, and while one of another FMU and one of the same are beside it."""
     with unzipped(first) as here, unzipped(second) as there:
         library, other = Library(here), Library(there)
-        with Instance(library) as one, Instance(library, b"twin") as twin, Instance(other, b"other") as stranger:
+        with (
+            Instance(library) as one,
+            Instance(library, b"twin") as twin,
+            Instance(other, b"other") as stranger,
+        ):
             results = []
             moves = schedule(library, 1, checks.STEPS)
             one.initialize()
@@ -223,7 +246,9 @@ def beside(first: Path, second: Path) -> list[bytes]:
             return results
 
 
-@pytest.mark.parametrize(("name", "second"), [("ppy_actuator", "galvanostat"), ("degradation_estimator", "Sampler")])
+@pytest.mark.parametrize(
+    ("name", "second"), [("ppy_actuator", "galvanostat"), ("degradation_estimator", "Sampler")]
+)
 def test_instances_and_fmus_do_not_see_each_other_and_a_reset_is_a_fresh_start(stock, name, second):
     alone, among = works(beside, stock(name), stock(second))
     assert alone == among
@@ -265,7 +290,9 @@ def printed(archive: Path) -> None:
 
 def test_a_bug_in_a_law_is_fatal_and_told_with_its_per_cents(tmp_path):
     archive = tmp_path / "broken.fmu"
-    archive.write_bytes(kit.build(stack(component("ppy_actuator"), BrokenRate), "pythonfmu", ["linux64"]))
+    archive.write_bytes(
+        kit.build(stack(component("ppy_actuator"), BrokenRate), "pythonfmu", ["linux64"])
+    )
     status, messages = works(broken, archive)
     assert status == FATAL
     assert "ValueError: 100 % broken, %s %n" in " ".join(messages)
@@ -319,12 +346,16 @@ def test_without_pythonfmu_it_is_said_what_to_install(monkeypatch):
 def test_a_builder_that_fails_is_told_in_a_line(monkeypatch):
     failed = SimpleNamespace(returncode=1, stderr="Traceback\nValueError: no such thing\n")
     monkeypatch.setattr(subprocess, "run", lambda *args, **kwargs: failed)
-    with pytest.raises(UserError, match=r"^pythonfmu failed for ppy_actuator: ValueError: no such thing$"):
+    with pytest.raises(
+        UserError, match=r"^pythonfmu failed for ppy_actuator: ValueError: no such thing$"
+    ):
         kit.build(component("ppy_actuator"), "pythonfmu")
 
 
 def test_what_is_not_promised_stands_in_the_how_to():
-    page = " ".join((source.ROOT / "docs" / "how-to" / "other-tools.md").read_text(encoding="utf-8").split())
+    page = " ".join(
+        (source.ROOT / "docs" / "how-to" / "other-tools.md").read_text(encoding="utf-8").split()
+    )
     for limit in LIMITS:
         assert limit in page
 

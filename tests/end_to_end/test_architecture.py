@@ -53,7 +53,9 @@ Path("trace.json").write_text(json.dumps(list(entered)))
 @pytest.mark.parametrize("file", FILES)
 def test_a_picture_is_up_to_date(file: str) -> None:
     """`python docs/draw_architecture.py` brings it there."""
-    assert (drawing.PICTURES / file).read_text(encoding="utf-8") == drawing.svg(drawing.plans()[file])
+    assert (drawing.PICTURES / file).read_text(encoding="utf-8") == drawing.svg(
+        drawing.plans()[file]
+    )
 
 
 def test_every_picture_is_there() -> None:
@@ -63,7 +65,11 @@ def test_every_picture_is_there() -> None:
 def test_every_room_is_described() -> None:
     rows = re.findall(r"^\| (`.*`) \|", PAGE, re.M)
     described = [name for row in rows for name in re.findall(r"`([\w/]+)`", row)]
-    rooms = {path.parent for top in ("fmus", "orchestration") for path in (drawing.ROOT / top).glob("*/__init__.py")}
+    rooms = {
+        path.parent
+        for top in ("fmus", "orchestration")
+        for path in (drawing.ROOT / top).glob("*/__init__.py")
+    }
     assert sorted(described) == sorted(path.relative_to(drawing.ROOT).as_posix() for path in rooms)
 
 
@@ -74,7 +80,9 @@ def ambiguous_record(path: Path) -> None:
     force = np.full(time.size, 0.5)
     hidden = partial(DoubleLayer, transfer_resistance=0.1, layer_time=0.4)
     rig = EmulatedRig(RigParameters(), 1, NOISE["voltage"], NOISE["displacement"], hidden=hidden)
-    write_record(path, time, {"current": current, "force": force} | rig.run(time, current, force), UNITS)
+    write_record(
+        path, time, {"current": current, "force": force} | rig.run(time, current, force), UNITS
+    )
 
 
 def test_a_record_goes_the_way_that_is_told(tmp_path: Path) -> None:
@@ -83,13 +91,19 @@ def test_a_record_goes_the_way_that_is_told(tmp_path: Path) -> None:
     command += ["--report", "report.html", "--experiment", "next.toml"]
     arguments = json.dumps([WAY, str(drawing.ROOT / "orchestration"), command])
     done = subprocess.run(
-        [sys.executable, "-c", TRACE, arguments], cwd=tmp_path, capture_output=True, text=True, encoding="utf-8",
+        [sys.executable, "-c", TRACE, arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
         timeout=240,
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "next.toml").exists()
     files = json.loads((tmp_path / "trace.json").read_text())
-    entered = [".".join(Path(file).relative_to(drawing.ROOT).with_suffix("").parts) for file in files]
+    entered = [
+        ".".join(Path(file).relative_to(drawing.ROOT).with_suffix("").parts) for file in files
+    ]
     assert [module for module in entered if module in WAY] == WAY
     inside = "orchestration.discrepancy."
     assert [module for module in entered if module.startswith(inside) and module not in WAY] == []

@@ -38,7 +38,9 @@ def folder(tmp_path):
 def spoil(folder, change):
     """Rewrite the record by a function of its lines."""
     path = folder / "record.csv"
-    path.write_text("\n".join(change(path.read_text(encoding="utf-8").splitlines())) + "\n", encoding="utf-8")
+    path.write_text(
+        "\n".join(change(path.read_text(encoding="utf-8").splitlines())) + "\n", encoding="utf-8"
+    )
 
 
 def with_cell(lines, row, column, text):
@@ -112,7 +114,13 @@ def test_a_step_longer_than_the_simulation_is_one_step(folder):
 @pytest.mark.parametrize("stop", ["-1", "0", "nan", "50"])
 def test_a_stop_time_outside_the_record(folder, stop):
     arguments = ["--input", "record.csv", "--stop", stop, "--out", "out.csv"]
-    refused(folder, "simulate", "ppy_actuator", *arguments, parts=[f"--stop {stop} s", "from 0 s to 19.9 s"])
+    refused(
+        folder,
+        "simulate",
+        "ppy_actuator",
+        *arguments,
+        parts=[f"--stop {stop} s", "from 0 s to 19.9 s"],
+    )
 
 
 # --- names of models --------------------------------------------------------------------------------------------------
@@ -129,7 +137,10 @@ def test_a_stop_time_outside_the_record(folder, stop):
         (["check", "nothere.fmu"], ["nothere.fmu"]),
         (["check", "."], ["."]),
         (["check", "record.csv"], ["record.csv", "zip"]),
-        (["build", "ppy_actuator", "--platforms", "linux32"], ["'linux32'", "linux64, win64, darwin64"]),
+        (
+            ["build", "ppy_actuator", "--platforms", "linux32"],
+            ["'linux32'", "linux64, win64, darwin64"],
+        ),
         (["build", "ppy_actuator", "--runtime", "fortran"], ["'fortran'", "python, native"]),
         (["fly"], ["No such command 'fly'", "ppy --help"]),
     ],
@@ -142,18 +153,39 @@ def test_names_of_nothing(folder, arguments, parts):
 @pytest.mark.parametrize(
     ("edit", "parts"),
     [
-        (lambda n, c: (n.replace(f"/{HERE}/", "/win32/"), c), [f"no binary for {HERE}", "it has win32"]),
-        (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')), ["FMI version 3.0", "knows FMI 2.0"]),
-        (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')), ["FMI version 1.0", "knows FMI 2.0"]),
+        (
+            lambda n, c: (n.replace(f"/{HERE}/", "/win32/"), c),
+            [f"no binary for {HERE}", "it has win32"],
+        ),
+        (
+            lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')),
+            ["FMI version 3.0", "knows FMI 2.0"],
+        ),
+        (
+            lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')),
+            ["FMI version 1.0", "knows FMI 2.0"],
+        ),
         (lambda n, c: (n, c.replace(b"CoSimulation", b"ModelExchange")), ["model exchange only"]),
-        (lambda n, c: None if n == "modelDescription.xml" else (n, c), ["not an FMU", "modelDescription.xml"]),
+        (
+            lambda n, c: None if n == "modelDescription.xml" else (n, c),
+            ["not an FMU", "modelDescription.xml"],
+        ),
         (lambda n, c: (n, b"\x00" * 64 if n.startswith("binaries") else c), ["cannot be loaded"]),
     ],
     ids=["another platform", "FMI 3", "FMI 1", "model exchange", "only a zip", "spoilt binary"],
 )
 def test_fmus_that_cannot_run(folder, fmu, edit, parts):
     edited(fmu("ppy_actuator", "native"), folder / "other.fmu", edit)
-    refused(folder, "compare", "record.csv", "--model", "other.fmu", "--out", "out.json", parts=["other.fmu", *parts])
+    refused(
+        folder,
+        "compare",
+        "record.csv",
+        "--model",
+        "other.fmu",
+        "--out",
+        "out.json",
+        parts=["other.fmu", *parts],
+    )
 
 
 def test_an_fmu_that_is_no_zip_or_a_torn_one(folder, fmu):
@@ -172,28 +204,60 @@ def test_an_fmu_that_is_no_zip_or_a_torn_one(folder, fmu):
 @pytest.mark.parametrize(
     ("change", "parts"),
     [
-        (lambda ls: [",".join(line.split(",")[:3]) for line in ls], ["no column is an output", "voltage", "--map"]),
-        (lambda ls: [",".join(line.split(",")[1:]) for line in ls], ["no time column", "--map 'current=time[s]'"]),
         (
-            lambda ls: [re.sub(",[^,]*", ",nan", line, count=1) if 50 <= k < 90 else line for k, line in enumerate(ls)],
+            lambda ls: [",".join(line.split(",")[:3]) for line in ls],
+            ["no column is an output", "voltage", "--map"],
+        ),
+        (
+            lambda ls: [",".join(line.split(",")[1:]) for line in ls],
+            ["no time column", "--map 'current=time[s]'"],
+        ),
+        (
+            lambda ls: [
+                re.sub(",[^,]*", ",nan", line, count=1) if 50 <= k < 90 else line
+                for k, line in enumerate(ls)
+            ],
             ["'current'", "rows 51 to 90", "40 samples", "at most 5"],
         ),
-        (lambda ls: [*ls[:100], *ls[20:60], *ls[100:]], ["row 101", "jumps back", "split the file"]),
+        (
+            lambda ls: [*ls[:100], *ls[20:60], *ls[100:]],
+            ["row 101", "jumps back", "split the file"],
+        ),
         (lambda ls: [*ls, *ls[1:]], ["clock restarts", "row 201", "split the file"]),
-        (lambda ls: [ls[0], *(re.sub("^[^,]*", "1.0", line) for line in ls[1:])], ["only one instant", "at least two"]),
-        (lambda ls: [ls[0].replace("[A]", "[V]"), *ls[1:]], ["'current'", "V cannot be converted to A"]),
+        (
+            lambda ls: [ls[0], *(re.sub("^[^,]*", "1.0", line) for line in ls[1:])],
+            ["only one instant", "at least two"],
+        ),
+        (
+            lambda ls: [ls[0].replace("[A]", "[V]"), *ls[1:]],
+            ["'current'", "V cannot be converted to A"],
+        ),
         (lambda ls: [ls[0].replace("[A]", "[bananas]"), *ls[1:]], ["'current'", "bananas"]),
-        (lambda ls: with_cell(ls, 77, 3, "broken"), ["row 77", "'voltage'", "'broken' is not a number"]),
+        (
+            lambda ls: with_cell(ls, 77, 3, "broken"),
+            ["row 77", "'voltage'", "'broken' is not a number"],
+        ),
         (lambda ls: [*ls[:40], ls[40] + ",1,2", *ls[41:]], ["row 41"]),
         (lambda ls: ls[:1], ["no complete row"]),
         (lambda ls: ls[:2], ["only one instant", "row 2"]),
         (lambda ls: ["Dear reader,", "this is a letter.", "Yours,", "truly"], ["record.csv"]),
     ],
     ids=[
-        "no output", "no time", "long hole", "decreasing", "restart", "one instant", "wrong unit", "no unit",
-        "no number", "more cells", "header only", "one row", "letter",
+        "no output",
+        "no time",
+        "long hole",
+        "decreasing",
+        "restart",
+        "one instant",
+        "wrong unit",
+        "no unit",
+        "no number",
+        "more cells",
+        "header only",
+        "one row",
+        "letter",
     ],
-)  # fmt: skip
+)
 def test_records_that_cannot_be_used(folder, change, parts):
     spoil(folder, change)
     arguments = ["record.csv", "--fit", "R1", "--out", "out.json", "--plot", "out.png"]
@@ -229,12 +293,18 @@ def test_duplicate_times_are_repaired_and_told(folder):
 
 
 def test_a_constant_output_has_no_fit_and_that_is_said(folder):
-    spoil(folder, lambda ls: [ls[0], *(",".join([*line.split(",")[:3], "1.0", "0.001"]) for line in ls[1:])])
+    spoil(
+        folder,
+        lambda ls: [ls[0], *(",".join([*line.split(",")[:3], "1.0", "0.001"]) for line in ls[1:])],
+    )
     done = here("compare", "record.csv", "--out", "figures.json", cwd=folder)
     assert done.returncode == 0
     assert "voltage: constant at 1 V throughout" in done.stderr
     assert "undefined" in done.stdout
-    assert "nan" not in done.stdout.lower() + (folder / "figures.json").read_text(encoding="utf-8").lower()
+    assert (
+        "nan"
+        not in done.stdout.lower() + (folder / "figures.json").read_text(encoding="utf-8").lower()
+    )
 
 
 @pytest.mark.parametrize(
@@ -258,7 +328,9 @@ def test_compare_refuses(folder, arguments, parts):
 def test_a_record_too_short_for_the_fit(folder):
     spoil(folder, lambda lines: [",".join(line.split(",")[:4]) for line in lines[:4]])
     arguments = ["record.csv", "--fit", "R1,R2,C", "--out", "out.json"]
-    refused(folder, "compare", *arguments, parts=["3 parameters cannot be fitted to 3 measured values"])
+    refused(
+        folder, "compare", *arguments, parts=["3 parameters cannot be fitted to 3 measured values"]
+    )
 
 
 # --- places that cannot be written, things that are not there ---------------------------------------------------------
@@ -267,7 +339,16 @@ def test_a_record_too_short_for_the_fit(folder):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["build", "ppy_actuator", "--platforms", HERE, "--runtime", "python", "--out", "record.csv"],
+        [
+            "build",
+            "ppy_actuator",
+            "--platforms",
+            HERE,
+            "--runtime",
+            "python",
+            "--out",
+            "record.csv",
+        ],
         ["simulate", "ppy_actuator", "--stop", "1", "--out", "record.csv/run.csv"],
         ["simulate", "ppy_actuator", "--stop", "1", "--plot", "record.csv/run.png"],
         ["compare", "record.csv", "--out", "record.csv/figures.json"],
@@ -280,13 +361,17 @@ def test_a_file_in_the_way_of_a_folder(folder, arguments):
 
 
 @pytest.mark.parametrize("option", ["--out", "--plot"])
-@pytest.mark.parametrize("command", [["simulate", "ppy_actuator"], ["compare", "record.csv"]], ids=lambda c: c[0])
+@pytest.mark.parametrize(
+    "command", [["simulate", "ppy_actuator"], ["compare", "record.csv"]], ids=lambda c: c[0]
+)
 def test_a_folder_in_the_way_of_a_file(folder, command, option):
     refused(folder, *command, option, ".", parts=[f"{option} .", "folder"])
 
 
 @pytest.mark.parametrize(
-    "arguments", [["build", "ppy_actuator"], ["simulate", "ppy_actuator"], ["demo"]], ids=lambda value: value[0]
+    "arguments",
+    [["build", "ppy_actuator"], ["simulate", "ppy_actuator"], ["demo"]],
+    ids=lambda value: value[0],
 )
 def test_without_a_compiler(folder, arguments):
     """No ziglang, no cc: what to install is in the line."""
@@ -295,9 +380,19 @@ def test_without_a_compiler(folder, arguments):
     hide += "u.find_spec = lambda n, *r: None if n == 'ziglang' else old(n, *r)\n"
     (folder / "site" / "sitecustomize.py").write_text(hide, encoding="utf-8")
     paths = os.pathsep.join(filter(None, [str(folder / "site"), os.environ.get("PYTHONPATH")]))
-    environment = {"PYTHONPATH": paths, "PATH": str(folder), "CC": "", "PPY_CACHE": str(folder / "cache"),
-                   "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
-    refused(folder, *arguments, environment=environment, parts=["no C compiler for", "pip install 'ppy-rig[native]'"])
+    environment = {
+        "PYTHONPATH": paths,
+        "PATH": str(folder),
+        "CC": "",
+        "PPY_CACHE": str(folder / "cache"),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    refused(
+        folder,
+        *arguments,
+        environment=environment,
+        parts=["no C compiler for", "pip install 'ppy-rig[native]'"],
+    )
 
 
 @posix
@@ -336,9 +431,13 @@ def test_an_interrupt_ends_a_long_simulation_at_once(folder):
     scratch = folder / "scratch"
     scratch.mkdir()
     running = subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        command,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         env={**os.environ, "TMPDIR": str(scratch)},
-    )  # fmt: skip
+    )
     deadline = time.monotonic() + 60.0
     while not any(scratch.glob("ppy-fmu-*/binaries")) and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -354,7 +453,9 @@ def test_an_interrupt_ends_a_long_simulation_at_once(folder):
 
 
 @posix
-@pytest.mark.parametrize("arguments", [["list"], ["info", "ppy_actuator"], ["simulate", "ppy_actuator"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "arguments", [["list"], ["info", "ppy_actuator"], ["simulate", "ppy_actuator"]], ids=" ".join
+)
 def test_a_reader_that_has_left_is_no_error(folder, arguments):
     reading, writing = os.pipe()
     os.close(reading)
@@ -370,7 +471,10 @@ def test_a_reader_that_has_left_is_no_error(folder, arguments):
 def test_progress_is_a_bar_on_a_terminal_and_plain_lines_elsewhere(folder):
     command = ["simulate", "ppy_actuator", "--stop", "3000"]
     plain = ppy(*command, cwd=folder).stderr
-    assert plain.splitlines() == ["building ppy_actuator (native) unless it is there", "simulating ppy_actuator"]
+    assert plain.splitlines() == [
+        "building ppy_actuator (native) unless it is there",
+        "simulating ppy_actuator",
+    ]
     (folder / "scratch").mkdir(exist_ok=True)
     code, _, text = on_terminal(*command, cwd=folder)
     assert code == 0
@@ -383,20 +487,39 @@ def test_progress_is_a_bar_on_a_terminal_and_plain_lines_elsewhere(folder):
 def test_an_internal_error_is_one_line_too_and_shows_where_on_request(folder):
     """A failure nobody foresaw: one line; PPY_DEBUG=1 gives the traceback to send along."""
     (folder / "site").mkdir()
-    (folder / "site" / "sitecustomize.py").write_text("import fmus\nfmus.MODELS = None\n", encoding="utf-8")
+    (folder / "site" / "sitecustomize.py").write_text(
+        "import fmus\nfmus.MODELS = None\n", encoding="utf-8"
+    )
     paths = os.pathsep.join(filter(None, [str(folder / "site"), str(Path(__file__).parents[2])]))
     done = ppy("list", cwd=folder, environment={"PYTHONPATH": paths})
     assert done.returncode == 2
-    assert re.fullmatch(r"error: internal error, please report: TypeError: .*PPY_DEBUG=1 shows where\)\n", done.stderr)
-    assert "Traceback" in ppy("list", cwd=folder, environment={"PYTHONPATH": paths, "PPY_DEBUG": "1"}).stderr
+    assert re.fullmatch(
+        r"error: internal error, please report: TypeError: .*PPY_DEBUG=1 shows where\)\n",
+        done.stderr,
+    )
+    assert (
+        "Traceback"
+        in ppy("list", cwd=folder, environment={"PYTHONPATH": paths, "PPY_DEBUG": "1"}).stderr
+    )
 
 
-@pytest.mark.parametrize("command", [["compare", "record.csv"], ["simulate", "ppy_actuator", "--input", "record.csv"]])
+@pytest.mark.parametrize(
+    "command", [["compare", "record.csv"], ["simulate", "ppy_actuator", "--input", "record.csv"]]
+)
 def test_the_record_itself_is_never_overwritten(folder, command):
-    refused(folder, *command, "--out", "record.csv", parts=["--out record.csv", "the record itself"])
+    refused(
+        folder, *command, "--out", "record.csv", parts=["--out record.csv", "the record itself"]
+    )
     refused(folder, *command, "--out", folder / "record.csv", parts=["the record itself"])
     refused(folder, *command, "--out", "out.png", "--plot", "out.png", parts=["both name out.png"])
 
 
 def test_an_input_given_twice_is_refused(folder):
-    refused(folder, "compare", "record.csv", "--set", "current=2", parts=["--set current", "column for it"])
+    refused(
+        folder,
+        "compare",
+        "record.csv",
+        "--set",
+        "current=2",
+        parts=["--set current", "column for it"],
+    )

@@ -46,8 +46,12 @@ def test_step() -> None:
     for table in topic.tables:
         found = rows(table)
         assert list(found) == [
-            stepping.EMPTY, stepping.YARDSTICK, stepping.NATIVE, stepping.PYTHON, stepping.STOCK,
-        ]  # fmt: skip
+            stepping.EMPTY,
+            stepping.YARDSTICK,
+            stepping.NATIVE,
+            stepping.PYTHON,
+            stepping.STOCK,
+        ]
         assert found[stepping.YARDSTICK][-3:] == found[stepping.STOCK][-3:] == [1.0, 1.0, "1 ... 1"]
         assert all(row[0] > 0.0 for row in found.values())
     for name, (other, _) in stepping.TARGETS.items():
@@ -89,7 +93,9 @@ def test_isolation() -> None:
 def test_pacing() -> None:
     (table,) = pacing.measure(quick=True).tables
     found = rows(table)
-    assert list(found) == [f"{rate} Hz, {name}" for rate in pacing.RATES for name in (pacing.MASTER, pacing.BARE)]
+    assert list(found) == [
+        f"{rate} Hz, {name}" for rate in pacing.RATES for name in (pacing.MASTER, pacing.BARE)
+    ]
     for name, figures in found.items():
         assert 0.0 <= figures[0] <= figures[1] <= figures[2]
         assert figures[3:] == [1.0, 1.0] or not name.endswith(pacing.BARE)
@@ -100,14 +106,19 @@ def test_sweeps() -> None:
     topic = sweeping.measure(quick=True)
     ways, beside, memory = topic.tables
     assert list(rows(ways)) == [
-        *(f"{stepping.NATIVE}: {way}" for way in (sweeping.EACH, sweeping.REUSE, sweeping.FMU, sweeping.COMPILED)),
+        *(
+            f"{stepping.NATIVE}: {way}"
+            for way in (sweeping.EACH, sweeping.REUSE, sweeping.FMU, sweeping.COMPILED)
+        ),
         *(f"{stepping.YARDSTICK}: {way}" for way in (sweeping.EACH, sweeping.REUSE, sweeping.FMU)),
     ]
     assert all(figure > 0.0 for row in [*ways.rows, *beside.rows] for figure in row[1:])
     assert rows(ways)[f"{stepping.NATIVE}: {sweeping.EACH}"][1] == 1.0
     assert len(rows(beside)) == 2
     assert all(mb > 10.0 for _, mb in memory.rows)
-    assert str(topic).count("(target ") == len(sweeping.TARGETS) * 2 - 1 + 1, "compiled is ours alone; two workers"
+    assert str(topic).count("(target ") == len(sweeping.TARGETS) * 2 - 1 + 1, (
+        "compiled is ours alone; two workers"
+    )
 
 
 def test_sweeps_refuse_to_time_different_results() -> None:
@@ -121,7 +132,12 @@ def test_sweeps_refuse_to_time_different_results() -> None:
 def test_a_sweep_on_a_cluster_is_sized_by_its_slowest_share() -> None:
     found = sizing.sized(case=3.2e-3, head=2e-6, size=1250.0, part=64)
     assert {who: whole for who, (_, whole) in found.items()} == pytest.approx(
-        {"the workers": 1.0, "the machine that asks": 2.0, "the scheduler": 15.625, "the network": 10.0}
+        {
+            "the workers": 1.0,
+            "the machine that asks": 2.0,
+            "the scheduler": 15.625,
+            "the network": 10.0,
+        }
     )
     text = str(sizing.measure(cases=70, points=11))
     assert text.count("the bottleneck is the ") == 2
@@ -153,7 +169,13 @@ def test_coupling() -> None:
 def test_master() -> None:
     alone, recorded, size, length = master.measure(quick=True).tables
     assert list(rows(alone)) == [master.OURS, master.CALLS, master.ECOS, master.COSIM]
-    assert list(rows(recorded)) == [master.OURS, master.OURS_IN_TURN, master.ECOS, master.COSIM, master.FUSED]
+    assert list(rows(recorded)) == [
+        master.OURS,
+        master.OURS_IN_TURN,
+        master.ECOS,
+        master.COSIM,
+        master.FUSED,
+    ]
     for table in (alone, recorded):
         assert rows(table)[master.OURS][-1] == 1.0
         assert all(best > 0.0 for best, _ in rows(table).values())
@@ -193,7 +215,9 @@ def test_build() -> None:
 def test_a_diagnosis_is_timed_over_the_length_of_the_record():
     (table,) = diagnosing.measure(quick=True).tables
     assert [row[0] for row in table.rows] == [600, 1200]
-    assert all(row[1] > 0.0 and row[2] == pytest.approx(1e6 * row[1] / row[0]) for row in table.rows)
+    assert all(
+        row[1] > 0.0 and row[2] == pytest.approx(1e6 * row[1] / row[0]) for row in table.rows
+    )
     assert {row[4] for row in table.rows} == {"strain_saturation"}
 
 
@@ -221,9 +245,13 @@ def test_a_platform_without_a_library_is_not_built() -> None:
 
 def test_import_times_are_added_up_by_package() -> None:
     report = "\n".join(
-        ["import time: self [us] | cumulative | imported package", "import time:       100 |        100 |   a.b",
-         "import time:      1500 |       1600 | a", "import time:        30 |         30 | c"]
-    )  # fmt: skip
+        [
+            "import time: self [us] | cumulative | imported package",
+            "import time:       100 |        100 |   a.b",
+            "import time:      1500 |       1600 | a",
+            "import time:        30 |         30 | c",
+        ]
+    )
     assert importing.own_times(report) == pytest.approx({"a": 1.6, "c": 0.03})
 
 
@@ -243,7 +271,10 @@ def test_ratios() -> None:
 
 
 def test_pooled_rounds_stay_paired() -> None:
-    parts = [Times({"a": np.array([2.0]), "b": np.array([1.0])}), Times({"a": np.array([9.0, 8.0]), "b": np.ones(2)})]
+    parts = [
+        Times({"a": np.array([2.0]), "b": np.array([1.0])}),
+        Times({"a": np.array([9.0, 8.0]), "b": np.ones(2)}),
+    ]
     times = pooled(parts)
     assert times.best("a") == 2.0
     assert times.median_ratio("a", "b") == 8.0
@@ -264,7 +295,9 @@ def test_table_is_aligned_markdown() -> None:
     ]
 
 
-def test_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(command, "PAGE", tmp_path / "default.md")
     topic = Topic("Anything", ["Text.", Table(["x"], [[1.0]])])
     monkeypatch.setattr(command, "TOPICS", {"any": lambda quick: topic})
@@ -283,4 +316,6 @@ def test_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 def test_unknown_topic(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         command.main(["speed"])
-    assert f"unknown topic 'speed'; there are: {', '.join(command.TOPICS)}" in capsys.readouterr().err
+    assert (
+        f"unknown topic 'speed'; there are: {', '.join(command.TOPICS)}" in capsys.readouterr().err
+    )

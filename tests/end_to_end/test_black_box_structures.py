@@ -23,8 +23,13 @@ def tables():
     found = []
     for text in PAGE.read_text(encoding="utf-8").split("\n## ")[1:4]:
         rows = re.findall(r"^\| ([a-z].*?) \| (.*) \| (.*?) \|$", text, re.M)
-        found.append({name: (dict(zip(NAMES, map(float, cells.split(" | ")), strict=True)), order)
-                      for name, cells, order in rows if name != "record"})  # fmt: skip
+        found.append(
+            {
+                name: (dict(zip(NAMES, map(float, cells.split(" | ")), strict=True)), order)
+                for name, cells, order in rows
+                if name != "record"
+            }
+        )
     return found
 
 
@@ -34,8 +39,13 @@ def cases(part):
 
 def test_the_printed_figures_are_those_of_the_thesis():
     printed = [table["printed"][0] for table in tables()]
-    typed = {"ARX": (86.8, 80.1, -9.5), "ARMAX": (75.0, 58.7, -9.2), "OE": (95.8, 92.9, -7.6),
-             "SS": (92.8, 86.4, -9.7), "BJ": (94.3, 90.1, -9.5)}  # fmt: skip
+    typed = {
+        "ARX": (86.8, 80.1, -9.5),
+        "ARMAX": (75.0, 58.7, -9.2),
+        "OE": (95.8, 92.9, -7.6),
+        "SS": (92.8, 86.4, -9.7),
+        "BJ": (94.3, 90.1, -9.5),
+    }
     assert {name: tuple(part[name] for part in printed) for name in NAMES} == typed
     assert [table["printed"][1] for table in tables()[:2]] == ["OE, BJ, SS, ARX, ARMAX"] * 2
 
@@ -49,7 +59,10 @@ def test_orders_and_counts_are_those_of_the_figures():
             assert shown == sorted(shown, reverse=True)
     said = " ".join(PAGE.read_text(encoding="utf-8").split())
     first = [sum(max(v, key=v.get) == "OE" for v in part) for part in (fits, unseen)]
-    assert f"on identification data in {first[0]} of 8 cases, on validation data in {first[1]} of 8" in said
+    assert (
+        f"on identification data in {first[0]} of 8 cases, on validation data in {first[1]} of 8"
+        in said
+    )
     # ARMAX contains ARX, so that it is not behind by the criterion
     assert all(v["ARMAX"] <= v["ARX"] + 0.005 for v in criteria)
     assert "in 0 of 8 by the criterion" in said
@@ -57,7 +70,9 @@ def test_orders_and_counts_are_those_of_the_figures():
     assert all(v["OE"] >= v["BJ"] for v in fits)
 
 
-@pytest.mark.parametrize("case", slow_but([structures.CASES[0], structures.CASES[2]], structures.CASES[2]), ids=str)
+@pytest.mark.parametrize(
+    "case", slow_but([structures.CASES[0], structures.CASES[2]], structures.CASES[2]), ids=str
+)
 def test_no_free_run_is_nearer_than_the_truth_but_for_what_it_fits_of_the_noise(case):
     """The noise is all that a right model leaves, 22 µm; without a trend removed such a model is among those of OE."""
     found = structures.figures(case, 0)
@@ -72,7 +87,9 @@ def test_no_free_run_is_nearer_than_the_truth_but_for_what_it_fits_of_the_noise(
 def test_noise_is_that_of_the_printed_criteria():
     """Of BJ's criterion and of OE's: the square root of the loss in mm², and how much of it a sample ahead is known."""
     assert pytest.approx(0.0224, abs=1e-4) == structures.RMS
-    assert structures.RMS * np.sqrt(1.0 - structures.MEMORY**2) == pytest.approx(np.exp(-9.5 / 2.0), rel=1e-12)
+    assert structures.RMS * np.sqrt(1.0 - structures.MEMORY**2) == pytest.approx(
+        np.exp(-9.5 / 2.0), rel=1e-12
+    )
 
 
 @pytest.mark.slow

@@ -21,7 +21,10 @@ from tests.support.pace import slow_but
 EACH = [
     *(Case("Actuator", stimulus, "Gaussian", 5, at_rest=False) for stimulus in STIMULI),
     Case("Actuator", "closed loop", "Gaussian", 6),
-    *(Case("Actuator", stimulus, "Gaussian", 5, smooth=True) for stimulus in ("chirp", "multisine")),
+    *(
+        Case("Actuator", stimulus, "Gaussian", 5, smooth=True)
+        for stimulus in ("chirp", "multisine")
+    ),
     Case("ActuatorByLength", "PRBS", "Gaussian", 5),
     Case("Galvanostat", "triangle", "Gaussian", 5),
     Case("VoiceCoil", "multisine", "Gaussian", 5, at_rest=False),
@@ -42,7 +45,9 @@ def test_model_and_generator_agree(case):
     values = dict(drawn.plant.settings) | drawn.truth | {"sample_period": drawn.step}
     ran = (
         CompiledModel(model)
-        .run(drawn.time, drawn.inputs, {n: v for n, v in values.items() if n in known}, drawn.smooth)
+        .run(
+            drawn.time, drawn.inputs, {n: v for n, v in values.items() if n in known}, drawn.smooth
+        )
         .signals
     )
     # where inputs are smooth, lines between samples are not quite what went in
@@ -54,10 +59,15 @@ def test_model_and_generator_agree(case):
 def test_noise_is_as_it_is_called():
     n, deviation, rng = 40_000, 0.5, np.random.default_rng(1)
     clean_signal = np.sin(np.arange(n) / 500.0)
-    errors = {kind: make(clean_signal, deviation, rng) - clean_signal for kind, make in disturbances.ON_OUTPUTS.items()}
+    errors = {
+        kind: make(clean_signal, deviation, rng) - clean_signal
+        for kind, make in disturbances.ON_OUTPUTS.items()
+    }
     for kind in ("Gaussian", "AR", "t3", "varying"):
         assert np.std(errors[kind]) == pytest.approx(deviation, rel=0.1)
-    assert np.mean(np.abs(errors["outliers"]) > 8.0 * deviation) == pytest.approx(disturbances.OUTLIERS, rel=0.2)
+    assert np.mean(np.abs(errors["outliers"]) > 8.0 * deviation) == pytest.approx(
+        disturbances.OUTLIERS, rel=0.2
+    )
     step = disturbances.RESERVE * np.ptp(clean_signal) / disturbances.LEVELS
     assert np.abs(errors["12 bit"]).max() < 3.0 * step
     assert np.mean(np.abs(errors["t3"]) > 4.0 * deviation) > 20.0 * np.mean(
@@ -92,7 +102,10 @@ def test_the_naive_judge_finds_a_line():
     time = np.linspace(0.0, 1.0, 200)
     y = 3.0 * time + 0.5 + 0.1 * np.random.default_rng(1).standard_normal(200)
     error, values = least_squares_fit(
-        lambda v: {"y": v["slope"] * time + v["start"]}, {"y": y}, {"slope": 1.0, "start": 0.0}, sizes={"start": 1.0}
+        lambda v: {"y": v["slope"] * time + v["start"]},
+        {"y": y},
+        {"slope": 1.0, "start": 0.0},
+        sizes={"start": 1.0},
     )
     slope, start = np.polyfit(time, y, 1)
     assert values == pytest.approx({"slope": slope, "start": start}, rel=1e-5)
@@ -124,7 +137,8 @@ def test_clean_records_have_no_cause(plant, noise):
         Case("VoiceCoil", "chirp", "varying", 2026112100019, at_rest=False),
         # dry friction held a slide still that noise of its load moved
         pytest.param(
-            Case("VoiceCoil", "step and rest", "on input", 2026112100027, at_rest=False), marks=pytest.mark.slow
+            Case("VoiceCoil", "step and rest", "on input", 2026112100027, at_rest=False),
+            marks=pytest.mark.slow,
         ),
     ],
     ids=str,
@@ -140,7 +154,9 @@ def test_a_stiff_plant_has_no_cause(case):
         pytest.param(Case("VoiceCoil", "PRBS", "12 bit", 2026112100011), marks=pytest.mark.slow),
         Case("Cell", "multisine", "Gaussian", 21, at_rest=False),
         Case("Motor", "closed loop", "AR", 22),
-        pytest.param(Case("Actuator", "PRBS", "varying", 23, timing="1 Hz"), marks=pytest.mark.slow),
+        pytest.param(
+            Case("Actuator", "PRBS", "varying", 23, timing="1 Hz"), marks=pytest.mark.slow
+        ),
     ],
     ids=str,
 )
@@ -158,9 +174,15 @@ def test_the_study_goes_on_where_it_stopped(tmp_path):
     rows = clean.run(wanted, kept, 0, said.append)
     assert len(kept.read_text(encoding="utf-8").splitlines()) == 2
     assert len(said) == 2
-    wrong = rows[1] | {"causes": ["second_kelvin"], "verdict": "cause", "why": ["cause second_kelvin"]}
+    wrong = rows[1] | {
+        "causes": ["second_kelvin"],
+        "verdict": "cause",
+        "why": ["cause second_kelvin"],
+    }
     text = str(clean.report([rows[0], wrong]))
-    assert "2 clean records: 0 refused; of 2, 1 (50.0 %) with a false cause (1 % are allowed)" in text
+    assert (
+        "2 clean records: 0 refused; of 2, 1 (50.0 %) with a false cause (1 % are allowed)" in text
+    )
     assert "cause second_kelvin" in text
 
 
@@ -172,8 +194,14 @@ def test_the_rates_hold(tmp_path):
     assert np.mean([bool(row["causes"]) for row in judged]) <= 0.01
     assert np.mean([row["verdict"] == "unexplained" for row in judged]) <= 0.03
     for noise in KINDS:
-        hits = [hit for row in judged if row["noise"] == noise for hit in row.get("inside", {}).values()]
+        hits = [
+            hit for row in judged if row["noise"] == noise for hit in row.get("inside", {}).values()
+        ]
         assert np.mean(hits) >= 0.90, noise
-    compared = [row for row in rows if "least" in row and row.get("per_parameter", 0.0) >= clean.EFFECTIVE]
-    worse = [row for row in compared if row["refit"] > clean.WORSE * min(row["untouched"], row["least"])]
+    compared = [
+        row for row in rows if "least" in row and row.get("per_parameter", 0.0) >= clean.EFFECTIVE
+    ]
+    worse = [
+        row for row in compared if row["refit"] > clean.WORSE * min(row["untouched"], row["least"])
+    ]
     assert worse == []

@@ -12,7 +12,9 @@ import pytest
 from fmus import component
 from tests.contract.raw import ERROR, OK, Instance, doubles, instance
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="an FMU in use cannot be removed there")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="an FMU in use cannot be removed there"
+)
 BENCH, ACTUATOR = "voice_coil_dma", "ppy_actuator_length_driven"
 STEP = 1e-3
 
@@ -23,7 +25,9 @@ class Loop:
     def __init__(self, bench: Instance, actuator: Instance):
         self.bench, self.actuator = bench, actuator
 
-    def initialize(self, bench: dict[str, float] | None = None, actuator: dict[str, float] | None = None) -> None:
+    def initialize(
+        self, bench: dict[str, float] | None = None, actuator: dict[str, float] | None = None
+    ) -> None:
         for one, values in ((self.bench, bench), (self.actuator, actuator)):
             one.do("fmi2Reset")
             one.messages.clear()
@@ -57,7 +61,9 @@ class Loop:
 @pytest.fixture
 def loop(fmu, runtime) -> Iterator[Loop]:
     with contextlib.ExitStack() as stack:
-        yield Loop(*(stack.enter_context(instance(fmu(name, runtime))) for name in (BENCH, ACTUATOR)))
+        yield Loop(
+            *(stack.enter_context(instance(fmu(name, runtime))) for name in (BENCH, ACTUATOR))
+        )
 
 
 def test_steps_of_reference_and_current(loop):
@@ -75,7 +81,10 @@ def test_steps_of_reference_and_current(loop):
 def test_what_is_no_number_is_refused_and_the_loop_goes_on(loop, bad):
     loop.initialize()
     assert loop.run(0.3, 1.0, 0.0)
-    for one, names in ((loop.bench, ("force_reference", "tension")), (loop.actuator, ("current", "length_change"))):
+    for one, names in (
+        (loop.bench, ("force_reference", "tension")),
+        (loop.actuator, ("current", "length_change")),
+    ):
         for name in names:
             assert one.call("fmi2SetReal", one.references([name]), 1, doubles(bad)) == ERROR
             assert f"'{name}'" in one.messages[-1]

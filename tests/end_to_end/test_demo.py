@@ -77,7 +77,11 @@ def test_the_hidden_effect_is_named_and_its_gain_holds(done, page):
     assert f"cause  {sentence}" in done[1].stdout
     assert sentence in page
     errors = dict(
-        re.findall(r"^(voltage|displacement) +held out +[\d.]+ +[\d.]+ +([\d.]+ +[\d.]+) *$", done[1].stdout, re.M)
+        re.findall(
+            r"^(voltage|displacement) +held out +[\d.]+ +[\d.]+ +([\d.]+ +[\d.]+) *$",
+            done[1].stdout,
+            re.M,
+        )
     )
     before, after = map(float, errors["displacement"].split())
     assert after < 0.3 * before
@@ -88,7 +92,10 @@ def test_the_hidden_effect_is_named_and_its_gain_holds(done, page):
 
 def test_the_picture_of_the_readme_is_the_one_made_here(done):
     """As far as the fonts of this machine go; another record is several times as far off."""
-    made, shown = (matplotlib.image.imread(path)[..., :3] for path in (done[0] / "diagnosis.png", README_PICTURE))
+    made, shown = (
+        matplotlib.image.imread(path)[..., :3]
+        for path in (done[0] / "diagnosis.png", README_PICTURE)
+    )
     assert made.shape == shown.shape
     assert np.abs(made - shown).mean() < 0.02
 
@@ -99,7 +106,9 @@ def test_the_report_tells_the_noise_that_was_made(page):
 
 
 def test_both_builds_agree_in_the_report(page):
-    differences = re.findall(r"differ by at most ([\d.e+-]+) of", page) + ["0"] * page.count("to the last digit")
+    differences = re.findall(r"differ by at most ([\d.e+-]+) of", page) + ["0"] * page.count(
+        "to the last digit"
+    )
     assert len(differences) >= 2
     assert max(map(float, differences)) < 1e-9
 
@@ -121,7 +130,9 @@ def test_what_the_report_says_to_reproduce_works(done, page):
 
 
 def test_the_report_needs_nothing_from_elsewhere(page):
-    addresses = re.findall(r"""(?:src|href)\s*=\s*["']([^"']{0,40})""", page) + re.findall(r"url\(([^)]{0,40})", page)
+    addresses = re.findall(r"""(?:src|href)\s*=\s*["']([^"']{0,40})""", page) + re.findall(
+        r"url\(([^)]{0,40})", page
+    )
     assert addresses.count("diagnosis.html") == 1  # beside it, by choice
     addresses.remove("diagnosis.html")
     assert len(addresses) == len(PICTURES)

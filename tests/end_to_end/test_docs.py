@@ -40,7 +40,9 @@ HEAVY = {
 }
 PAGES = [
     pytest.param("docs/tutorial.md", marks=pytest.mark.slow),
-    pytest.param("docs/reference/master.md", marks=pytest.mark.real_time(limit=5e-3)),  # as it says itself
+    pytest.param(
+        "docs/reference/master.md", marks=pytest.mark.real_time(limit=5e-3)
+    ),  # as it says itself
     *(
         pytest.param(str(p.relative_to(ROOT)), marks=pytest.mark.slow if p.stem in HEAVY else ())
         for p in sorted((ROOT / "docs" / "how-to").glob("*.md"))
@@ -56,14 +58,22 @@ MARKDOWN = sorted(
 DOTTED = re.compile(r"(?<![\w./])(?:orchestration|fmus|tests|benchmarks)(?:\.\w+)+(?![\w/])")
 PATH = re.compile(rf"(?<![\w./-])(?:(?:{'|'.join(FOLDERS)})/[\w./-]*|\.ci/\w+)")
 PYTHON_FILE = re.compile(rf"(?<![\w./])(?!(?:{'|'.join(FOLDERS)})/)[\w/]+\.py(?![\w/])")
-THE_READERS = {"file.py", "path/to/file.py", "own.py", "models.py"}  # files that a reader would write
+THE_READERS = {
+    "file.py",
+    "path/to/file.py",
+    "own.py",
+    "models.py",
+}  # files that a reader would write
 OTHER_PROGRAMS = {"python", "pip", "pytest", "git", "make", "pre-commit"}
 NUMBER = re.compile(r"(?<![\w-])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def run(command: list[str] | str, folder: Path) -> str:
     bin_folder = str(Path(sys.executable).parent)
-    environment = os.environ | {"PATH": os.pathsep.join([bin_folder, os.environ["PATH"]]), "COLUMNS": "120"}
+    environment = os.environ | {
+        "PATH": os.pathsep.join([bin_folder, os.environ["PATH"]]),
+        "COLUMNS": "120",
+    }
     done = subprocess.run(
         command,
         cwd=folder,
@@ -90,9 +100,13 @@ for name in sys.stdin:
 def python(folder: Path) -> Iterator[Callable[[str], None]]:
     """Run blocks in one Python, each when it is asked for: a later one goes on from those before it."""
     process = subprocess.Popen(
-        [sys.executable, "-c", BLOCKS], cwd=folder, text=True,
-        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-    )  # fmt: skip
+        [sys.executable, "-c", BLOCKS],
+        cwd=folder,
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
     assert process.stdin is not None
     assert process.stderr is not None
     count = itertools.count(1)
@@ -162,12 +176,18 @@ def run_blocks(page: str, contents: str, tmp_path: Path, run_block: Callable[[st
                 (ROOT / page).write_text(contents, encoding="utf-8")
             else:  # another machine rounds otherwise
                 for shown, now in pairs:
-                    assert numbers(shown) == pytest.approx(numbers(now), rel=0.01), f"{page}: {shown!r}, {now!r}"
+                    assert numbers(shown) == pytest.approx(numbers(now), rel=0.01), (
+                        f"{page}: {shown!r}, {now!r}"
+                    )
             continue
         printed = ""
         for line in text.splitlines():
-            assert line.startswith("$ "), f"{page}: a console block holds commands only, found {line!r}"
-            printed += run(line[2:].replace("--platforms linux64", f"--platforms {host_platform()}"), tmp_path)
+            assert line.startswith("$ "), (
+                f"{page}: a console block holds commands only, found {line!r}"
+            )
+            printed += run(
+                line[2:].replace("--platforms linux64", f"--platforms {host_platform()}"), tmp_path
+            )
 
 
 @pytest.mark.slow
@@ -178,7 +198,10 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
     run("ppy demo", tmp_path)
     for command in commands:
         command = command.split("  #")[0].rstrip()
-        run(f"{command} --platforms {host_platform()}" if command == "ppy build" else command, tmp_path)
+        run(
+            f"{command} --platforms {host_platform()}" if command == "ppy build" else command,
+            tmp_path,
+        )
     for language, text in BLOCK.findall(section):
         assert language == "python"
         run([sys.executable, "-c", text], tmp_path)
@@ -186,12 +209,21 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
 
 def test_the_rig_of_the_readme_is_in_the_loop(tmp_path: Path) -> None:
     """Demo and live view, which open a page, are run by tests of their own."""
-    section = (ROOT / "README.md").read_text(encoding="utf-8").split("## With a rig in the loop")[1].split("\n## ")[0]
-    commands = [line.split("  #")[0].rstrip(" &") for line in re.findall(r"^ppy .*$", section, re.M)]
+    section = (
+        (ROOT / "README.md")
+        .read_text(encoding="utf-8")
+        .split("## With a rig in the loop")[1]
+        .split("\n## ")[0]
+    )
+    commands = [
+        line.split("  #")[0].rstrip(" &") for line in re.findall(r"^ppy .*$", section, re.M)
+    ]
     demo, serve, watch, loop = commands
     assert (demo, watch) == ("ppy rig demo", "ppy rig watch")
     patient = ("--watchdog", "5")  # the machine may be busy
-    with Server(tmp_path, "emulator", *serve.removeprefix("ppy rig serve").split(), *patient) as server:
+    with Server(
+        tmp_path, "emulator", *serve.removeprefix("ppy rig serve").split(), *patient
+    ) as server:
         run(f"{loop} --set duration=1s --set proxy.endpoint={server.wait_ready()}", tmp_path)
 
 
@@ -221,7 +253,9 @@ def test_modules_and_files_that_a_page_names_exist(page: Path) -> None:
 
 def options(command: Any) -> dict[str, set[str]]:
     """Options of a command and of those below it, by the words that call it."""
-    found = {"": {option for p in command.params for option in (*p.opts, *p.secondary_opts)} | {"--help"}}
+    found = {
+        "": {option for p in command.params for option in (*p.opts, *p.secondary_opts)} | {"--help"}
+    }
     for name in command.list_commands(None) if hasattr(command, "list_commands") else ():
         below = options(command.get_command(None, name))
         found |= {f"{name} {words}".strip(): flags for words, flags in below.items()}
@@ -233,7 +267,11 @@ def commands_of(text: str) -> list[str]:
     blocks = re.findall(r"^```\w*\n(.*?)^```", text, re.M | re.S)
     spans = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S))
     lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
-    return [part.strip() for line in [*lines, *spans] for part in re.split(r"&&|[;|]| {2,}#", line.removeprefix("$ "))]
+    return [
+        part.strip()
+        for line in [*lines, *spans]
+        for part in re.split(r"&&|[;|]| {2,}#", line.removeprefix("$ "))
+    ]
 
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=str)
@@ -241,7 +279,9 @@ def test_options_that_a_page_names_exist(page: Path) -> None:
     """With a command before it an option is one of that command, else of any; other programs are left alone."""
     known = options(typer.main.get_command(cli.app))
     sources = [path.read_text(encoding="utf-8") for path in (ROOT / "benchmarks").glob("*.py")]
-    known["benchmarks"] = {option for text in sources for option in re.findall(r'"(--[a-z-]+)"', text)}
+    known["benchmarks"] = {
+        option for text in sources for option in re.findall(r'"(--[a-z-]+)"', text)
+    }
     for line in commands_of((ROOT / page).read_text(encoding="utf-8")):
         flags = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", line))
         program, *words = line.removeprefix(".venv/bin/").removeprefix("python -m ").split() or [""]
@@ -264,5 +304,8 @@ def test_a_name_that_is_not_there_would_be_noticed() -> None:
     assert "--connectors" in known["system export"]
     assert "--connectors" not in known["simulate"]
     assert commands_of("`ppy run x --out y`\n```sh\nppy list && \\\nppy build  # all\n```\n") == [
-        "ppy list", "ppy build", "all", "ppy run x --out y",
-    ]  # fmt: skip
+        "ppy list",
+        "ppy build",
+        "all",
+        "ppy run x --out y",
+    ]

@@ -16,7 +16,14 @@ from fmus.kit.units import parse
 from orchestration.experiment.waveforms import square_wave
 from orchestration.identify.grey_box import fit
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.thesis import chapters, circuit, degradation, force_loop, forgetting, identification
+from orchestration.thesis import (
+    chapters,
+    circuit,
+    degradation,
+    force_loop,
+    forgetting,
+    identification,
+)
 from tests.support.thesis_findings import claim, claims, row
 
 DEFAULT = {p.name: p.start for p in component("ppy_actuator").layout.parameters}
@@ -43,7 +50,9 @@ def test_rows_are_numbered_without_gaps() -> None:
 def test_the_cited_file_tests_the_row(number) -> None:
     erratum = chapters.errata()[number - 1]
     text = (ROOT / "tests" / f"{erratum.test}.py").read_text(encoding="utf-8")
-    assert re.search(rf"(row|errata)[ _]{number}(?!\d)", text, re.I), f"nothing in {erratum.test}.py"
+    assert re.search(rf"(row|errata)[ _]{number}(?!\d)", text, re.I), (
+        f"nothing in {erratum.test}.py"
+    )
 
 
 def test_claims_that_do_not_hold_give_a_reason_and_a_row_that_exists() -> None:
@@ -81,7 +90,9 @@ def test_row_2_the_line_of_the_program_is_not_eq_2_1() -> None:
         line = K / (R + s * L + (K**2 * s * (B2 * s + K2))) / mechanical
         assert force_loop.program_plant(s) == pytest.approx(line, rel=1e-12)
         assert abs(line) < 1e-6 * abs(coil_force(s))
-    assert float(claims(2)[0].published) == pytest.approx(abs(coil_force(2j * np.pi * 10)), abs=0.005)
+    assert float(claims(2)[0].published) == pytest.approx(
+        abs(coil_force(2j * np.pi * 10)), abs=0.005
+    )
     assert f"{abs(coil_force(2j * np.pi * 10)):.2f} N/V at 10 Hz" in row(2).holds
 
 
@@ -112,7 +123,9 @@ def test_row_6_the_printed_denominator_needs_another_start() -> None:
             anchor = np.sqrt(factor**t / prior) * np.eye(3)
             rows = np.vstack([weights[:, None] * phi[:t], anchor])
             wanted = np.concatenate([weights * voltage[1 : t + 1], np.zeros(3)])
-            assert found[t - 1] == pytest.approx(np.linalg.lstsq(rows, wanted)[0], rel=1e-6, abs=1e-9)
+            assert found[t - 1] == pytest.approx(
+                np.linalg.lstsq(rows, wanted)[0], rel=1e-6, abs=1e-9
+            )
     assert "the printed one gives the same estimates" in row(6).holds
     assert (claims(6)[0].published, claims(6)[0].reproduced) == ("3 x 1", "3 x 3")
 
@@ -125,7 +138,9 @@ def test_row_16_the_inverse_of_a_stiffness() -> None:
 
 def test_row_18_the_proportional_gain_is_half_the_difference() -> None:
     proportional = claim("proportional gain of eq. 2.2")
-    by_control = control.sample_system(control.tf([0.36, 18.0], [1.0, 0.0]), T, "tustin")  # 0.36 + 18/s
+    by_control = control.sample_system(
+        control.tf([0.36, 18.0], [1.0, 0.0]), T, "tustin"
+    )  # 0.36 + 18/s
     assert by_control.num[0][0] == pytest.approx([0.66, -0.06], abs=1e-12)
     assert proportional.reproduced == pytest.approx(0.36, abs=1e-12)
     assert proportional.published == "0.66"
@@ -166,7 +181,9 @@ def test_the_sampled_loop_reaches_its_bandwidth() -> None:
 
 def test_row_1_the_stiffness_of_figure_3_9_is_in_newton_per_metre() -> None:
     load, shown = 2.75, 0.4e-3  # N; m, read off figs. 3-6 to 3-8
-    assert load / (DEFAULT["k1"] * 1e3) == pytest.approx(0.44e-6, rel=0.01)  # as printed: a thousandth of the plot
+    assert load / (DEFAULT["k1"] * 1e3) == pytest.approx(
+        0.44e-6, rel=0.01
+    )  # as printed: a thousandth of the plot
     assert load / DEFAULT["k1"] == pytest.approx(shown, rel=0.15)
 
 
@@ -180,11 +197,15 @@ def least_squares_r2(current: np.ndarray, voltage: np.ndarray) -> float:
 def test_row_9_noise_biases_the_printed_method_and_not_the_simulation_error() -> None:
     time = np.arange(0, 600, 0.1)
     current = square_wave(time, 0.9, 0.2)
-    measured = EmulatedRig(RigParameters(), seed=3, voltage_noise=20e-3).run(time, current, np.zeros_like(time))
+    measured = EmulatedRig(RigParameters(), seed=3, voltage_noise=20e-3).run(
+        time, current, np.zeros_like(time)
+    )
     r2 = DEFAULT["R2"]
     printed = least_squares_r2(current, measured["voltage"])
     inputs = {"current": current}
-    ours = fit(component("ppy_actuator"), time, inputs, {"voltage": measured["voltage"]}, ["R1", "R2", "C"])
+    ours = fit(
+        component("ppy_actuator"), time, inputs, {"voltage": measured["voltage"]}, ["R1", "R2", "C"]
+    )
     assert printed < 0.65 * r2  # 1.31 ohm for a true 2.35 ohm
     assert ours.estimates["R2"].value == pytest.approx(r2, rel=0.03)
 
@@ -193,7 +214,9 @@ def test_row_9_noise_biases_the_printed_method_and_not_the_simulation_error() ->
 def test_row_9_a_long_record_comes_to_the_computed_limit(noise: float) -> None:
     time = np.arange(0, 12000, 0.1)
     current = square_wave(time, 0.9, 0.2)
-    measured = EmulatedRig(RigParameters(), seed=5, voltage_noise=noise).run(time, current, np.zeros_like(time))
+    measured = EmulatedRig(RigParameters(), seed=5, voltage_noise=noise).run(
+        time, current, np.zeros_like(time)
+    )
     limit = float(degradation.expected_estimate(noise)[1])
     assert least_squares_r2(current, measured["voltage"]) == pytest.approx(limit, rel=0.015)
     assert f"{limit:.2f} Ω" in row(9).holds
@@ -201,19 +224,31 @@ def test_row_9_a_long_record_comes_to_the_computed_limit(noise: float) -> None:
 
 def test_row_10_table_3_1_follows_from_its_own_coefficients_but_for_three_entries() -> None:
     period, differing = 0.1, []  # s
-    for number, (b0, b1, a, *entries) in enumerate([
-        (0.3970, -0.3632, -0.9869, "0.45", "2.58", "2.50"), (0.3648, -0.3321, -0.9839, "0.43", "2.02", "2.51"),
-        (0.3706, -0.3430, -0.9887, "0.42", "2.45", "3.1"),
-    ], 1):  # fmt: skip
+    for number, (b0, b1, a, *entries) in enumerate(
+        [
+            (0.3970, -0.3632, -0.9869, "0.45", "2.58", "2.50"),
+            (0.3648, -0.3321, -0.9839, "0.43", "2.02", "2.51"),
+            (0.3706, -0.3430, -0.9887, "0.42", "2.45", "3.1"),
+        ],
+        1,
+    ):
         r1 = -(b0 + b1) * (b0 - b1) / (2 * (a * b0 - b1))  # eq. 3.11
         r2 = (b0 + b1) / (1 + a)  # eq. 3.12
         c = -(a * b0 - b1) * period / (b0 + b1) ** 2  # eq. 3.13
         for name, value, printed in zip(("R1", "R2", "C"), (r1, r2, c), entries, strict=True):
-            assert claim(name, f"table 3-1, set {number}").reproduced == pytest.approx(value, rel=1e-9)
+            assert claim(name, f"table 3-1, set {number}").reproduced == pytest.approx(
+                value, rel=1e-9
+            )
             if f"{value:.{len(printed) - 2}f}" != printed:
                 differing.append((number, name, printed, f"{value:.4g}"))
-    assert differing == [(2, "R1", "0.43", "0.4247"), (2, "R2", "2.02", "2.031"), (3, "R2", "2.45", "2.442")]
-    assert [(c.where[-1], c.what, c.published) for c in claims(10)] == [(str(n), *rest) for n, *rest, _ in differing]
+    assert differing == [
+        (2, "R1", "0.43", "0.4247"),
+        (2, "R2", "2.02", "2.031"),
+        (3, "R2", "2.45", "2.442"),
+    ]
+    assert [(c.where[-1], c.what, c.published) for c in claims(10)] == [
+        (str(n), *rest) for n, *rest, _ in differing
+    ]
     assert row(10).printed == "set 2: R1 = 0.43, R2 = 2.02; set 3: R2 = 2.45 (Ω)"
     assert "give 0.4247, 2.031 and 2.442 Ω" in row(10).holds
 

@@ -36,7 +36,9 @@ EDGE = 200  # samples where the filter sees the ends of the record
 def emps(public_data):
     """Time, motor voltage, velocity and acceleration, all through one filter without delay; and the raw voltage."""
     record = read_record(
-        public_data("emps_positioning_stage.csv"), {"position": "m", "motor_voltage": "V"}, inputs=["motor_voltage"]
+        public_data("emps_positioning_stage.csv"),
+        {"position": "m", "motor_voltage": "V"},
+        inputs=["motor_voltage"],
     )
     time, raw = record.time, record.signals["motor_voltage"]
     coefficients = butter(ORDER, PASS, fs=1.0 / np.median(np.diff(time)))
@@ -48,7 +50,9 @@ def followed(emps, *effects):
     """Relative error of the force that the stage followed predicts, in percent, and the fit."""
     time, _, voltage, velocity, acceleration = (signal[EDGE:-EDGE] for signal in emps)
     cls, own = example("positioning_stage.py:StageFollowed", *effects)
-    own = [name for name in own if not name.endswith("_velocity")]  # within which dry friction changes sign
+    own = [
+        name for name in own if not name.endswith("_velocity")
+    ]  # within which dry friction changes sign
     inputs = {"velocity": velocity, "acceleration": acceleration}
     found = fit(cls, time, inputs, {"motor_voltage": voltage}, ["mass", "damping", *own])
     predicted = CompiledModel(cls).run(time, inputs, found.values).signals["motor_voltage"]
@@ -59,9 +63,12 @@ def test_force_of_a_stage_needs_dry_and_asymmetric_friction(emps):
     """The data's manifest has 17.9, 7.1, 3.9 and 2.8 %; the study goes from 4.08 to 3.11 % in its own filter."""
     errors = {}
     for laid in (
-        (), ("coulomb_friction",), ("coulomb_friction", "force_offset"), ("coulomb_friction", "asymmetric_friction"),
+        (),
+        ("coulomb_friction",),
+        ("coulomb_friction", "force_offset"),
+        ("coulomb_friction", "asymmetric_friction"),
         ("coulomb_friction", "asymmetric_friction", "force_offset"),
-    ):  # fmt: skip
+    ):
         errors[laid], values = followed(emps, *laid)
         if len(laid) == 1:  # as published, for mass, viscous and dry friction
             assert values["mass"] == pytest.approx(95.1, rel=0.01)
@@ -70,8 +77,12 @@ def test_force_of_a_stage_needs_dry_and_asymmetric_friction(emps):
         if laid[-1:] == ("force_offset",) and len(laid) == 2:
             assert values["friction_offset"] == pytest.approx(-3.16, rel=0.02)
         if laid[-1:] == ("asymmetric_friction",):  # as published, forwards and backwards
-            assert values["damping"] + values["friction_asymmetry"] == pytest.approx(166.7, rel=0.02)
-            assert values["damping"] - values["friction_asymmetry"] == pytest.approx(240.4, rel=0.02)
+            assert values["damping"] + values["friction_asymmetry"] == pytest.approx(
+                166.7, rel=0.02
+            )
+            assert values["damping"] - values["friction_asymmetry"] == pytest.approx(
+                240.4, rel=0.02
+            )
     viscous, dry, offset, asymmetric, both = errors.values()
     assert viscous == pytest.approx(17.9, abs=0.1)
     assert dry == pytest.approx(7.1, abs=0.1)
@@ -83,7 +94,9 @@ def test_force_of_a_stage_needs_dry_and_asymmetric_friction(emps):
 def test_a_stage_runs_free_on_its_voltage(emps):
     """The other causality, on the velocity, in which an error of the force adds up for half a second, M / F_v, only."""
     time, raw, _, velocity, _ = emps
-    cls, _ = example("positioning_stage.py:PositioningStage", "coulomb_friction", "asymmetric_friction")
+    cls, _ = example(
+        "positioning_stage.py:PositioningStage", "coulomb_friction", "asymmetric_friction"
+    )
     names = ["mass", "damping", "friction_coulomb", "friction_asymmetry", "velocity_start"]
     found = fit(cls, time, {"motor_voltage": raw}, {"velocity": velocity}, names).values
     assert found["mass"] == pytest.approx(95.1, rel=0.03)
@@ -94,7 +107,10 @@ def test_a_stage_runs_free_on_its_voltage(emps):
 
 # --- Silverbox: a circuit that obeys Duffing's equation ---------------------------------------------------------------
 
-ARROW, MULTISINE = slice(0, 40_000), 49_000  # the latter is the start of a stretch amid the multisines
+ARROW, MULTISINE = (
+    slice(0, 40_000),
+    49_000,
+)  # the latter is the start of a stretch amid the multisines
 PARTS = 4  # of a sample; the input is smooth, and held over a whole one it would come half a sample late
 FADED = 200  # samples until the start, which nobody measured, is forgotten
 
@@ -103,9 +119,11 @@ FADED = 200  # samples until the start, which nobody measured, is forgotten
 def silverbox(public_data):
     """Parts of the record: time and input between its samples too, and the output, NaN there and at the start."""
     record = read_record(
-        public_data("silverbox_snls80mV.csv"), {"force": "N", "position": "m"},
-        mapping={"input": "force[N]", "output": "position[m]"}, inputs=["force"],
-    )  # fmt: skip
+        public_data("silverbox_snls80mV.csv"),
+        {"force": "N", "position": "m"},
+        mapping={"input": "force[N]", "output": "position[m]"},
+        inputs=["force"],
+    )
     step = float(np.median(np.diff(record.time)))
 
     def part(chosen):
@@ -144,12 +162,25 @@ def test_silverbox_hardens(silverbox, samples):
 
 def test_creep_has_three_kelvin_elements_and_no_fourth(public_data):
     """Burgers' chain has one. Each fit starts where the one before ended; Schwarz's criterion, noise taken as white."""
-    record = read_record(public_data("creep_polyethylene_cm3.csv"), {"stress": "Pa", "strain": "1"}, inputs=["stress"])
+    record = read_record(
+        public_data("creep_polyethylene_cm3.csv"),
+        {"stress": "Pa", "strain": "1"},
+        inputs=["stress"],
+    )
     stress, strain = record.signals["stress"], record.signals["strain"]
-    names, found, criterion, share = ["modulus", "viscosity", "compliance", "retardation_time"], {}, [], []
+    names, found, criterion, share = (
+        ["modulus", "viscosity", "compliance", "retardation_time"],
+        {},
+        [],
+        [],
+    )
     for extra in range(4):
-        cls, own = example("creep.py:Creep", *("second_kelvin", "third_kelvin", "fourth_kelvin")[:extra])
-        found = fit(cls, record.time, {"stress": stress}, {"strain": strain}, names + own, found).values
+        cls, own = example(
+            "creep.py:Creep", *("second_kelvin", "third_kelvin", "fourth_kelvin")[:extra]
+        )
+        found = fit(
+            cls, record.time, {"stress": stress}, {"strain": strain}, names + own, found
+        ).values
         simulated = CompiledModel(cls).run(record.time, {"stress": stress}, found).signals["strain"]
         misfit, n = np.mean((simulated - strain) ** 2), strain.size
         criterion.append(n * np.log(misfit) + len(found) * np.log(n))
@@ -194,7 +225,9 @@ def test_an_example_is_found_as_a_model_and_so_with_effects():
     place = f"{EXAMPLES / 'creep.py'}:Creep"
     assert list(find_model(place).outputs) == ["strain"]
     assert "second_elongation_time" in find_model(place, effects=["second_kelvin"]).parameters
-    with pytest.raises(UserError, match=r"no effect named 'second_kelvi' \(did you mean second_kelvin\?\)"):
+    with pytest.raises(
+        UserError, match=r"no effect named 'second_kelvi' \(did you mean second_kelvin\?\)"
+    ):
         find_model(place, effects=["second_kelvi"])
 
 
@@ -207,9 +240,17 @@ HEAD = "from fmus.kit import Component, Effect, State\n"
         (None, "A", r"own\.py: cannot be read: No such file"),
         ("x = 1\nclass A(:\n", "A", r"own\.py, line 2: SyntaxError: invalid syntax"),
         ("x = 1\n\ny = 1 / 0\n", "A", r"own\.py, line 3: ZeroDivisionError: division by zero"),
-        ("import nothing_of_this_name\n", "A", r"own\.py, line 1: ModuleNotFoundError: No module named"),
+        (
+            "import nothing_of_this_name\n",
+            "A",
+            r"own\.py, line 1: ModuleNotFoundError: No module named",
+        ),
         ("raise SystemExit\n", "A", r"own\.py, line 1: SystemExit$"),
-        (HEAD + 'class A(Component):\n    name = "a"\n', "B", r"own\.py: there is no class 'B' in it \(there are: A\)"),
+        (
+            HEAD + 'class A(Component):\n    name = "a"\n',
+            "B",
+            r"own\.py: there is no class 'B' in it \(there are: A\)",
+        ),
         (HEAD + "A = 3\n", "A", r"own\.py: A is not a Component$"),
         (HEAD, "Effect", r"own\.py: Effect has no name, so it is a base or an effect"),
         (
@@ -228,11 +269,17 @@ def test_what_is_wrong_with_a_model_is_told_in_one_line(tmp_path, text, name, me
         load_class(f"{file}:{name}")
     assert "\n" not in str(caught.value)
     left = [m for m in sys.modules.values() if getattr(m, "__file__", None) == str(file)]
-    assert all(hasattr(m, "Effect") for m in left), "a file that cannot be run leaves nothing behind"
+    assert all(hasattr(m, "Effect") for m in left), (
+        "a file that cannot be run leaves nothing behind"
+    )
 
 
 @pytest.mark.parametrize("listed", ["[]", "{'b': int}", "{'b': Effect}"])
 def test_a_catalogue_that_is_none_is_refused(tmp_path, listed):
-    (tmp_path / "own.py").write_text(HEAD + f'class A(Component):\n    name = "a"\nEFFECTS = {listed}\n')
-    with pytest.raises(UserError, match=r"own\.py: EFFECTS must be a dictionary from id to effect class"):
+    (tmp_path / "own.py").write_text(
+        HEAD + f'class A(Component):\n    name = "a"\nEFFECTS = {listed}\n'
+    )
+    with pytest.raises(
+        UserError, match=r"own\.py: EFFECTS must be a dictionary from id to effect class"
+    ):
         catalogue(load_class(f"{tmp_path / 'own.py'}:A"))

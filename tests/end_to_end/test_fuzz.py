@@ -14,22 +14,38 @@ import pytest
 from tests.support import fuzz
 from tests.support.source import ROOT
 
-COUNTS = {"csv": 150, "tdms": 100, "nc": 50, "toml": 150, "fmu": 60, "xml": 150, "ssp": 30, "ssd": 80, "mat": 6,
-          "parquet": 6}  # fmt: skip
+COUNTS = {
+    "csv": 150,
+    "tdms": 100,
+    "nc": 50,
+    "toml": 150,
+    "fmu": 60,
+    "xml": 150,
+    "ssp": 30,
+    "ssd": 80,
+    "mat": 6,
+    "parquet": 6,
+}
 
 
 def run(tmp_path, *options):
     told = subprocess.run(
-        [sys.executable, "-m", "tests.support.fuzz", *options], cwd=tmp_path, capture_output=True, text=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}, timeout=500,
-    )  # fmt: skip
+        [sys.executable, "-m", "tests.support.fuzz", *options],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
+        timeout=500,
+    )
     return json.loads(told.stdout), told
 
 
 @pytest.mark.parametrize("share", [0.2, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_damaged_files_are_read_or_refused(tmp_path, share):
     counts = {kind: max(1, round(share * count)) for kind, count in COUNTS.items()}
-    found, told = run(tmp_path, "--seed", "20261122", "--seconds", "300", "--counts", json.dumps(counts))
+    found, told = run(
+        tmp_path, "--seed", "20261122", "--seconds", "300", "--counts", json.dumps(counts)
+    )
     assert found["found"] == [], told.stderr
     assert found["done"] == counts
     assert found["memory"] < fuzz.MEMORY

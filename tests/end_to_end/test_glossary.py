@@ -26,7 +26,11 @@ def test_every_row_has_term_meaning_and_source() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_name_is_one_of_the_source(name: str) -> None:
-    assert source.exists(name) if name.split(".")[0] in ("fmus", "orchestration") else name in source.everything()
+    assert (
+        source.exists(name)
+        if name.split(".")[0] in ("fmus", "orchestration")
+        else name in source.everything()
+    )
 
 
 def test_every_source_is_listed() -> None:

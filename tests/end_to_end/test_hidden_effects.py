@@ -53,7 +53,13 @@ from orchestration.rig.emulator.hidden_sensor import (
     MisscaledSensor,
     SluggishSensor,
 )
-from orchestration.rig.emulator.hidden_unknown import Hum, LooseContact, LooseFixture, RestlessAir, SlippingClamp
+from orchestration.rig.emulator.hidden_unknown import (
+    Hum,
+    LooseContact,
+    LooseFixture,
+    RestlessAir,
+    SlippingClamp,
+)
 from orchestration.rig.emulator.physics import Transition, together
 from orchestration.rig.emulator.records import draw, write
 from orchestration.rig.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
@@ -87,7 +93,10 @@ def test_without_size_there_is_no_effect(name):
         chosen: dict[str, Any] = {variation.output: output} if output else {}
         for size, same in ((0.0, True), (0.5 * variation.limits[output], False)):
             hidden = truth(partial(variation.physics, **(chosen | {variation.size: size})), lively)
-            error = [np.max(np.abs(hidden[o] - base[o])) / np.ptp(base[o]) for o in ("voltage", "displacement")]
+            error = [
+                np.max(np.abs(hidden[o] - base[o])) / np.ptp(base[o])
+                for o in ("voltage", "displacement")
+            ]
             assert (max(error) < 1e-8) == same
 
 
@@ -131,12 +140,19 @@ def test_diffusion_has_the_impedance_of_a_finite_layer():
 
 def test_the_second_leakage_balances_and_has_an_onset():
     hidden = partial(OnsettingLeakage, leakage_rise=0.3, onset_voltage=0.7, onset_width=0.05)
-    settled = [truth(hidden, current=amps, force=0.5, time=0.5 * np.arange(400))["voltage"][-1] for amps in (0.9, 0.1)]
+    settled = [
+        truth(hidden, current=amps, force=0.5, time=0.5 * np.arange(400))["voltage"][-1]
+        for amps in (0.9, 0.1)
+    ]
 
     def excess(volts):
-        return volts / NOMINAL.R2 + 0.3 * (0.05 * np.log1p(np.exp((volts - 0.7) / 0.05))) ** 1.5 - 0.9
+        return (
+            volts / NOMINAL.R2 + 0.3 * (0.05 * np.log1p(np.exp((volts - 0.7) / 0.05))) ** 1.5 - 0.9
+        )
 
-    assert settled[0] == pytest.approx(brentq(excess, 0, 3), rel=1e-6)  # what it leaks at zero is left out
+    assert settled[0] == pytest.approx(
+        brentq(excess, 0, 3), rel=1e-6
+    )  # what it leaks at zero is left out
     assert settled[1] == pytest.approx(0.1 * NOMINAL.R2, rel=1e-3)
 
 
@@ -148,11 +164,21 @@ def test_the_capacitance_depends_on_the_charge():
 
 
 def test_resistance_and_capacitance_age_with_throughput():
-    grown = truth(partial(GrowingResistance, growth=0.8, endurance=30.0), parameters=TIGHT, current=0.9, force=0.5)
+    grown = truth(
+        partial(GrowingResistance, growth=0.8, endurance=30.0),
+        parameters=TIGHT,
+        current=0.9,
+        force=0.5,
+    )
     moved = 0.9 * TIME
     expected = moved / TIGHT.C + TIGHT.R1 * (1 + 0.8 * moved / (30.0 + moved)) * 0.9
     np.testing.assert_allclose(grown["voltage"], expected, rtol=1e-8)
-    faded = truth(partial(FadingCapacitance, fade=0.4, fading_charge=20.0), parameters=TIGHT, current=0.9, force=0.5)
+    faded = truth(
+        partial(FadingCapacitance, fade=0.4, fading_charge=20.0),
+        parameters=TIGHT,
+        current=0.9,
+        force=0.5,
+    )
     left = TIGHT.C * (1 - 0.4 * (1 - np.exp(-moved / 20.0)))
     np.testing.assert_allclose(faded["voltage"], moved / left + TIGHT.R1 * 0.9, rtol=1e-8)
 
@@ -160,7 +186,9 @@ def test_resistance_and_capacitance_age_with_throughput():
 def test_a_warm_actuator_conducts_as_arrhenius_says():
     time = 0.5 * np.arange(2000)
     current = np.where(time < 900, 1.0, 0.0)
-    hidden = partial(SelfHeating, activation_temperature=2000.0, heat_resistance=15.0, heat_time=40.0)
+    hidden = partial(
+        SelfHeating, activation_temperature=2000.0, heat_resistance=15.0, heat_time=40.0
+    )
     volts = truth(hidden, time=time, current=current, force=0.5)["voltage"]
     heat = 1.0**2 * NOMINAL.R2  # all of the current leaks in the end
     rise = brentq(lambda k: k * (1 + (k / 10.0) ** 1.25) - 15.0 * heat, 0, 100)
@@ -172,8 +200,14 @@ def test_a_warm_actuator_conducts_as_arrhenius_says():
 def test_a_load_raises_the_voltage_less_and_less():
     hidden = partial(LoadDependentVoltage, sensitivity=0.02, levelling_load=4.0)
     share = NOMINAL.R2 / (NOMINAL.R1 + NOMINAL.R2)
-    for load, films in ((1e-3, 2e-5), (4.0, 0.04), (1e6, 0.08)):  # proportional, half of that, levelled
-        assert truth(hidden, current=0.0, force=load)["voltage"][0] == pytest.approx(share * films, rel=1e-3)
+    for load, films in (
+        (1e-3, 2e-5),
+        (4.0, 0.04),
+        (1e6, 0.08),
+    ):  # proportional, half of that, levelled
+        assert truth(hidden, current=0.0, force=load)["voltage"][0] == pytest.approx(
+            share * films, rel=1e-3
+        )
 
 
 def test_the_even_strain_is_even_and_starts_as_a_square():
@@ -184,23 +218,31 @@ def test_the_even_strain_is_even_and_starts_as_a_square():
 
 
 def test_the_lagging_strain_follows_a_ramp_late_by_its_lag():
-    late = truth(partial(LaggingStrain, lag=2.0, late_share=0.25), parameters=TIGHT, current=0.1, force=0.5)
+    late = truth(
+        partial(LaggingStrain, lag=2.0, late_share=0.25), parameters=TIGHT, current=0.1, force=0.5
+    )
     ramp = TIGHT.alpha * 0.1 * (TIME[-1] - 2.0)
     assert late["electrochemical_displacement"][-1] == pytest.approx(ramp, rel=1e-8)
     # two stages in series, 1.5 s and 0.5 s: partial fractions
     first, second = (tau * (1 - np.exp(-TIME / tau)) * tau for tau in (1.5, 0.5))
     expected = TIGHT.alpha * 0.1 * (TIME - (first - second) / (1.5 - 0.5))
-    np.testing.assert_allclose(late["electrochemical_displacement"], expected, rtol=1e-7, atol=1e-14)
+    np.testing.assert_allclose(
+        late["electrochemical_displacement"], expected, rtol=1e-7, atol=1e-14
+    )
 
 
 def test_play_is_rate_independent_and_its_loop_closes():
     charge = 2.0 * np.sin(np.linspace(0, 4 * np.pi, 801))
     law = PlayingStrain(NOMINAL, playing_share=0.3, widest_play=1.0).electrochemical_length
     warped = 2.0 * np.sin(np.linspace(0, 2 * np.sqrt(np.pi), 801) ** 2)
-    unwarped = np.interp(np.linspace(0, 4 * np.pi, 801), np.linspace(0, 2 * np.sqrt(np.pi), 801) ** 2, law(warped))
+    unwarped = np.interp(
+        np.linspace(0, 4 * np.pi, 801), np.linspace(0, 2 * np.sqrt(np.pi), 801) ** 2, law(warped)
+    )
     np.testing.assert_allclose(unwarped, law(charge), atol=2e-3 * NOMINAL.alpha)
     np.testing.assert_allclose(law(charge)[401:], law(charge)[1:401], atol=0.3 * NOMINAL.alpha)
-    np.testing.assert_allclose(law(charge)[601:], law(charge)[201:401], atol=1e-15)  # from the first crest on: closed
+    np.testing.assert_allclose(
+        law(charge)[601:], law(charge)[201:401], atol=1e-15
+    )  # from the first crest on: closed
     # on the large loop every operator trails by its radius; the mean radius is (1 + 1/8) / 2 of the widest
     rising, falling = law(charge)[800], law(charge)[600 - 200]
     assert rising == pytest.approx(falling, abs=1e-15)
@@ -213,15 +255,21 @@ def test_charge_softens_both_springs():
     time = 0.1 * np.arange(400)
     current = np.where(time < 20, 0.1, 0.0)  # 2 C, kept
     hidden = partial(ChargedSoftness, softness=0.1, softness_charge=3.0)
-    settled = truth(hidden, parameters=parameters, time=time, current=current, force=2.0)["mechanical_displacement"][-1]
+    settled = truth(hidden, parameters=parameters, time=time, current=current, force=2.0)[
+        "mechanical_displacement"
+    ][-1]
     compliance = 1 + 0.1 * 3.0 * np.tanh(2.0 / 3.0)
-    assert settled == pytest.approx(2.0 * compliance * (1 / parameters.k1 + 1 / parameters.k2), rel=1e-8)
+    assert settled == pytest.approx(
+        2.0 * compliance * (1 / parameters.k1 + 1 / parameters.k2), rel=1e-8
+    )
 
 
 def test_more_creep_is_a_sum_of_exponentials():
     hidden = partial(CreepSpectrum, spectral_compliance=4e-5, middle_time=12.0, time_ratio=2.0)
     crept = truth(hidden, parameters=RIGID, current=0.0, force=1.5)["displacement"]
-    parts = sum(w * (1 - np.exp(-TIME / tau)) for w, tau in ((0.25, 6.0), (0.5, 12.0), (0.25, 24.0)))
+    parts = sum(
+        w * (1 - np.exp(-TIME / tau)) for w, tau in ((0.25, 6.0), (0.5, 12.0), (0.25, 24.0))
+    )
     np.testing.assert_allclose(crept, 1.5 / RIGID.k1 + 1.5 * 4e-5 * parts, rtol=1e-8)
 
 
@@ -246,7 +294,9 @@ def test_recovery_is_reluctant_and_creep_is_not():
     time = 0.1 * np.arange(1000)
     loaded = time < 50
     hidden = partial(ReluctantRecovery, reluctance=2.0, reluctance_force=0.3)
-    crept = truth(hidden, parameters=parameters, time=time, current=0.0, force=np.where(loaded, 2.0, 0.0))
+    crept = truth(
+        hidden, parameters=parameters, time=time, current=0.0, force=np.where(loaded, 2.0, 0.0)
+    )
     length = crept["displacement"] - np.where(loaded, 2.0, 0.0) / parameters.k1
     expected = 2.0 / parameters.k2 * (1 - np.exp(-time[loaded] * parameters.k2 / parameters.b2))
     np.testing.assert_allclose(length[loaded], expected, rtol=1e-7, atol=1e-14)
@@ -269,11 +319,17 @@ def test_flow_yields():
 
 def test_a_sluggish_sensor_follows_ramps_and_steps():
     hidden = partial(SluggishSensor, lag_output="displacement", sensor_time=0.6)
-    ramp = truth(hidden, parameters=replace(TIGHT, b1=1e15, b2=1e15), current=0.1, force=0.0)["displacement"]
+    ramp = truth(hidden, parameters=replace(TIGHT, b1=1e15, b2=1e15), current=0.1, force=0.0)[
+        "displacement"
+    ]
     assert ramp[-1] == pytest.approx(TIGHT.alpha * 0.1 * (TIME[-1] - 0.6), rel=1e-8)
-    step = truth(hidden, parameters=RIGID, current=0.0, force=np.where(TIME < 5, 0.0, 2.0))["displacement"]
+    step = truth(hidden, parameters=RIGID, current=0.0, force=np.where(TIME < 5, 0.0, 2.0))[
+        "displacement"
+    ]
     age = np.maximum(TIME - 5, 0.0) / 0.3
-    np.testing.assert_allclose(step, 2.0 / RIGID.k1 * (1 - (1 + age) * np.exp(-age)), rtol=1e-6, atol=1e-11)
+    np.testing.assert_allclose(
+        step, 2.0 / RIGID.k1 * (1 - (1 + age) * np.exp(-age)), rtol=1e-6, atol=1e-11
+    )
 
 
 @pytest.mark.parametrize("output", ["voltage", "displacement"])
@@ -308,16 +364,26 @@ def test_mains_hum_is_folded():
 
 def test_disturbances_of_the_bench_are_what_they_are_called():
     base = truth()
-    slipped = np.diff(truth(partial(SlippingClamp, slip=1e-5, slip_seed=4))["displacement"] - base["displacement"])
+    slipped = np.diff(
+        truth(partial(SlippingClamp, slip=1e-5, slip_seed=4))["displacement"] - base["displacement"]
+    )
     assert 3 <= np.sum(slipped > 1e-10) <= 8
     assert np.all(slipped[np.abs(slipped) > 1e-10] > 0)
-    extra = truth(partial(LooseContact, contact_resistance=0.05, contact_dwell=10.0))["voltage"] - base["voltage"]
+    extra = (
+        truth(partial(LooseContact, contact_resistance=0.05, contact_dwell=10.0))["voltage"]
+        - base["voltage"]
+    )
     bad = np.isclose(extra, 0.05 * CURRENT, atol=1e-12)
     good = np.isclose(extra, 0.0, atol=1e-12)
     assert np.all(bad | good)
     assert 0.1 < np.mean(good[CURRENT != 0]) < 0.9
-    loose = truth(partial(LooseFixture, fixture_compliance=1e-5, loosening=0.4))["displacement"] - base["displacement"]
-    np.testing.assert_allclose(loose, 1e-5 * FORCE * np.greater_equal(TIME, 0.4 * TIME[-1]), atol=1e-15)
+    loose = (
+        truth(partial(LooseFixture, fixture_compliance=1e-5, loosening=0.4))["displacement"]
+        - base["displacement"]
+    )
+    np.testing.assert_allclose(
+        loose, 1e-5 * FORCE * np.greater_equal(TIME, 0.4 * TIME[-1]), atol=1e-15
+    )
 
 
 def test_the_air_walks_and_the_frame_follows():
@@ -335,7 +401,10 @@ def test_variations_combine_and_keep_their_states_apart():
     both = truth(together(kinds))
     electrical, mechanical = truth(together(kinds[:2])), truth(together(kinds[2:]))
     np.testing.assert_allclose(both["voltage"], electrical["voltage"], rtol=1e-9)
-    assert np.max(np.abs(both["mechanical_displacement"] - mechanical["mechanical_displacement"])) < 1e-15
+    assert (
+        np.max(np.abs(both["mechanical_displacement"] - mechanical["mechanical_displacement"]))
+        < 1e-15
+    )
     assert together([]) is Physics
 
 
@@ -344,10 +413,15 @@ def widths_by_fit(drawn):
     names = [*asdict(NOMINAL), *STARTS]
     values = fit(PpyActuator, drawn.time, drawn.inputs, drawn.outputs, names).values
     signals = CompiledModel(PpyActuator, []).run(drawn.time, drawn.inputs, values).signals
-    return {o: np.sqrt(np.mean((signals[o] - y) ** 2)) / NOISE[o] for o, y in drawn.truth.outputs.items()}
+    return {
+        o: np.sqrt(np.mean((signals[o] - y) ** 2)) / NOISE[o]
+        for o, y in drawn.truth.outputs.items()
+    }
 
 
-@pytest.mark.parametrize(("name", "strength"), [("strain_saturation", 1.0), ("diffusion", 0.3), ("hum.voltage", 1.0)])
+@pytest.mark.parametrize(
+    ("name", "strength"), [("strain_saturation", 1.0), ("diffusion", 0.3), ("hum.voltage", 1.0)]
+)
 def test_a_variation_leaves_what_was_wanted(name, strength):
     drawn = draw(name, 2, strength)
     (hidden,) = drawn.truth.hidden
@@ -403,7 +477,9 @@ def test_a_seed_draws_the_same_record_and_another_one_does_not(tmp_path):
 
 
 def test_a_record_may_start_in_the_middle_and_hide_two_effects():
-    drawn = draw(("charge_dependent_stiffness", "sensor_offset.voltage"), 1, duration=180.0, at_rest=False)
+    drawn = draw(
+        ("charge_dependent_stiffness", "sensor_offset.voltage"), 1, duration=180.0, at_rest=False
+    )
     assert drawn.truth.ids == ("charge_dependent_stiffness", "sensor_offset")
     assert drawn.time[0] == 0
     assert drawn.time.size == 1800

@@ -35,7 +35,10 @@ SAME = {
         static("mtp_friction", lambda v: 4e-4 * tanh(v / 0.1), 1e-3),
         {"mtp_friction_coulomb": 4e-4, "mtp_friction_coulomb_velocity": 0.1},
     ),
-    "plantar_tendon_across_arch": (static("arch_radius", lambda angle: 0.01), {"pl_arch_radius": 0.01}),
+    "plantar_tendon_across_arch": (
+        static("arch_radius", lambda angle: 0.01),
+        {"pl_arch_radius": 0.01},
+    ),
     "tendon_stretch": (
         remembered("stretch", 2e-4, (0.08,)),
         {"tendon_compliance": 2e-4, "tendon_time": 0.08},
@@ -53,11 +56,15 @@ def test_the_plant_is_the_component_by_other_equations(name):
     drawn = draw(Case("Foot", "PRBS", "Gaussian", 5), plant=altered("Foot", change))
     plain = draw(Case("Foot", "PRBS", "Gaussian", 5))
     cls = stack(FootDynamic, EFFECTS[name]) if name else FootDynamic
-    truth = {n: drawn.truth[n] for n in (*FOOT.nominal, *(f"{state}_start" for state in FOOT.states))}
+    truth = {
+        n: drawn.truth[n] for n in (*FOOT.nominal, *(f"{state}_start" for state in FOOT.states))
+    }
     found = CompiledModel(cls).run(drawn.time, drawn.inputs, truth | values).signals
     for output, y in drawn.clean.items():
         assert np.max(np.abs(found[output] - y)) < 1e-6 * np.ptp(y), output
-    assert bool(name) == any(np.ptp(drawn.clean[o] - y) > 1e-3 * np.ptp(y) for o, y in plain.clean.items())
+    assert bool(name) == any(
+        np.ptp(drawn.clean[o] - y) > 1e-3 * np.ptp(y) for o, y in plain.clean.items()
+    )
 
 
 def test_the_foot_is_drawn_when_it_is_asked_for():
@@ -83,5 +90,7 @@ def test_the_foot_is_drawn_when_it_is_asked_for():
 def test_what_is_hidden_in_the_foot_is_named(hidden, cause, tmp_path):
     drawn = draw_hidden(HiddenCase("Foot", "PRBS", "Gaussian", 6, hidden=f"Foot, {hidden}"))
     path = drawn.write(tmp_path / "record.csv")
-    result = ppy.diagnose(path, FOOT.model, settings=FOOT.settings, hold=FOOT.known, time=np.inf, laws=False)
+    result = ppy.diagnose(
+        path, FOOT.model, settings=FOOT.settings, hold=FOOT.known, time=np.inf, laws=False
+    )
     assert (result.verdict, result.causes) == ("cause", [cause])

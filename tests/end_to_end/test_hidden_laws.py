@@ -21,7 +21,15 @@ from tests.support.hidden_laws.kinds import KINDS
 from tests.support.hidden_laws.naive import least_bic
 from tests.support.hidden_laws.place import Answer, answers, counted, is_right, over
 from tests.support.hidden_laws.plants import NAMES, lawful
-from tests.support.hidden_laws.records import LawCase, base_of, cases, curve_of, draw_lack, lack_of, series
+from tests.support.hidden_laws.records import (
+    LawCase,
+    base_of,
+    cases,
+    curve_of,
+    draw_lack,
+    lack_of,
+    series,
+)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -37,7 +45,9 @@ def test_strength_zero_hides_nothing(name):
     kind = KINDS[name]
     none, some = (kind.drawn(np.random.default_rng(1), strength, 60.0) for strength in (1e-9, 1.0))
     memory = [3.0] * len(some.change.rest)
-    centre, width = {"angle": (0.0, 0.5), "inner": (303.0, 15.0)}.get(kind.place.signal, (0.0, 20.0))
+    centre, width = {"angle": (0.0, 0.5), "inner": (303.0, 15.0)}.get(
+        kind.place.signal, (0.0, 20.0)
+    )
     visited = np.linspace(centre - width, centre + width, 69)
     most, least = (max(abs(one.change.more(x, memory)) for x in visited) for one in (some, none))
     assert most > 0.0
@@ -55,7 +65,11 @@ def test_right_answers_exist(name):
     kind = KINDS[name]
     cls = find_model(PLANTS[kind.plant].model).cls
     laws = {law.name for law in laws_of(cls)}
-    signals = laws | {v.name for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.outputs)} | {"time"}
+    signals = (
+        laws
+        | {v.name for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.outputs)}
+        | {"time"}
+    )
     place = kind.place
     assert Answer(place.law, place.kind, place.signal, kind.memory) in kind.right
     assert {a.law for a in kind.right} <= laws
@@ -117,8 +131,15 @@ def test_signals_that_run_in_proportion_are_one():
 
 
 def _row(said=(), alike=(), **more):
-    told = [{"label": "", "gain": 9.0, "confirmed": k == 0, "right": right} for k, right in enumerate(said)]
-    return {"widths": 9.0, "said": told, "alike": [{"label": "", "right": right} for right in alike]} | more
+    told = [
+        {"label": "", "gain": 9.0, "confirmed": k == 0, "right": right}
+        for k, right in enumerate(said)
+    ]
+    return {
+        "widths": 9.0,
+        "said": told,
+        "alike": [{"label": "", "right": right} for right in alike],
+    } | more
 
 
 def test_rules_of_naming():
@@ -159,18 +180,22 @@ def test_a_true_curve_is_told_in_the_unit_of_the_law_that_is_named():
     omega = np.sin(np.arange(100.0))
     for law, factor in (("friction", 1.0), ("acceleration", -1.0 / truth["inertia"])):
         said = Answer(law, "add", "omega")
-        curve, where = judge.true_curve(said, kind, lambda w: w**3, {"omega": omega}, 0.1, plant, truth, truth)
+        curve, where = judge.true_curve(
+            said, kind, lambda w: w**3, {"omega": omega}, 0.1, plant, truth, truth
+        )
         assert curve(2.0) == pytest.approx(8.0 * factor)
         assert where is omega
     twice = {"omega": omega, "speed": 2.0 * omega + 1.0}
     curve, _ = judge.true_curve(
         Answer("friction", "add", "speed"), kind, lambda w: w**3, twice, 0.1, plant, truth, truth
-    )  # fmt: skip
+    )
     assert curve(5.0) == pytest.approx(8.0)
     factor = KINDS["Pendulum, friction by angle, square"]
     said, here = Answer("friction", "multiply", "angle"), {"angle": omega}
     pendulum = lawful("Pendulum")
-    curve, _ = judge.true_curve(said, factor, lambda a: a * a, here, 0.1, pendulum, {"damping": 0.4}, {"damping": 0.8})
+    curve, _ = judge.true_curve(
+        said, factor, lambda a: a * a, here, 0.1, pendulum, {"damping": 0.4}, {"damping": 0.8}
+    )
     assert curve(1.0) == pytest.approx(0.0)  # half of twice as much
 
 
@@ -179,14 +204,20 @@ def test_a_closed_form_counts_where_there_is_one():
     said = Answer("friction", "add", "omega")
     assert judge.closed_form(["stops", "cubic", "sign"], kind, said, True) is True
     assert judge.closed_form(["stops", "sign", "cubic"], kind, said, True) is False
-    assert judge.closed_form(["cubic"], KINDS["Motor, drag of another power, power 2.5"], said, True) is None
+    assert (
+        judge.closed_form(["cubic"], KINDS["Motor, drag of another power, power 2.5"], said, True)
+        is None
+    )
     assert judge.closed_form(["cubic"], kind, replace(said, kind="multiply"), True) is None
 
 
 def test_the_naive_method_finds_a_static_error_of_an_output():
     rng = np.random.default_rng(1)
     a, b = np.sin(np.arange(2000) / 30.0), np.cos(np.arange(2000) / 47.0)
-    e = {"y": 0.3 * a * np.abs(a) + 0.05 * rng.standard_normal(2000), "z": 0.05 * rng.standard_normal(2000)}
+    e = {
+        "y": 0.3 * a * np.abs(a) + 0.05 * rng.standard_normal(2000),
+        "z": 0.05 * rng.standard_normal(2000),
+    }
     assert least_bic(e, {"b": b, "a": a, "still": np.ones(2000)}) == ["a", "b"]
     assert judge.naive_is_right("a", answers("law + a"), {"a": a, "b": b})
     assert not judge.naive_is_right("b", answers("law + a"), {"a": a, "b": b})

@@ -19,7 +19,14 @@ from tests.support.clean.records import Case, draw
 from tests.support.hidden import curves
 from tests.support.hidden.change import NOTHING, in_a_row, ladder, of_time, play, remembered
 from tests.support.hidden.plants import NAMES, USUAL, altered
-from tests.support.hidden.records import HiddenCase, cases, draw_hidden, effective_samples, left, widths
+from tests.support.hidden.records import (
+    HiddenCase,
+    cases,
+    draw_hidden,
+    effective_samples,
+    left,
+    widths,
+)
 from tests.support.hidden.variations import OUTSIDE, VARIATIONS
 
 _KNOWN = {name: find_model(PLANTS[name].model).cls for name in NAMES}
@@ -48,7 +55,9 @@ def test_strength_zero_hides_nothing(name):
     """Of widths and times, which divide, the limit is looked at."""
     variation = VARIATIONS[name]
     slight = 0.03 if "lag" in variation.family else 1e-9
-    none, some = (variation.drawn(np.random.default_rng(1), strength, 60.0) for strength in (slight, 1.0))
+    none, some = (
+        variation.drawn(np.random.default_rng(1), strength, 60.0) for strength in (slight, 1.0)
+    )
     if some.delay:
         assert none.delay == pytest.approx(slight * some.delay)
         return
@@ -74,21 +83,24 @@ def _left_of(wanted, shape, x):
     return best / float(np.std(wanted - line))
 
 
-@pytest.mark.parametrize(("curve", "shape"), [
-    (curves.dry_arctan(1.0, 0.02), "sign"),
-    (curves.dry_root(1.0, 0.02), "sign"),
-    (curves.stribeck(1.0, 0.02), "sign"),
-    (curves.power(1.0, 1.0, 1.75), "odd_quadratic"),
-    (curves.power(1.0, 1.0, 2.2), "odd_quadratic"),
-    (curves.tapering_drag(1.0, 1.0), "odd_quadratic"),
-    (curves.one_way(1.0, 1.0), "asymmetric"),
-    (curves.one_way_power(1.0, 1.0), "asymmetric"),
-    (curves.hard_sinh(1.0, 1.0), "cubic"),
-    (curves.hard_rational(1.0, 1.0), "cubic"),
-    (curves.stop_rounded(1.0, 0.3, 0.1), "upper_stop"),
-    (curves.stop_hertz(1.0, 0.3, 0.1), "upper_stop"),
-    (curves.butler_volmer(1.0, 1.0, 0.2), "saturating"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("curve", "shape"),
+    [
+        (curves.dry_arctan(1.0, 0.02), "sign"),
+        (curves.dry_root(1.0, 0.02), "sign"),
+        (curves.stribeck(1.0, 0.02), "sign"),
+        (curves.power(1.0, 1.0, 1.75), "odd_quadratic"),
+        (curves.power(1.0, 1.0, 2.2), "odd_quadratic"),
+        (curves.tapering_drag(1.0, 1.0), "odd_quadratic"),
+        (curves.one_way(1.0, 1.0), "asymmetric"),
+        (curves.one_way_power(1.0, 1.0), "asymmetric"),
+        (curves.hard_sinh(1.0, 1.0), "cubic"),
+        (curves.hard_rational(1.0, 1.0), "cubic"),
+        (curves.stop_rounded(1.0, 0.3, 0.1), "upper_stop"),
+        (curves.stop_hertz(1.0, 0.3, 0.1), "upper_stop"),
+        (curves.butler_volmer(1.0, 1.0, 0.2), "saturating"),
+    ],
+)
 def test_shapes_are_not_the_catalogues(curve, shape):
     x = np.linspace(-1.0, 1.0, 401)
     assert _left_of(np.array([curve(one) for one in x]), shape, x) > 0.01
@@ -101,8 +113,11 @@ def test_what_arrives_is_not_as_the_catalogue_has_it():
         ways = [u - np.clip(u, -d, d) for d in np.linspace(0.0, 1.0, 101)]
         assert min(np.max(np.abs(arrived - way)) for way in ways) > 0.02
         assert np.all(np.diff(arrived) >= -1e-12)  # nothing goes back
-    for curve in (curves.level_algebraic(1.0, 1.0, 4.0), curves.level_arctan(1.0, 1.0),
-                  curves.level_exponential(1.0, 1.0)):  # fmt: skip
+    for curve in (
+        curves.level_algebraic(1.0, 1.0, 4.0),
+        curves.level_arctan(1.0, 1.0),
+        curves.level_exponential(1.0, 1.0),
+    ):
         arrived = u + np.array([curve(one) for one in u])
         ways = [u / np.sqrt(1.0 + c * u * u) for c in np.geomspace(0.1, 10.0, 201)]
         assert min(np.max(np.abs(arrived - way)) for way in ways) > 0.02
@@ -158,7 +173,10 @@ def test_every_family_has_shapes_and_cases_repeat():
 def test_what_is_left_is_counted_in_noise_widths():
     """A saturation that a square wave meets at one level each way is a gain; one that a ramp meets is none."""
     name = "Cell, resistance, exponent"
-    square, ramp = (HiddenCase("Cell", stimulus, "Gaussian", 5, hidden=name) for stimulus in ("PRBS", "triangle"))
+    square, ramp = (
+        HiddenCase("Cell", stimulus, "Gaussian", 5, hidden=name)
+        for stimulus in ("PRBS", "triangle")
+    )
     assert left(draw_hidden(square)) < hidden.LEAST < left(draw_hidden(ramp))
     drawn = draw_hidden(ramp)
     slight = draw_hidden(replace(ramp, strength=0.3))
@@ -170,16 +188,22 @@ def test_what_is_left_is_counted_in_noise_widths():
 
 def test_sensors_start_from_what_they_read_before_anything_happened():
     """Of a record that starts at rest the first sample is the open-circuit voltage, whatever the current."""
-    lagging = next(n for n, v in VARIATIONS.items() if (v.plant, v.family) == ("Cell", "sensor lag"))
+    lagging = next(
+        n for n, v in VARIATIONS.items() if (v.plant, v.family) == ("Cell", "sensor lag")
+    )
     drawn = draw_hidden(HiddenCase("Cell", "square", "Gaussian", 5, hidden=lagging))
     assert drawn.clean["voltage"][0] == pytest.approx(drawn.truth["ocv"])
-    warm = next(n for n, v in VARIATIONS.items() if (v.plant, v.family) == ("ThermalNodes", "sensor lag"))
+    warm = next(
+        n for n, v in VARIATIONS.items() if (v.plant, v.family) == ("ThermalNodes", "sensor lag")
+    )
     drawn = draw_hidden(HiddenCase("ThermalNodes", "square", "Gaussian", 5, hidden=warm))
     assert {y[0] for y in drawn.clean.values()} == {293.0}
 
 
 def test_coloured_noise_tells_less():
-    drawn = draw_hidden(HiddenCase("Cell", "triangle", "Gaussian", 5, hidden="Cell, resistance, exponent"))
+    drawn = draw_hidden(
+        HiddenCase("Cell", "triangle", "Gaussian", 5, hidden="Cell, resistance, exponent")
+    )
     rng, noise = np.random.default_rng(1), np.zeros(drawn.time.size)
     for k in range(1, noise.size):
         noise[k] = 0.8 * noise[k - 1] + rng.standard_normal()
@@ -189,13 +213,25 @@ def test_coloured_noise_tells_less():
 
 
 def _row(**more):
-    return {"widths": 5.0, "family": "drag", "verdict": "cause", "causes": ["a"], "groups": [["a", "b"]],
-            "right": ["b"], "related": ["b", "c"], "alike": []} | more  # fmt: skip
+    return {
+        "widths": 5.0,
+        "family": "drag",
+        "verdict": "cause",
+        "causes": ["a"],
+        "groups": [["a", "b"]],
+        "right": ["b"],
+        "related": ["b", "c"],
+        "alike": [],
+    } | more
 
 
 def test_rules_of_counting():
-    fits = {"b": floor.Fitted(1.0, 3.0), "x": floor.Fitted(2.0, 9.0), "y": floor.Fitted(0.0, 11.0),
-            floor.BASE: floor.Fitted(3.0, 1.0)}  # fmt: skip
+    fits = {
+        "b": floor.Fitted(1.0, 3.0),
+        "x": floor.Fitted(2.0, 9.0),
+        "y": floor.Fitted(0.0, 11.0),
+        floor.BASE: floor.Fitted(3.0, 1.0),
+    }
     assert hidden.alike(fits, {"b"}) == ["x"]
     assert hidden.excluded(_row(widths=1.29)) == "too little"
     assert hidden.excluded(_row(alike=["x"])) == "alike"
@@ -203,7 +239,9 @@ def test_rules_of_counting():
 
 
 def test_rules_of_naming():
-    assert hidden.named(_row()) == "another"  # the right one is an alternative, but the verdict does not say so
+    assert (
+        hidden.named(_row()) == "another"
+    )  # the right one is an alternative, but the verdict does not say so
     assert hidden.named(_row(verdict="ambiguous")) == "in the group"
     assert hidden.named(_row(causes=["b", "a"])) == "first"
     assert hidden.named(_row(causes=[], groups=[])) == "none"
@@ -217,7 +255,9 @@ def test_rules_of_naming():
 
 
 def test_the_floor_finds_what_is_plain_to_see():
-    drawn = draw_hidden(HiddenCase("Cell", "multisine", "Gaussian", 6, hidden="Cell, sensor drift, growing"))
+    drawn = draw_hidden(
+        HiddenCase("Cell", "multisine", "Gaussian", 6, hidden="Cell, sensor drift, growing")
+    )
     cls = _KNOWN["Cell"]
     effects = floor.listed(cls, drawn, {})
     wanted = {n: effects[n] for n in ("sensor_drift(voltage)", "sensor_lag(voltage)")}

@@ -24,26 +24,49 @@ pytestmark = pytest.mark.real_time
 STIFFNESS, RESISTANCE = 6300.0, 0.5  # N/m, ohm
 INPUTS = {"current": "A", "length_change": "m"}
 OUTPUTS = {
-    "voltage": "V", "electrochemical_displacement": "m", "mechanical_displacement": "m", "charge": "C", "tension": "N",
-}  # fmt: skip
+    "voltage": "V",
+    "electrochemical_displacement": "m",
+    "mechanical_displacement": "m",
+    "charge": "C",
+    "tension": "N",
+}
 AGES = [f"proxy.{name}_age" for name in OUTPUTS]
 
 
 def spring(inputs: Mapping[str, float], now: float) -> dict[str, float]:
     tension = max(0.0, STIFFNESS * inputs["length_change"])
-    return dict.fromkeys(OUTPUTS, 0.0) | {"voltage": RESISTANCE * inputs["current"], "tension": tension}
+    return dict.fromkeys(OUTPUTS, 0.0) | {
+        "voltage": RESISTANCE * inputs["current"],
+        "tension": tension,
+    }
 
 
 @pytest.fixture
 def rig(request) -> Iterator[SmallRig]:
-    with SmallRig(plant=spring, inputs=INPUTS, outputs=OUTPUTS, limits={}, period=1e-3, mode=request.param) as rig:
+    with SmallRig(
+        plant=spring, inputs=INPUTS, outputs=OUTPUTS, limits={}, period=1e-3, mode=request.param
+    ) as rig:
         yield rig
 
 
 def run(rig: SmallRig, folder: Path, *arguments: str, duration: float):
-    settings = [f"proxy.endpoint={rig.endpoint}", f"duration={duration}", "inputs.current.initial=0.4"]
+    settings = [
+        f"proxy.endpoint={rig.endpoint}",
+        f"duration={duration}",
+        "inputs.current.initial=0.4",
+    ]
     chosen = [part for setting in settings for part in ("--set", setting)]
-    return ppy("run", "hil_bench", "--runtime", "python", "--out", "run.nc", *chosen, *arguments, cwd=folder)
+    return ppy(
+        "run",
+        "hil_bench",
+        "--runtime",
+        "python",
+        "--out",
+        "run.nc",
+        *chosen,
+        *arguments,
+        cwd=folder,
+    )
 
 
 def settled(data, name: str) -> float:
@@ -82,7 +105,11 @@ def test_in_real_time_it_keeps_pace_and_records_the_link(rig, tmp_path):
     data = results.read(tmp_path / "run.nc")
     assert data.attrs["deadlines"] == data.time.size - 1
     assert data.attrs["wall_time"] >= 1.5
-    assert set(AGES) | {"proxy.link_state", "proxy.round_trip_time", "proxy.missed_deadlines"} <= set(data)
+    assert set(AGES) | {
+        "proxy.link_state",
+        "proxy.round_trip_time",
+        "proxy.missed_deadlines",
+    } <= set(data)
     assert settled(data, "proxy.voltage") == pytest.approx(0.4 * RESISTANCE, rel=1e-12)
     assert float(data["proxy.round_trip_time"].min()) > 0.0
     assert len(rig.of_type("exchange")) >= data.time.size - 1
@@ -97,7 +124,12 @@ def test_a_rig_that_falls_silent_ends_the_run_and_not_the_record(rig, tmp_path):
 
     waiting = threading.Thread(target=fall_silent, daemon=True)
     waiting.start()
-    limits = ["proxy.on_stale=fail", "proxy.communication_timeout=0.3", "proxy.deadline=0.05", "step=10ms"]
+    limits = [
+        "proxy.on_stale=fail",
+        "proxy.communication_timeout=0.3",
+        "proxy.deadline=0.05",
+        "step=10ms",
+    ]
     chosen = [part for setting in limits for part in ("--set", setting)]
     done = run(rig, tmp_path, "--real-time", "--lag", "20", *chosen, duration=60.0)
     assert done.returncode == 2, done.stdout

@@ -18,9 +18,22 @@ pytestmark = pytest.mark.slow  # more than a minute of real time
 def made(tmp_path_factory) -> tuple[Path, str]:
     folder = tmp_path_factory.mktemp("hil")
     done = subprocess.run(
-        [sys.executable, "-m", "orchestration.cli", "rig", "demo", "--out", str(folder), "--seed", "1"],
-        capture_output=True, text=True, timeout=240, env=os.environ | {"COLUMNS": "200"},
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "orchestration.cli",
+            "rig",
+            "demo",
+            "--out",
+            str(folder),
+            "--seed",
+            "1",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        env=os.environ | {"COLUMNS": "200"},
+    )
     assert done.returncode == 0, done.stderr
     return folder, done.stdout
 
@@ -30,7 +43,9 @@ def test_the_hidden_effect_is_the_one_that_was_found(made):
     hidden = re.search(r"what the rig hides: (\w+)", said)
     assert hidden
     assert hidden[1] in said.partition("what the rig hides")[0]
-    assert f"What the model gets wrong: {hidden[1]}" in (folder / "hil.html").read_text(encoding="utf-8")
+    assert f"What the model gets wrong: {hidden[1]}" in (folder / "hil.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_the_extended_model_is_far_nearer_to_the_rig_in_real_time(made):
@@ -49,9 +64,20 @@ def test_it_leaves_everything_that_can_be_used_again(made):
         p.name for p in folder.iterdir()
     }
     done = subprocess.run(
-        [sys.executable, "-m", "orchestration.cli", "compare", str(folder / "record.nc"), "--model",
-         str(folder / "extended.fmu"), "--json", "-"],
-        capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "orchestration.cli",
+            "compare",
+            str(folder / "record.nc"),
+            "--model",
+            str(folder / "extended.fmu"),
+            "--json",
+            "-",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)

@@ -50,7 +50,10 @@ def remove(folder: Path) -> None:
     [
         (["run", "fig_3_4", "--out", "r.nc"], whole_result),
         (["build", "ppy_actuator", "--out", "fmu", "--platforms", "linux64"], whole_fmu),
-        (["diagnose", "record.csv", "--json", "d.json", "--effects", "none", "--no-laws"], whole_diagnosis),
+        (
+            ["diagnose", "record.csv", "--json", "d.json", "--effects", "none", "--no-laws"],
+            whole_diagnosis,
+        ),
     ],
     ids=["run", "build", "diagnose"],
 )
@@ -58,12 +61,29 @@ def test_killed_at_any_moment(command, check, tmp_path):
     scratch, cache = tmp_path / "tmp", tmp_path / "cache"
     scratch.mkdir()
     environment = os.environ | {
-        "TMPDIR": str(scratch), "XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"
-    }  # fmt: skip
+        "TMPDIR": str(scratch),
+        "XDG_CACHE_HOME": str(cache),
+        "PYTHONPATH": str(ROOT),
+        "OPENBLAS_NUM_THREADS": "1",
+    }
     if "record.csv" in command:
-        made = ["simulate", "ppy_actuator", "--set", "current=0.5", "--stop", "60s", "--step", "0.1s"]
-        subprocess.run([sys.executable, "-m", "orchestration.cli", *made, "--out", "record.csv"], cwd=tmp_path,
-                       env=environment, check=True, capture_output=True)  # fmt: skip
+        made = [
+            "simulate",
+            "ppy_actuator",
+            "--set",
+            "current=0.5",
+            "--stop",
+            "60s",
+            "--step",
+            "0.1s",
+        ]
+        subprocess.run(
+            [sys.executable, "-m", "orchestration.cli", *made, "--out", "record.csv"],
+            cwd=tmp_path,
+            env=environment,
+            check=True,
+            capture_output=True,
+        )
     full = [sys.executable, "-m", "orchestration.cli", *command]
     begin = time.monotonic()
     subprocess.run(full, cwd=tmp_path, env=environment, check=True, capture_output=True)
@@ -72,8 +92,14 @@ def test_killed_at_any_moment(command, check, tmp_path):
     for k in range(KILLS):
         if k % 4 == 0:  # the cache is cold, too
             remove(cache)
-        with subprocess.Popen(full, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL, start_new_session=True) as one:  # fmt: skip
+        with subprocess.Popen(
+            full,
+            cwd=tmp_path,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        ) as one:
             time.sleep(draw.uniform(0.0, 1.2 * lasts))
             os.killpg(one.pid, signal.SIGKILL)
         check(tmp_path)

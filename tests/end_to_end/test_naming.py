@@ -20,7 +20,10 @@ SAMPLE = [
         for k, name in enumerate(CATALOGUE)
     ),
     *(Case("clean", (), 7, {"noise_colour": colour}) for colour in (0.0, 0.9)),
-    *(Case("outside the catalogue", (name,), 11) for name in ("hum", "restless_air", "loose_contact")),
+    *(
+        Case("outside the catalogue", (name,), 11)
+        for name in ("hum", "restless_air", "loose_contact")
+    ),
     Case("k2 -30 %", (), 11, {"changed": {"k2": 0.7}, "spread": 0.0}),
 ]
 
@@ -32,7 +35,9 @@ def told(case):
     return f"{'+'.join(case.hidden) or case.group}-{case.options.get('noise_colour', 0.0)}"
 
 
-@pytest.mark.parametrize("case", slow_but(SAMPLE, *(case for case in SAMPLE if set(case.hidden) <= QUICK)), ids=told)
+@pytest.mark.parametrize(
+    "case", slow_but(SAMPLE, *(case for case in SAMPLE if set(case.hidden) <= QUICK)), ids=told
+)
 def test_what_is_hidden_is_found(case):
     row = judge(case)
     assert right(row, shapes=False), (row["verdict"], row["causes"], row["rivals"])
@@ -41,9 +46,15 @@ def test_what_is_hidden_is_found(case):
 def test_what_counts_as_right():
     """The judge of the study must be able to say no."""
     row = {
-        "group": "strength", "hidden": ["diffusion"], "wanted": ["diffusion"], "alike": False, "differing": [],
-        "verdict": "cause", "causes": ["double_layer"], "rivals": [[]],
-    }  # fmt: skip
+        "group": "strength",
+        "hidden": ["diffusion"],
+        "wanted": ["diffusion"],
+        "alike": False,
+        "differing": [],
+        "verdict": "cause",
+        "causes": ["double_layer"],
+        "rivals": [[]],
+    }
     assert not right(row)
     assert right(row | {"rivals": [["diffusion"]]})
     assert right(row | {"causes": ["diffusion", "slack"], "rivals": [[], []]})
@@ -52,10 +63,16 @@ def test_what_counts_as_right():
     assert right(row | {"causes": [], "rivals": [], "verdict": "recalibrate", "alike": True})
     assert not right(row | {"rivals": [["diffusion"]]}, rivals=False)
     assert right(row | {"causes": ["diffusion"], "rivals": [["double_layer"]]}, rivals=False)
-    lag = row | {"hidden": ["strain_lag"], "wanted": ["strain_lag"], "causes": ["strain_lag(two_stages)"]}
+    lag = row | {
+        "hidden": ["strain_lag"],
+        "wanted": ["strain_lag"],
+        "causes": ["strain_lag(two_stages)"],
+    }
     assert right(lag), "another shape of the same law over the same signal"
     assert not right(lag, shapes=False)
-    assert not right(row | {"wanted": ["sensor_lag(voltage)"], "causes": ["sensor_lag(displacement)"]})
+    assert not right(
+        row | {"wanted": ["sensor_lag(voltage)"], "causes": ["sensor_lag(displacement)"]}
+    )
     assert too_many(lag | {"causes": ["strain_lag(two_stages)", "slack"]})
     assert not too_many(lag | {"causes": ["strain_lag(two_stages)", "strain_lag"]})
     clean = row | {"hidden": [], "wanted": []}
@@ -73,9 +90,15 @@ def test_what_counts_as_right():
 
 
 LEAST = {
-    "strength 1": 0.95, "strength 0.3": 0.90, "clean, φ = 0.9": 0.98, "clean, φ = 0": 0.98, "outside": 0.95,
-    "two effects": 0.80, "R1": 1.0, "k2": 1.0,
-}  # fmt: skip
+    "strength 1": 0.95,
+    "strength 0.3": 0.90,
+    "clean, φ = 0.9": 0.98,
+    "clean, φ = 0": 0.98,
+    "outside": 0.95,
+    "two effects": 0.80,
+    "R1": 1.0,
+    "k2": 1.0,
+}
 
 
 @pytest.mark.slow
@@ -89,5 +112,7 @@ def test_the_rates_hold(tmp_path):
         if len(row["hidden"]) == 1 and row["hidden"][0] in CATALOGUE:
             single[row["hidden"][0]].append(right(row))
     (tmp_path / "naming.md").write_text(page(rows), encoding="utf-8")
-    assert {kind: np.mean(found[kind]) for kind, least in LEAST.items() if np.mean(found[kind]) < least} == {}
+    assert {
+        kind: np.mean(found[kind]) for kind, least in LEAST.items() if np.mean(found[kind]) < least
+    } == {}
     assert {name: np.mean(hits) for name, hits in single.items() if np.mean(hits) < 0.8} == {}

@@ -13,9 +13,13 @@ from tests.support.command import posix, works
 from tests.support.system.closed_loop import measure
 
 BENCH = {
-    "force_reference": "N", "current": "A", "actuator.tension": "N", "actuator.voltage": "V", "bench.position": "m",
+    "force_reference": "N",
+    "current": "A",
+    "actuator.tension": "N",
+    "actuator.voltage": "V",
+    "bench.position": "m",
     "bench.coil_current": "A",
-}  # fmt: skip
+}
 
 
 def recorded(folder):
@@ -38,17 +42,36 @@ def recorded(folder):
 def test_the_command_that_is_printed_works_in_a_shell(tmp_path):
     recorded(tmp_path)
     text = works(
-        "diagnose", "lab record.csv", "--system", "system.ssp", "--map", "wanted force=force_reference",
-        "--set", "bench.b_vc=6.5", cwd=tmp_path, environment={"COLUMNS": "400"},
-    )  # fmt: skip
-    printed = [line.partition(": ")[2] for line in text.splitlines() if line.startswith("to name the cause: ")]
+        "diagnose",
+        "lab record.csv",
+        "--system",
+        "system.ssp",
+        "--map",
+        "wanted force=force_reference",
+        "--set",
+        "bench.b_vc=6.5",
+        cwd=tmp_path,
+        environment={"COLUMNS": "400"},
+    )
+    printed = [
+        line.partition(": ")[2]
+        for line in text.splitlines()
+        if line.startswith("to name the cause: ")
+    ]
     assert len(printed) >= 1, text
     command = next(line for line in printed if "voice_coil_dma" in line)
     assert "'wanted force=force_reference'" in command
     assert "--set b_vc=6.5" in command
     shell = f'ppy() {{ "{sys.executable}" -m orchestration.cli "$@"; }}; {command} --effects none'
     done = subprocess.run(
-        [shutil.which("sh") or "sh", "-c", shell], cwd=tmp_path, capture_output=True, text=True, timeout=240
+        [shutil.which("sh") or "sh", "-c", shell],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=240,
     )
     assert done.returncode == 0, done.stderr
-    assert any(line.startswith("b_vc ") and line.rstrip().endswith("6.5 N*s/m") for line in done.stdout.splitlines())
+    assert any(
+        line.startswith("b_vc ") and line.rstrip().endswith("6.5 N*s/m")
+        for line in done.stdout.splitlines()
+    )

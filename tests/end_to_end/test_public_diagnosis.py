@@ -27,11 +27,21 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def diagnosed(record, model, *options, folder):
     """What ``ppy diagnose`` writes down, the values of the parameters, and what it prints."""
     text = works(
-        "diagnose", str(record), "--no-laws", *(["--model", f"{EXAMPLES / model}"] if model else []), *options,
-        "--json", f"{Path(record).stem}.json", cwd=folder,
-    )  # fmt: skip
+        "diagnose",
+        str(record),
+        "--no-laws",
+        *(["--model", f"{EXAMPLES / model}"] if model else []),
+        *options,
+        "--json",
+        f"{Path(record).stem}.json",
+        cwd=folder,
+    )
     figures = json.loads((folder / f"{Path(record).stem}.json").read_text(encoding="utf-8"))
-    return figures, {name: p["value"] for name, p in figures["parameters"].items()}, " ".join(text.split())
+    return (
+        figures,
+        {name: p["value"] for name, p in figures["parameters"].items()},
+        " ".join(text.split()),
+    )
 
 
 def causes(figures):
@@ -45,9 +55,14 @@ def rms(values):
 def test_a_stage_has_dry_and_asymmetric_friction(public_data, tmp_path):
     """The example makes the columns. Published: 3.11 % of the force are left, 4.08 % with an offset instead."""
     source = public_data("emps_positioning_stage.csv")
-    subprocess.run([sys.executable, EXAMPLES / "follow_stage.py", source, tmp_path / "followed.csv"], check=True)
+    subprocess.run(
+        [sys.executable, EXAMPLES / "follow_stage.py", source, tmp_path / "followed.csv"],
+        check=True,
+    )
     model = "positioning_stage.py:StageFollowed"
-    figures, values, text = diagnosed("followed.csv", model, "--hold", "force_constant", folder=tmp_path)
+    figures, values, text = diagnosed(
+        "followed.csv", model, "--hold", "force_constant", folder=tmp_path
+    )
     assert figures["verdict"] == "cause"
     assert causes(figures) == ["coulomb_friction", "asymmetric_friction"]
     notes = {(note["code"], note["subject"]) for note in figures["notes"]}
@@ -59,7 +74,9 @@ def test_a_stage_has_dry_and_asymmetric_friction(public_data, tmp_path):
     assert values["damping"] - values["friction_asymmetry"] == pytest.approx(240.4, rel=0.02)
     record = read_record(source, {"position": "m", "motor_voltage": "V"})
     below = butter(4, 10.0, fs=1.0 / np.median(np.diff(record.time)))
-    position, voltage = (filtfilt(*below, record.signals[name])[:, None] for name in ("position", "motor_voltage"))
+    position, voltage = (
+        filtfilt(*below, record.signals[name])[:, None] for name in ("position", "motor_voltage")
+    )
     velocity = np.gradient(position[:, 0], record.time)
     force = (
         values["mass"] * np.gradient(velocity, record.time)
@@ -87,12 +104,17 @@ def least(time, strain, elements):
         return nnls(columns / size, strain)[1] / np.sqrt(time.size)
 
     start = min(combinations(np.log(np.logspace(-2.0, 3.0, 16)), elements), key=left)
-    return float(minimize(left, start, method="Nelder-Mead", options={"maxiter": 2000, "fatol": 1e-12}).fun)
+    return float(
+        minimize(left, start, method="Nelder-Mead", options={"maxiter": 2000, "fatol": 1e-12}).fun
+    )
 
 
 @pytest.mark.parametrize(
     "options",
-    [("--effects", "second_kelvin,third_kelvin,fourth_kelvin"), pytest.param((), marks=pytest.mark.slow)],
+    [
+        ("--effects", "second_kelvin,third_kelvin,fourth_kelvin"),
+        pytest.param((), marks=pytest.mark.slow),
+    ],
 )
 def test_a_melt_has_three_kelvin_elements(public_data, tmp_path, options):
     """Burgers' chain has one, the catalogue three more. The stress stands still: the melt was at rest before."""
@@ -104,7 +126,11 @@ def test_a_melt_has_three_kelvin_elements(public_data, tmp_path, options):
     assert set(causes(figures)) < {"second_kelvin", "third_kelvin", "fourth_kelvin"}
     assert figures["alternatives"] == [], "which of the chain it is makes no difference"
     record = read_record(path, {"stress": "Pa", "strain": "1"}, inputs=["stress"])
-    time, strain, stress = record.time - record.time[0], record.signals["strain"], record.signals["stress"][0]
+    time, strain, stress = (
+        record.time - record.time[0],
+        record.signals["strain"],
+        record.signals["stress"][0],
+    )
     ordinals = [cause.removesuffix("_kelvin") for cause in causes(figures)]
     compliances = [values["compliance"], *(values[f"{n}_elongation_compliance"] for n in ordinals)]
     times = [values["retardation_time"], *(values[f"{n}_elongation_time"] for n in ordinals)]
@@ -157,9 +183,20 @@ def duffing(values, time, force):
 def test_a_circuit_hardens(public_data, tmp_path, samples):
     """Fitted to a stretch of the multisines, judged on the arrow."""
     head, *rows = public_data("silverbox_snls80mV.csv").read_text(encoding="utf-8").splitlines()
-    for name, part in (("arrow", rows[:ARROW]), ("multisine", rows[MULTISINE : MULTISINE + samples])):
+    for name, part in (
+        ("arrow", rows[:ARROW]),
+        ("multisine", rows[MULTISINE : MULTISINE + samples]),
+    ):
         (tmp_path / f"{name}.csv").write_text("\n".join([head, *part]), encoding="utf-8")
-    options = ("--map", "input=force[N]", "--map", "output=position[m]", "--interpolate", "--holdout", "arrow.csv")
+    options = (
+        "--map",
+        "input=force[N]",
+        "--map",
+        "output=position[m]",
+        "--interpolate",
+        "--holdout",
+        "arrow.csv",
+    )
     model = "mass_spring_damper.py:MassSpringDamper"
     figures, values, _ = diagnosed("multisine.csv", model, *options, folder=tmp_path)
     assert figures["verdict"] == "cause"
@@ -179,7 +216,9 @@ def test_a_circuit_hardens(public_data, tmp_path, samples):
 @pytest.mark.slow
 def test_an_aged_cell_has_more_resistance(public_data, tmp_path):
     """Parameters only, of the cell before ageing, which then are nominal for the cell after."""
-    before, after = (public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv") for age in ("before", "after"))
+    before, after = (
+        public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv") for age in ("before", "after")
+    )
     only = ("--effects", "none")
     _, fresh, _ = diagnosed(before, None, *only, folder=tmp_path)
     nominal = [text for name in ("R1", "R2", "C") for text in ("--set", f"{name}={fresh[name]!r}")]
@@ -195,7 +234,18 @@ def test_pulses_of_a_cell_are_one_record(public_data, tmp_path):
     """Seven pulses fitted, three held out, the open-circuit voltage each its own. Least squares leaves 0.11 to 0.13."""
     record = public_data("lfp_cell_ten_pulses.csv")
     model = f"{record.parent / 'models' / 'lfp_cell.py'}:Cell"
-    options = ("--model", model, "--runs", "pulse", "--each", "ocv", "--holdout", "7,8,9", "--effects", "none")
+    options = (
+        "--model",
+        model,
+        "--runs",
+        "pulse",
+        "--each",
+        "ocv",
+        "--holdout",
+        "7,8,9",
+        "--effects",
+        "none",
+    )
     figures, values, _ = diagnosed(record, None, *options, folder=tmp_path)
     assert figures["gain"]["holdout_nrmse_before"]["voltage"] <= 0.13
     assert {name for name in values if name.startswith("ocv")} == {f"ocv@{k}" for k in range(7)}
@@ -205,9 +255,14 @@ def test_pulses_of_a_cell_are_one_record(public_data, tmp_path):
 @pytest.mark.slow
 def test_families_find_the_capacitance_of_a_cell_whose_voltage_changes_it(public_data):
     """Fitted at 3 A, judged at 2.2 A; the model that came with the record has one capacitance."""
-    fitted, judged = public_data("supercapacitor_maxwell_3A.csv"), public_data("supercapacitor_maxwell_2p2A.csv")
+    fitted, judged = (
+        public_data("supercapacitor_maxwell_3A.csv"),
+        public_data("supercapacitor_maxwell_2p2A.csv"),
+    )
     model = f"{fitted.parent / 'models' / 'supercapacitor.py'}:Supercap"
-    said = orchestration.diagnose(fitted, model, holdout=judged, effects=["families"], time=300.0, laws=False)
+    said = orchestration.diagnose(
+        fitted, model, holdout=judged, effects=["families"], time=300.0, laws=False
+    )
     assert said.causes[0] == "capacitance_of_voltage(open_voltage)"
     assert said.gain.after["voltage"] < 0.02 < said.gain.before["voltage"]
 
@@ -218,7 +273,14 @@ def test_families_find_the_second_pair_of_a_cell(public_data):
     record = public_data("lfp_cell_ten_pulses.csv")
     model = f"{record.parent / 'models' / 'lfp_cell.py'}:Cell"
     said = orchestration.diagnose(
-        record, model, runs="pulse", holdout="7,8,9", each=["ocv"], effects=["families"], time=300.0, laws=False
+        record,
+        model,
+        runs="pulse",
+        holdout="7,8,9",
+        each=["ocv"],
+        effects=["families"],
+        time=300.0,
+        laws=False,
     )
     assert {"second_kelvin", "input_lag(current)"} & {*said.causes[:1], *said.alternatives}
     assert said.gain.after["voltage"] < 0.115

@@ -32,7 +32,11 @@ def curve(result: LawsResult) -> tuple[Array, Array, dict[str, float]]:
     """Knots and values of the best correction, and the parameters that were fitted beside it."""
     best, details = result.law_map[0], result.details
     assert details is not None
-    return np.array(best["curve"]["x"]), np.array(best["curve"]["y"]), details.corrections[0].fitted.values
+    return (
+        np.array(best["curve"]["x"]),
+        np.array(best["curve"]["y"]),
+        details.corrections[0].fitted.values,
+    )
 
 
 def bent(x: Array, y: Array) -> Array:
@@ -60,9 +64,13 @@ def cubic_by_regression(path: Path) -> float:
     record = read_record(path, {"force": "N", "position": "m"}, mapping=mapping)
     x, force = record.signals["position"], record.signals["force"]
     step = float(np.median(np.diff(record.time)))
-    window = np.hanning(len(x)) > 0.1  # derivatives of what does not end as it began are wrong at the ends
+    window = (
+        np.hanning(len(x)) > 0.1
+    )  # derivatives of what does not end as it began are wrong at the ends
     turning = 2j * np.pi * np.fft.rfftfreq(len(x), step)
-    spectrum = np.fft.rfft(x) * (np.abs(turning) < 2.0 * np.pi * 220.0)  # the multisines end at 200 Hz
+    spectrum = np.fft.rfft(x) * (
+        np.abs(turning) < 2.0 * np.pi * 220.0
+    )  # the multisines end at 200 Hz
     v, a = (np.fft.irfft(spectrum * turning**k, len(x)) for k in (1, 2))
     columns = np.column_stack([a, v, x, x**3, np.ones_like(x)])[window]
     return float(np.linalg.lstsq(columns, force[window], rcond=None)[0][3])
@@ -77,13 +85,19 @@ def test_a_circuit_hardens(public_data, tmp_path):
     assert (best["law"], best["signal"], best["memory"]) == ("spring_force", "elongation", "")
     assert best["confirmed"]
     knots, values, _ = curve(result)
-    position = read_record(tmp_path / "multisine.csv", {"position": "m"}, mapping={"output": "position[m]"}).signals
-    x = np.linspace(-1.0, 1.0, 201) * np.quantile(np.abs(position["position"]), 0.98)  # where the record has been
+    position = read_record(
+        tmp_path / "multisine.csv", {"position": "m"}, mapping={"output": "position[m]"}
+    ).signals
+    x = np.linspace(-1.0, 1.0, 201) * np.quantile(
+        np.abs(position["position"]), 0.98
+    )  # where the record has been
     y = bent(x, np.interp(x, knots, values))
     assert rms(y + y[::-1]) / 2.0 < 0.2 * rms(y), "odd"
     cube = bent(x, x**3)
     assert explained(y, cube) > 0.95
-    assert float(y @ cube / (cube @ cube)) == pytest.approx(cubic_by_regression(tmp_path / "multisine.csv"), rel=0.25)
+    assert float(y @ cube / (cube @ cube)) == pytest.approx(
+        cubic_by_regression(tmp_path / "multisine.csv"), rel=0.25
+    )
     before, after = errors(result, "position")
     assert after < 0.3 * before
 
@@ -92,14 +106,20 @@ def test_a_stage_has_dry_friction_and_two_slopes(public_data, tmp_path):
     """Published: 20.39 N of dry friction, and slopes of 166.7 and 240.4 N s/m."""
     result = answer("stage", public_data, tmp_path)
     best = result.law_map[0]
-    assert (best["law"], best["signal"], best["memory"], best["kind"]) == ("friction", "velocity", "", "add")
+    assert (best["law"], best["signal"], best["memory"], best["kind"]) == (
+        "friction",
+        "velocity",
+        "",
+        "add",
+    )
     assert best["confirmed"]
     knots, values, own = curve(result)
     record = read_record(tmp_path / "followed.csv", {"velocity": "m/s"})
     velocity = record.signals["velocity"]
     friction = own["damping"] * velocity + np.interp(velocity, knots, values)
     forwards, backwards = (
-        np.polyfit(velocity[side], friction[side], 1) for side in (velocity > 1e-3, velocity < -1e-3)
+        np.polyfit(velocity[side], friction[side], 1)
+        for side in (velocity > 1e-3, velocity < -1e-3)
     )  # slope, and what is left at standstill
     assert (forwards[1] - backwards[1]) / 2.0 == pytest.approx(20.39, rel=0.15), "steps at zero"
     assert forwards[0] == pytest.approx(166.7, rel=0.2)
@@ -124,10 +144,15 @@ def test_a_motor_has_a_dead_zone(public_data, tmp_path):
     drive = own["gain"] * knots
     drive = drive - values if best["law"] == "drag" else drive / own["time_constant"] + values
     record = read_record(
-        public_data("dc_motor_dead_zone.csv"), {"voltage": "V", "speed": "rad/s"}, mapping={"speed": "speed[rpm]"}
+        public_data("dc_motor_dead_zone.csv"),
+        {"voltage": "V", "speed": "rad/s"},
+        mapping={"speed": "speed[rpm]"},
     )
     voltage, speed = record.signals["voltage"], record.signals["speed"]
-    lasting = np.convolve(np.diff(voltage, prepend=voltage[0]) == 0.0, np.ones(200))[: len(voltage)] == 200.0
+    lasting = (
+        np.convolve(np.diff(voltage, prepend=voltage[0]) == 0.0, np.ones(200))[: len(voltage)]
+        == 200.0
+    )
     still = voltage[lasting & (speed == 0.0)]
     zone = (knots >= still.min()) & (knots <= still.max())
     assert zone.sum() > 4
@@ -143,11 +168,15 @@ def test_a_cell_has_a_voltage_that_is_no_straight_line_of_its_charge(public_data
     assert (best["law"], best["signal"], best["memory"]) == ("open_voltage", "charge", "")
     assert best["confirmed"]
     knots, values, own = curve(result)
-    record = read_record(public_data("supercapacitor_maxwell_3A.csv"), {"current": "A", "voltage": "V"})
+    record = read_record(
+        public_data("supercapacitor_maxwell_3A.csv"), {"current": "A", "voltage": "V"}
+    )
     time, current, voltage = record.time, record.signals["current"], record.signals["voltage"]
     charge = own["charge_start"] - np.append(0.0, np.cumsum(current[:-1] * np.diff(time)))
     steady = (current == np.median(current)) & (charge > knots[0])
-    shown, said = (bent(charge[steady], y[steady]) for y in (voltage, np.interp(charge, knots, values)))
+    shown, said = (
+        bent(charge[steady], y[steady]) for y in (voltage, np.interp(charge, knots, values))
+    )
     assert np.corrcoef(shown, said)[0, 1] > 0.97
     assert rms(said) == pytest.approx(rms(shown), rel=0.15)
     before, after = errors(result, "voltage")

@@ -17,7 +17,9 @@ README = ROOT / "README.md"
 def readme_command(record):
     """The README's command for a record, as arguments."""
     text = README.read_text(encoding="utf-8").replace("\\\n", " ")
-    found = [line for line in text.splitlines() if line.startswith("ppy compare") and record in line]
+    found = [
+        line for line in text.splitlines() if line.startswith("ppy compare") and record in line
+    ]
     assert len(found) == 1
     return shlex.split(found[0])[1:]
 
@@ -48,7 +50,9 @@ def test_creep_of_a_polyethylene_melt(public_data, tmp_path):
     viscosity = figures["fitted"]["parameters"]["b1"]["value"]
     rows = [
         line.split(",")
-        for line in public_data("creep_polyethylene_cm3.csv").read_text(encoding="utf-8").splitlines()[1:]
+        for line in public_data("creep_polyethylene_cm3.csv")
+        .read_text(encoding="utf-8")
+        .splitlines()[1:]
     ]
     late = [(float(t), float(e)) for t, _, e in rows if float(t) > 1000.0]
     slope = (late[-1][1] - late[0][1]) / (late[-1][0] - late[0][0])
@@ -80,13 +84,18 @@ def test_a_supercapacitor(public_data, tmp_path, age, least):
     assert fitted["outputs"]["voltage"]["white"] is False
     # capacitance by hand: charge moved over voltage swept, which leaves out R1 and leakage and so agrees only roughly
     value = fitted["parameters"]["C"]["value"]
-    assert value == pytest.approx(by_hand(public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv")), rel=0.2)
+    assert value == pytest.approx(
+        by_hand(public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv")), rel=0.2
+    )
     assert ["varies slowly" in w for w in fitted["warnings"]] == [True]  # one RC branch is too few
 
 
 def by_hand(path):
     """Mean |current| over mean |rate of voltage|, F: the capacitance of a cell that is swept up and down."""
-    rows = [tuple(map(float, line.split(","))) for line in path.read_text(encoding="utf-8").splitlines()[1:]]
+    rows = [
+        tuple(map(float, line.split(",")))
+        for line in path.read_text(encoding="utf-8").splitlines()[1:]
+    ]
     moved = swept = 0.0
     for (t0, u0, i0), (t1, u1, _) in zip(rows[:-20], rows[20:], strict=True):
         moved += 1e-3 * abs(i0) * (t1 - t0)

@@ -15,7 +15,18 @@ from orchestration.rig.emulator.records import draw, write
 from orchestration.system import Member, System
 from tests.support.pace import slow_but
 
-NAMES = ("read_record", "find_model", "simulate", "compare", "fit", "diagnose", "check", "build", "System", "run")
+NAMES = (
+    "read_record",
+    "find_model",
+    "simulate",
+    "compare",
+    "fit",
+    "diagnose",
+    "check",
+    "build",
+    "System",
+    "run",
+)
 HEAVY = {"laws"}  # its example takes seconds
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -95,7 +106,10 @@ def test_a_class_brings_its_methods_and_properties() -> None:
     text = reference.page({"System": System, "Member": Member})
     assert "**Attributes**\n\n* `name, doc` : str\n" in text
     assert "### System.member\n\n```python\nSystem.member(name)\n```\n" in text
-    assert '### Member.of\n\n```python\nMember.of(name, component, parameters=None, runtime="native")\n```\n' in text
+    assert (
+        '### Member.of\n\n```python\nMember.of(name, component, parameters=None, runtime="native")\n```\n'
+        in text
+    )
 
 
 def test_what_cannot_be_written_is_left_out_of_a_signature() -> None:
@@ -122,12 +136,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "name", slow_but(orchestration.__all__, *(name for name in orchestration.__all__ if name not in HEAVY))
+    "name",
+    slow_but(orchestration.__all__, *(name for name in orchestration.__all__ if name not in HEAVY)),
 )
 def test_an_example_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     thing = getattr(orchestration, name)
-    found = doctest.DocTestFinder().find(thing, name, module=inspect.getmodule(thing), globs={"ppy": orchestration})
+    found = doctest.DocTestFinder().find(
+        thing, name, module=inspect.getmodule(thing), globs={"ppy": orchestration}
+    )
     assert any(test.examples for test in found), f"{name} has no example"
     said: list[str] = []
     for test in found:

@@ -17,7 +17,11 @@ from tests.support.rig.faults.bench import Bench, Fault
 
 WATCHDOG, ALLOWANCE = 0.5, 0.2  # s
 KINDS = table()
-LIKE_OTHERS = {"every message doubled", "1 in 5 messages damaged", "the wall clock jumps by an hour, to and fro"}
+LIKE_OTHERS = {
+    "every message doubled",
+    "1 in 5 messages damaged",
+    "the wall clock jumps by an hour, to and fro",
+}
 
 pytestmark = [posix, pytest.mark.timeout(60), pytest.mark.real_time]
 
@@ -25,7 +29,11 @@ pytestmark = [posix, pytest.mark.timeout(60), pytest.mark.real_time]
 @pytest.mark.parametrize(
     "fault",
     [
-        pytest.param(kind, id=kind.kind, marks=pytest.mark.slow if not kind.quick or kind.kind in LIKE_OTHERS else ())
+        pytest.param(
+            kind,
+            id=kind.kind,
+            marks=pytest.mark.slow if not kind.quick or kind.kind in LIKE_OTHERS else (),
+        )
         for kind in KINDS
     ],
 )

@@ -39,7 +39,9 @@ dwell = ["1 s", "4 s"]
 """
 
 _ATTEMPTS = 3
-_TOLERATED = 0.01  # s of jitter, a fifth of a step; more is a disturbance of its own, and rightly found
+_TOLERATED = (
+    0.01  # s of jitter, a fifth of a step; more is a disturbance of its own, and rightly found
+)
 
 
 @contextmanager
@@ -60,7 +62,9 @@ def jitter_of(rig, data):
     """Largest deviation in s from when the rig, a thread that waits for its turn, should have taken a command."""
     current, force = data.current.values, data.force.values
     changes = np.flatnonzero(np.diff(current) ** 2 + np.diff(force) ** 2 > 0.0) + 1
-    times = [clock for clock, _ in rig.applied[2 : 2 + changes.size]]  # behind rest and the first commands
+    times = [
+        clock for clock, _ in rig.applied[2 : 2 + changes.size]
+    ]  # behind rest and the first commands
     if len(times) != changes.size or np.isnan(current).any():
         return np.inf
     late = np.array(times) - data.time.values[changes]
@@ -81,10 +85,15 @@ class Specimen:
         current, force = inputs["current"], inputs["force"]
         self._before = now, current, force
         charge = self._physics.active_charge(self._state)
-        length = self._physics.mechanical_length(self._state, force) + self._physics.electrochemical_length(charge)
+        length = self._physics.mechanical_length(
+            self._state, force
+        ) + self._physics.electrochemical_length(charge)
         voltage = self._physics.terminal_voltage(self._state, current, force)
         noise = {name: rms * self._random.standard_normal() for name, rms in NOISE.items()}
-        return {"voltage": float(voltage) + noise["voltage"], "displacement": float(length) + noise["displacement"]}
+        return {
+            "voltage": float(voltage) + noise["voltage"],
+            "displacement": float(length) + noise["displacement"],
+        }
 
     def _advance(self, step, current, force):
         def rates(state):
@@ -109,17 +118,34 @@ def test_what_is_hidden_is_named(tmp_path):
             bridged(rig.port, client_file) as endpoint,
         ):
             works(
-                "rig", "record", "--stimulus", "experiment.toml", "--out", "run.nc", "--endpoint", endpoint,
-                cwd=tmp_path, environment={},  # a process of its own: the rig is a thread of this one
-            )  # fmt: skip
+                "rig",
+                "record",
+                "--stimulus",
+                "experiment.toml",
+                "--out",
+                "run.nc",
+                "--endpoint",
+                endpoint,
+                cwd=tmp_path,
+                environment={},  # a process of its own: the rig is a thread of this one
+            )
         if (jitter := jitter_of(rig, results.read(tmp_path / "run.nc"))) < _TOLERATED:
             break
     else:
-        pytest.skip(f"this machine is too busy for real time: {1e3 * jitter:.0f} ms of jitter, {_ATTEMPTS} times")
+        pytest.skip(
+            f"this machine is too busy for real time: {1e3 * jitter:.0f} ms of jitter, {_ATTEMPTS} times"
+        )
     works(
-        "diagnose", "run.nc", "--model", "ppy_actuator", "--effects", "strain_saturation,double_layer", "--json",
-        "found.json", cwd=tmp_path,
-    )  # fmt: skip
+        "diagnose",
+        "run.nc",
+        "--model",
+        "ppy_actuator",
+        "--effects",
+        "strain_saturation,double_layer",
+        "--json",
+        "found.json",
+        cwd=tmp_path,
+    )
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["verdict"] == "cause", found["verdict"]
     assert [cause["effect"] for cause in found["causes"]] == ["strain_saturation"]

@@ -26,9 +26,16 @@ def test_the_ready_line_says_where_what_and_what_is_allowed(tmp_path):
     with Server(tmp_path, "Logged", "--rate", 100, "--watchdog", 0.5) as server:
         server.wait_ready()
         line = server.lines[0]
-    assert re.match(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} ready: tcp://127\.0\.0\.1:\d+ \(telemetry tcp://", line)
-    for part in ("real time at 100 Hz, watchdog 0.5 s", "current [A] -1.3 to 1.3", "force [N] 0 to 3",
-                 "measures voltage [V] -2 to 2, displacement [m]"):  # fmt: skip
+    assert re.match(
+        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} ready: tcp://127\.0\.0\.1:\d+ \(telemetry tcp://",
+        line,
+    )
+    for part in (
+        "real time at 100 Hz, watchdog 0.5 s",
+        "current [A] -1.3 to 1.3",
+        "force [N] 0 to 3",
+        "measures voltage [V] -2 to 2, displacement [m]",
+    ):
         assert part in line
     assert len([text for text in server.lines if "ready" in text]) == 1
 
@@ -49,7 +56,9 @@ def test_telemetry_is_published_one_port_higher_at_most_thirty_times_a_second(tm
     assert messages[-1]["inputs"] == {"current": 0.5, "force": 1.0}
     assert messages[-1]["outputs"] == {"voltage": 1.0, "displacement": 0.5}
     assert messages[-1]["client"] == "driver"
-    assert 0.9 * 29 / 30 < messages[-1]["clock"] - messages[0]["clock"] < 3 * 29 / 30  # on a busy machine
+    assert (
+        0.9 * 29 / 30 < messages[-1]["clock"] - messages[0]["clock"] < 3 * 29 / 30
+    )  # on a busy machine
 
 
 def test_samples_are_taken_at_the_rate_and_their_age_is_below_a_period(tmp_path):
@@ -76,7 +85,8 @@ def test_lockstep_waits_for_the_client_and_holds_its_commands(tmp_path):
             sample = link.exchange([current, 0.1], 0.0, step, 5.0)
             assert sample is not None
             assert sample["values"][0] == pytest.approx(
-                fsum(i * t for i, t in zip(currents[: k + 1], steps[: k + 1], strict=True)), abs=1e-12
+                fsum(i * t for i, t in zip(currents[: k + 1], steps[: k + 1], strict=True)),
+                abs=1e-12,
             )
             assert sample["clock"] == pytest.approx(fsum(steps[: k + 1]))
             assert sample["ages"] == [0.0, 0.0]
@@ -124,7 +134,11 @@ def test_a_thread_of_a_driver_does_not_hold_the_end(tmp_path):
         server.send(signal.SIGTERM)
         assert server.wait_end() == 0
         assert "ended, in the safe state: SIGTERM" in server.lines[-1]
-        assert [call.what for call in server.calls()] == ["open", "safe", "close"]  # nobody had to do it again
+        assert [call.what for call in server.calls()] == [
+            "open",
+            "safe",
+            "close",
+        ]  # nobody had to do it again
 
 
 def test_a_driver_that_hangs_after_the_safe_state_is_no_unsafe_end(tmp_path):
@@ -139,7 +153,9 @@ def test_a_driver_that_hangs_after_the_safe_state_is_no_unsafe_end(tmp_path):
 
 def test_nobody_there_is_a_line_within_the_timeout(tmp_path):
     for command in ("stop", "acknowledge", "status"):
-        line = refused(tmp_path, "rig", command, "--endpoint", "tcp://127.0.0.1:9", "--timeout", "0.2")
+        line = refused(
+            tmp_path, "rig", command, "--endpoint", "tcp://127.0.0.1:9", "--timeout", "0.2"
+        )
         assert "no answer within 0.2 s" in line
         assert "without keys" in line
 
@@ -149,7 +165,9 @@ def test_status_as_a_line_and_as_json(tmp_path):
         server.wait_ready()
         line = works("rig", "status", "--endpoint", server.endpoint, cwd=tmp_path)
         assert line == "idle; real-time, period 0.03333 s, watchdog 0.2 s\n"
-        told = json.loads(works("rig", "status", "--json", "-", "--endpoint", server.endpoint, cwd=tmp_path))
+        told = json.loads(
+            works("rig", "status", "--json", "-", "--endpoint", server.endpoint, cwd=tmp_path)
+        )
         assert told["inputs"] == INPUTS
 
 
@@ -169,7 +187,9 @@ def test_the_emulated_rig_in_lockstep_answers_as_it_does_when_it_is_stepped_dire
             sample = link.exchange(list(commands.values()), 0.05 * k, 0.05, 5.0)
             assert sample is not None
             assert sample["refused"] == []
-            assert sample["values"] == pytest.approx(list(direct.read().values()), rel=1e-12, abs=1e-15)
+            assert sample["values"] == pytest.approx(
+                list(direct.read().values()), rel=1e-12, abs=1e-15
+            )
         link.disconnect()
         link.close()
 

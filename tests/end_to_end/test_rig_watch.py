@@ -60,7 +60,16 @@ BOX = "(r => [r.left, r.top, r.width, r.height])(document.getElementById('stop')
 @contextmanager
 def watching(rig_port, *more):
     """The command in a process of its own; its address."""
-    command = [sys.executable, "-m", "orchestration.cli", "rig", "watch", "--no-browser", "--port", "0"]
+    command = [
+        sys.executable,
+        "-m",
+        "orchestration.cli",
+        "rig",
+        "watch",
+        "--no-browser",
+        "--port",
+        "0",
+    ]
     command += ["--endpoint", f"tcp://127.0.0.1:{rig_port}", *map(str, more)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -93,7 +102,9 @@ def until(condition, within=PATIENCE):
 
 
 def is_lost(tab):
-    return tab.run("document.getElementById('alarm')?.hidden === false && document.body.dataset.state === 'lost'")
+    return tab.run(
+        "document.getElementById('alarm')?.hidden === false && document.body.dataset.state === 'lost'"
+    )
 
 
 # --- what is shown --------------------------------------------------------------------------------------------------
@@ -107,28 +118,49 @@ def test_every_signal_with_unit_limits_and_age(tab):
         with Driver(rig.endpoint, lambda number: (0.5, 2.0), client="bench PC"):
             until(lambda: text(tab, "state") == "running")
             assert text(tab, "client") == "bench PC"
-            _, shown = until(lambda: (found := tab.run(SHOWN))["current"]["value"] == "0.500" and found)
+            _, shown = until(
+                lambda: (found := tab.run(SHOWN))["current"]["value"] == "0.500" and found
+            )
             assert list(shown) == ["current", "force", "voltage", "displacement"]
             assert {name: (of["value"], of["unit"]) for name, of in shown.items()} == {
-                "current": ("0.500", "A"), "force": ("2.000", "N"), "voltage": ("0.300", "V"),
+                "current": ("0.500", "A"),
+                "force": ("2.000", "N"),
+                "voltage": ("0.300", "V"),
                 "displacement": ("190.0", "µm"),  # 1e-4 * 2 - 2e-5 * 0.5
-            }  # fmt: skip
-            assert (shown["current"]["low"], shown["current"]["high"]) == ("min −1.3 A", "max 1.3 A")
+            }
+            assert (shown["current"]["low"], shown["current"]["high"]) == (
+                "min −1.3 A",
+                "max 1.3 A",
+            )
             assert (shown["displacement"]["low"], shown["displacement"]["high"]) == ("", "")
             assert re.fullmatch(r"age \d+ ms", shown["voltage"]["age"])
             assert {of["kind"] for of in shown.values()} == {"card"}
         assert tab.complaints == []
-        assert {url.startswith(watch.address) or url.startswith("data:") for url in tab.requests} == {True}
+        assert {
+            url.startswith(watch.address) or url.startswith("data:") for url in tab.requests
+        } == {True}
 
 
 @pytest.mark.parametrize(
     ("current", "kind", "badge"),
-    [(1.1, "card", ""), (1.28, "card near", "near its limit"), (-1.29, "card near", "near its limit")],
+    [
+        (1.1, "card", ""),
+        (1.28, "card near", "near its limit"),
+        (-1.29, "card near", "near its limit"),
+    ],
 )
 def test_a_value_near_its_limit_stands_out(tab, current, kind, badge):
-    with SmallRig() as rig, watching(rig.port) as watch, Driver(rig.endpoint, lambda number: (current, 1.0)):
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        Driver(rig.endpoint, lambda number: (current, 1.0)),
+    ):
         tab.open(watch.address, 1280)
-        until(lambda: tab.run(SHOWN).get("current", {}).get("value") == f"{current:.3f}".replace("-", "−"))
+        until(
+            lambda: (
+                tab.run(SHOWN).get("current", {}).get("value") == f"{current:.3f}".replace("-", "−")
+            )
+        )
         shown = tab.run(SHOWN)
         assert (shown["current"]["kind"], shown["current"]["badge"]) == (kind, badge)
         assert shown["force"]["kind"] == "card"
@@ -171,7 +203,9 @@ def test_an_old_value_never_looks_fresh(tab):
         until(lambda: tab.run(SHOWN).get("voltage"))
         rig.measures = False
         until(lambda: re.fullmatch(r"age \d\.\d s", tab.run(SHOWN)["voltage"]["age"]))
-        assert tab.run("document.querySelector('[data-signal=voltage] .age').classList.contains('old')")
+        assert tab.run(
+            "document.querySelector('[data-signal=voltage] .age').classList.contains('old')"
+        )
         rig.plant, rig.measures = lambda inputs, now: {"voltage": None, "displacement": 0.0}, True
         until(lambda: tab.run(SHOWN)["voltage"]["value"] == "–")
         assert tab.run(SHOWN)["voltage"]["age"] == "no value"
@@ -197,7 +231,10 @@ NASTY = "<script>window.hurt = 1</script><img src=x onerror='window.hurt = 2'>"
 def test_what_the_rig_says_is_text(tab):
     units, limits = {NASTY: "A<b>"}, {NASTY: {"min": -1.0, "max": 1.0, "rate": None}}
     with SmallRig(
-        inputs=units, outputs={"voltage": NASTY}, limits=limits, plant=lambda i, now: {"voltage": 1.0}
+        inputs=units,
+        outputs={"voltage": NASTY},
+        limits=limits,
+        plant=lambda i, now: {"voltage": 1.0},
     ) as rig:
         rig.state, rig.reason, rig.client = "safe", NASTY, NASTY
         with watching(rig.port) as watch:
@@ -209,7 +246,9 @@ def test_what_the_rig_says_is_text(tab):
             until(lambda: NASTY in text(tab, "events"))
             time.sleep(0.3)
             assert tab.run("window.hurt") is None
-            assert tab.run("document.images.length + document.querySelectorAll('script').length") == 1
+            assert (
+                tab.run("document.images.length + document.querySelectorAll('script').length") == 1
+            )
             assert tab.complaints == []
 
 
@@ -303,7 +342,11 @@ def test_the_page_misses_the_program_that_serves_it(tab, number):
 
 
 def test_stop_pressed_by_mouse_stops_the_rig(tab):
-    with SmallRig() as rig, watching(rig.port) as watch, Driver(rig.endpoint, lambda number: (0.5, 1.0)):
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        Driver(rig.endpoint, lambda number: (0.5, 1.0)),
+    ):
         tab.open(watch.address, 1280)
         until(lambda: text(tab, "state") == "running")
         left, top, width, height = tab.run(BOX)
@@ -339,11 +382,21 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
     with Server(tmp_path, "emulator") as server:
         port = server.wait_ready().rsplit(":", 1)[1]
-        command = [sys.executable, "-m", "orchestration.cli", "rig", "record", "--stimulus", "experiment.toml"]
+        command = [
+            sys.executable,
+            "-m",
+            "orchestration.cli",
+            "rig",
+            "record",
+            "--stimulus",
+            "experiment.toml",
+        ]
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         command += ["--out", "run.csv", "--endpoint", server.endpoint]
         pipe = subprocess.PIPE
-        recording = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=pipe, stderr=pipe, text=True)
+        recording = subprocess.Popen(
+            command, cwd=tmp_path, env=environment, stdout=pipe, stderr=pipe, text=True
+        )
         with watching(port) as watch:
             tab.open(watch.address, 1280)
             until(lambda: text(tab, "client") == "ppy rig record")
@@ -380,7 +433,12 @@ def test_stop_is_the_first_that_the_keyboard_reaches(tab, width):
 
 def press(tab, key, code, character=None):
     about = {"key": key, "code": key, "windowsVirtualKeyCode": code}
-    tab.call("Input.dispatchKeyEvent", type="keyDown", **about, **({"text": character} if character else {}))
+    tab.call(
+        "Input.dispatchKeyEvent",
+        type="keyDown",
+        **about,
+        **({"text": character} if character else {}),
+    )
     tab.call("Input.dispatchKeyEvent", type="keyUp", **about)
 
 
@@ -402,14 +460,28 @@ def test_it_fits_and_can_be_read(tab, width, scheme):
         watching(rig.port) as watch,
         Driver(rig.endpoint, lambda number: (1.29, 2.0), client="x" * 80),
     ):
-        tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        tab.call(
+            "Emulation.setEmulatedMedia",
+            features=[{"name": "prefers-color-scheme", "value": scheme}],
+        )
         tab.open(watch.address, width)
         until(lambda: tab.run(SHOWN).get("current", {}).get("value") == "1.290")
         assert tab.run("document.documentElement.scrollWidth") <= width
         _, top, wide, high = tab.run(BOX)
         assert 0 <= top < top + high <= 900
         assert wide > 150
-        for place in ("#state", "#stop", "#client", ".number", ".badge", ".limits", ".age", "h2", "dt", "#events span"):
+        for place in (
+            "#state",
+            "#stop",
+            "#client",
+            ".number",
+            ".badge",
+            ".limits",
+            ".age",
+            "h2",
+            "dt",
+            "#events span",
+        ):
             assert contrast(tab, place) >= 4.5, place  # WCAG 2 AA
     tab.call("Emulation.setEmulatedMedia", features=[])
 
@@ -422,7 +494,10 @@ def contrast(tab, place):
 
 
 def luminance(colour):
-    linear = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in (c / 255.0 for c in colour)]
+    linear = [
+        v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4
+        for v in (c / 255.0 for c in colour)
+    ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
@@ -449,11 +524,14 @@ def test_only_the_page_itself_can_stop(tmp_path):
         token = re.search(r'name="rig-token" content="([^"]{20,})"', page)[1]
         own = watch.address.rstrip("/")
         bad = [
-            ("/stop", {}), ("/stop", {"X-Rig-Token": "x"}), ("/stop", {"X-Rig-Token": token[:-1]}),
+            ("/stop", {}),
+            ("/stop", {"X-Rig-Token": "x"}),
+            ("/stop", {"X-Rig-Token": token[:-1]}),
             ("/stop", {"X-Rig-Token": token, "Origin": "https://evil.example"}),
             ("/stop", {"X-Rig-Token": token, "Host": "evil.example:8765"}),
-            ("/acknowledge", {"X-Rig-Token": token}), ("/", {"X-Rig-Token": token}),
-        ]  # fmt: skip
+            ("/acknowledge", {"X-Rig-Token": token}),
+            ("/", {"X-Rig-Token": token}),
+        ]
         for path, sent in bad:
             status, _, _ = ask(watch, "POST", path, sent, "")
             assert status in (403, 404), (path, sent)
@@ -462,7 +540,13 @@ def test_only_the_page_itself_can_stop(tmp_path):
                 assert ask(watch, "GET", path, {"Host": host})[0] == 403
         for method in ("PUT", "DELETE", "OPTIONS"):
             assert ask(watch, method, "/stop", {"X-Rig-Token": token})[0] == 501
-        for path in ("/../serve.py", "/page.html/../../serve.py", "/serve.py", "/page/page.js", "//etc/passwd"):
+        for path in (
+            "/../serve.py",
+            "/page.html/../../serve.py",
+            "/serve.py",
+            "/page/page.js",
+            "//etc/passwd",
+        ):
             assert ask(watch, "GET", path)[0] == 404
         assert rig.of_type("stop") == []
         assert ask(watch, "POST", "/stop", {"X-Rig-Token": token, "Origin": own}, "")[0] == 200
@@ -514,7 +598,9 @@ def test_it_ends_at_once_even_with_a_page_open(tab, number):
         began = time.monotonic()
         watch.send_signal(number)
         assert watch.wait(PATIENCE) == 0
-        assert time.monotonic() - began < 3.0  # at once, and what a loaded machine takes to end Python
+        assert (
+            time.monotonic() - began < 3.0
+        )  # at once, and what a loaded machine takes to end Python
         assert "Traceback" not in watch.stderr.read()
 
 

@@ -38,8 +38,14 @@ def galvanostat(limit, response=4e-3):
     time = 0.01 * np.arange(6000)
     command = multilevel(time, [-1.8, -0.9, 0.0, 0.9, 1.8], (0.03, 0.4), 3)
     held = np.clip(command, -limit, limit)[:, None]
-    current = advanced(np.array([[-1.0 / response]]), np.array([[1.0 / response]]), 0.01, held, [0.0])[:, 0]
-    inputs = {"current_command": command, "voltage": np.zeros(time.size), "voltage_limit": np.full(time.size, 15.0)}
+    current = advanced(
+        np.array([[-1.0 / response]]), np.array([[1.0 / response]]), 0.01, held, [0.0]
+    )[:, 0]
+    inputs = {
+        "current_command": command,
+        "voltage": np.zeros(time.size),
+        "voltage_limit": np.full(time.size, 15.0),
+    }
     return time, inputs | {"voltage_command": np.zeros(time.size)}, {"current": current}
 
 
@@ -96,7 +102,9 @@ def foot_dynamic(ankle_damping):
 
     def flow(_, state, k):
         q, w = state[:3], state[3:]
-        an, po, do, pl = (arm * pull[k] for arm, pull in zip(arms_at(q[0], q[2]), pulls.values(), strict=True))
+        an, po, do, pl = (
+            arm * pull[k] for arm, pull in zip(arms_at(q[0], q[2]), pulls.values(), strict=True)
+        )
         torque = np.array([d.real * push[0][k] + d.imag * push[1][k] for d in toe_by(q)])
         torque -= [an + po, 100.0 * q[1], do + pl]
         beyond = np.maximum(q - high, 0.0) + np.minimum(q - low, 0.0)
@@ -104,7 +112,9 @@ def foot_dynamic(ankle_damping):
 
     states = [np.zeros(6)]
     for k in range(time.size - 1):
-        solved = solve_ivp(flow, (0.0, step), states[-1], "DOP853", rtol=1e-8, atol=1e-10, args=(k,))
+        solved = solve_ivp(
+            flow, (0.0, step), states[-1], "DOP853", rtol=1e-8, atol=1e-10, args=(k,)
+        )
         states.append(solved.y[:, -1])
     inputs = {f"{name}_tension": pull for name, pull in pulls.items()}
     inputs |= {"toe_force_x": push[0], "toe_force_y": push[1]}
@@ -150,7 +160,11 @@ def estimator(forgetting_time):
             series = b0 * leak / (leak - b0)
             circuits[k] = series, leak, -step / (math.log(-a) * (series + leak))
     shown = np.vstack([np.zeros(3), circuits[:-1]])  # a sample shows at the next point
-    return time, {"current": current, "voltage": voltage}, dict(zip(("R1", "R2", "C"), shown.T, strict=True))
+    return (
+        time,
+        {"current": current, "voltage": voltage},
+        dict(zip(("R1", "R2", "C"), shown.T, strict=True)),
+    )
 
 
 @dataclass(frozen=True)
@@ -167,36 +181,60 @@ class Case:
 
 
 CASES = {
-    "galvanostat": Case(galvanostat, "current_limit", 1.3, 1.1, {"current": 1e-3}, {"response_time": 4e-3}),
+    "galvanostat": Case(
+        galvanostat, "current_limit", 1.3, 1.1, {"current": 1e-3}, {"response_time": 4e-3}
+    ),
     "voice_coil_dma": Case(
-        voice_coil, "R", 3.0, 3.6, {"coil_current": 1e-3, "position_measured": 1e-5}, {"controller_on": 0.0}
+        voice_coil,
+        "R",
+        3.0,
+        3.6,
+        {"coil_current": 1e-3, "position_measured": 1e-5},
+        {"controller_on": 0.0},
     ),
     "degradation_estimator": Case(
-        estimator, "forgetting_time", 60.0, 90.0, dict.fromkeys(("R1", "R2", "C"), 1e-3),
-        {"instrumental_variable": 0.0, "maximum_trace": 1e15, "forgetting_time": 60.0}, free=("forgetting_time",),
+        estimator,
+        "forgetting_time",
+        60.0,
+        90.0,
+        dict.fromkeys(("R1", "R2", "C"), 1e-3),
+        {"instrumental_variable": 0.0, "maximum_trace": 1e15, "forgetting_time": 60.0},
+        free=("forgetting_time",),
     ),
     "foot": Case(
-        foot, "r_pl", 16.3e-3, 18e-3, dict.fromkeys(("an_length", "po_length", "do_length", "pl_length"), 1e-5),
+        foot,
+        "r_pl",
+        16.3e-3,
+        18e-3,
+        dict.fromkeys(("an_length", "po_length", "do_length", "pl_length"), 1e-5),
         free=("r_pl", "l_pl", "r_an", "r_po"),
     ),
     # of its geometry a record of angles says little: that is known from the drawing
     "foot_dynamic": Case(
-        foot_dynamic, "ankle_damping", 0.02, 0.03, dict.fromkeys(("ankle_angle", "tm_angle", "mtp_angle"), 1e-4),
+        foot_dynamic,
+        "ankle_damping",
+        0.02,
+        0.03,
+        dict.fromkeys(("ankle_angle", "tm_angle", "mtp_angle"), 1e-4),
         free=("_damping", "_inertia"),
     ),
-}  # fmt: skip
+}
 
 
 def diagnosed(name, actual, seed):
     """Diagnose a clean record of a specimen."""
     case, random = CASES[name], np.random.default_rng(seed)
     time, inputs, outputs = case.make(actual)
-    measured = {o: outputs[o] + size * random.standard_normal(time.size) for o, size in case.noise.items()}
+    measured = {
+        o: outputs[o] + size * random.standard_normal(time.size) for o, size in case.noise.items()
+    }
     cls = component(name)
     inputs = {v.name: np.full(time.size, float(v.start)) for v in cls.layout.inputs} | inputs
     held = [n for n in searched(cls) if not n.endswith(case.free)]
     budget = Budget(60.0)
-    return diagnose(cls, Dataset(time, inputs, measured, False), [], case.settings, held=held, budget=budget), budget
+    return diagnose(
+        cls, Dataset(time, inputs, measured, False), [], case.settings, held=held, budget=budget
+    ), budget
 
 
 @pytest.mark.parametrize(
@@ -246,13 +284,20 @@ def dry_slide():
             k2 = flow(moved(state, dt / 2, k1), v)
             k3 = flow(moved(state, dt / 2, k2), v)
             k4 = flow(moved(state, dt, k3), v)
-            mean = [(p + 2.0 * q + 2.0 * r + s) / 6.0 for p, q, r, s in zip(k1, k2, k3, k4, strict=True)]
+            mean = [
+                (p + 2.0 * q + 2.0 * r + s) / 6.0 for p, q, r, s in zip(k1, k2, k3, k4, strict=True)
+            ]
             state = moved(state, dt, mean)
     i, x, w, z = np.array(states).T
     outputs = {
-        "coil_current": i + 1e-3 * random.standard_normal(n), "position_measured": z + 1e-5 * random.standard_normal(n)
-    }  # fmt: skip
-    return step * np.arange(n), {"force_reference": voltage, "tension": spring * x + damping * w}, outputs
+        "coil_current": i + 1e-3 * random.standard_normal(n),
+        "position_measured": z + 1e-5 * random.standard_normal(n),
+    }
+    return (
+        step * np.arange(n),
+        {"force_reference": voltage, "tension": spring * x + damping * w},
+        outputs,
+    )
 
 
 @pytest.mark.slow

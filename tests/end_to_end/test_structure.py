@@ -16,10 +16,23 @@ from docs.draw_architecture import imports
 
 ROOT = Path(__file__).parents[2]
 TESTS = ROOT / "tests"
-SOURCES = [path for folder in ("fmus", "orchestration") for path in sorted((ROOT / folder).rglob("*.py"))]
-MODULES = [path for path in SOURCES if path.is_relative_to(ROOT / "orchestration") and path.name != "__init__.py"]
+SOURCES = [
+    path for folder in ("fmus", "orchestration") for path in sorted((ROOT / folder).rglob("*.py"))
+]
+MODULES = [
+    path
+    for path in SOURCES
+    if path.is_relative_to(ROOT / "orchestration") and path.name != "__init__.py"
+]
 FOLDERS = sorted({path.parent for path in MODULES})
-_NO_CODE = (tokenize.NL, tokenize.NEWLINE, tokenize.COMMENT, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
+_NO_CODE = (
+    tokenize.NL,
+    tokenize.NEWLINE,
+    tokenize.COMMENT,
+    tokenize.INDENT,
+    tokenize.DEDENT,
+    tokenize.ENDMARKER,
+)
 
 
 def named(path: Path) -> str:
@@ -39,8 +52,14 @@ def lines_of_code(text: str) -> dict[str, int]:
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             first, end = node.body[0], node.end_lineno or node.lineno
-            spared = range(first.lineno, (first.end_lineno or 0) + 1) if ast.get_docstring(node) is not None else ()
-            found[f"{node.name} (line {node.lineno})"] = len(code & set(range(node.lineno, end + 1)) - set(spared))
+            spared = (
+                range(first.lineno, (first.end_lineno or 0) + 1)
+                if ast.get_docstring(node) is not None
+                else ()
+            )
+            found[f"{node.name} (line {node.lineno})"] = len(
+                code & set(range(node.lineno, end + 1)) - set(spared)
+            )
     return found
 
 
@@ -66,7 +85,9 @@ def test_modules_are_small() -> None:
 
 def test_functions_are_short() -> None:
     counted = {named(path): lines_of_code(path.read_text(encoding="utf-8")) for path in SOURCES}
-    assert {f"{path}: {name}": n for path, of in counted.items() for name, n in of.items() if n > 60} == {}
+    assert {
+        f"{path}: {name}": n for path, of in counted.items() for name, n in of.items() if n > 60
+    } == {}
 
 
 SAMPLE = '''
@@ -98,14 +119,22 @@ def test_imports_are_seen_wherever_they_stand() -> None:
 
 
 def test_the_hooks_before_a_commit_are_the_checks_of_make() -> None:
-    makefile, hooks = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", ".pre-commit-config.yaml"))
+    makefile, hooks = (
+        (ROOT / name).read_text(encoding="utf-8")
+        for name in ("Makefile", ".pre-commit-config.yaml")
+    )
     checks = makefile.split("\ncheck:")[1].split("\n\n")[0].splitlines()[1:]
-    entries = [text.replace(" --force-exclude", "") for text in re.findall(r"entry: \.venv/bin/(.*)", hooks)]
+    entries = [
+        text.replace(" --force-exclude", "")
+        for text in re.findall(r"entry: \.venv/bin/(.*)", hooks)
+    ]
     assert entries == [re.sub(r"^\t\$\(BIN\)/| \.$", "", line) for line in checks]
     assert set(re.findall(r"repo: (\S+)", hooks)) == {"local"}, "nothing is fetched from elsewhere"
 
 
 def test_one_version_is_named_everywhere() -> None:
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "version"
+    ]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## [{version}] - " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

@@ -27,7 +27,12 @@ def test_a_page_was_drawn_with_this_code(page, code, how):
 @pytest.mark.parametrize(
     ("change", "is_another"),
     [
-        (lambda text: text.replace('"""What it does."""', '"""What it is for."""') + "# a remark\n", False),
+        (
+            lambda text: (
+                text.replace('"""What it does."""', '"""What it is for."""') + "# a remark\n"
+            ),
+            False,
+        ),
         (lambda text: text.replace("1.0", "1.5"), True),
         (lambda text: text.replace("def one", "def other"), True),
     ],
@@ -76,8 +81,13 @@ def test_a_digest_is_not_of_what_hands_records_over(tmp_path: Path, monkeypatch)
 def test_a_diagnosis_is_made_of_what_decides_it(code):
     """What is called through a model or an option, and so by no import of the diagnosis, is named by itself."""
     deciding = (
-        "fmus/kit/arms.py", "fmus/kit/curves.py", "fmus/kit/fmi2/integrate.c", "fmus/kit/fmi2/exponential.c",
-        "orchestration/discrepancy/candidates/typical.py", "orchestration/discrepancy/data/records.py",
-        "orchestration/discrepancy/selection/left_out.py", "orchestration/identify/noise/model.py",
-    )  # fmt: skip
+        "fmus/kit/arms.py",
+        "fmus/kit/curves.py",
+        "fmus/kit/fmi2/integrate.c",
+        "fmus/kit/fmi2/exponential.c",
+        "orchestration/discrepancy/candidates/typical.py",
+        "orchestration/discrepancy/data/records.py",
+        "orchestration/discrepancy/selection/left_out.py",
+        "orchestration/identify/noise/model.py",
+    )
     assert {stamp.ROOT / name for name in deciding} <= stamp.sources(code)

@@ -16,7 +16,14 @@ from benchmarks.floor import BASE, Fitted
 from tests.support.clean.records import draw
 from tests.support.hidden.change import static
 from tests.support.hidden.plants import USUAL, altered
-from tests.support.hidden.records import HiddenCase, cases, cases_of_two, draw_hidden, left, left_beside
+from tests.support.hidden.records import (
+    HiddenCase,
+    cases,
+    cases_of_two,
+    draw_hidden,
+    left,
+    left_beside,
+)
 from tests.support.hidden.variations import OUTSIDE
 
 _ADDITIVE = [
@@ -42,7 +49,9 @@ def test_cases_of_two_repeat_and_are_two_causes():
         assert not first.right & second.right
     pairs = {frozenset(one.variation.family for one in case.alone()) for case in drawn}
     assert frozenset({"dry friction", "input lag"}) in pairs
-    assert frozenset({"storage inside", "conduction"}) not in pairs  # one law, over and remembering one signal
+    assert (
+        frozenset({"storage inside", "conduction"}) not in pairs
+    )  # one law, over and remembering one signal
     first, again = draw_hidden(drawn[3]), draw_hidden(drawn[3])
     assert all(np.array_equal(first.outputs[o], again.outputs[o]) for o in first.outputs)
 
@@ -50,7 +59,10 @@ def test_cases_of_two_repeat_and_are_two_causes():
 def test_one_alone_is_as_it_was():
     case = cases(1, 3)[0]
     assert case.alone() == [case]
-    assert _TWO.alone() == [replace(_TWO, second=None), replace(_TWO, hidden=_TWO.second, second=None)]
+    assert _TWO.alone() == [
+        replace(_TWO, second=None),
+        replace(_TWO, hidden=_TWO.second, second=None),
+    ]
 
 
 @pytest.mark.parametrize(("plant", "first", "second"), _ADDITIVE)
@@ -76,8 +88,14 @@ def test_the_order_of_changes_is_nothing():
 
 
 def test_a_late_logger_is_late_with_what_the_other_made():
-    late = HiddenCase("Galvanostat", "PRBS", "Gaussian", 5, hidden="Galvanostat, input lag, spread",
-                      second="Galvanostat, sensor delay, whole samples")  # fmt: skip
+    late = HiddenCase(
+        "Galvanostat",
+        "PRBS",
+        "Gaussian",
+        5,
+        hidden="Galvanostat, input lag, spread",
+        second="Galvanostat, sensor delay, whole samples",
+    )
     drawn = draw_hidden(late)
     y, passed = drawn.clean["current"], draw_hidden(late.alone()[0]).clean["current"]
     delay = next(k for k in range(1, 100) if np.array_equal(y[k:], passed[:-k]))
@@ -96,7 +114,9 @@ def test_what_is_left_beside_the_other():
 
     A resistance that a binary stimulus meets at one level each way is another resistance.
     """
-    lagging = HiddenCase("Galvanostat", "PRBS", "Gaussian", 5, hidden=_ADDITIVE[1][2], second=_ADDITIVE[1][1])
+    lagging = HiddenCase(
+        "Galvanostat", "PRBS", "Gaussian", 5, hidden=_ADDITIVE[1][2], second=_ADDITIVE[1][1]
+    )
     for case, k in ((_TWO, 0), (lagging, 1)):
         both, one = draw_hidden(case), draw_hidden(case.alone()[k])
         (output,) = both.deviation
@@ -125,24 +145,38 @@ def test_records_that_do_not_count_are_not_diagnosed(monkeypatch):
 
 
 def _row(case=_TWO, **more):
-    return asdict(case) | {
-        "pair": "drift + resistance", "widths": 5.0, "seconds": 1.0, "verdict": "cause",
-        "groups": [["a", "b"], ["d"]], "right": [["b"], ["d"]], "related": ["b", "c", "d"], "alike": [], "alone": [],
-    } | more  # fmt: skip
+    return (
+        asdict(case)
+        | {
+            "pair": "drift + resistance",
+            "widths": 5.0,
+            "seconds": 1.0,
+            "verdict": "cause",
+            "groups": [["a", "b"], ["d"]],
+            "right": [["b"], ["d"]],
+            "related": ["b", "c", "d"],
+            "alike": [],
+            "alone": [],
+        }
+        | more
+    )
 
 
-@pytest.mark.parametrize(("more", "what", "false"), [
-    ({}, "one", ["a"]),  # what cannot be told from it counts only where the verdict says so
-    ({"verdict": "ambiguous"}, "both", []),
-    ({"groups": [["d"], ["b"]]}, "both", []),
-    ({"groups": [["d"], ["c"]]}, "one", []),
-    ({"groups": [["d"], ["b"], ["x"]]}, "both", ["x"]),
-    ({"groups": [["x"], ["y"]]}, "none", ["x", "y"]),
-    ({"groups": [["d", "b"]], "verdict": "ambiguous"}, "one", []),  # no cause stands for both
-    ({"groups": [["d", "b"], ["b"]], "verdict": "ambiguous"}, "both", []),
-    ({"groups": []}, "none", []),
-    ({"groups": [], "verdict": "refused"}, "refused", []),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("more", "what", "false"),
+    [
+        ({}, "one", ["a"]),  # what cannot be told from it counts only where the verdict says so
+        ({"verdict": "ambiguous"}, "both", []),
+        ({"groups": [["d"], ["b"]]}, "both", []),
+        ({"groups": [["d"], ["c"]]}, "one", []),
+        ({"groups": [["d"], ["b"], ["x"]]}, "both", ["x"]),
+        ({"groups": [["x"], ["y"]]}, "none", ["x", "y"]),
+        ({"groups": [["d", "b"]], "verdict": "ambiguous"}, "one", []),  # no cause stands for both
+        ({"groups": [["d", "b"], ["b"]], "verdict": "ambiguous"}, "both", []),
+        ({"groups": []}, "none", []),
+        ({"groups": [], "verdict": "refused"}, "refused", []),
+    ],
+)
 def test_rules_of_naming_two(more, what, false):
     row = _row(**more)
     assert hidden_two.named(row) == what
@@ -154,12 +188,19 @@ def test_a_page_tells_of_two_at_once(tmp_path):
     drawn = cases_of_two(4, 5)
     said = {}, {"verdict": "ambiguous"}, {"groups": [["x"]]}, {"widths": 1.0}
     rows = [_row(case, **more) for case, more in zip(drawn, said, strict=True)]
-    kept.with_stem("5-two").write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
-    hidden.main(["--records", "0", "--two", "4", "--seed", "5", "--kept", str(kept), "--out", str(page)])
+    kept.with_stem("5-two").write_text(
+        "".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8"
+    )
+    hidden.main(
+        ["--records", "0", "--two", "4", "--seed", "5", "--kept", str(kept), "--out", str(page)]
+    )
     text = page.read_text(encoding="utf-8")
     assert "--records 0 --seed 5 --two 4" in text
     section = text.partition("## Two at once\n")[2]
     assert "4 records: 1 (25.0 %) leave too little" in section
-    assert "Both are named in 1 (33.3 %), one in 1 (33.3 %), none in 1 (33.3 %); false causes in 2 (66.7 %)." in section
+    assert (
+        "Both are named in 1 (33.3 %), one in 1 (33.3 %), none in 1 (33.3 %); false causes in 2 (66.7 %)."
+        in section
+    )
     assert str(drawn[2]) in section
     assert str(drawn[1]) not in section

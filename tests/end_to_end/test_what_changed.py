@@ -34,9 +34,19 @@ def appeared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("appeared")
     before, after = pair(folder, 1, "strain_saturation")
     said = works(
-        "diagnose", before, "--effects", EFFECTS, "--no-laws", "--compare", after, "--json", "said.json",
-        "--report", "said.html", cwd=folder,
-    )  # fmt: skip
+        "diagnose",
+        before,
+        "--effects",
+        EFFECTS,
+        "--no-laws",
+        "--compare",
+        after,
+        "--json",
+        "said.json",
+        "--report",
+        "said.html",
+        cwd=folder,
+    )
     return said, json.loads((folder / "said.json").read_text()), (folder / "said.html").read_text()
 
 
@@ -66,17 +76,24 @@ def test_what_is_wrong_with_the_later_record_is_said_everywhere(appeared):
     assert [cause["effect"] for cause in figures["later"]["causes"]] == ["strain_saturation"]
     told, shown = (" ".join(text.split()) for text in (said, words_of(page)))
     for text in (told, shown):
-        assert "after.csv by itself: cause What the model gets wrong: strain_saturation (confirmed" in text
+        assert (
+            "after.csv by itself: cause What the model gets wrong: strain_saturation (confirmed"
+            in text
+        )
     for note in figures["later"]["notes"]:
         assert note["message"] in told
 
 
-@pytest.mark.parametrize("seed", [2, *(pytest.param(s, marks=pytest.mark.slow) for s in range(3, 15))])
+@pytest.mark.parametrize(
+    "seed", [2, *(pytest.param(s, marks=pytest.mark.slow) for s in range(3, 15))]
+)
 def test_where_nothing_changed_nothing_is_claimed(tmp_path, seed):
     before, after = pair(tmp_path, seed, None)
     said = ppy.diagnose(before, compare=after, effects=EFFECTS.split(","), laws=False)
     assert not [change.name for change in said.changes if change.changed]
-    assert "Nothing changed beyond noise." in str(said) or any(change.uncertain for change in said.changes)
+    assert "Nothing changed beyond noise." in str(said) or any(
+        change.uncertain for change in said.changes
+    )
     assert "What changed:" not in str(said)
 
 
@@ -88,8 +105,12 @@ def test_what_could_not_be_asked_is_not_denied(tmp_path, hindrance):
         names = [name.split(" ")[0] for name in columns.split(",")]
         still = {"current": "0.0", "force": "1.0"}
         cells = [dict(zip(names, row.split(","), strict=True)) | still for row in rows]
-        after.write_text("\n".join([columns, *(",".join(cell.values()) for cell in cells)]), encoding="utf-8")
-    said = ppy.diagnose(before, compare=after, effects=[], time=0.01 if hindrance == "time" else None, laws=False)
+        after.write_text(
+            "\n".join([columns, *(",".join(cell.values()) for cell in cells)]), encoding="utf-8"
+        )
+    said = ppy.diagnose(
+        before, compare=after, effects=[], time=0.01 if hindrance == "time" else None, laws=False
+    )
     assert not [change.name for change in said.changes if change.changed]
     assert "R1" in {change.name for change in said.changes if change.uncertain}
     assert "Nothing changed beyond noise." not in str(said)
@@ -99,7 +120,10 @@ def test_what_could_not_be_asked_is_not_denied(tmp_path, hindrance):
 def test_an_effect_and_a_parameter_are_told_side_by_side(tmp_path):
     before, after = pair(tmp_path, 21, "strain_saturation", changed={"R1": 1.3})
     said = ppy.diagnose(before, compare=after, effects=EFFECTS.split(","), laws=False)
-    assert {change.effect or change.name for change in said.changes if change.changed} == {"R1", "strain_saturation"}
+    assert {change.effect or change.name for change in said.changes if change.changed} == {
+        "R1",
+        "strain_saturation",
+    }
     (r1,) = [change for change in said.changes if change.name == "R1"]
     assert r1.after / r1.before == pytest.approx(1.3, rel=0.02)
 
@@ -121,9 +145,13 @@ def test_of_clean_pairs_at_most_one_in_a_hundred_has_a_change():
 @pytest.mark.slow
 def test_a_supercapacitor_has_aged(public_data):
     """Series resistance about 3 times, capacitance about half; leakage does not agree from cycle to cycle."""
-    before, after = (public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv") for age in ("before", "after"))
+    before, after = (
+        public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv") for age in ("before", "after")
+    )
     said = ppy.diagnose(before, "ppy_actuator", compare=after, effects=[], laws=False)
-    changed = {change.name: change.after / change.before for change in said.changes if change.changed}
+    changed = {
+        change.name: change.after / change.before for change in said.changes if change.changed
+    }
     assert set(changed) == {"R1", "C"}
     assert 2.5 < changed["R1"] < 5.0
     assert changed["C"] == pytest.approx(0.55, abs=0.1)

@@ -15,7 +15,9 @@ from fmpy.validation import validate_fmu
 
 from tests.support import hosts
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="the hosts of the tests run on Linux"
+)
 
 MASTERS = ["run_fmpy", "run_libcosim", "run_ecos", "run_c_host"]
 TIMES = np.linspace(0.0, 2.0, 21)
@@ -63,7 +65,9 @@ def test_one_state_follows_its_closed_form(one_state, master):
 @pytest.mark.parametrize("master", ["run_fmpy", "run_libcosim", "run_ecos"])
 def test_minimal_pythonfmu_follows_the_closed_form_of_euler(minimal, master):
     if master == "run_fmpy":  # not in this process: stock pythonfmu may break it
-        returncode, found = hosts.in_subprocess(master, minimal, TIMES, {"u": 2.0}, ["x"], clean_exit=False)
+        returncode, found = hosts.in_subprocess(
+            master, minimal, TIMES, {"u": 2.0}, ["x"], clean_exit=False
+        )
         assert returncode == 0, found
     else:
         found = getattr(hosts, master)(minimal, TIMES, {"u": 2.0}, ["x"], clean_exit=False)
@@ -72,7 +76,9 @@ def test_minimal_pythonfmu_follows_the_closed_form_of_euler(minimal, master):
 
 @pytest.mark.parametrize("master", ["run_libcosim", "run_ecos"])
 def test_outputs_of_other_masters_are_those_of_fmpy_read_before_the_inputs(one_state, master):
-    expected = hosts.run_fmpy(one_state, TIMES, {"u": INPUT}, ["x", "u"], {"tau": TAU}, feedthrough=False)
+    expected = hosts.run_fmpy(
+        one_state, TIMES, {"u": INPUT}, ["x", "u"], {"tau": TAU}, feedthrough=False
+    )
     found = getattr(hosts, master)(one_state, TIMES, {"u": INPUT}, ["x", "u"], {"tau": TAU})
     for name in expected:
         assert found[name][1:] == pytest.approx(expected[name][1:], abs=1e-7)
@@ -151,7 +157,9 @@ def test_a_process_returns_a_result_or_a_return_code():
 
 
 def test_bare_name_means_a_function_of_the_harness(one_state):
-    returncode, found = hosts.in_subprocess("run_fmpy", str(one_state), [0.0, 1.0], {"u": 1.0}, ["x"])
+    returncode, found = hosts.in_subprocess(
+        "run_fmpy", str(one_state), [0.0, 1.0], {"u": 1.0}, ["x"]
+    )
     assert returncode == 0
     assert found["x"] == pytest.approx([0.0, 1.0 - np.exp(-1.0)])
 
@@ -165,7 +173,9 @@ def test_refused_initialization_is_an_error(one_state, master):
 def test_ecos_itself_ignores_a_refused_initialization(one_state):
     # A fact about Ecos, pinned because it decides what agreement with Ecos is worth: it steps on regardless.
     columns = {"u": np.ones_like(TIMES)}
-    returncode, found = hosts.in_subprocess("_ecos", str(one_state), TIMES, 0.1, columns, ["x"], {"tau": -1.0})
+    returncode, found = hosts.in_subprocess(
+        "_ecos", str(one_state), TIMES, 0.1, columns, ["x"], {"tau": -1.0}
+    )
     assert returncode == 0
     assert np.all(np.isfinite(found["x"]))
 

@@ -27,13 +27,33 @@ HELD = 10  # communication steps
 # stop time and step, which meets no sample; mean, amplitude and angular frequency of what is fed
 STIMULI = {
     "ppy_actuator": (20.0, 0.37, {"current": (0.0, 0.3, 0.9), "force": (0.5, 0.3, 0.5)}),
-    "ppy_actuator_length_driven": (20.0, 0.37, {"current": (0.0, 0.3, 0.9), "length_change": (5e-5, 1e-4, 0.5)}),
-    "galvanostat": (0.5, 0.0017, {"current_command": (0.0, 2.0, 30.0), "voltage": (0.0, 3.0, 40.0)}),
-    "voice_coil_dma": (0.5, 0.0007, {"force_reference": (1.0, 0.5, 20.0), "tension": (0.6, 0.3, 20.0)}),
+    "ppy_actuator_length_driven": (
+        20.0,
+        0.37,
+        {"current": (0.0, 0.3, 0.9), "length_change": (5e-5, 1e-4, 0.5)},
+    ),
+    "galvanostat": (
+        0.5,
+        0.0017,
+        {"current_command": (0.0, 2.0, 30.0), "voltage": (0.0, 3.0, 40.0)},
+    ),
+    "voice_coil_dma": (
+        0.5,
+        0.0007,
+        {"force_reference": (1.0, 0.5, 20.0), "tension": (0.6, 0.3, 20.0)},
+    ),
     "degradation_estimator": (5.0, 0.037, {"current": (0.0, 0.3, 0.9), "voltage": (0.0, 0.5, 0.8)}),
-    "foot": (1.0, 0.013, {"an_tension": (10.0, 5.0, 3.0), "ankle_angle": (0.0, 0.3, 2.0), "mtp_angle": (0.1, 0.1, 4)}),
+    "foot": (
+        1.0,
+        0.013,
+        {
+            "an_tension": (10.0, 5.0, 3.0),
+            "ankle_angle": (0.0, 0.3, 2.0),
+            "mtp_angle": (0.1, 0.1, 4),
+        },
+    ),
     "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
-}  # fmt: skip
+}
 
 
 class Ramp(Component):
@@ -61,20 +81,34 @@ def both_ways(path, stop, step, stimuli, refined=1, **options):
     """Results of model exchange in fmpy and of co-simulation in our master, where no input jumps."""
     time = np.arange(0.0, stop, step)
     jumps = np.arange(0, time.size, HELD)
-    held = {name: mean + size * np.sin(speed * time[jumps]) for name, (mean, size, speed) in stimuli.items()}
+    held = {
+        name: mean + size * np.sin(speed * time[jumps])
+        for name, (mean, size, speed) in stimuli.items()
+    }
     table = np.zeros(2 * jumps.size, [("time", float), *((name, float) for name in stimuli)])
     table["time"] = np.append(np.repeat(time[jumps], 2)[1:], stop + 1.0)
     for name, values in held.items():
         table[name] = np.repeat(values, 2)
-    outputs = [v.name for v in read_model_description(str(path)).modelVariables
-               if v.causality == "output" and v.type == "Real"]  # fmt: skip
+    outputs = [
+        v.name
+        for v in read_model_description(str(path)).modelVariables
+        if v.causality == "output" and v.type == "Real"
+    ]
     exchanged = simulate_fmu(
-        str(path), stop_time=time[-1], output_interval=step / refined, output=outputs, input=table,
-        record_events=False, fmi_type="ModelExchange", **options,
-    )[::refined]  # fmt: skip
+        str(path),
+        stop_time=time[-1],
+        output_interval=step / refined,
+        output=outputs,
+        input=table,
+        record_events=False,
+        fmi_type="ModelExchange",
+        **options,
+    )[::refined]
     with Fmu(path, {}) as one:
         one.start(0.0)
-        stepped = simulate_instance(one, time, {k: v[np.arange(time.size) // HELD] for k, v in held.items()}, outputs)
+        stepped = simulate_instance(
+            one, time, {k: v[np.arange(time.size) // HELD] for k, v in held.items()}, outputs
+        )
     keep = np.setdiff1d(np.arange(1, time.size), jumps)
     np.testing.assert_allclose(exchanged["time"], time, rtol=0, atol=1e-9)
     return {name: (exchanged[name][keep], stepped[name][keep]) for name in outputs}
@@ -104,9 +138,15 @@ def test_euler_comes_near_and_nearer_with_half_the_step(fmu):
     stop, step, stimuli = STIMULI["ppy_actuator"]
     errors = [
         distance(
-            *both_ways(fmu("ppy_actuator", "native"), stop, step, stimuli, n, solver="Euler", step_size=step / n)[
-                "charge"
-            ]
+            *both_ways(
+                fmu("ppy_actuator", "native"),
+                stop,
+                step,
+                stimuli,
+                n,
+                solver="Euler",
+                step_size=step / n,
+            )["charge"]
         )
         for n in (16, 32)
     ]
@@ -119,9 +159,16 @@ def test_an_edge_is_met_where_it_is(tmp_path):
     path = tmp_path / "ramp.fmu"
     path.write_bytes(build(Ramp, "native", [host_platform()]))
     found = simulate_fmu(
-        str(path), stop_time=3.0, output_interval=0.4, start_values={"edge": 1.1}, relative_tolerance=1e-6,
-        fmi_type="ModelExchange", solver="CVode", output=["size", "beyond"], record_events=True,
-    )  # fmt: skip
+        str(path),
+        stop_time=3.0,
+        output_interval=0.4,
+        start_values={"edge": 1.1},
+        relative_tolerance=1e-6,
+        fmi_type="ModelExchange",
+        solver="CVode",
+        output=["size", "beyond"],
+        record_events=True,
+    )
     assert np.abs(found["time"] - 1.1).min() < 1e-6
     beyond = 500.0 * np.maximum(found["time"] - 1.1, 0.0) ** 2
     np.testing.assert_allclose(found["beyond"], beyond, rtol=0, atol=1e-5 * beyond.max())
@@ -152,7 +199,11 @@ def test_casadi_integrates_it_to_the_closed_form(opened):
     found = run(x0=[0.0, 0.0, 0.0], u=[0.25, 0.4])["xf"].full()
     R1, R2, C, k2, b1, b2 = (parameters[name] for name in ("R1", "R2", "C", "k2", "b1", "b2"))
     t = np.array(times)
-    expected = [R2 * C * 0.25 * -np.expm1(-t / ((R1 + R2) * C)), 0.4 / k2 * -np.expm1(-t * k2 / b2), 0.4 / b1 * t]
+    expected = [
+        R2 * C * 0.25 * -np.expm1(-t / ((R1 + R2) * C)),
+        0.4 / k2 * -np.expm1(-t * k2 / b2),
+        0.4 / b1 * t,
+    ]
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
@@ -163,7 +214,9 @@ def test_casadi_reads_its_directional_derivatives(opened):
     R1, R2, C, k2, b1, b2 = (parameters[name] for name in ("R1", "R2", "C", "k2", "b1", "b2"))
     rows = [[-1.0 / C / (R1 + R2), 0, 0], [0, -k2 / b2, 0], [0, 0, 0]]
     np.testing.assert_allclose(by_x.full(), rows, rtol=1e-12, atol=1e-300)
-    np.testing.assert_allclose(by_u.full(), [[R2 / (R1 + R2), 0], [0, 1 / b2], [0, 1 / b1]], rtol=1e-12)
+    np.testing.assert_allclose(
+        by_u.full(), [[R2 / (R1 + R2), 0], [0, 1 / b2], [0, 1 / b1]], rtol=1e-12
+    )
 
 
 def test_a_host_solves_it_with_stiff_equations_of_its_own(opened):
@@ -179,11 +232,20 @@ def test_a_host_solves_it_with_stiff_equations_of_its_own(opened):
         "x": ca.vertcat(x, place, speed),
         "ode": ca.vertcat(rates, speed, (weight - damping * speed - tension) / mass),
     }
-    run = ca.integrator("run", "cvodes", system, 0.0, times, {"reltol": 1e-9, "abstol": 1e-13, "max_num_steps": 100000})
+    run = ca.integrator(
+        "run",
+        "cvodes",
+        system,
+        0.0,
+        times,
+        {"reltol": 1e-9, "abstol": 1e-13, "max_num_steps": 100000},
+    )
     found = run(x0=[0.0, 0.0, 0.0, start, 0.0])["xf"].full()
     k1, k2, b1, b2 = (parameters[name] for name in ("k1", "k2", "b1", "b2"))
     pull = np.array([-k1, -k1, k1, 0.0])  # of x_b2, x_b1, place and speed: eqs. 3.5 and 3.7
-    matrix = np.array([(pull - [k2, 0, 0, 0]) / b2, pull / b1, [0, 0, 0, 1], (-pull - [0, 0, 0, damping]) / mass])
+    matrix = np.array(
+        [(pull - [k2, 0, 0, 0]) / b2, pull / b1, [0, 0, 0, 1], (-pull - [0, 0, 0, damping]) / mass]
+    )
     augmented = np.zeros((5, 5))
     augmented[:4, :4], augmented[:4, 4] = matrix, [0.0, 0.0, 0.0, weight / mass]
     expected = np.array([expm(augmented * t) @ [0.0, 0.0, start, 0.0, 1.0] for t in times]).T[:4]

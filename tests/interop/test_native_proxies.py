@@ -16,12 +16,19 @@ from fmus.kit.build.toolchain import ZIG_TARGETS
 from orchestration.fmu.check.shared_library import read_library
 
 pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("ziglang") is None, reason="ziglang, which compiles for all platforms, is not installed"
+    importlib.util.find_spec("ziglang") is None,
+    reason="ziglang, which compiles for all platforms, is not installed",
 )
 # What every machine with the system has: glibc, the Windows API with Winsock and its timers, libSystem.
 OF_THE_SYSTEM = {
     "linux64": {"libm.so.6", "libc.so.6", "libpthread.so.0", "ld-linux-x86-64.so.2", "libdl.so.2"},
-    "aarch64-linux": {"libm.so.6", "libc.so.6", "libpthread.so.0", "ld-linux-aarch64.so.1", "libdl.so.2"},
+    "aarch64-linux": {
+        "libm.so.6",
+        "libc.so.6",
+        "libpthread.so.0",
+        "ld-linux-aarch64.so.1",
+        "libdl.so.2",
+    },
     "win64": {"kernel32.dll", "ws2_32.dll", "winmm.dll", "msvcrt.dll"},
     "darwin64": {"/usr/lib/libsystem.b.dylib"},
 }
@@ -34,7 +41,18 @@ def test_every_compiler_is_content(tmp_path, target, standard):
     planned = plan(component("rig_proxy"), "native")
     for name, content in planned.sources.items():
         (tmp_path / name).write_bytes(content)
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", target, f"-std={standard}", "-O1", "-c", "all.c"]
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-target",
+        target,
+        f"-std={standard}",
+        "-O1",
+        "-c",
+        "all.c",
+    ]
     strict = ["-Wall", "-Wextra", "-Werror", "-o", "all.o"]
     done = subprocess.run([*command, *strict], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -43,7 +61,9 @@ def test_every_compiler_is_content(tmp_path, target, standard):
 @pytest.mark.slow  # compilers of all platforms
 def test_every_platform_finds_what_the_proxy_needs():
     """No ZeroMQ, no libsodium, no C++ runtime."""
-    with zipfile.ZipFile(BytesIO(build(component("rig_proxy"), "native", list(OF_THE_SYSTEM)))) as archive:
+    with zipfile.ZipFile(
+        BytesIO(build(component("rig_proxy"), "native", list(OF_THE_SYSTEM)))
+    ) as archive:
         for platform, system in OF_THE_SYSTEM.items():
             (path,) = (n for n in archive.namelist() if n.startswith(f"binaries/{platform}/"))
             content = archive.read(path)

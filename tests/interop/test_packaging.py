@@ -33,10 +33,23 @@ def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> Non
     for part in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / part, source / part)
     built = subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", str(tmp_path), str(source)],
-        capture_output=True, text=True,
-    )  # fmt: skip
-    if built.returncode != 0 and re.search("could not find a version|connection", built.stderr, re.I):
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "wheel",
+            "--quiet",
+            "--no-deps",
+            "-w",
+            str(tmp_path),
+            str(source),
+        ],
+        capture_output=True,
+        text=True,
+    )
+    if built.returncode != 0 and re.search(
+        "could not find a version|connection", built.stderr, re.I
+    ):
         pytest.skip("no package index to build a wheel with")
     assert built.returncode == 0, built.stderr
     (wheel,) = tmp_path.glob("*.whl")
@@ -44,18 +57,23 @@ def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> Non
     zipfile.ZipFile(wheel).extractall(unpacked)
     done = subprocess.run(
         [sys.executable, "-c", PLAN, str(unpacked)],
-        env=os.environ | {"PYTHONPATH": str(unpacked)}, cwd=tmp_path, capture_output=True, text=True,
-    )  # fmt: skip
+        env=os.environ | {"PYTHONPATH": str(unpacked)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 2 * len(MODELS)
 
 
 def test_the_import_rules_name_every_component() -> None:
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
-        "contracts"
-    ]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "importlinter"
+    ]["contracts"]
     packages = {f"fmus.{place.split('.')[0]}" for place in MODELS.values()}
     for contract in contracts:
         for key in ("modules", "forbidden_modules"):
             if any(module in packages for module in contract.get(key, [])):
-                assert packages <= set(contract[key]), f"{contract['name']}: {packages - set(contract[key])}"
+                assert packages <= set(contract[key]), (
+                    f"{contract['name']}: {packages - set(contract[key])}"
+                )

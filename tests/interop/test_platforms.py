@@ -31,16 +31,30 @@ pytestmark = [
 ]
 NAME = "ppy_actuator"
 FUNCTIONS = set(
-    re.findall(r"^#define (fmi2\w+)\s+fmi2FullName\(", (hosts.HEADERS / "fmi2Functions.h").read_text(), re.M)
+    re.findall(
+        r"^#define (fmi2\w+)\s+fmi2FullName\(",
+        (hosts.HEADERS / "fmi2Functions.h").read_text(),
+        re.M,
+    )
 )
 EXCHANGE_ONLY = {
-    "fmi2EnterEventMode", "fmi2NewDiscreteStates", "fmi2EnterContinuousTimeMode", "fmi2CompletedIntegratorStep",
-    "fmi2SetTime", "fmi2SetContinuousStates", "fmi2GetDerivatives", "fmi2GetEventIndicators",
-    "fmi2GetContinuousStates", "fmi2GetNominalsOfContinuousStates",
-}  # fmt: skip
+    "fmi2EnterEventMode",
+    "fmi2NewDiscreteStates",
+    "fmi2EnterContinuousTimeMode",
+    "fmi2CompletedIntegratorStep",
+    "fmi2SetTime",
+    "fmi2SetContinuousStates",
+    "fmi2GetDerivatives",
+    "fmi2GetEventIndicators",
+    "fmi2GetContinuousStates",
+    "fmi2GetNominalsOfContinuousStates",
+}
 
 
-LINUX = {"linux64": "Advanced Micro Devices X86-64", "aarch64-linux": "AArch64"}  # as readelf calls processors
+LINUX = {
+    "linux64": "Advanced Micro Devices X86-64",
+    "aarch64-linux": "AArch64",
+}  # as readelf calls processors
 PLATFORMS = (*LINUX, "win64", "darwin64")
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")  # of Debian's libc6-arm64-cross
 
@@ -137,9 +151,23 @@ def test_arm_binary_gives_the_numbers_of_the_other(built, tmp_path):
     if not (ARM_LIBRARIES / "lib" / "ld-linux-aarch64.so.1").exists():
         pytest.skip("libc6-arm64-cross, the C library for ARM, is not installed")
     host = tmp_path / "c_host"
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-gnu.2.17", f"-I{hosts.HEADERS}"]
-    subprocess.run([*command, str(hosts.TESTS / "c" / "c_host.c"), "-o", str(host), "-ldl"], check=True)
-    time, inputs, outputs = np.linspace(0.0, 5.0, 51), {"current": 0.4, "force": 1.0}, ["voltage", "displacement"]
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-target",
+        "aarch64-linux-gnu.2.17",
+        f"-I{hosts.HEADERS}",
+    ]
+    subprocess.run(
+        [*command, str(hosts.TESTS / "c" / "c_host.c"), "-o", str(host), "-ldl"], check=True
+    )
+    time, inputs, outputs = (
+        np.linspace(0.0, 5.0, 51),
+        {"current": 0.4, "force": 1.0},
+        ["voltage", "displacement"],
+    )
     expected = hosts.run_c_host(built("native", "linux64"), time, inputs, outputs)
     with zipfile.ZipFile(built("native", "aarch64-linux")) as archive:
         archive.extractall(tmp_path)
@@ -149,12 +177,22 @@ def test_arm_binary_gives_the_numbers_of_the_other(built, tmp_path):
     plan += [len(outputs), *(f"r {references[name]}" for name in outputs), len(time)]
     plan += [f"{t!r} {' '.join(map(str, inputs.values()))}" for t in time.tolist()]
     library = tmp_path / "binaries" / "aarch64-linux" / f"{NAME}.so"
-    run = [emulator, "-L", str(ARM_LIBRARIES), str(host), str(library), description.guid, "file:///nowhere"]
+    run = [
+        emulator,
+        "-L",
+        str(ARM_LIBRARIES),
+        str(host),
+        str(library),
+        description.guid,
+        "file:///nowhere",
+    ]
     done = subprocess.run(run, input="\n".join(map(str, plan)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     found = np.array([line.split() for line in done.stdout.splitlines()], dtype=float).T
     assert np.ptp(found) > 0.0
-    for row, name in zip(found, outputs, strict=True):  # exp of the C library may differ in the last bit
+    for row, name in zip(
+        found, outputs, strict=True
+    ):  # exp of the C library may differ in the last bit
         assert row == pytest.approx(expected[name], rel=1e-12), name
 
 

@@ -18,7 +18,9 @@ import pytest
 
 from tests.support import hosts
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="the hosts of the tests run on Linux"
+)
 
 TRIALS = 12
 THREADS = 8
@@ -30,14 +32,31 @@ SURROUNDINGS = {
     "home of nothing": ({"PYTHONHOME": "/nonexistent"}, {}),
     "home of nothing twice": ({"PYTHONHOME": "/nonexistent:/nowhere"}, {}),
     "path of nothing": ({"PYTHONPATH": "/nonexistent"}, {}),
-    "sitecustomize that raises": ({"PYTHONPATH": "{here}"}, {"sitecustomize.py": "raise SystemExit(97)"}),
-    "sitecustomize that ends": ({"PYTHONPATH": "{here}"}, {"sitecustomize.py": "import os; os._exit(97)"}),
-    "usercustomize that ends": (
-        {"PYTHONUSERBASE": "{here}", "PATH": "/usr/bin"},  # no virtual environment, which would shut it out
-        {f"lib/python3.{sys.version_info.minor}/site-packages/usercustomize.py": "import os; os._exit(97)"},
+    "sitecustomize that raises": (
+        {"PYTHONPATH": "{here}"},
+        {"sitecustomize.py": "raise SystemExit(97)"},
     ),
-    "module of the standard library that is none": ({"PYTHONPATH": "{here}"}, {"dataclasses.py": "field = None"}),
-    "module that computes otherwise": ({"PYTHONPATH": "{here}"}, {"math.py": "exp = log = sin = lambda x: 0.0"}),
+    "sitecustomize that ends": (
+        {"PYTHONPATH": "{here}"},
+        {"sitecustomize.py": "import os; os._exit(97)"},
+    ),
+    "usercustomize that ends": (
+        {
+            "PYTHONUSERBASE": "{here}",
+            "PATH": "/usr/bin",
+        },  # no virtual environment, which would shut it out
+        {
+            f"lib/python3.{sys.version_info.minor}/site-packages/usercustomize.py": "import os; os._exit(97)"
+        },
+    ),
+    "module of the standard library that is none": (
+        {"PYTHONPATH": "{here}"},
+        {"dataclasses.py": "field = None"},
+    ),
+    "module that computes otherwise": (
+        {"PYTHONPATH": "{here}"},
+        {"math.py": "exp = log = sin = lambda x: 0.0"},
+    ),
     "seed that is none": ({"PYTHONHASHSEED": "seed"}, {}),
     "optimized": ({"PYTHONOPTIMIZE": "2"}, {}),
     "warnings are errors": ({"PYTHONWARNINGS": "error", "PYTHONDEVMODE": "1"}, {}),
@@ -47,7 +66,9 @@ SURROUNDINGS = {
 
 def python_library() -> str:
     """Shared library of this Python, as ``PPY_LIBPYTHON`` wants it."""
-    path = Path(sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("LDLIBRARY") or "")
+    path = Path(
+        sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("LDLIBRARY") or ""
+    )
     if path.suffix == ".a" or not path.is_file():
         pytest.skip("this Python has no shared library")
     return str(path)
@@ -57,8 +78,16 @@ def python_library() -> str:
 def thread_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The host ``c/thread_host.c``."""
     program = tmp_path_factory.mktemp("thread_host") / "thread_host"
-    command = [hosts.compiler(), "-std=c99", "-O2", f"-I{hosts.HEADERS}", str(hosts.TESTS / "c" / "thread_host.c")]
-    subprocess.run([*command, "-o", str(program), "-ldl", "-lpthread"], check=True, capture_output=True)
+    command = [
+        hosts.compiler(),
+        "-std=c99",
+        "-O2",
+        f"-I{hosts.HEADERS}",
+        str(hosts.TESTS / "c" / "thread_host.c"),
+    ]
+    subprocess.run(
+        [*command, "-o", str(program), "-ldl", "-lpthread"], check=True, capture_output=True
+    )
     return program
 
 
@@ -75,7 +104,11 @@ def unzipped(fmu, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., lis
                 with zipfile.ZipFile(fmu(name, "python")) as archive:
                     archive.extractall(here)
             guid = fmpy.read_model_description(str(here), validate=False).guid
-            found += [str(here / "binaries" / fmpy.platform / f"{name}.so"), guid, (here / "resources").as_uri()]
+            found += [
+                str(here / "binaries" / fmpy.platform / f"{name}.so"),
+                guid,
+                (here / "resources").as_uri(),
+            ]
         return found
 
     return arguments
@@ -97,7 +130,9 @@ def last_value(fmu: Path, reference: int) -> float:
 # --- threads --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("names", [pytest.param((ACTUATOR,), marks=pytest.mark.slow), (ACTUATOR, FOOT)], ids="+".join)
+@pytest.mark.parametrize(
+    "names", [pytest.param((ACTUATOR,), marks=pytest.mark.slow), (ACTUATOR, FOOT)], ids="+".join
+)
 def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, unzipped, names):
     # Eight threads stand at a barrier before they create their instances; in one trial out of twelve at most a start
     # without a lock went well.
@@ -110,8 +145,11 @@ def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, 
     for trial in range(TRIALS):
         done = subprocess.run(
             [str(thread_host), str(THREADS), str(reference), *arguments],
-            capture_output=True, text=True, timeout=60, env={**os.environ, "PPY_LIBPYTHON": python_library()},
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=60,
+            env={**os.environ, "PPY_LIBPYTHON": python_library()},
+        )
         assert done.returncode == 0, f"trial {trial + 1}: {done.returncode} {done.stderr}"
         assert sorted(map(float, done.stdout.split())) == sorted(expected), f"trial {trial + 1}"
 
@@ -121,7 +159,9 @@ def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, 
 
 def run(path: Path, **environment: str) -> dict[str, np.ndarray]:
     environment = {"PPY_LIBPYTHON": python_library()} | environment
-    return hosts.run_c_host(path, TIMES, {"current": 1e-3}, ["voltage", "displacement"], environment=environment)
+    return hosts.run_c_host(
+        path, TIMES, {"current": 1e-3}, ["voltage", "displacement"], environment=environment
+    )
 
 
 @pytest.mark.parametrize("surroundings", SURROUNDINGS)
@@ -164,7 +204,9 @@ def test_folder_with_any_name_works_in_a_locale_without_its_letters(fmu, tmp_pat
     assert np.array_equal(found["voltage"], expected["voltage"])
 
 
-def test_library_whose_standard_library_is_broken_is_refused_as_often_as_asked(thread_host, unzipped, tmp_path):
+def test_library_whose_standard_library_is_broken_is_refused_as_often_as_asked(
+    thread_host, unzipped, tmp_path
+):
     # Beside this copy is what looks like a standard library, and is none: Python gives up, the host does not.
     version = f"3.{sys.version_info.minor}"
     library = tmp_path / "lib" / "libpython.so"
@@ -173,17 +215,24 @@ def test_library_whose_standard_library_is_broken_is_refused_as_often_as_asked(t
     library.write_bytes(Path(python_library()).read_bytes())
     done = subprocess.run(
         [str(thread_host), str(THREADS), "0", *unzipped(ACTUATOR, FOOT)],
-        capture_output=True, text=True, timeout=60, env={**os.environ, "PPY_LIBPYTHON": str(library)},
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "PPY_LIBPYTHON": str(library)},
+    )
     said = [line for line in done.stderr.splitlines() if "no Python" in line]
     assert (done.returncode, len(said)) == (3, THREADS), done.stderr
-    assert all(f"Python {version}, whose home is {tmp_path}, does not start: " in line for line in said)
+    assert all(
+        f"Python {version}, whose home is {tmp_path}, does not start: " in line for line in said
+    )
 
 
 # --- versions -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("version", ["3.10.4 (main, Jun  1 2022, 12:00:00) [GCC 11.2.0]", "2.7.18 (default)"])
+@pytest.mark.parametrize(
+    "version", ["3.10.4 (main, Jun  1 2022, 12:00:00) [GCC 11.2.0]", "2.7.18 (default)"]
+)
 def test_older_python_is_refused_before_it_is_asked_for_anything_else(fmu, tmp_path, version):
     # Every other function of this library ends the host.
     text = (Path(__file__).parents[2] / "fmus" / "kit" / "fmi2" / "python.h").read_text()
@@ -195,11 +244,15 @@ def test_older_python_is_refused_before_it_is_asked_for_anything_else(fmu, tmp_p
         + "".join(f"void {name}(void) {{ _Exit({BAD_EXIT}); }}\n" for name in sorted(functions))
     )
     library = tmp_path / "libpython3.10.so"
-    subprocess.run([hosts.compiler(), "-shared", "-fPIC", str(source), "-o", str(library)], check=True)
+    subprocess.run(
+        [hosts.compiler(), "-shared", "-fPIC", str(source), "-o", str(library)], check=True
+    )
     with pytest.raises(hosts.HostError) as caught:
         run(fmu(ACTUATOR, "python"), PPY_LIBPYTHON=str(library))
     assert caught.value.returncode == 3
     said = [line for line in caught.value.output.splitlines() if "no Python" in line]
     assert len(said) == 1
     number = version.split()[0]
-    assert said[0].endswith(f"no Python: PPY_LIBPYTHON = {library} is Python {number}; Python 3.11 or newer is needed")
+    assert said[0].endswith(
+        f"no Python: PPY_LIBPYTHON = {library} is Python {number}; Python 3.11 or newer is needed"
+    )

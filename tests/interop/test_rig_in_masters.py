@@ -16,19 +16,29 @@ from tests.support import hosts
 from tests.support.pace import slow_but
 from tests.support.rig.process import Server
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="the hosts of the tests run on Linux"
+)
 
 MASTERS = ["run_fmpy", "run_libcosim", "run_ecos"]
 TIMES = np.linspace(0.0, 4.0, 81)
 CURRENT = np.where(np.sin(4.0 * TIMES) > 0.0, 1.0, -0.6)
 CASES = {
     "rig_proxy": ("force-driven", {"current": CURRENT, "force": 1.0 + 0.5 * np.sin(TIMES)}),
-    "rig_proxy_length_driven": ("length-driven", {"current": CURRENT, "length_change": 4e-4 + 2e-4 * np.sin(TIMES)}),
-    "rig_proxy_bench": ("bench", {"current": CURRENT, "force_reference": np.where(TIMES < 2.0, 1.0, 2.0)}),
+    "rig_proxy_length_driven": (
+        "length-driven",
+        {"current": CURRENT, "length_change": 4e-4 + 2e-4 * np.sin(TIMES)},
+    ),
+    "rig_proxy_bench": (
+        "bench",
+        {"current": CURRENT, "force_reference": np.where(TIMES < 2.0, 1.0, 2.0)},
+    ),
 }
 
 
-def stepped(signals: str, inputs: dict[str, np.ndarray], outputs: list[str]) -> dict[str, np.ndarray]:
+def stepped(
+    signals: str, inputs: dict[str, np.ndarray], outputs: list[str]
+) -> dict[str, np.ndarray]:
     """Step the emulated rig itself, with inputs held."""
     rig = Emulator(signals=signals, hidden="double_layer", seed="5", noise="off")
     table = {name: np.empty(len(TIMES)) for name in outputs}
@@ -59,7 +69,11 @@ def test_outputs_are_those_of_the_emulated_rig_stepped_here(tmp_path, name, runt
         archive = tmp_path / f"{name}.fmu"
         here = stack(component(name), name=name, defaults={"endpoint": server.endpoint})
         archive.write_bytes(build(here, runtime, [host_platform()]))
-        outputs = [o.name for o in component(name).layout.outputs if o.name + "_age" in component(name).layout.names]
+        outputs = [
+            o.name
+            for o in component(name).layout.outputs
+            if o.name + "_age" in component(name).layout.names
+        ]
         found = getattr(hosts, master)(archive, TIMES, inputs, outputs)
     expected = stepped(signals, inputs, outputs)
     for output in outputs:

@@ -34,7 +34,9 @@ def sources(fmu, tmp_path) -> Callable[[str], Path]:
     def unzipped(name: str) -> Path:
         folder = tmp_path / name
         with zipfile.ZipFile(fmu(name, "native")) as archive:
-            archive.extractall(folder, [member for member in archive.namelist() if member.startswith("sources/")])
+            archive.extractall(
+                folder, [member for member in archive.namelist() if member.startswith("sources/")]
+            )
         return folder / "sources"
 
     return unzipped
@@ -53,7 +55,17 @@ def compiler(which: str) -> str:
 
 def compiled(compiler: str, folder: Path, *options: str, level: str = "-O2") -> Path:
     """Object file of the one unit that the model description lists."""
-    command = [compiler, *STRICT, *options, level, "-ffp-contract=off", "-c", "all.c", "-o", "all.o"]
+    command = [
+        compiler,
+        *STRICT,
+        *options,
+        level,
+        "-ffp-contract=off",
+        "-c",
+        "all.c",
+        "-o",
+        "all.o",
+    ]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -72,7 +84,9 @@ def defined(object_file: Path) -> set[str]:
 def of_the_standard(folder: Path) -> set[str]:
     """Functions of FMI 2.0 by the names of the standard header; a proxy has none of model exchange."""
     text = (folder / "fmi2Functions.h").read_text()
-    common, _, rest = text[text.index("#define fmi2GetTypesPlatform") :].partition("FMI2 for Model Exchange")
+    common, _, rest = text[text.index("#define fmi2GetTypesPlatform") :].partition(
+        "FMI2 for Model Exchange"
+    )
     if not (folder / "laws.c").exists():
         rest = rest.partition("for Co-Simulation")[2]
     return set(re.findall(r"^#define (fmi2\w+)\s+fmi2FullName", common + rest, re.M))
@@ -100,7 +114,9 @@ def test_headers_are_those_of_the_standard(sources):
     """What fmpy has changed of them is told by its comments; all else is the same."""
     folder = sources("foot")
     for header in HEADERS[1:]:
-        assert (folder / header).read_text().split() == (hosts.HEADERS / header).read_text().split(), header
+        assert (folder / header).read_text().split() == (
+            hosts.HEADERS / header
+        ).read_text().split(), header
     ours, theirs = ((where / HEADERS[0]).read_text() for where in (folder, hosts.HEADERS))
     (changed,) = re.findall(r"/\*\s+Export FMI2 API.*?(?=/\*+\nCommon Functions)", theirs, re.S)
     assert "has been changed" in changed
@@ -117,7 +133,8 @@ def test_headers_of_the_first_edition_do_as_well(sources, compiler):
     header = folder / "fmi2FunctionTypes.h"
     text = header.read_text()
     fields = re.compile(
-        r"^(   )(fmi2\w+\s+(?:logger|allocateMemory|freeMemory|stepFinished|componentEnvironment);)$", re.M
+        r"^(   )(fmi2\w+\s+(?:logger|allocateMemory|freeMemory|stepFinished|componentEnvironment);)$",
+        re.M,
     )
     assert len(fields.findall(text)) == 5
     header.write_text(fields.sub(r"\1const \2", text))
@@ -126,24 +143,37 @@ def test_headers_of_the_first_edition_do_as_well(sources, compiler):
 
 @pytest.mark.parametrize(
     ("which", "pair"),
-    slow_but([(which, pair) for which in COMPILERS for pair in PAIRS], *zip(COMPILERS, PAIRS, strict=True)),
+    slow_but(
+        [(which, pair) for which in COMPILERS for pair in PAIRS],
+        *zip(COMPILERS, PAIRS, strict=True),
+    ),
     ids=lambda value: value if isinstance(value, str) else "+".join(value),
 )
-def test_two_fmus_in_one_program_give_the_numbers_of_their_shared_libraries(fmu, sources, tmp_path, compiler, pair):
+def test_two_fmus_in_one_program_give_the_numbers_of_their_shared_libraries(
+    fmu, sources, tmp_path, compiler, pair
+):
     arguments, expected = [], []
-    objects = [str(compiled(compiler, sources(name), f"-DFMI2_FUNCTION_PREFIX={name}_")) for name in pair]
+    objects = [
+        str(compiled(compiler, sources(name), f"-DFMI2_FUNCTION_PREFIX={name}_")) for name in pair
+    ]
     for name in pair:
         description = fmpy.read_model_description(str(fmu(name, "native")), validate=False)
         real = [v for v in description.modelVariables if v.type == "Real"]
         inputs, outputs = ([v for v in real if v.causality == kind] for kind in ("input", "output"))
         arguments.append(description.guid)
-        arguments += [",".join(str(v.valueReference) for v in variables) for variables in (inputs, outputs)]
+        arguments += [
+            ",".join(str(v.valueReference) for v in variables) for variables in (inputs, outputs)
+        ]
         held = 0.001 * (np.arange(STEPS + 1) % 7)
         names = [v.name for v in outputs]
         series = hosts.run_fmpy(
-            fmu(name, "native"), STEP * np.arange(STEPS + 1), {v.name: held for v in inputs}, names,
-            feedthrough=False, stop_time_defined=False,
-        )  # fmt: skip
+            fmu(name, "native"),
+            STEP * np.arange(STEPS + 1),
+            {v.name: held for v in inputs},
+            names,
+            feedthrough=False,
+            stop_time_defined=False,
+        )
         expected += [series[name][1:] for name in names]
     program = tmp_path / "linked"
     command = [
@@ -155,7 +185,9 @@ def test_two_fmus_in_one_program_give_the_numbers_of_their_shared_libraries(fmu,
     ]
     command += [str(hosts.TESTS / "c" / "linked_host.c"), *objects, "-o", str(program), "-lm"]
     subprocess.run(command, check=True, capture_output=True)
-    done = subprocess.run([program, str(STEPS), *arguments], check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [program, str(STEPS), *arguments], check=True, capture_output=True, text=True
+    )
     found = np.array([line.split() for line in done.stdout.splitlines()], dtype=float).T
     assert np.ptp(found, axis=1).max() > 0.0
     assert np.array_equal(found, np.array(expected))

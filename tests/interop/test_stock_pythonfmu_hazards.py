@@ -53,10 +53,18 @@ class {name}(Fmi2Slave):
 
 
 def source(
-    name: str, *, in_init="pass", in_exit="pass", in_step="self.x += step_size * self.u", answer="True", imports=""
+    name: str,
+    *,
+    in_init="pass",
+    in_exit="pass",
+    in_step="self.x += step_size * self.u",
+    answer="True",
+    imports="",
 ) -> str:
     """Text of a slave ``dx/dt = u`` with something put into one of its methods."""
-    return TEMPLATE.format(name=name, in_init=in_init, in_exit=in_exit, in_step=in_step, answer=answer, imports=imports)
+    return TEMPLATE.format(
+        name=name, in_init=in_init, in_exit=in_exit, in_step=in_step, answer=answer, imports=imports
+    )
 
 
 def fixed(what: str) -> str:
@@ -73,9 +81,12 @@ SOURCES = {
     "FailsInStep": source("FailsInStep", in_step='raise ValueError("bad step")'),
     "FailsInExit": source("FailsInExit", in_exit='raise ValueError("bad exit")'),
     "FailsInInit": source(
-        "FailsInInit", in_init='if self.instance_name != "dummyInstance": raise ValueError("bad init")'
+        "FailsInInit",
+        in_init='if self.instance_name != "dummyInstance": raise ValueError("bad init")',
     ),
-    "FailsWithPercent": source("FailsWithPercent", in_step='raise ValueError("100 %s %s %s %s %n")'),
+    "FailsWithPercent": source(
+        "FailsWithPercent", in_step='raise ValueError("100 %s %s %s %s %n")'
+    ),
     "Discards": source("Discards", answer="current_time < 0.45"),
     "Hides": source("Hides", in_step="self.hidden += 1.0; self.x = self.hidden"),
 }
@@ -88,7 +99,9 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
     def one(name: str) -> Path:
         if name not in built:
-            built[name] = hosts.build_pythonfmu(tmp_path_factory.mktemp(name), name.lower(), SOURCES[name])
+            built[name] = hosts.build_pythonfmu(
+                tmp_path_factory.mktemp(name), name.lower(), SOURCES[name]
+            )
         return built[name]
 
     return one
@@ -256,35 +269,49 @@ def test_reading_a_value_after_a_failed_step_crashes_once_garbage_is_collected(b
     # collector runs, and then the pointer dangles.
     sequence = ["exit", "step", "collect garbage", "get"]
     returncode, output = in_subprocess(play, str(build("FailsInStep")), sequence)
-    assert returncode == SEGMENTATION_FAULT, fixed("use after free after an exception") + f" ({returncode}) {output}"
+    assert returncode == SEGMENTATION_FAULT, (
+        fixed("use after free after an exception") + f" ({returncode}) {output}"
+    )
 
 
 def test_terminate_after_a_failed_step_crashes_once_garbage_is_collected(build):
     sequence = ["exit", "step", "collect garbage", "terminate"]
     returncode, output = in_subprocess(play, str(build("FailsInStep")), sequence)
-    assert returncode == SEGMENTATION_FAULT, fixed("use after free after an exception") + f" ({returncode}) {output}"
+    assert returncode == SEGMENTATION_FAULT, (
+        fixed("use after free after an exception") + f" ({returncode}) {output}"
+    )
 
 
 def test_second_failed_step_then_reading_crashes(build):
-    returncode, output = in_subprocess(play, str(build("FailsInStep")), ["exit", "step", "step", "get"])
-    assert returncode == SEGMENTATION_FAULT, fixed("double release after an exception") + f" ({returncode}) {output}"
+    returncode, output = in_subprocess(
+        play, str(build("FailsInStep")), ["exit", "step", "step", "get"]
+    )
+    assert returncode == SEGMENTATION_FAULT, (
+        fixed("double release after an exception") + f" ({returncode}) {output}"
+    )
 
 
 def test_unknown_value_reference_is_fatal_and_crashes_later(build):
     sequence = ["exit", "get unknown", "collect garbage", "get"]
     returncode, output = in_subprocess(play, str(build("Sound")), sequence)
-    assert returncode == SEGMENTATION_FAULT, fixed("unknown value references") + f" ({returncode}) {output}"
+    assert returncode == SEGMENTATION_FAULT, (
+        fixed("unknown value references") + f" ({returncode}) {output}"
+    )
 
 
 def test_exception_at_the_end_of_initialization_does_not_stop_stepping(build):
     returncode, answers = in_subprocess(play, str(build("FailsInExit")), ["exit", "step", "free"])
-    assert (returncode, answers) == (0, [FATAL, None, None]), fixed("stepping an instance whose initialization failed")
+    assert (returncode, answers) == (0, [FATAL, None, None]), fixed(
+        "stepping an instance whose initialization failed"
+    )
 
 
 def test_exception_at_the_end_of_initialization_crashes_once_garbage_is_collected(build):
     sequence = ["exit", "collect garbage", "step"]
     returncode, output = in_subprocess(play, str(build("FailsInExit")), sequence)
-    assert returncode == SEGMENTATION_FAULT, fixed("use after free after an exception") + f" ({returncode}) {output}"
+    assert returncode == SEGMENTATION_FAULT, (
+        fixed("use after free after an exception") + f" ({returncode}) {output}"
+    )
 
 
 def test_exception_in_the_constructor_is_a_clean_refusal(build):
@@ -302,7 +329,9 @@ def test_reset_after_a_failed_step_and_freeing_work(build):
 
 def test_another_instance_survives_a_failure(build):
     # Not a hazard in 0.7.0.
-    returncode, value = in_subprocess(fail_beside_another, str(build("FailsInStep")), str(build("Sound")))
+    returncode, value = in_subprocess(
+        fail_beside_another, str(build("FailsInStep")), str(build("Sound"))
+    )
     assert returncode == 0, value
     assert value == pytest.approx(0.1)
 
@@ -317,7 +346,9 @@ def test_message_of_an_exception_is_lost_unless_logging_is_on(build):
 def test_percent_in_a_message_is_a_format(build):
     # A literal text handed to the printf-like logger as its format.
     finished = finish_in_subprocess(play, str(build("FailsWithPercent")), ["exit", "step"], True)
-    assert finished.returncode == SEGMENTATION_FAULT, fixed("messages with %") + f" ({finished.returncode})"
+    assert finished.returncode == SEGMENTATION_FAULT, (
+        fixed("messages with %") + f" ({finished.returncode})"
+    )
 
 
 # --- wrong results without a word -----------------------------------------------------------------------------------
@@ -342,7 +373,9 @@ def test_nan_input_negative_step_and_wrong_time_are_accepted(build):
     assert returncode == 0, fixed("argument checks") + f" {results}"
     assert math.isnan(results["nan"]), fixed("NaN inputs")
     assert results["negative step"] == pytest.approx(-0.1), fixed("negative steps")
-    assert results["wrong time"] == pytest.approx(0.1), fixed("communication points that do not follow")
+    assert results["wrong time"] == pytest.approx(0.1), fixed(
+        "communication points that do not follow"
+    )
 
 
 def test_saved_state_lacks_undeclared_attributes(tmp_path):
@@ -353,7 +386,10 @@ def test_saved_state_lacks_undeclared_attributes(tmp_path):
 
 
 def test_wrong_guid_is_accepted(build):
-    assert in_subprocess(try_to_instantiate, str(build("Sound")), None, "not-the-guid") == (0, True), fixed("GUID")
+    assert in_subprocess(try_to_instantiate, str(build("Sound")), None, "not-the-guid") == (
+        0,
+        True,
+    ), fixed("GUID")
 
 
 # --- loading, description, leaks ------------------------------------------------------------------------------------
@@ -371,7 +407,9 @@ def test_folder_that_needs_percent_encoding_crashes_instantiation(build, tmp_pat
     # Only %20 of the resource URI is decoded; the module is then not found, and the missing class is called.
     folder = str(tmp_path / name)
     returncode, output = in_subprocess(try_to_instantiate, str(build("Sound")), folder)
-    assert returncode == SEGMENTATION_FAULT, fixed("decoding of the resource location") + f" ({returncode}) {output}"
+    assert returncode == SEGMENTATION_FAULT, (
+        fixed("decoding of the resource location") + f" ({returncode}) {output}"
+    )
 
 
 def test_folder_that_needs_percent_encoding_is_no_trouble_for_fmpy(tmp_path):

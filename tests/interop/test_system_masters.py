@@ -17,21 +17,41 @@ from orchestration.system import Connection, Member, Port, System, library, ssp
 from tests.support.hosts import NANOSECONDS, HostError, build_one_state_fmu, finish_in_subprocess
 from tests.support.pace import slow_but
 from tests.support.system.archive import BINDINGS, INLINE, NAMESPACES, repacked
-from tests.support.system.hosts import member_of_archive, run_ecos_ssp, run_fmpy_ssp, run_libcosim_ssp, run_own_ssp
+from tests.support.system.hosts import (
+    member_of_archive,
+    run_ecos_ssp,
+    run_fmpy_ssp,
+    run_libcosim_ssp,
+    run_own_ssp,
+)
 
-MASTERS = {"ours": run_own_ssp, "fmpy": run_fmpy_ssp, "libcosim": run_libcosim_ssp, "Ecos": run_ecos_ssp}
+MASTERS = {
+    "ours": run_own_ssp,
+    "fmpy": run_fmpy_ssp,
+    "libcosim": run_libcosim_ssp,
+    "Ecos": run_ecos_ssp,
+}
 # inputs, steps, outputs that follow from the states, and outputs that answer at once to an input
 RUNS = {
     "dma_bench": (
-        {"bench.force_reference": 1.0, "actuator.current": 0.5}, 1000,
-        ["bench.position", "bench.force_measured", "actuator.charge"], ["actuator.tension"],
+        {"bench.force_reference": 1.0, "actuator.current": 0.5},
+        1000,
+        ["bench.position", "bench.force_measured", "actuator.charge"],
+        ["actuator.tension"],
     ),
     "degradation_watch": (
-        {"galvanostat.current_command": 1.0, "actuator.force": 0.1}, 300,
-        ["galvanostat.current", "actuator.charge", "estimator.R1", "estimator.voltage_limit"], ["actuator.voltage"],
+        {"galvanostat.current_command": 1.0, "actuator.force": 0.1},
+        300,
+        ["galvanostat.current", "actuator.charge", "estimator.R1", "estimator.voltage_limit"],
+        ["actuator.voltage"],
     ),
-    "foot_gait": ({"po.current": 1.0, "do.current": -0.5}, 250, ["foot.ankle_angle", "foot.toe_x"], ["po.tension"]),
-}  # fmt: skip
+    "foot_gait": (
+        {"po.current": 1.0, "do.current": -0.5},
+        250,
+        ["foot.ankle_angle", "foot.toe_x"],
+        ["po.tension"],
+    ),
+}
 CONSTANT = ("estimator.voltage_limit", "galvanostat.current")  # within the time of the run
 
 
@@ -52,12 +72,16 @@ def close(found, wanted, tolerance=1e-9):
     assert np.abs(found - wanted).max() <= tolerance * np.abs(wanted).max()
 
 
-@pytest.mark.parametrize(("name", "runtime"), [*((name, "native") for name in RUNS), ("degradation_watch", "python")])
+@pytest.mark.parametrize(
+    ("name", "runtime"), [*((name, "native") for name in RUNS), ("degradation_watch", "python")]
+)
 def test_the_masters_agree(exported, name, runtime):
     inputs, count, states, answers = RUNS[name]
     system = library.system(name, runtime)
     path = exported(system)
-    tables = {m: run(path, system.step, count, inputs, [*states, *answers]) for m, run in MASTERS.items()}
+    tables = {
+        m: run(path, system.step, count, inputs, [*states, *answers]) for m, run in MASTERS.items()
+    }
     if name == "degradation_watch":
         return _same_a_step_later(tables)
     for signal in states:
@@ -84,8 +108,14 @@ def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
     """Where outputs are read before inputs are set, what is measured is a step old; Ecos reads it after."""
     held = {"charge_start": 2.0, "current": 0.0, "force": 0.0}
     actuator = Member.of("actuator", component("ppy_actuator"), held, runtime)
-    system = library.with_voltmeter(System("meter", (actuator,), (), step=0.1), "actuator.voltage", runtime)
-    path, error, (voltage, measured) = exported(system), 0.25, ("actuator.voltage", "voltmeter.measured_voltage")
+    system = library.with_voltmeter(
+        System("meter", (actuator,), (), step=0.1), "actuator.voltage", runtime
+    )
+    path, error, (voltage, measured) = (
+        exported(system),
+        0.25,
+        ("actuator.voltage", "voltmeter.measured_voltage"),
+    )
     for name, run in MASTERS.items():
         found = run(path, system.step, 10, {"voltmeter.error": error}, [voltage, measured])
         assert np.ptp(found[voltage]) > 0.01
@@ -104,7 +134,9 @@ def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):
     found = run_ecos_ssp(path, system.step, count, inputs, [position, tension, charge])
     usual = run_libcosim_ssp(path, system.step, count, inputs, [position, tension, charge])
     films = component("ppy_actuator_length_driven")()
-    stretch = found[position] - films.alpha * found[charge]  # creep is below a part in 10^4 of it within 0.1 s
+    stretch = (
+        found[position] - films.alpha * found[charge]
+    )  # creep is below a part in 10^4 of it within 0.1 s
     close(found[tension], np.maximum(films.k1 * stretch, 0.0), 1e-3)
     assert np.abs(usual[tension] - found[tension]).max() > 1e-2 * np.abs(found[tension]).max()
 
@@ -125,7 +157,12 @@ def test_connectors_of_the_system_drive_fmpy_and_stop_libcosim_and_ecos(exported
 
     system = library.system("dma_bench")
     path = exported(system, connectors=True)
-    table = simulate_ssp(str(path), stop_time=0.05, step_size=system.step, input={"force_reference": lambda time: 1.0})
+    table = simulate_ssp(
+        str(path),
+        stop_time=0.05,
+        step_size=system.step,
+        input={"force_reference": lambda time: 1.0},
+    )
     assert table["tension"][-1] > 0.1
     with pytest.raises(HostError, match="startElement"):
         run_libcosim_ssp(path, system.step, 1, {}, [])
@@ -140,8 +177,12 @@ def test_parameters_of_members_reach_libcosim_and_by_their_name_ecos_but_not_fmp
     path = exported(system)
     tension = "po.tension"
     wanted = library.PRETENSION["po"]
-    assert run_libcosim_ssp(path, system.step, 1, {}, [tension])[tension][0] == pytest.approx(wanted, rel=1e-4)
-    assert run_ecos_ssp(path, system.step, 1, {}, [tension])[tension][0] == pytest.approx(wanted, rel=1e-4)
+    assert run_libcosim_ssp(path, system.step, 1, {}, [tension])[tension][0] == pytest.approx(
+        wanted, rel=1e-4
+    )
+    assert run_ecos_ssp(path, system.step, 1, {}, [tension])[tension][0] == pytest.approx(
+        wanted, rel=1e-4
+    )
     assert run_ecos_ssp(path, system.step, 1, {}, [tension], parameters=None)[tension][0] == 0.0
     assert simulate_ssp(str(path), stop_time=system.step, step_size=system.step)[tension][0] == 0.0
 
@@ -168,28 +209,42 @@ def test_a_factor_reaches_libcosim_and_ecos_but_not_fmpy(exported, tmp_path):
 
 def test_parameters_in_the_description_reach_the_same(exported, tmp_path):
     """As others write them."""
-    path = exported(System("chain", (Member("one", build_one_state_fmu(tmp_path), {"u": 1.0, "tau": 5.0}),), ()))
+    path = exported(
+        System("chain", (Member("one", build_one_state_fmu(tmp_path), {"u": 1.0, "tau": 5.0}),), ())
+    )
     values = re.sub(r"<\?xml.*?\?>", "", member_of_archive(path, "resources/one.ssv").decode())
     inline = f"<ssd:ParameterBinding><ssd:ParameterValues>{values}</ssd:ParameterValues></ssd:ParameterBinding>"
     other = repacked(path, lambda text: re.sub("<ssd:ParameterBinding .*/>", inline, text))
     assert dict(ssp.read(other, tmp_path / "u").members[0].parameters) == {"u": 1.0, "tau": 5.0}
     step, signal = 1.0, "one.x"
     for run in (run_libcosim_ssp, run_ecos_ssp):
-        assert run(other, step, 1, {}, [signal])[signal][0] == pytest.approx(1.0 - np.exp(-step / 5.0))
+        assert run(other, step, 1, {}, [signal])[signal][0] == pytest.approx(
+            1.0 - np.exp(-step / 5.0)
+        )
 
 
 def test_fmpy_fails_on_an_input_connector_without_a_connection(exported, tmp_path):
-    path = exported(System("chain", (Member("one", build_one_state_fmu(tmp_path), {"u": 1.0}),), ()))
+    path = exported(
+        System("chain", (Member("one", build_one_state_fmu(tmp_path), {"u": 1.0}),), ())
+    )
     connector = '<ssd:Connector name="u" kind="input"><ssc:Real/></ssd:Connector>'
-    other = repacked(path, lambda text: text.replace("<ssd:Connectors>", f"<ssd:Connectors>{connector}"))
+    other = repacked(
+        path, lambda text: text.replace("<ssd:Connectors>", f"<ssd:Connectors>{connector}")
+    )
     with pytest.raises(UnboundLocalError):
         run_fmpy_ssp(other, 1.0, 1, {}, ["one.x"])
 
 
 def test_libcosim_reads_a_uri_but_not_fmpy_nor_ecos(exported, tmp_path):
-    path = exported(System("chain", (Member("one", build_one_state_fmu(tmp_path), {"u": 1.0}),), ()))
-    other = repacked(path, lambda text: text.replace("resources/one_state.fmu", "resources/%6Fne_state.fmu"))
-    assert [member.fmu.name for member in ssp.read(other, tmp_path / "u").members] == ["one_state.fmu"]
+    path = exported(
+        System("chain", (Member("one", build_one_state_fmu(tmp_path), {"u": 1.0}),), ())
+    )
+    other = repacked(
+        path, lambda text: text.replace("resources/one_state.fmu", "resources/%6Fne_state.fmu")
+    )
+    assert [member.fmu.name for member in ssp.read(other, tmp_path / "u").members] == [
+        "one_state.fmu"
+    ]
     assert run_libcosim_ssp(other, 1.0, 1, {}, ["one.x"])["one.x"][0] > 0.0
     with pytest.raises(FileNotFoundError):
         run_fmpy_ssp(other, 1.0, 1, {}, ["one.x"])
@@ -202,12 +257,16 @@ def test_parameters_of_the_system_reach_ours_and_none_of_the_others(exported, tm
     fmu = build_one_state_fmu(tmp_path)
     path = exported(System("chain", (Member("one", fmu, {"u": 1.0}),), ()))
     values = INLINE.format('<ssv:Parameter name="one.tau"><ssv:Real value="5"/></ssv:Parameter>')
-    block = f"{BINDINGS.format(values)}<ssd:Elements>".replace("<ssv:ParameterSet", f"<ssv:ParameterSet {NAMESPACES}")
+    block = f"{BINDINGS.format(values)}<ssd:Elements>".replace(
+        "<ssv:ParameterSet", f"<ssv:ParameterSet {NAMESPACES}"
+    )
     other = repacked(path, lambda text: text.replace("<ssd:Elements>", block))
     assert dict(ssp.read(other, tmp_path / "u").members[0].parameters) == {"u": 1.0, "tau": 5.0}
     for name, run in MASTERS.items():
         tau = 5.0 if name == "ours" else 1.0
-        assert run(other, 1.0, 1, {}, ["one.x"])["one.x"][0] == pytest.approx(1.0 - np.exp(-1.0 / tau)), name
+        assert run(other, 1.0, 1, {}, ["one.x"])["one.x"][0] == pytest.approx(
+            1.0 - np.exp(-1.0 / tau)
+        ), name
 
 
 def test_the_step_reaches_libcosim_through_its_annotation(exported):

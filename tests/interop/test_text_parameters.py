@@ -16,7 +16,9 @@ SIGNALS = ["a.characters", "a.checksum"]
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("text")
     path = folder / "one.ssp"
-    ssp.write(System("one", (Member("a", build_sleeper(folder), {"label": TEXT}),), (), step=0.1), path)
+    ssp.write(
+        System("one", (Member("a", build_sleeper(folder), {"label": TEXT}),), (), step=0.1), path
+    )
     return path
 
 

@@ -17,12 +17,19 @@ def analysed(record: Clean, added: np.ndarray | float = 0.0) -> ResidualAnalysis
     """Its residual as a diagnosis analyses it, with something added to what was measured."""
     measured = record.measured + added
     residual = measured - record.simulated
-    signals = regressors(record.time, {"u": record.input}, record.states, {"y": record.simulated}, UNITS)
+    signals = regressors(
+        record.time, {"u": record.input}, record.states, {"y": record.simulated}, UNITS
+    )
     data = Dataset(record.time, {"u": record.input}, {"y": measured})
-    return analyse("y", residual, estimate(residual, np.ones(residual.size, dtype=bool)), data, signals)
+    return analyse(
+        "y", residual, estimate(residual, np.ones(residual.size, dtype=bool)), data, signals
+    )
 
 
 def found(analysis: ResidualAnalysis) -> list[str]:
     """Names of the tests that would decide a verdict."""
-    names = [type(item).__name__ for item in (*analysis.lines[:1], *analysis.level_shifts[:1], *analysis.structure)]
+    names = [
+        type(item).__name__
+        for item in (*analysis.lines[:1], *analysis.level_shifts[:1], *analysis.structure)
+    ]
     return sorted(set(names))

@@ -41,15 +41,21 @@ class Drawn:
 
 # the coefficients of the paths and of the noise, by the names that a model gives them
 BOX_JENKINS = {
-    "b1_1": 0.5, "b1_2": 0.2, "f1_1": -1.5, "f1_2": 0.7,
-    "b2_2": 1.0, "b2_3": -0.3, "f2_1": -0.9,
-    "c1": 0.5, "d1": -0.8,
-}  # fmt: skip
+    "b1_1": 0.5,
+    "b1_2": 0.2,
+    "f1_1": -1.5,
+    "f1_2": 0.7,
+    "b2_2": 1.0,
+    "b2_3": -0.3,
+    "f2_1": -0.9,
+    "c1": 0.5,
+    "d1": -0.8,
+}
 
 
 def box_jenkins_record(
     seed: int, samples: int = 2000, offset: float = 3.0, ratio: float = 20.0, d1: float = -0.8
-) -> Drawn:  # fmt: skip
+) -> Drawn:
     """Draw two inputs of random signs, paths with denominators of their own, coloured noise, from rest.
 
     Parameters
@@ -73,4 +79,6 @@ def box_jenkins_record(
 
 def fit(truth: Array, simulated: Array) -> float:
     """Return the NRMSE fit in percent."""
-    return float(100.0 * (1.0 - np.linalg.norm(truth - simulated) / np.linalg.norm(truth - np.mean(truth))))
+    return float(
+        100.0 * (1.0 - np.linalg.norm(truth - simulated) / np.linalg.norm(truth - np.mean(truth)))
+    )

@@ -16,10 +16,16 @@ from typing import Any
 
 _PATIENCE = 60.0  # seconds for one answer
 _FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--hide-scrollbars",
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # whatever is asked of the network fails, and so shows
-)  # fmt: skip
+)
 
 
 def browse(browser, folder, page, width, *options):
@@ -34,7 +40,9 @@ def browse(browser, folder, page, width, *options):
         *options,
         page.as_uri(),
     ]
-    run = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=120)
+    run = subprocess.run(
+        command, capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=120
+    )
     assert run.returncode == 0, run.stderr
     return run.stdout, [line for line in run.stderr.splitlines() if "CONSOLE" in line]
 
@@ -47,13 +55,15 @@ def measured(browser, folder, contents, width):
     probe = "<script>addEventListener('load', () => parent.postMessage([document.documentElement.scrollWidth, "
     probe += "innerWidth, [...document.images].filter(i => i.naturalWidth > 0).length].join(' '), '*'))</script>"
     assert contents.count("</body>") == 1
-    (folder / "probed.html").write_text(contents.replace("</body>", f"{probe}</body>"), encoding="utf-8")
-    frame = (
-        "<!DOCTYPE html><title>none</title><script>addEventListener('message', e => document.title = e.data)</script>"
+    (folder / "probed.html").write_text(
+        contents.replace("</body>", f"{probe}</body>"), encoding="utf-8"
     )
+    frame = "<!DOCTYPE html><title>none</title><script>addEventListener('message', e => document.title = e.data)</script>"
     frame += f'<iframe src="probed.html" style="border:0;width:{width}px;height:900px"></iframe>'
     (folder / "frame.html").write_text(frame, encoding="utf-8")
-    dom, console = browse(browser, folder, folder / "frame.html", 1600, "--virtual-time-budget=5000", "--dump-dom")
+    dom, console = browse(
+        browser, folder, folder / "frame.html", 1600, "--virtual-time-budget=5000", "--dump-dom"
+    )
     title = re.search(r"<title>(\d+) (\d+) (\d+)</title>", dom)
     assert title is not None, dom[:300]
     return tuple(map(int, title.groups())), console
@@ -83,16 +93,26 @@ class Tab:
     def attach(self) -> None:
         """Begin to listen."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
     def open(self, page: Path | str, width: int, height: int = 900) -> None:
         """Load a file or an address in a window of this size and wait until it stands."""
         mobile = width < 600
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=mobile,
+        )
         self.call("Emulation.setTouchEmulationEnabled", enabled=mobile)
-        self._go("about:blank")  # what the page before still asks for is no complaint about this one
+        self._go(
+            "about:blank"
+        )  # what the page before still asks for is no complaint about this one
         self.requests.clear()
         self.complaints.clear()
         self._go(page if isinstance(page, str) else page.absolute().as_uri())
@@ -106,7 +126,9 @@ class Tab:
 
     def run(self, script: str) -> Any:
         """Value of an expression in the page; a promise is waited for."""
-        answer = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        answer = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
@@ -133,7 +155,11 @@ class Tab:
             self.requests.append(about["request"]["url"])
         elif method == "Runtime.exceptionThrown":
             self.complaints.append(str(about["exceptionDetails"]))
-        elif method == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning", "assert"):
+        elif method == "Runtime.consoleAPICalled" and about["type"] in (
+            "error",
+            "warning",
+            "assert",
+        ):
             self.complaints.append(str(about["args"]))
         elif method == "Log.entryAdded" and about["entry"]["level"] in ("error", "warning"):
             self.complaints.append(about["entry"]["text"])
@@ -161,7 +187,9 @@ def chromium(program: str, profile: Path) -> Iterator[Tab]:
         "--remote-debugging-pipe",
         f"--user-data-dir={profile}",
     ]
-    process = subprocess.Popen(command, pass_fds=(read, write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command, pass_fds=(read, write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     os.close(read)
     os.close(write)
     try:

@@ -42,7 +42,9 @@ def check_that_builds_agree(
         assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max(), output.name
 
 
-def check_that_bad_values_are_refused(cls: type[Component], bad: dict[str, float], allowed: str, folder: Path) -> None:
+def check_that_bad_values_are_refused(
+    cls: type[Component], bad: dict[str, float], allowed: str, folder: Path
+) -> None:
     """A value out of range is refused at the end of initialization, by the parameter's name and with its range."""
     path = folder / "model.fmu"
     path.write_bytes(build(cls, "python", [host_platform()]))

@@ -26,25 +26,39 @@ PNG = b"\x89PNG\r\n\x1a\n"
 posix = pytest.mark.skipif(os.name == "nt", reason="signals and pipes as POSIX has them")
 
 
-def ppy(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+def ppy(
+    *arguments: object, cwd: Path, environment: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run the command line in a process of its own, on no terminal."""
     command = [sys.executable, "-m", "orchestration.cli", *map(str, arguments)]
     return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, encoding="utf-8", stdin=subprocess.DEVNULL, timeout=240,
+        command,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        stdin=subprocess.DEVNULL,
+        timeout=240,
         env={**os.environ, "COLUMNS": "100", **(environment or {})},
-    )  # fmt: skip
+    )
 
 
 def works(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> str:
     """Run the command line, here unless with an environment of its own, and return what it prints; it must succeed."""
-    done = here(*arguments, cwd=cwd) if environment is None else ppy(*arguments, cwd=cwd, environment=environment)
+    done = (
+        here(*arguments, cwd=cwd)
+        if environment is None
+        else ppy(*arguments, cwd=cwd, environment=environment)
+    )
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert "\x1b" not in done.stdout + done.stderr  # no terminal codes in files
     return done.stdout
 
 
-def on_terminal(*arguments: object, cwd: Path, interrupt_at: re.Pattern[str] | None = None) -> tuple[int, str, str]:
+def on_terminal(
+    *arguments: object, cwd: Path, interrupt_at: re.Pattern[str] | None = None
+) -> tuple[int, str, str]:
     """Run the command line on a terminal, with ``cwd/scratch`` for temporary files.
 
     Parameters
@@ -63,11 +77,14 @@ def on_terminal(*arguments: object, cwd: Path, interrupt_at: re.Pattern[str] | N
 
     ours, theirs = pty.openpty()
     running = subprocess.Popen(
-        [sys.executable, "-m", "orchestration.cli", *map(str, arguments)], cwd=cwd, stdout=subprocess.PIPE,
-        stderr=theirs, text=True,
+        [sys.executable, "-m", "orchestration.cli", *map(str, arguments)],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        text=True,
         env={k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "CI")}
         | {"TERM": "xterm", "COLUMNS": "120", "TMPDIR": str(cwd / "scratch")},
-    )  # fmt: skip
+    )
     os.close(theirs)
     shown, sent = "", False
     while True:
@@ -115,7 +132,11 @@ def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
 def refused(folder, *arguments, parts=(), environment=None):
     """The command must fail as promised; returns its one line."""
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-    done = here(*arguments, cwd=folder) if environment is None else ppy(*arguments, cwd=folder, environment=environment)
+    done = (
+        here(*arguments, cwd=folder)
+        if environment is None
+        else ppy(*arguments, cwd=folder, environment=environment)
+    )
     assert done.returncode == 2, (done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     lines = done.stderr.splitlines()
@@ -128,7 +149,9 @@ def refused(folder, *arguments, parts=(), environment=None):
     return errors[0]
 
 
-def measure(path: Path, rig: EmulatedRig, samples: int = 600, names: Sequence[str] = tuple(UNITS)) -> Path:
+def measure(
+    path: Path, rig: EmulatedRig, samples: int = 600, names: Sequence[str] = tuple(UNITS)
+) -> Path:
     """Write a record of the emulated rig."""
     time = 0.1 * np.arange(samples)
     inputs = {

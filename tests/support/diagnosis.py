@@ -14,7 +14,10 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.records import Record, write_record
 from orchestration.rig.emulator.records import UNITS, Drawn, draw
 
-FEW = [EFFECTS[name] for name in ("strain_saturation", "quadratic_strain", "strain_lag", "force_to_voltage")]
+FEW = [
+    EFFECTS[name]
+    for name in ("strain_saturation", "quadratic_strain", "strain_lag", "force_to_voltage")
+]
 SHORT = {"duration": 300.0, "rate": 5.0}  # a record of five minutes at 5 Hz
 
 
@@ -31,7 +34,9 @@ def short_record(hidden: str | None = None, seed: int = 1, **options) -> Dataset
 def rig_record(hidden: str | None = None, *signals: str, seed: int = 1, **options) -> Record:
     """A short record of the rig as if it had been read from a file, of some signals or all of them."""
     drawn = draw(hidden, seed, **SHORT | options)
-    chosen = {n: v for n, v in (drawn.inputs | drawn.outputs).items() if not signals or n in signals}
+    chosen = {
+        n: v for n, v in (drawn.inputs | drawn.outputs).items() if not signals or n in signals
+    }
     return Record(drawn.time, chosen, {n: UNITS[n] for n in chosen}, Path("lab record.csv"))
 
 
@@ -47,4 +52,6 @@ def broken_off(path: Path, seed: int, columns: Mapping[str, str]) -> Path:
 
 def coloured(colour: float, seed: int, n: int = 4000) -> NDArray[np.float64]:
     """First-order autoregressive noise of unit innovations."""
-    return np.asarray(lfilter([1.0], [1.0, -colour], np.random.default_rng(seed).standard_normal(n)))
+    return np.asarray(
+        lfilter([1.0], [1.0, -colour], np.random.default_rng(seed).standard_normal(n))
+    )

@@ -17,7 +17,11 @@ ACTIVE = {
     "charge_dependent_capacitance(even)": {"capacitance_bend": -0.07},
     "resistance_growth": {"resistance_growth_rate": 0.02},
     "capacitance_fade": {"capacitance_fade_rate": 0.01},
-    "self_heating": {"conductance_rise_per_kelvin": 0.02, "thermal_resistance": 30.0, "thermal_time": 40.0},
+    "self_heating": {
+        "conductance_rise_per_kelvin": 0.02,
+        "thermal_resistance": 30.0,
+        "thermal_time": 40.0,
+    },
     "force_to_voltage": {"voltage_per_force": 0.03},
     "quadratic_strain": {"beta": 7e-6},
     "quadratic_strain(modulus)": {"strain_asymmetry": 9e-6},

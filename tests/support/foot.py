@@ -27,6 +27,8 @@ def lengths_at(ankle: float, mtp: float) -> list[float]:
         return complex(math.cos(angle), math.sin(angle))
 
     return [
-        abs(spin(ankle) * instep - shin), abs(spin(ankle) * heel - calf), abs(spin(mtp) * toe - dorsal),
+        abs(spin(ankle) * instep - shin),
+        abs(spin(ankle) * heel - calf),
+        abs(spin(mtp) * toe - dorsal),
         139.2e-3 + 16.3e-3 * mtp,
-    ]  # fmt: skip
+    ]

@@ -25,8 +25,32 @@ import numpy as np
 LONGEST, MEMORY = 10, 1_000_000_000  # s for a file, and bytes for all of them
 KINDS = ("csv", "mat", "tdms", "parquet", "nc", "toml", "fmu", "xml", "ssp", "ssd")
 _TIME = 0.1 * np.arange(200)
-_FAMILIAR = [b"0", b"-1", b"nan", b"1e400", b"\x00", b"\xff", b"<", b">", b"&x;", b'"', b"[", b"]", b",", b";", b"\n",
-             b"9" * 400, b"=", b"..", b"/", b"\\", b"true", b"\xef\xbb\xbf", b"(" * 500, b"<a>" * 300]  # fmt: skip
+_FAMILIAR = [
+    b"0",
+    b"-1",
+    b"nan",
+    b"1e400",
+    b"\x00",
+    b"\xff",
+    b"<",
+    b">",
+    b"&x;",
+    b'"',
+    b"[",
+    b"]",
+    b",",
+    b";",
+    b"\n",
+    b"9" * 400,
+    b"=",
+    b"..",
+    b"/",
+    b"\\",
+    b"true",
+    b"\xef\xbb\xbf",
+    b"(" * 500,
+    b"<a>" * 300,
+]
 
 
 def originals(folder: Path) -> dict[str, bytes]:
@@ -45,9 +69,14 @@ def originals(folder: Path) -> dict[str, bytes]:
     made: dict[str, bytes] = {}
     lines = [f"{t:.1f},{v:.6f},{i}" for t, v, i in zip(_TIME, voltage, _TIME > 5.0, strict=True)]
     made["csv"] = ("time [s],voltage [V],current [A]\n" + "\n".join(lines)).encode()
-    savemat(folder / "r.mat", {"time": _TIME, "voltage": voltage, "units": {"time": "s", "voltage": "V"}})
+    savemat(
+        folder / "r.mat",
+        {"time": _TIME, "voltage": voltage, "units": {"time": "s", "voltage": "V"}},
+    )
     with nptdms.TdmsWriter(folder / "r.tdms") as writer:
-        writer.write_segment([nptdms.ChannelObject("g", n, v) for n, v in (("time", _TIME), ("voltage", voltage))])
+        writer.write_segment(
+            [nptdms.ChannelObject("g", n, v) for n, v in (("time", _TIME), ("voltage", voltage))]
+        )
     pandas.DataFrame({"time": _TIME, "voltage": voltage}).to_parquet(folder / "r.parquet")
     results.write(ppy.run("fig_3_4", settings={"duration": "1 s"}), folder / "r.nc")
     write(library.system("dma_bench", "native"), folder / "r.ssp")
@@ -55,7 +84,10 @@ def originals(folder: Path) -> dict[str, bytes]:
     for kind in ("mat", "tdms", "parquet", "nc", "ssp", "fmu"):
         made[kind] = (folder / f"r.{kind}").read_bytes()
     made["toml"] = (Path(__file__).parents[2] / "examples" / "release.toml").read_bytes()
-    for kind, archive, inside in (("xml", "fmu", "modelDescription.xml"), ("ssd", "ssp", "SystemStructure.ssd")):
+    for kind, archive, inside in (
+        ("xml", "fmu", "modelDescription.xml"),
+        ("ssd", "ssp", "SystemStructure.ssd"),
+    ):
         with zipfile.ZipFile(folder / f"r.{archive}") as opened:
             made[kind] = opened.read(inside)
     return made
@@ -111,8 +143,15 @@ def readers() -> dict[str, Callable[[Path], Any]]:
             return read(path, Path(folder))
 
     records = dict.fromkeys(("csv", "mat", "tdms", "parquet"), record)
-    return {**records, "nc": results.read, "fmu": fmu, "xml": packed, "ssp": system, "ssd": system,
-            "toml": lambda path: read_sweep(path, lambda line: None)}  # fmt: skip
+    return {
+        **records,
+        "nc": results.read,
+        "fmu": fmu,
+        "xml": packed,
+        "ssp": system,
+        "ssd": system,
+        "toml": lambda path: read_sweep(path, lambda line: None),
+    }
 
 
 def tried(read: Callable[[Path], Any], path: Path) -> str:
@@ -139,7 +178,9 @@ def peak():
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def fuzz(seed: int, counts: dict[str, int], seconds: float, left: Path | None = None) -> dict[str, Any]:
+def fuzz(
+    seed: int, counts: dict[str, int], seconds: float, left: Path | None = None
+) -> dict[str, Any]:
     """Try files until there were so many of each kind, or the time is over."""
     warnings.simplefilter("error")
 

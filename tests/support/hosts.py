@@ -97,7 +97,11 @@ if not clean_exit:
 
 
 def finish_in_subprocess(
-    function: str | Callable, *args: Any, timeout: float = 120.0, clean_exit: bool = True, **kwargs: Any
+    function: str | Callable,
+    *args: Any,
+    timeout: float = 120.0,
+    clean_exit: bool = True,
+    **kwargs: Any,
 ) -> Finished:
     """Call a module-level function in a fresh Python process.
 
@@ -131,14 +135,20 @@ def finish_in_subprocess(
         # What a crashed process leaves behind goes away with the folder.
         surroundings = {**os.environ, "TMPDIR": folder}
         process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, env=surroundings
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            env=surroundings,
         )
         try:
             output, _ = process.communicate(timeout=timeout)
         except subprocess.TimeoutExpired:
             process.kill()
             output, _ = process.communicate()
-        result = pickle.loads(answer.read_bytes()) if answer.exists() and answer.stat().st_size else None
+        result = (
+            pickle.loads(answer.read_bytes()) if answer.exists() and answer.stat().st_size else None
+        )
         return Finished(process.returncode, result, output.decode(errors="replace"))
 
 
@@ -161,14 +171,19 @@ def _reference(description: ModelDescription, name: str) -> int:
 
 def _table(times: Times, inputs: Series) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     time = np.asarray(times, dtype=float)
-    columns = {name: np.broadcast_to(np.asarray(values, dtype=float), time.shape) for name, values in inputs.items()}
+    columns = {
+        name: np.broadcast_to(np.asarray(values, dtype=float), time.shape)
+        for name, values in inputs.items()
+    }
     return time, columns
 
 
 def _uniform_step(host: str, time: np.ndarray) -> float:
     step = (time[-1] - time[0]) / (len(time) - 1)
     if not np.allclose(np.diff(time), step, rtol=1e-9, atol=0.0):
-        raise ValueError(f"{host} has a fixed step: the communication points must be equally spaced")
+        raise ValueError(
+            f"{host} has a fixed step: the communication points must be equally spaced"
+        )
     return float(step)
 
 
@@ -176,7 +191,9 @@ def _real_only(host: str, description: ModelDescription, names: Sequence[str]) -
     variables = _variables(description)
     for name in names:
         if variables[name].type != "Real":
-            raise ValueError(f"run_{host} handles Real variables only; {name} is {variables[name].type}")
+            raise ValueError(
+                f"run_{host} handles Real variables only; {name} is {variables[name].type}"
+            )
 
 
 def _set(fmu: FMU2Slave, variable: ScalarVariable, value: float) -> None:
@@ -189,7 +206,9 @@ def _set(fmu: FMU2Slave, variable: ScalarVariable, value: float) -> None:
 
 
 def _get(fmu: FMU2Slave, variable: ScalarVariable) -> float:
-    getter = {"Real": fmu.getReal, "Integer": fmu.getInteger, "Boolean": fmu.getBoolean}[variable.type]
+    getter = {"Real": fmu.getReal, "Integer": fmu.getInteger, "Boolean": fmu.getBoolean}[
+        variable.type
+    ]
     return float(getter([variable.valueReference])[0])
 
 
@@ -326,7 +345,14 @@ def run_libcosim(
     description = fmpy.read_model_description(str(fmu), validate=False)
     _real_only("libcosim", description, [*columns, *outputs, *(parameters or {})])
     finished = finish_in_subprocess(
-        _libcosim, str(fmu), time, step, columns, list(outputs), dict(parameters or {}), clean_exit=clean_exit
+        _libcosim,
+        str(fmu),
+        time,
+        step,
+        columns,
+        list(outputs),
+        dict(parameters or {}),
+        clean_exit=clean_exit,
     )
     if finished.returncode != 0:
         raise HostError("libcosim", finished.returncode, finished.output)
@@ -334,7 +360,12 @@ def run_libcosim(
 
 
 def _libcosim(
-    fmu: str, time: np.ndarray, step: float, columns: Result, outputs: list[str], parameters: dict[str, float]
+    fmu: str,
+    time: np.ndarray,
+    step: float,
+    columns: Result,
+    outputs: list[str],
+    parameters: dict[str, float],
 ) -> Result:
     from libcosimpy.CosimExecution import CosimExecution  # type: ignore[import-untyped]
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level  # type: ignore[import-untyped]
@@ -362,10 +393,14 @@ def _libcosim(
     table = {name: np.full(len(time), np.nan) for name in outputs}
     for k in range(len(time) - 1):
         if input_references:
-            manipulator.slave_real_values(index, input_references, [float(column[k]) for column in columns.values()])
+            manipulator.slave_real_values(
+                index, input_references, [float(column[k]) for column in columns.values()]
+            )
         if not execution.step():
             raise RuntimeError(f"libcosim step at {time[k]} s failed: {_libcosim_error()}")
-        for name, value in zip(outputs, observer.last_real_values(index, output_references), strict=True):
+        for name, value in zip(
+            outputs, observer.last_real_values(index, output_references), strict=True
+        ):
             table[name][k + 1] = value
     return table
 
@@ -425,7 +460,14 @@ def run_ecos(
     description = fmpy.read_model_description(str(fmu), validate=False)
     _real_only("ecos", description, [*columns, *outputs, *(parameters or {})])
     finished = finish_in_subprocess(
-        _ecos, str(fmu), time, step, columns, list(outputs), dict(parameters or {}), clean_exit=clean_exit
+        _ecos,
+        str(fmu),
+        time,
+        step,
+        columns,
+        list(outputs),
+        dict(parameters or {}),
+        clean_exit=clean_exit,
     )
     if finished.returncode != 0 or ECOS_COMPLAINT.search(finished.output):
         raise HostError("Ecos", finished.returncode, finished.output)
@@ -441,7 +483,12 @@ def _installed(package: str) -> bool:
 
 
 def _ecos(
-    fmu: str, time: np.ndarray, step: float, columns: Result, outputs: list[str], parameters: dict[str, float]
+    fmu: str,
+    time: np.ndarray,
+    step: float,
+    columns: Result,
+    outputs: list[str],
+    parameters: dict[str, float],
 ) -> Result:
     preload_tbb()
     from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure  # type: ignore[import-untyped]
@@ -487,7 +534,16 @@ def _c_host() -> Path:
     folder = Path(tempfile.mkdtemp(prefix="c_host_"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     program = folder / "c_host"
-    command = [compiler(), "-std=c99", "-O2", f"-I{HEADERS}", str(TESTS / "c" / "c_host.c"), "-o", str(program), "-ldl"]
+    command = [
+        compiler(),
+        "-std=c99",
+        "-O2",
+        f"-I{HEADERS}",
+        str(TESTS / "c" / "c_host.c"),
+        "-o",
+        str(program),
+        "-ldl",
+    ]
     subprocess.run(command, check=True, capture_output=True)
     return program
 
@@ -522,13 +578,28 @@ def run_c_host(
 
         plan = [str(len(parameters or {}))]
         plan += [f"{word(name)} {float(value)!r}" for name, value in (parameters or {}).items()]
-        plan += [str(len(columns)), *map(word, columns), str(len(outputs)), *map(word, outputs), str(len(time))]
-        plan += [" ".join(map(repr, row)) for row in np.column_stack([time, *columns.values()]).tolist()]
-        library = folder / "binaries" / fmpy.platform / (description.coSimulation.modelIdentifier + ".so")
+        plan += [
+            str(len(columns)),
+            *map(word, columns),
+            str(len(outputs)),
+            *map(word, outputs),
+            str(len(time)),
+        ]
+        plan += [
+            " ".join(map(repr, row)) for row in np.column_stack([time, *columns.values()]).tolist()
+        ]
+        library = (
+            folder / "binaries" / fmpy.platform / (description.coSimulation.modelIdentifier + ".so")
+        )
         command = [str(program), str(library), description.guid, (folder / "resources").as_uri()]
         surroundings = {**os.environ, **(environment or {})}
         process = subprocess.run(
-            command, input="\n".join(plan), capture_output=True, text=True, timeout=120, env=surroundings
+            command,
+            input="\n".join(plan),
+            capture_output=True,
+            text=True,
+            timeout=120,
+            env=surroundings,
         )
     if process.returncode != 0:
         raise HostError("the C host", process.returncode, process.stderr)

@@ -16,7 +16,16 @@ from scipy.signal import StateSpace, chirp, lfilter, sawtooth, square
 from orchestration.discrepancy.data.dataset import Dataset
 
 Array = NDArray[np.float64]
-TRUE = {"R1": 0.47, "R2": 2.2, "C": 2.5, "alpha": 6.4e-5, "k1": 6000.0, "b1": 1.8e6, "k2": 1.1e4, "b2": 1.8e6}
+TRUE = {
+    "R1": 0.47,
+    "R2": 2.2,
+    "C": 2.5,
+    "alpha": 6.4e-5,
+    "k1": 6000.0,
+    "b1": 1.8e6,
+    "k2": 1.1e4,
+    "b2": 1.8e6,
+}
 NOISE = {"voltage": 4e-3, "displacement": 3e-6}  # V, m
 _FINE = 40  # parts of a sample
 
@@ -34,8 +43,14 @@ def circuit(p: Mapping[str, float] = TRUE) -> StateSpace:
 def _driven(plant: StateSpace, i: int, u: Array, step: float, held: bool) -> Array:
     """Outputs (n, 2) under one input (n,) from rest; no state acts on another, so that each is a filter."""
     states = len(plant.A)
-    whole = np.zeros((states + 2, states + 2))  # the states, the input, and how much it changes in a step
-    whole[:states, :states], whole[:states, states], whole[states, -1] = plant.A, plant.B[:, i], 1.0 / step
+    whole = np.zeros(
+        (states + 2, states + 2)
+    )  # the states, the input, and how much it changes in a step
+    whole[:states, :states], whole[:states, states], whole[states, -1] = (
+        plant.A,
+        plant.B[:, i],
+        1.0 / step,
+    )
     exact = expm(step * whole)
     drive = np.outer(u[:-1], exact[:states, states])
     if not held:
@@ -49,12 +64,16 @@ def _driven(plant: StateSpace, i: int, u: Array, step: float, held: bool) -> Arr
 def _levels(time: Array, seed: int, values: int, dwell: float) -> Array:
     random = np.random.default_rng([seed, 7])
     which = np.floor(time / dwell + 1e-9).astype(int)
-    return np.asarray(random.permutation(np.resize(np.linspace(-1.0, 1.0, values), which.max() + 1))[which])
+    return np.asarray(
+        random.permutation(np.resize(np.linspace(-1.0, 1.0, values), which.max() + 1))[which]
+    )
 
 
 def _multisine(time: Array, seed: int, duration: float, highest: float) -> Array:
     phases = np.random.default_rng([seed, 9]).uniform(0.0, 2.0 * np.pi, int(highest * duration))
-    sines = (np.cos(2.0 * np.pi * (k + 1) * time / duration + phase) for k, phase in enumerate(phases))
+    sines = (
+        np.cos(2.0 * np.pi * (k + 1) * time / duration + phase) for k, phase in enumerate(phases)
+    )
     return np.asarray(sum(sines) / np.sqrt(len(phases)))
 
 
@@ -74,12 +93,19 @@ def stimulus(kind: str, time: Array, seed: int, rate: float) -> Array:
 
 
 def record(
-    kind: str, held: bool, seed: int, duration: float = 120.0, rate: float = 10.0, noise: float = 1.0,
-    force: str | None = None, force_held: bool = True, input_noise: float = 0.0,
+    kind: str,
+    held: bool,
+    seed: int,
+    duration: float = 120.0,
+    rate: float = 10.0,
+    noise: float = 1.0,
+    force: str | None = None,
+    force_held: bool = True,
+    input_noise: float = 0.0,
     restless: float = 0.0,
     jitter: float = 0.0,
     outputs: tuple[str, ...] = ("voltage", "displacement"),
-) -> Dataset:  # fmt: skip
+) -> Dataset:
     """Measure the actuator driven with a current that is held between samples, or is as it is between them.
 
     The force is 1 N, or a stimulus about it. Noise is in units of `NOISE`; that of the inputs, which the actuator does
@@ -90,26 +116,40 @@ def record(
     coarse = np.arange(round(duration * rate)) / rate
     fine = np.arange((len(coarse) - 1) * _FINE + 1) / (rate * _FINE)
     early = round(jitter * rate * _FINE)
-    at = np.clip(np.arange(len(coarse)) * _FINE + random.integers(-early, early + 1, len(coarse)), 0, len(fine) - 1)
+    at = np.clip(
+        np.arange(len(coarse)) * _FINE + random.integers(-early, early + 1, len(coarse)),
+        0,
+        len(fine) - 1,
+    )
     at[0] = 0
 
     def course(kind: str | None, held: bool, seed: int) -> Array:
         if kind is None:
             return np.ones(len(fine)) * 0.0
         values = stimulus(kind, coarse, seed, rate)
-        values = values + restless * np.ptp(values) * np.random.default_rng([seed, 13]).standard_normal(len(coarse))
+        values = values + restless * np.ptp(values) * np.random.default_rng(
+            [seed, 13]
+        ).standard_normal(len(coarse))
         return (
-            values[np.searchsorted(at, np.arange(len(fine)), "right") - 1] if held else stimulus(kind, fine, seed, rate)
+            values[np.searchsorted(at, np.arange(len(fine)), "right") - 1]
+            if held
+            else stimulus(kind, fine, seed, rate)
         )
 
-    drives = [(course(kind, held, seed), held), (1.0 + 0.5 * course(force, force_held, seed + 1), force_held)]
+    drives = [
+        (course(kind, held, seed), held),
+        (1.0 + 0.5 * course(force, force_held, seed + 1), force_held),
+    ]
     plant, y = circuit(), np.zeros((len(fine), 2))
     for i, (u, is_held) in enumerate(drives):  # the sum of what each does alone
         y += _driven(plant, i, u, float(fine[1]), is_held)
     measured = {
         name: y[at, k] + noise * NOISE[name] * random.standard_normal(len(coarse))
-        for k, name in enumerate(NOISE) if name in outputs
-    }  # fmt: skip
+        for k, name in enumerate(NOISE)
+        if name in outputs
+    }
     inputs = {name: u[at] for name, (u, _) in zip(("current", "force"), drives, strict=True)}
-    inputs = {n: u + input_noise * np.ptp(u) * random.standard_normal(len(u)) for n, u in inputs.items()}
+    inputs = {
+        n: u + input_noise * np.ptp(u) * random.standard_normal(len(u)) for n, u in inputs.items()
+    }
     return Dataset(fine[at], inputs, measured)

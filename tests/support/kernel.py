@@ -46,12 +46,22 @@ def forget_kernel() -> None:
 def _bare_loop() -> Any:
     with tempfile.TemporaryDirectory(prefix="bare_loop_") as folder:
         path = Path(folder, "bare_loop.so")
-        command = [compiler(), "-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", f"-I{HEADERS}"]
+        command = [
+            compiler(),
+            "-std=c99",
+            "-O2",
+            "-ffp-contract=off",
+            "-fPIC",
+            "-shared",
+            f"-I{HEADERS}",
+        ]
         subprocess.run([*command, str(TESTS / "c" / "bare_loop.c"), "-o", str(path)], check=True)
         return ctypes.CDLL(str(path)).bare_loop
 
 
-def bare_loop(fmu: Fmu, time: np.ndarray, name: str, values: np.ndarray, output: str) -> Callable[[], np.ndarray]:
+def bare_loop(
+    fmu: Fmu, time: np.ndarray, name: str, values: np.ndarray, output: str
+) -> Callable[[], np.ndarray]:
     """Prepare a bare loop with a started instance, one input fed and one output read at every point."""
     calls = [fmu.bound(f"fmi2{function}") for function in ("SetReal", "DoStep", "GetReal")]
     references = [ctypes.c_uint(fmu.variable(n).valueReference) for n in (name, output)]
@@ -61,13 +71,17 @@ def bare_loop(fmu: Fmu, time: np.ndarray, name: str, values: np.ndarray, output:
     loop = _bare_loop()
 
     def go() -> np.ndarray:
-        assert loop(*functions, *calls[0].args, *references, ctypes.c_size_t(time.size), *arrays) == 0
+        assert (
+            loop(*functions, *calls[0].args, *references, ctypes.c_size_t(time.size), *arrays) == 0
+        )
         return result
 
     return go
 
 
-def in_a_bare_loop(path: Path, time: np.ndarray, name: str, values: np.ndarray, output: str) -> np.ndarray:
+def in_a_bare_loop(
+    path: Path, time: np.ndarray, name: str, values: np.ndarray, output: str
+) -> np.ndarray:
     """Values of an output, with one input fed."""
     with Fmu(path) as fmu:
         fmu.start(float(time[0]))

@@ -35,14 +35,38 @@ class Thermostat(Component):
     outside = Input("K", start=280.0, min=0, display="degC", doc="outside temperature")
     boost = Input("1", start=False, type="boolean", doc="another heater")
 
-    temperature = State("K", rate="warming", start=290.0, output=True, display="degC", nominal=300.0, doc="of the room")
+    temperature = State(
+        "K",
+        rate="warming",
+        start=290.0,
+        output=True,
+        display="degC",
+        nominal=300.0,
+        doc="of the room",
+    )
     energy = State("J", rate="power", display="kJ", doc="used so far")
 
-    on = Discrete("1", update="switch", period="sampling", output=True, type="boolean", doc="heater on")
-    changes = Discrete("1", update="count", period="sampling", type="integer", min=0, doc="switchings so far")
-    reading = Discrete("K", update="read", period=0.3, start=290.0, output=True, display="degC", doc="of the display")
+    on = Discrete(
+        "1", update="switch", period="sampling", output=True, type="boolean", doc="heater on"
+    )
+    changes = Discrete(
+        "1", update="count", period="sampling", type="integer", min=0, doc="switchings so far"
+    )
+    reading = Discrete(
+        "K",
+        update="read",
+        period=0.3,
+        start=290.0,
+        output=True,
+        display="degC",
+        doc="of the display",
+    )
 
-    presets = {"hall": Preset({"capacity": 200.0, "enabled": True, "stages": 3, "setpoint": 288.15}, doc="a big room")}
+    presets = {
+        "hall": Preset(
+            {"capacity": 200.0, "enabled": True, "stages": 3, "setpoint": 288.15}, doc="a big room"
+        )
+    }
 
     def warming(self):
         return (self.power() - self.loss * (self.temperature - self.outside)) / self.capacity

@@ -20,12 +20,18 @@ from tests.support.hidden.plants import altered
 SAMPLES = 500
 
 
-def motor(path: Path, curve: Curve | None, seed: int = 1, specimen: CleanRecord | None = None) -> CleanRecord:
+def motor(
+    path: Path, curve: Curve | None, seed: int = 1, specimen: CleanRecord | None = None
+) -> CleanRecord:
     """Write a record of a motor whose friction has a curve of its speed more than the model says.
 
     It is a specimen of its own unless that of another record is given.
     """
-    same = {n: v for n, v in specimen.truth.items() if n in specimen.plant.nominal} if specimen else None
+    same = (
+        {n: v for n, v in specimen.truth.items() if n in specimen.plant.nominal}
+        if specimen
+        else None
+    )
     case = conditions(PLANTS["Motor"], KINDS[0], seed, np.random.default_rng(seed))
     drawn = draw(case, same, altered("Motor", static("friction", curve)) if curve else None)
     part = {"inputs": drawn.inputs, "outputs": drawn.outputs, "clean": drawn.clean}

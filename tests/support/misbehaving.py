@@ -46,11 +46,19 @@ ACTS = {
     "prints_much": (STEP, "if (time < 1.05) print_much()", ""),
     "closes_every_file": (STEP, "close_from(0)", "process ended"),
     "closes_files_and_hangs": (STEP, "(close_from(3), rest())", "could not be heard any more"),
-    "becomes_another_program": (STEP, 'execl("/bin/sleep", "sleep", "300", NULL)', "could not be heard any more"),
+    "becomes_another_program": (
+        STEP,
+        'execl("/bin/sleep", "sleep", "300", NULL)',
+        "could not be heard any more",
+    ),
     "leaves_a_process": (STEP, "if (time < 1.05) leave_process()", ""),
     "leaves_a_process_and_aborts": (STEP, "(leave_process(), abort())", "SIGABRT"),
     "returns_twice": (STEP, "if (time < 1.05) fork()", ""),
-    "writes_to_every_file": (STEP, "if (time < 1.05) write_everywhere()", "could not be heard any more"),
+    "writes_to_every_file": (
+        STEP,
+        "if (time < 1.05) write_everywhere()",
+        "could not be heard any more",
+    ),
     "returns_no_status": (STEP, "return -1", "(status -1)"),
     "sends_orders_to_the_terminal": (STEP, "return order(c)", "(error): [2J and more"),
 }
@@ -66,7 +74,16 @@ def build(name: str, directory: Path) -> Path:
         for function in ("DoStep", "GetReal", "Instantiate", "FreeInstance"):
             honest = honest.replace(f"fmi2{function}(", f"honest_{function}(")
         Path(folder, "honest.c").write_text(honest)
-        command = [compiler(), "-std=c99", "-O1", "-fPIC", "-shared", "-w", f"-I{HEADERS}", f"-I{folder}"]
+        command = [
+            compiler(),
+            "-std=c99",
+            "-O1",
+            "-fPIC",
+            "-shared",
+            "-w",
+            f"-I{HEADERS}",
+            f"-I{folder}",
+        ]
         command.append(f"-D{where}={what}")
         command += [str(TESTS / "c" / "misbehaving.c"), "-o", str(library), "-lm", "-lpthread"]
         subprocess.run(command, check=True, capture_output=True)

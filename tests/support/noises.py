@@ -46,7 +46,9 @@ def _stimulus(random: np.random.Generator, kind: int, n: int) -> Array:
         return np.repeat(random.choice([-1.0, 1.0], n), random.integers(3, 20))[:n]
     if kind == 4:
         phases = random.uniform(0.0, 2.0 * np.pi, 12)
-        return sum(np.sin(2.0 * np.pi * (k + 1) * time / 60.0 + phase) for k, phase in enumerate(phases))
+        return sum(
+            np.sin(2.0 * np.pi * (k + 1) * time / 60.0 + phase) for k, phase in enumerate(phases)
+        )
     return 2.0 * np.abs(2.0 * (time / period % 1.0) - 1.0) - 1.0
 
 
@@ -70,7 +72,9 @@ def coloured(white: Array, pole: float) -> Array:
     return result * np.sqrt(1.0 - pole**2)
 
 
-Noise = Callable[[np.random.Generator, Array], Array]  # of unit size or thereabouts, given the output that is simulated
+Noise = Callable[
+    [np.random.Generator, Array], Array
+]  # of unit size or thereabouts, given the output that is simulated
 
 
 def gaussian(pole: float = 0.0) -> Noise:
@@ -86,7 +90,9 @@ def outliers(pole: float = 0.0, share: float = 0.01) -> Noise:
 
     def drawn(random: np.random.Generator, y: Array) -> Array:
         far = random.uniform(5.0, 20.0, len(y)) * random.choice([-1.0, 1.0], len(y))
-        return coloured(random.standard_normal(len(y)), pole) + np.where(random.random(len(y)) < share, far, 0.0)
+        return coloured(random.standard_normal(len(y)), pole) + np.where(
+            random.random(len(y)) < share, far, 0.0
+        )
 
     return drawn
 
@@ -106,12 +112,16 @@ def growing_with_size(pole: float = 0.0, share: float = 2.0) -> Noise:
     """The level is that of an instrument with an error in proportion to what it shows."""
 
     def drawn(random: np.random.Generator, y: Array) -> Array:
-        return (0.4 + share * np.abs(y - y.mean()) / y.std()) * coloured(random.standard_normal(len(y)), pole)
+        return (0.4 + share * np.abs(y - y.mean()) / y.std()) * coloured(
+            random.standard_normal(len(y)), pole
+        )
 
     return drawn
 
 
-def clean(seed: int, noise: Noise, level: float = 0.05, step: float = 0.0, n: int = SAMPLES) -> Clean:
+def clean(
+    seed: int, noise: Noise, level: float = 0.05, step: float = 0.0, n: int = SAMPLES
+) -> Clean:
     """A plant with a fast and a slow part and a feedthrough, with noise; a converter with steps may read it."""
     random = np.random.default_rng(seed)
     time = STEP * np.arange(n)
@@ -125,7 +135,9 @@ def clean(seed: int, noise: Noise, level: float = 0.05, step: float = 0.0, n: in
     return Clean(time, u, {"fast": fast, "slow": slow}, y, measured)
 
 
-def controlled(seed: int, noise: Noise, gain: float, late: int, n: int = SAMPLES, level: float = 0.05) -> Clean:
+def controlled(
+    seed: int, noise: Noise, gain: float, late: int, n: int = SAMPLES, level: float = 0.05
+) -> Clean:
     """The plant in a loop: a controller moves the input by what it measured, at once or some samples later."""
     random = np.random.default_rng(seed)
     wanted = np.repeat(random.choice([-1.0, -0.3, 0.5, 1.0], n), random.integers(20, 80))[:n]
@@ -143,18 +155,38 @@ def controlled(seed: int, noise: Noise, gain: float, late: int, n: int = SAMPLES
 
 ADC = 2.0 * 4.0 / 2**12  # step of a 12-bit converter over twice the range of the output
 KINDS: dict[str, Callable[[int], Clean]] = {
-    **{f"Gaussian, AR {pole:g}": lambda s, p=pole: clean(s, gaussian(p)) for pole in (0.0, 0.5, 0.9, 0.95)},
-    **{f"Student t3, AR {pole:g}": lambda s, p=pole: clean(s, student(p)) for pole in (0.0, 0.9, 0.95)},
-    **{f"1 % outliers, AR {pole:g}": lambda s, p=pole: clean(s, outliers(p)) for pole in (0.0, 0.9)},
-    **{f"level in time, AR {pole:g}": lambda s, p=pole: clean(s, slowly_varying(p)) for pole in (0.0, 0.9)},
-    **{f"level by size, AR {pole:g}": lambda s, p=pole: clean(s, growing_with_size(p)) for pole in (0.0, 0.9)},
+    **{
+        f"Gaussian, AR {pole:g}": lambda s, p=pole: clean(s, gaussian(p))
+        for pole in (0.0, 0.5, 0.9, 0.95)
+    },
+    **{
+        f"Student t3, AR {pole:g}": lambda s, p=pole: clean(s, student(p))
+        for pole in (0.0, 0.9, 0.95)
+    },
+    **{
+        f"1 % outliers, AR {pole:g}": lambda s, p=pole: clean(s, outliers(p)) for pole in (0.0, 0.9)
+    },
+    **{
+        f"level in time, AR {pole:g}": lambda s, p=pole: clean(s, slowly_varying(p))
+        for pole in (0.0, 0.9)
+    },
+    **{
+        f"level by size, AR {pole:g}": lambda s, p=pole: clean(s, growing_with_size(p))
+        for pole in (0.0, 0.9)
+    },
     "12 bit, noise of a step": lambda s: clean(s, gaussian(), ADC, ADC),
     "12 bit, noise of a step, AR 0.9": lambda s: clean(s, gaussian(0.9), ADC, ADC),
-    **{f"steps of {1 / share:.3g} noise": lambda s, f=share: clean(s, gaussian(), 0.05 * f, 0.05)
-       for share in (0.5, 0.3, 0.1)},
+    **{
+        f"steps of {1 / share:.3g} noise": lambda s, f=share: clean(s, gaussian(), 0.05 * f, 0.05)
+        for share in (0.5, 0.3, 0.1)
+    },
     "steps, no noise": lambda s: clean(s, gaussian(), 0.0, 0.02),
-}  # fmt: skip
+}
 LOOPS: dict[str, Callable[[int], Clean]] = {
-    f"loop, gain {gain:g}, {late} late, AR {pole:g}": lambda s, g=gain, k=late, p=pole: controlled(s, gaussian(p), g, k)
-    for gain in (0.5, 2.0) for late in (0, 1, 3) for pole in (0.0, 0.9)
-}  # fmt: skip
+    f"loop, gain {gain:g}, {late} late, AR {pole:g}": lambda s, g=gain, k=late, p=pole: controlled(
+        s, gaussian(p), g, k
+    )
+    for gain in (0.5, 2.0)
+    for late in (0, 1, 3)
+    for pole in (0.0, 0.9)
+}

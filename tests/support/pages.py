@@ -24,4 +24,7 @@ def words_of(text):
 
 
 def figures_of(text):
-    return [json.loads(data) for data in re.findall(r'<script type="application/json">(.*?)</script>', text)]
+    return [
+        json.loads(data)
+        for data in re.findall(r'<script type="application/json">(.*?)</script>', text)
+    ]

@@ -37,13 +37,18 @@ class Watch:
         """Begin, unless it has begun."""
         if self._process is None:
             self._log = Path(tempfile.mkdtemp(prefix="ppy-punctual-")) / "late.txt"
-            self._process = subprocess.Popen([sys.executable, "-I", "-S", "-c", _WATCH, str(self._log), str(_SEEN)])
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-S", "-c", _WATCH, str(self._log), str(_SEEN)]
+            )
 
     def longest(self, begin: float, end: float, limit: float = LATE) -> float:
         """Longest pause of the machine between two times of the wall clock, in s; 0 if none was above a limit."""
         lines = self._log.read_text().splitlines() if self._log.is_file() else []
         pauses = [tuple(map(float, line.split())) for line in lines if line.count(" ") == 1]
-        return max((late for at, late in pauses if at < end and at + late > begin and late > limit), default=0.0)
+        return max(
+            (late for at, late in pauses if at < end and at + late > begin and late > limit),
+            default=0.0,
+        )
 
     def stop(self) -> None:
         """End."""

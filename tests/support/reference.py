@@ -10,11 +10,20 @@ from typing import Any
 DOCS = Path(__file__).parents[2] / "docs"
 # whose keys are names of the model; every other key is a field
 NAMED = {
-    "parameters": "PARAMETER", "holdout_fit_percent": "OUTPUT", "holdout_nrmse_before": "OUTPUT",
-    "holdout_nrmse_after": "OUTPUT", "nrmse": "OUTPUT", "residuals": "OUTPUT", "untouched": "OUTPUT",
-    "least_squares": "OUTPUT", "refitted": "OUTPUT", "extended": "OUTPUT", "outputs": "OUTPUT", "inputs": "INPUT",
+    "parameters": "PARAMETER",
+    "holdout_fit_percent": "OUTPUT",
+    "holdout_nrmse_before": "OUTPUT",
+    "holdout_nrmse_after": "OUTPUT",
+    "nrmse": "OUTPUT",
+    "residuals": "OUTPUT",
+    "untouched": "OUTPUT",
+    "least_squares": "OUTPUT",
+    "refitted": "OUTPUT",
+    "extended": "OUTPUT",
+    "outputs": "OUTPUT",
+    "inputs": "INPUT",
     "fed": "INPUT",
-}  # fmt: skip
+}
 FIELD = re.compile(r"^\| `([^`]+)` \|([^|]*)\| *([^|]*)\|$", re.M)
 
 
@@ -34,13 +43,18 @@ def fields(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 def documented(system: bool = False) -> dict[str, tuple[str, str]]:
     """Unit and meaning of every field, of one model or of a system, by its path."""
     page = (DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8")
-    of_a_model, of_a_system = page.split("## Codes of notes")[0], page.split("## Of a system")[1].split("## Of laws")[0]
+    of_a_model, of_a_system = (
+        page.split("## Codes of notes")[0],
+        page.split("## Of a system")[1].split("## Of laws")[0],
+    )
     return _table(of_a_system if system else of_a_model)
 
 
 def documented_of_laws() -> dict[str, tuple[str, str]]:
     """The same of what a model's laws lack."""
-    return _table((DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8").split("## Of laws")[1])
+    return _table(
+        (DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8").split("## Of laws")[1]
+    )
 
 
 def _table(text: str) -> dict[str, tuple[str, str]]:
@@ -49,5 +63,9 @@ def _table(text: str) -> dict[str, tuple[str, str]]:
 
 def documented_codes() -> set[str]:
     """Codes of notes."""
-    page = (DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8").split("## Codes of notes")[1]
+    page = (
+        (DOCS / "reference" / "diagnosis.md")
+        .read_text(encoding="utf-8")
+        .split("## Codes of notes")[1]
+    )
     return set(re.findall(r"^\| `([a-z_]+)` \|", page.split("## Of a system")[0], re.M))

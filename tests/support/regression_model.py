@@ -36,8 +36,10 @@ class Amplifier(Component):
 
 
 OFFSET = force_offset(Amplifier, "amplified", unit="V")
-OTHERS = [make(Amplifier, "amplified", "signal", unit="V")
-          for make in (coulomb_friction, asymmetric_friction, cubic_stiffness)]  # fmt: skip
+OTHERS = [
+    make(Amplifier, "amplified", "signal", unit="V")
+    for make in (coulomb_friction, asymmetric_friction, cubic_stiffness)
+]
 
 
 ASYMMETRY = OTHERS[1]
@@ -51,10 +53,19 @@ def shaped(name: str, shape: Callable[[Any], Any]) -> type[Effect]:
 
     amplified.__doc__ = "Add it."
     declared = Parameter(0.0, "V", min=-1e3, max=1e3, nominal=0.1, doc="how much of it")
-    made = type(name.title(), (Effect,), {
-        "__doc__": "More of a shape.", "__module__": __name__, "id": name, "assumption": "nothing is added",
-        "neutral": name, name: declared, "amplified": amplified,
-    })  # fmt: skip
+    made = type(
+        name.title(),
+        (Effect,),
+        {
+            "__doc__": "More of a shape.",
+            "__module__": __name__,
+            "id": name,
+            "assumption": "nothing is added",
+            "neutral": name,
+            name: declared,
+            "amplified": amplified,
+        },
+    )
     return made
 
 
@@ -68,7 +79,9 @@ def offset_record(ratio: float, seed: int) -> Dataset:
     """
     signal, noise = _drawn(seed)
     offset = np.sqrt(np.mean(noise**2) * np.expm1(ratio / COUNT))
-    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": GAIN * signal + offset + noise})
+    return Dataset(
+        STEP * np.arange(COUNT), {"signal": signal}, {"shown": GAIN * signal + offset + noise}
+    )
 
 
 def divided_record(ratio: float, gap: float, seed: int) -> Dataset:
@@ -106,7 +119,11 @@ def asymmetric_record(ratio: float, seed: int, varying: bool) -> Dataset:
     """
     signal, noise = _drawn(seed)
     if varying:
-        noise = SPREAD * np.abs(signal) * np.random.default_rng(seed).permutation(np.resize([-1.0, 1.0], COUNT))
+        noise = (
+            SPREAD
+            * np.abs(signal)
+            * np.random.default_rng(seed).permutation(np.resize([-1.0, 1.0], COUNT))
+        )
     known = np.column_stack([signal, np.abs(signal)])
     noise = noise - known @ np.linalg.lstsq(known, noise)[0]
     strength = np.sqrt(np.mean(noise**2) / np.mean(signal**2) * np.expm1(ratio / COUNT))

@@ -28,6 +28,9 @@ def bench(seed: int) -> list[Regressor]:
     charge, creep = lfilter([0.1], [1.0, -0.98], current), lfilter([0.1], [1.0, -0.999], force)
     units = {"current": "A", "force": "N", "charge": "C", "creep": "m", "voltage": "V"}
     return regressors(
-        TIME, {"current": current, "force": force}, {"charge": charge, "creep": creep},
-        {"voltage": current + charge}, units,
-    )  # fmt: skip
+        TIME,
+        {"current": current, "force": force},
+        {"charge": charge, "creep": creep},
+        {"voltage": current + charge},
+        units,
+    )

@@ -48,7 +48,9 @@ def voltage(current, start, ocv, R0, R1, tau1):
     return ocv - R0 * current - R1 * relaxed
 
 
-def measured(seed: int, start: float, ocv: float = 3.3, noise: float = 1e-3, samples: int = 400, **other) -> Dataset:
+def measured(
+    seed: int, start: float, ocv: float = 3.3, noise: float = 1e-3, samples: int = 400, **other
+) -> Dataset:
     """One record, with white noise."""
     i = current(seed, samples)
     clean = voltage(i, start, ocv, **TRUE | other)

@@ -30,9 +30,12 @@ def disk_of_64_kib(folder: Path) -> Iterator[Path]:
         pytest.skip("a small disk is made with mount of Linux")
     folder.mkdir()
     with subprocess.Popen(
-        ["sh", "-c", KEEPER, "keeper", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL, start_new_session=True,
-    ) as keeper:  # fmt: skip
+        ["sh", "-c", KEEPER, "keeper", str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    ) as keeper:
         assert keeper.stdin is not None
         assert keeper.stdout is not None
         try:

@@ -35,7 +35,9 @@ def _bound(body: list[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:
             yield from ((alias.asname or alias.name, node) for alias in node.names)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            yield from ((n.id, node) for t in targets for n in ast.walk(t) if isinstance(n, ast.Name))
+            yield from (
+                (n.id, node) for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)
+            )
         elif isinstance(node, ast.If | ast.Try | ast.With):
             inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)]
             yield from _bound(inner)
@@ -51,9 +53,11 @@ def attributes(cls: ast.ClassDef) -> set[str]:
     own = {
         node.attr
         for node in ast.walk(cls)
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self"
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "self"
         and isinstance(node.ctx, ast.Store)
-    }  # fmt: skip
+    }
     return own | {name for name, _ in _bound(cls.body)}
 
 
@@ -74,7 +78,9 @@ def _within(module: str, names: list[str]) -> bool:
     if node is None or len(names) == 1:
         return node is not None
     if isinstance(node, ast.ImportFrom):  # passed on from elsewhere, where it is looked for
-        package = module.split(".") if modules()[module].name == "__init__.py" else module.split(".")[:-1]
+        package = (
+            module.split(".") if modules()[module].name == "__init__.py" else module.split(".")[:-1]
+        )
         above = package[: len(package) + 1 - node.level] if node.level else []
         return exists(".".join([*above, *filter(None, [node.module]), *names]))
     return isinstance(node, ast.ClassDef) and names[1] in attributes(node)
@@ -90,7 +96,11 @@ def everything() -> set[str]:
         found |= set(members(module))
         for node in ast.walk(_tree(path)):
             if isinstance(node, ast.ClassDef):
-                found |= {name for attribute in attributes(node) for name in (attribute, f"{node.name}.{attribute}")}
+                found |= {
+                    name
+                    for attribute in attributes(node)
+                    for name in (attribute, f"{node.name}.{attribute}")
+                }
             elif isinstance(node, ast.arg):
                 found.add(node.arg)
     return found

@@ -14,7 +14,10 @@ def claims(number: int) -> list[Claim]:
 def claim(what: str, where: str = "") -> Claim:
     """The one claim about a quantity."""
     (found,) = [
-        c for group in chapters.claims().values() for c in group if c.what == what and c.where.startswith(where)
+        c
+        for group in chapters.claims().values()
+        for c in group
+        if c.what == what and c.where.startswith(where)
     ]
     return found
 

@@ -46,11 +46,24 @@ def test_table_3_1_by_another_route(number):
 
 def test_means_and_deviations_of_table_3_1():
     rows = [(*theta, *bilinear(*theta)) for theta, _ in TABLE]
-    for name, column in zip(("b0", "b1", "a", "R1", "R2", "C"), zip(*rows, strict=True), strict=True):
-        assert claim(f"mean of {name}").reproduced == pytest.approx(statistics.mean(column), rel=1e-9)
-        assert claim(f"standard deviation of {name}").reproduced == pytest.approx(statistics.stdev(column), rel=1e-9)
-    differing = [c.what for c in (claim(f"{m} of {n}") for m in ("mean", "standard deviation")
-                                  for n in ("b0", "b1", "a", "R1", "R2", "C")) if not c.holds]  # fmt: skip
+    for name, column in zip(
+        ("b0", "b1", "a", "R1", "R2", "C"), zip(*rows, strict=True), strict=True
+    ):
+        assert claim(f"mean of {name}").reproduced == pytest.approx(
+            statistics.mean(column), rel=1e-9
+        )
+        assert claim(f"standard deviation of {name}").reproduced == pytest.approx(
+            statistics.stdev(column), rel=1e-9
+        )
+    differing = [
+        c.what
+        for c in (
+            claim(f"{m} of {n}")
+            for m in ("mean", "standard deviation")
+            for n in ("b0", "b1", "a", "R1", "R2", "C")
+        )
+        if not c.holds
+    ]
     assert differing == ["standard deviation of C"]
 
 
@@ -62,7 +75,8 @@ def test_row_22_the_deviation_of_c_is_that_of_the_rounded_entries():
     rng = np.random.default_rng(22)
     theta = np.array([t for t, _ in TABLE])
     drawn = [
-        np.std([bilinear(*t)[2] for t in theta + rng.uniform(-5e-5, 5e-5, theta.shape)], ddof=1) for _ in range(500)
+        np.std([bilinear(*t)[2] for t in theta + rng.uniform(-5e-5, 5e-5, theta.shape)], ddof=1)
+        for _ in range(500)
     ]
     assert max(drawn) < printed - 5e-4
 
@@ -84,14 +98,19 @@ def test_row_23_a_is_the_pole():
     discrete = control.tf([b0, b1], [1.0, a], 0.1)
     assert control.poles(discrete).real == pytest.approx([-a])
     assert control.zeros(discrete).real == pytest.approx([-b1 / b0])
-    assert f"{control.poles(discrete)[0].real:.4f} and {control.zeros(discrete)[0].real:.4f}" in row(23).holds
+    assert (
+        f"{control.poles(discrete)[0].real:.4f} and {control.zeros(discrete)[0].real:.4f}"
+        in row(23).holds
+    )
     assert [(c.published, c.reproduced) for c in claims(23)] == [("zero", "pole")]
 
 
 def test_row_24_the_first_program_of_a2_has_its_pairs_exchanged():
     s = control.tf("s")
     k2, b2, k1, b1 = 3190.0, 0.76, 1.0, 0.02
-    program = (b1 * b2 * s**2 + (k2 * b2 + k1 * b2 + k2 * b1) * s + k1 * k2) / (b1 * b2 * k2 * s**2 + k1 * k2 * b2 * s)
+    program = (b1 * b2 * s**2 + (k2 * b2 + k1 * b2 + k2 * b1) * s + k1 * k2) / (
+        b1 * b2 * k2 * s**2 + k1 * k2 * b2 * s
+    )
 
     def equation_3_7(k1, b1, k2, b2):
         return (b2 / k1 * s**2 + (1 + k2 / k1 + b2 / b1) * s + k2 / b1) / (s * (k2 + b2 * s))
@@ -185,7 +204,11 @@ def test_square_wave_that_has_lasted():
     for k in range(40):
         current = 1.3 if k % 2 == 0 else -1.3
         charge = solve_ivp(
-            lambda t, q, i=current: (R2 * i - q / C) / (R1 + R2), (0, 5), [charge], rtol=1e-10, atol=1e-12
+            lambda t, q, i=current: (R2 * i - q / C) / (R1 + R2),
+            (0, 5),
+            [charge],
+            rtol=1e-10,
+            atol=1e-12,
         ).y[0, -1]
     voltage = abs(R1 * (R2 * -1.3 - charge / C) / (R1 + R2) + charge / C)
     assert periodic_voltage(R1, R2, C) == pytest.approx(voltage, rel=1e-6)
@@ -201,11 +224,21 @@ def test_what_stays_after_the_loads_is_what_the_dashpot_took():
 
 
 def test_equations_3_6_to_3_9_follow_from_3_5():
-    assert [c.holds for c in (claim(f"{name}") for name in (
-        "electrochemical displacement from current", "mechanical displacement from force", "voltage from current",
-    ))] == [True] * 3  # fmt: skip
+    assert [
+        c.holds
+        for c in (
+            claim(f"{name}")
+            for name in (
+                "electrochemical displacement from current",
+                "mechanical displacement from force",
+                "voltage from current",
+            )
+        )
+    ] == [True] * 3
     time = np.linspace(0.0, 20.0, 201)
     current = np.where(time < 10.0, 0.9, -0.4)
     found = actuator.run(time, {"current": current})
-    exact = control.forced_response(control.sample_system(control.ss(impedance()), 0.1, "zoh"), time, current).outputs
+    exact = control.forced_response(
+        control.sample_system(control.ss(impedance()), 0.1, "zoh"), time, current
+    ).outputs
     assert found["voltage"] == pytest.approx(exact, rel=1e-7, abs=1e-9)

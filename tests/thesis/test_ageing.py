@@ -65,7 +65,11 @@ def life(request):
     """Each life, with what it should be."""
     signals = request.getfixturevalue(request.param)
     voltage, series = circuit(signals["current"])
-    return signals | {"true_voltage": voltage, "true_series_resistance": series, "true_impedance": impedance(series)}
+    return signals | {
+        "true_voltage": voltage,
+        "true_series_resistance": series,
+        "true_impedance": impedance(series),
+    }
 
 
 # --- the actuator -----------------------------------------------------------------------------------------------------
@@ -114,7 +118,9 @@ def test_derating_follows_the_impedance_by_the_memory_of_the_estimate(life):
     """
     truth = life["true_impedance"]
     change = truth / truth[np.argmax(life["estimate_valid"])] - 1
-    scatter = 0.002 if np.any(life["measured_voltage"] != life["voltage"]) else 0.0  # README of the estimator
+    scatter = (
+        0.002 if np.any(life["measured_voltage"] != life["voltage"]) else 0.0
+    )  # README of the estimator
     for n in (1, 2):
         due = life["time"][np.argmax(change > n * IMPEDANCE_STEP)]
         around = np.abs(life["time"] - due) < MEMORY
@@ -126,7 +132,10 @@ def test_derating_follows_the_impedance_by_the_memory_of_the_estimate(life):
 
 def test_noise_biases_least_squares_and_not_the_instrumental_variable():
     """Errata 9, in the loop."""
-    lives = [ageing.run(1800.0, voltage_noise=NOISE, seed=3, estimator=e) for e in (ageing.ESTIMATOR, LEAST_SQUARES)]
+    lives = [
+        ageing.run(1800.0, voltage_noise=NOISE, seed=3, estimator=e)
+        for e in (ageing.ESTIMATOR, LEAST_SQUARES)
+    ]
     instrument, plain = (life["R2"][life["time"] > 600.0].mean() for life in lives)
     assert instrument == pytest.approx(R2, rel=0.03)
     assert plain < 0.9 * R2
@@ -151,16 +160,23 @@ def test_the_voltage_exceeds_its_limit_without_protection_only(free, protected):
 
 def test_the_current_rests_for_the_recovery_time(protected):
     resting = protected["recovering"] == 1.0
-    assert np.array_equal(protected["current"], np.where(resting, 0.0, protected["current_command"]))
+    assert np.array_equal(
+        protected["current"], np.where(resting, 0.0, protected["current_command"])
+    )
     edges = np.flatnonzero(np.diff(np.concatenate([[0], resting, [0]])))
-    assert set(np.diff(edges)[::2]) == {5}, "0.5 s at 10 Hz, and the voltage is below its limit then"
+    assert set(np.diff(edges)[::2]) == {5}, (
+        "0.5 s at 10 Hz, and the voltage is below its limit then"
+    )
     assert not protected["recovering"][: np.argmax(protected["voltage_limit"] < LIMIT)].any()
 
 
 def test_protection_cools_the_actuator_and_so_the_next_step_comes_sooner(free, protected):
     assert protected["temperature_rise"][-1] < free["temperature_rise"][-1] - 1.0
     assert protected["throughput"][-1] < free["throughput"][-1]
-    second = [life["time"][np.argmax(life["voltage_limit"] < LIMIT - 1.5 * VOLTAGE_STEP)] for life in (protected, free)]
+    second = [
+        life["time"][np.argmax(life["voltage_limit"] < LIMIT - 1.5 * VOLTAGE_STEP)]
+        for life in (protected, free)
+    ]
     assert second[0] < second[1] - 100.0
 
 
@@ -168,15 +184,23 @@ def test_protection_cools_the_actuator_and_so_the_next_step_comes_sooner(free, p
 
 
 def test_a_seed_makes_one_record_and_another_seed_another():
-    one, same, other = (ageing.run(30.0, voltage_noise=NOISE, seed=seed)["R1"] for seed in (1, 1, 2))
+    one, same, other = (
+        ageing.run(30.0, voltage_noise=NOISE, seed=seed)["R1"] for seed in (1, 1, 2)
+    )
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
 
 
 def test_the_frequency_can_be_tracked():
-    estimator = ageing.ESTIMATOR | {"track_frequency": 1.0, "angular_frequency": 5.0, "settling_time": 40.0}
+    estimator = ageing.ESTIMATOR | {
+        "track_frequency": 1.0,
+        "angular_frequency": 5.0,
+        "settling_time": 40.0,
+    }
     found = ageing.run(120.0, estimator=estimator)
-    fixed = ageing.run(120.0, estimator=estimator | {"track_frequency": 0.0, "angular_frequency": 0.2 * math.pi})
+    fixed = ageing.run(
+        120.0, estimator=estimator | {"track_frequency": 0.0, "angular_frequency": 0.2 * math.pi}
+    )
     assert found["impedance"][-1] == pytest.approx(fixed["impedance"][-1], rel=1e-9)
 
 
@@ -184,5 +208,7 @@ def test_progress_is_told_and_what_an_fmu_refuses_is_said():
     told = []
     ageing.run(150.0, progress=told.append)
     assert told == [*range(7, 1500, 7), 1500]
-    with pytest.raises(UserError, match="estimator: forgetting_time: -1 s is out of range; allowed is"):
+    with pytest.raises(
+        UserError, match="estimator: forgetting_time: -1 s is out of range; allowed is"
+    ):
         ageing.run(10.0, estimator={"forgetting_time": -1.0})

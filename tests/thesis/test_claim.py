@@ -79,20 +79,35 @@ def test_a_figure_can_follow_from_its_program_and_be_wrong():
     ],
 )
 def test_relative_difference_is_to_the_nearest_end(published, value, difference):
-    assert claim(published, value).difference == (None if difference is None else pytest.approx(difference))
+    assert claim(published, value).difference == (
+        None if difference is None else pytest.approx(difference)
+    )
 
 
 @pytest.mark.parametrize(
     ("published", "value", "shown"),
-    [("1081", 1080.78, "1080.8"), ("0.45", 0.44922, "0.449"), ("5", 3.8581, "3.86"), ("1.7e7", 1.672e7, "1.67e7"),
-     ("0", 3860.0, "3860"), ("<0.001", 6.78e-4, "0.000678"), ("7 to 10", 73.53, "73.5"), ("x", "y", "y")],
-)  # fmt: skip
+    [
+        ("1081", 1080.78, "1080.8"),
+        ("0.45", 0.44922, "0.449"),
+        ("5", 3.8581, "3.86"),
+        ("1.7e7", 1.672e7, "1.67e7"),
+        ("0", 3860.0, "3860"),
+        ("<0.001", 6.78e-4, "0.000678"),
+        ("7 to 10", 73.53, "73.5"),
+        ("x", "y", "y"),
+    ],
+)
 def test_one_digit_more_than_printed_is_shown(published, value, shown):
     assert claim(published, value).reproduced_text == shown
 
 
 def test_numbers_as_people_write_them():
-    assert [number(3860.0), number(2.57e-5), number(1.7e7, 2, True), number(0.0)] == ["3860", "2.57e-05", "1.7e7", "0"]
+    assert [number(3860.0), number(2.57e-5), number(1.7e7, 2, True), number(0.0)] == [
+        "3860",
+        "2.57e-05",
+        "1.7e7",
+        "0",
+    ]
 
 
 def test_spread_is_that_of_the_rounded_inputs():

@@ -16,7 +16,9 @@ def by_control(current):
     """Voltage of the circuit for a held current."""
     circuit = control.ss(control.tf([R1 * R2 * C, R2], [(R1 + R2) * C, 1.0]))
     time = PERIOD * np.arange(len(current))
-    return control.forced_response(control.sample_system(circuit, PERIOD, "zoh"), time, current).outputs
+    return control.forced_response(
+        control.sample_system(circuit, PERIOD, "zoh"), time, current
+    ).outputs
 
 
 def test_the_circuit_answers_as_control_has_it():
@@ -29,7 +31,9 @@ def test_row_27_the_fit_of_a_perfect_prediction():
     current = square_wave(PERIOD * np.arange(2001), 1.3, 0.1)
     voltage = by_control(current)
     start = 1000
-    phi = np.array([[-voltage[start + j], current[start + j + 1], current[start + j]] for j in range(1000)]).T
+    phi = np.array(
+        [[-voltage[start + j], current[start + j + 1], current[start + j]] for j in range(1000)]
+    ).T
     wanted = voltage[start + 1 : start + 1001]
     theta = np.linalg.solve(phi @ phi.T, phi @ wanted)
     v_fit, v_act = phi.T @ theta, voltage[start : start + 1000]
@@ -49,7 +53,10 @@ def test_row_28_the_plot_is_a_second_early():
     drawn = dict(zip(range(tmax + 1), alphas, strict=True))  # plot(0:tmax, alphas)
     right = {t: 0.1 ** (tsampl / t) for t in (1, 2)}
     assert drawn[1] == pytest.approx(right[2])
-    assert f"{drawn[1]:.4f}, which is the factor for 2 s; eq. 4.11 gives {right[1]:.4f}" in row(28).holds
+    assert (
+        f"{drawn[1]:.4f}, which is the factor for 2 s; eq. 4.11 gives {right[1]:.4f}"
+        in row(28).holds
+    )
     assert (claims(28)[0].published, claims(28)[0].reproduced) == ("1", pytest.approx(2.0))
 
 
@@ -95,7 +102,9 @@ def test_row_7_the_last_window_knows_all_that_came_before():
 def test_the_largest_voltage_is_not_that_of_actuator_135():
     found = claim("largest voltage at 1.3 A and 0.1 Hz")
     settled = by_control(square_wave(PERIOD * np.arange(1000), 1.3, 0.1))[-100:]
-    assert found.reproduced == pytest.approx(np.abs(settled).max(), rel=0.02)  # sampled before the extreme
+    assert found.reproduced == pytest.approx(
+        np.abs(settled).max(), rel=0.02
+    )  # sampled before the extreme
     assert not found.holds
 
 

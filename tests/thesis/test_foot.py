@@ -22,7 +22,9 @@ def loop(rate, amplitude=1.5):
     relaxation = control.tf([K * B], [B, K])
     speed = -2 * np.pi * np.cos(2 * np.pi * TIME)
     passive = control.forced_response(relaxation, TIME, speed).outputs
-    driven = control.forced_response(ALPHA * relaxation, TIME, amplitude * np.sin(rate * TIME)).outputs
+    driven = control.forced_response(
+        ALPHA * relaxation, TIME, amplitude * np.sin(rate * TIME)
+    ).outputs
     return -np.sin(2 * np.pi * TIME), passive - driven
 
 
@@ -35,8 +37,12 @@ def test_work_loop_is_that_of_the_program(rate, amplitude):
 
 def test_row_15_what_either_path_takes_up():
     passive, active = loop(0.0, 0.0), loop(4.1 * np.pi)
-    taken, given = (float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(l))) for l, f in (passive, active))
-    assert taken == pytest.approx(np.pi * K / (2 * np.pi * B / K), rel=0.01)  # of a settled Maxwell element
+    taken, given = (
+        float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(l))) for l, f in (passive, active)
+    )
+    assert taken == pytest.approx(
+        np.pi * K / (2 * np.pi * B / K), rel=0.01
+    )  # of a settled Maxwell element
     holds = row(15).holds
     assert f"= 1.5 sin({4.1 * np.pi:.2f} t)" in holds
     assert f"Passive path {taken:.4f} N·mm (±{abs(passive[1]).max():.1f} N)" in holds
@@ -70,7 +76,9 @@ def test_row_33_the_path_does_not_close():
     gaps = [loop(rate)[1][-1] for rate in (13.0, 4.1 * np.pi)]
     assert f"{-gaps[0]:.2f} N ({-gaps[1]:.2f} N) below its start" in row(33).holds
     assert claims(33)[0].reproduced == pytest.approx(gaps[0], abs=1e-5)
-    assert abs(loop(4 * np.pi)[1][-1]) < 0.1 * abs(gaps[1]) + 0.05  # two whole periods all but close
+    assert (
+        abs(loop(4 * np.pi)[1][-1]) < 0.1 * abs(gaps[1]) + 0.05
+    )  # two whole periods all but close
 
 
 # --- matrices ---------------------------------------------------------------------------------------------------------
@@ -127,12 +135,15 @@ def test_row_37_the_damping_is_larger_along_y():
 
 def test_row_12_and_13_say_what_the_foot_gives():
     found = printed()
-    assert "[[1080.78, 9.554], [9.554, 7.315]] and [[1.672e7, 1.478e5], [1.478e5, 1.132e5]]" in row(12).holds
+    assert (
+        "[[1080.78, 9.554], [9.554, 7.315]] and [[1.672e7, 1.478e5], [1.478e5, 1.132e5]]"
+        in row(12).holds
+    )
     assert f"by {found.compliance[0, 0]:.0f} mm" in row(12).holds
     assert [c.verdict for c in claims(12)] == ["only as printed"] * 8
-    assert [claim(f"{m}_xx over {m}_yy, two orders of magnitude").reproduced for m in "CD"] == pytest.approx(
-        [1080.78 / 7.315, 1.672e7 / 1.132e5], rel=1e-3
-    )
+    assert [
+        claim(f"{m}_xx over {m}_yy, two orders of magnitude").reproduced for m in "CD"
+    ] == pytest.approx([1080.78 / 7.315, 1.672e7 / 1.132e5], rel=1e-3)
     body = Foot()
     stiffness = [9100 * (body.arms()[i] ** 2 + body.arms()[i + 1] ** 2) for i in (0, 2)]
     assert f"{stiffness[0]:.2f} N·m/rad and the toe {stiffness[1]:.2f} N·m/rad" in row(13).holds
@@ -142,17 +153,26 @@ def test_row_29_antagonists_ask_for_two_angles():
     """Angles at which the triangles of table 5-1 have the lengths of 0.25 s, found by bisection in the plane."""
     angles = []
     for length, radius, angle, change, sign in (
-        (97.5, 18.0, 50.7 - 6.1, -1.0, -1), (93.2, 41.7, 57.7 - 12.9, 1.0, 1), (113.3, 23.1, 15.1, -2.0, -1),
-    ):  # fmt: skip
+        (97.5, 18.0, 50.7 - 6.1, -1.0, -1),
+        (93.2, 41.7, 57.7 - 12.9, 1.0, 1),
+        (113.3, 23.1, 15.1, -2.0, -1),
+    ):
         # attachment at `radius` from the joint on the x axis; the actuator leaves it at `angle` from the radius
-        origin = np.array([radius - length * math.cos(math.radians(angle)), length * math.sin(math.radians(angle))])
+        origin = np.array(
+            [
+                radius - length * math.cos(math.radians(angle)),
+                length * math.sin(math.radians(angle)),
+            ]
+        )
         low, high = 0.0, 40.0
         for _ in range(60):
             middle = 0.5 * (low + high)
             turn = -sign * math.radians(middle)
             attachment = radius * np.array([math.cos(turn), math.sin(turn)])
             moved = np.linalg.norm(origin - attachment) - length
-            low, high = (middle, high) if moved * math.copysign(1, change) < abs(change) else (low, middle)
+            low, high = (
+                (middle, high) if moved * math.copysign(1, change) < abs(change) else (low, middle)
+            )
         angles.append(low)
     angles.append(math.degrees(2.0 / 16.3))  # the tendon on its radius
     for asked in angles:
@@ -183,7 +203,9 @@ def test_table_5_1_is_the_program_in_millimetres():
     assert len(found) == 19
     for symbol, c in found.items():
         value = foot.TABLE[symbol][1]
-        assert c.reproduced == pytest.approx(convert(value, "in", "mm") if symbol[0] in "lr" else value, rel=1e-12)
+        assert c.reproduced == pytest.approx(
+            convert(value, "in", "mm") if symbol[0] in "lr" else value, rel=1e-12
+        )
         assert c.holds
 
 

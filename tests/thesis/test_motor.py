@@ -27,10 +27,14 @@ def test_eq_5_1_is_the_motor_from_its_own_laws():
         return [y[1], motor.constant * current / motor.inertia]
 
     time = np.linspace(0, 0.05, 51)
-    exact = solve_ivp(rates, (0, time[-1]), [0, 0], t_eval=time, method="Radau", rtol=1e-9, atol=1e-12).y[0]
+    exact = solve_ivp(
+        rates, (0, time[-1]), [0, 0], t_eval=time, method="Radau", rtol=1e-9, atol=1e-12
+    ).y[0]
     found = control.step_response(motor.transfer_function(), time).outputs
     assert found == pytest.approx(exact, rel=1e-6, abs=1e-9)
-    assert sorted(abs(control.poles(motor.transfer_function()))) == pytest.approx([0.0, 1 / motor.time_constant])
+    assert sorted(abs(control.poles(motor.transfer_function()))) == pytest.approx(
+        [0.0, 1 / motor.time_constant]
+    )
 
 
 def test_a_shorted_motor_yields_as_its_laws_say():
@@ -40,7 +44,9 @@ def test_a_shorted_motor_yields_as_its_laws_say():
         braking = motor.constant**2 / motor.resistance * y[1]
         return [y[1], (load * motor.spool - braking) / motor.inertia]
 
-    exact = solve_ivp(rates, (0, 1), [0, 0], t_eval=TIMES, method="Radau", rtol=1e-10, atol=1e-14).y[0]
+    exact = solve_ivp(
+        rates, (0, 1), [0, 0], t_eval=TIMES, method="Radau", rtol=1e-10, atol=1e-14
+    ).y[0]
     assert motor.displacement(load, TIMES) == pytest.approx(motor.spool * exact, rel=1e-6)
 
 
@@ -60,7 +66,9 @@ def test_row_34_either_yields_under_a_lasting_load():
     assert stiffness.dcgain() == 0.0 == claims(34)[0].reproduced
     assert not claims(34)[0].holds
     for body in (muscle, motor):  # a free integrator: twice the time, twice the way
-        assert body.displacement(1.0, 2e6) == pytest.approx(2 * body.displacement(1.0, 1e6), rel=1e-3)
+        assert body.displacement(1.0, 2e6) == pytest.approx(
+            2 * body.displacement(1.0, 1e6), rel=1e-3
+        )
     # step response of 1/stiffness, the inertia of the rotor being the only other delay
     exact = control.step_response(1 / stiffness, np.linspace(0, 600, 7)).outputs
     assert muscle.displacement(1.0, np.linspace(0, 600, 7)) == pytest.approx(exact, rel=1e-9)
@@ -70,9 +78,12 @@ def test_row_34_either_yields_under_a_lasting_load():
 
 def test_the_example_runs_and_draws(tmp_path):
     done = subprocess.run(
-        [sys.executable, ROOT / "examples" / "dc_motor.py"], cwd=tmp_path, capture_output=True, text=True,
+        [sys.executable, ROOT / "examples" / "dc_motor.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     assert "to hold it needs 1.38 V and 0.95 W" in done.stdout
     pixels = matplotlib.image.imread(tmp_path / "dc_motor.png")[..., :3]

@@ -32,7 +32,9 @@ def test_the_table_is_readable_in_100_columns(done):
     lines = done[1].stdout.splitlines()
     table = [line for line in lines if not re.match(r"wrote |\d+ printed figures", line)]
     assert max(map(len, table)) <= 100
-    assert sum(line.split()[:2] == ["where", "quantity"] for line in lines) == len(chapters.CHAPTERS)
+    assert sum(line.split()[:2] == ["where", "quantity"] for line in lines) == len(
+        chapters.CHAPTERS
+    )
     for what in ("phase margin", "crossover frequency", "C_xx"):
         assert any(what in line for line in lines)
     (margin,) = (line for line in lines if "phase margin" in line)
@@ -40,26 +42,37 @@ def test_the_table_is_readable_in_100_columns(done):
 
 
 def test_the_summary_counts_what_is_in_the_page(done, page):
-    counts = re.search(r"(\d+) printed figures and statements: (\d+) hold, (\d+) are within.* (\d+) are reproduced but "
-                       r"wrong, (\d+) differ\. (\d+) that follow from print: (\d+) hold, (\d+) differ\. "
-                       r"Each that does not hold has its reason; (\d+) errata", done[1].stdout)  # fmt: skip
+    counts = re.search(
+        r"(\d+) printed figures and statements: (\d+) hold, (\d+) are within.* (\d+) are reproduced but "
+        r"wrong, (\d+) differ\. (\d+) that follow from print: (\d+) hold, (\d+) differ\. "
+        r"Each that does not hold has its reason; (\d+) errata",
+        done[1].stdout,
+    )
     assert counts is not None
     printed, *parts, inferred, inferred_hold, inferred_differ, errata = map(int, counts.groups())
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", line) for line in re.findall(r"<tr.*?</tr>", page)]
     claims = [row for row in cells if len(row) == 6]
     assert len([row for row in cells if len(row) == 4]) == errata
-    starts = {kind: [row[5].split(";")[0] for row in claims if row[2].endswith(" (from print)") is kind]
-              for kind in (False, True)}  # fmt: skip
+    starts = {
+        kind: [row[5].split(";")[0] for row in claims if row[2].endswith(" (from print)") is kind]
+        for kind in (False, True)
+    }
     verdicts = ("holds", "within rounding", "only as printed", "differs")
     assert [starts[False].count(v) for v in verdicts] == parts
     assert [starts[True].count(v) for v in verdicts] == [inferred_hold, 0, 0, inferred_differ]
     assert [len(starts[kind]) for kind in (False, True)] == [printed, inferred]
-    assert all(len(row[5].split(";")) > 1 for row in claims if row[5].startswith(("only", "differs")))
+    assert all(
+        len(row[5].split(";")) > 1 for row in claims if row[5].startswith(("only", "differs"))
+    )
 
 
 def test_the_page_needs_nothing_from_elsewhere(page):
     assert "http" not in re.sub(r"base64,[^\"]+", "", page)
-    assert page.count("data:image/png;base64,") == sum(map(len, chapters.illustrations().values())) >= 10
+    assert (
+        page.count("data:image/png;base64,")
+        == sum(map(len, chapters.illustrations().values()))
+        >= 10
+    )
 
 
 @pytest.mark.parametrize("width", [390, 1280])
@@ -93,7 +106,13 @@ def test_a_bad_place_is_refused(out, message, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("out", "file"), [("made", "made/thesis.html"), ("a/b.html", "a/b.html"), (".", "thesis.html"), ("x.htm", "x.htm")]
+    ("out", "file"),
+    [
+        ("made", "made/thesis.html"),
+        ("a/b.html", "a/b.html"),
+        (".", "thesis.html"),
+        ("x.htm", "x.htm"),
+    ],
 )
 def test_a_folder_or_a_file_may_be_named(out, file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -71,7 +71,9 @@ def solve(current: np.ndarray, voltage: np.ndarray) -> list[list[float]]:
         theta = np.linalg.solve(matrix, vector)
         model = auxiliary[0] * i_now + auxiliary[1] * i_filtered + pole * model
         i_filtered, v_filtered = i_now, v_now
-        auxiliary = auxiliary + (1 - np.exp(-STEP / FOLLOWING) if late else 1.0) * (theta - auxiliary)
+        auxiliary = auxiliary + (1 - np.exp(-STEP / FOLLOWING) if late else 1.0) * (
+            theta - auxiliary
+        )
         b0, b1, a = theta
         sound = -1 < a < 0 < b0 and b1 > a * b0
         estimate = circuit(theta) if sound else tuple(rows[-1][:3])
@@ -79,10 +81,14 @@ def solve(current: np.ndarray, voltage: np.ndarray) -> list[list[float]]:
         size = magnitude(*estimate) if estimate[1] else 0.0
         if valid:
             # the first valid estimate is the base; what follows is compared with it from the next sample on
-            steps = max(steps, float((size / reference - 1) // IMPEDANCE_STEP)) if reference else steps
+            steps = (
+                max(steps, float((size / reference - 1) // IMPEDANCE_STEP)) if reference else steps
+            )
             reference = reference or size
         change = size / reference - 1 if reference else 0.0
-        rows.append([*estimate, float(valid), size, change, max(LIMIT - steps * VOLTAGE_STEP, LOWEST)])
+        rows.append(
+            [*estimate, float(valid), size, change, max(LIMIT - steps * VOLTAGE_STEP, LOWEST)]
+        )
     return rows
 
 
@@ -102,8 +108,15 @@ def main() -> None:
         # no output follows an input at once, so that both rows of a jump are the same
         lines += [",".join(f"{value:.12g}" for value in (k * STEP, *row))] * (2 if jumps else 1)
     (folder / f"{NAME}_ref.csv").write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    options = {"StartTime": 0, "StopTime": STOP, "StepSize": STEP, "RelTol": 1e-7, "AbsTol": 1e-9,
-               "SolverType": "weighted normal equations", "OutputIntervalLength": STEP}  # fmt: skip
+    options = {
+        "StartTime": 0,
+        "StopTime": STOP,
+        "StepSize": STEP,
+        "RelTol": 1e-7,
+        "AbsTol": 1e-9,
+        "SolverType": "weighted normal equations",
+        "OutputIntervalLength": STEP,
+    }
     text = "\n".join(f"{key},{value}" for key, value in options.items())
     (folder / f"{NAME}_ref.opt").write_text(text + "\n", encoding="utf-8", newline="\n")
 

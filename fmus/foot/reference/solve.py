@@ -26,13 +26,32 @@ LOWER, UPPER, STOP_FREQUENCY = np.array([-0.7, -0.26, -0.15]), np.array([0.7, 0.
 LOADS = ("an_tension", "po_tension", "do_tension", "pl_tension", "toe_force_x", "toe_force_y")
 POSTURE = ("ankle_angle", "tm_angle", "mtp_angle", "ankle_rate", "tm_rate", "mtp_rate")
 OUTPUTS = (
-    "an_length", "po_length", "do_length", "pl_length",
-    "an_length_change", "po_length_change", "do_length_change", "pl_length_change",
-    "an_length_rate", "po_length_rate", "do_length_rate", "pl_length_rate",
-    "toe_x", "toe_y", "toe_velocity_x", "toe_velocity_y", "ankle_torque", "tm_torque", "mtp_torque",
-    "toe_compliance_xx", "toe_compliance_xy", "toe_compliance_yy",
-    "toe_damping_xx", "toe_damping_xy", "toe_damping_yy",
-)  # fmt: skip
+    "an_length",
+    "po_length",
+    "do_length",
+    "pl_length",
+    "an_length_change",
+    "po_length_change",
+    "do_length_change",
+    "pl_length_change",
+    "an_length_rate",
+    "po_length_rate",
+    "do_length_rate",
+    "pl_length_rate",
+    "toe_x",
+    "toe_y",
+    "toe_velocity_x",
+    "toe_velocity_y",
+    "ankle_torque",
+    "tm_torque",
+    "mtp_torque",
+    "toe_compliance_xx",
+    "toe_compliance_xy",
+    "toe_compliance_yy",
+    "toe_damping_xx",
+    "toe_damping_xy",
+    "toe_damping_yy",
+)
 
 
 def rotation(angle: float) -> np.ndarray:
@@ -99,18 +118,30 @@ def outputs(posture: np.ndarray, rates: np.ndarray, loads: np.ndarray) -> list[f
     damping = inverse.T @ (DAMPING * arms.T @ arms)[np.ix_([0, 2], [0, 2])] @ inverse
     upper = np.triu_indices(2)
     return [
-        *lengths, *(lengths - REFERENCE), *(arms @ rates), *position, *(jacobian @ rates), *torques(posture, loads),
-        *compliance[upper], *damping[upper],
-    ]  # fmt: skip
+        *lengths,
+        *(lengths - REFERENCE),
+        *(arms @ rates),
+        *position,
+        *(jacobian @ rates),
+        *torques(posture, loads),
+        *compliance[upper],
+        *damping[upper],
+    ]
 
 
 def fed(time: float) -> np.ndarray:
     """Tensions and toe force, constant over tenths of a second."""
     k = np.floor(time * 10.0 + 1e-6)
-    return np.array([
-        2.0 + np.sin(k), 1.5 - 0.7 * np.cos(2.0 * k), 1.0 + 0.5 * np.sin(3.0 * k), 0.4 + 0.2 * np.cos(k),
-        -0.3 + 0.3 * np.cos(1.7 * k), 0.2 * np.sin(2.3 * k),
-    ])  # fmt: skip
+    return np.array(
+        [
+            2.0 + np.sin(k),
+            1.5 - 0.7 * np.cos(2.0 * k),
+            1.0 + 0.5 * np.sin(3.0 * k),
+            0.4 + 0.2 * np.cos(k),
+            -0.3 + 0.3 * np.cos(1.7 * k),
+            0.2 * np.sin(2.3 * k),
+        ]
+    )
 
 
 def given_posture(time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -137,7 +168,9 @@ def move(state: np.ndarray, loads: np.ndarray) -> np.ndarray:
 
 
 def follow(
-    stimulus: Callable[[float], np.ndarray], row: Callable[[np.ndarray, np.ndarray], list[float]], moving: bool
+    stimulus: Callable[[float], np.ndarray],
+    row: Callable[[np.ndarray, np.ndarray], list[float]],
+    moving: bool,
 ) -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; just before and just after a jump both appear."""
     state, held = np.zeros(6), stimulus(0.0)
@@ -160,28 +193,42 @@ def main() -> None:
     """Write the files."""
     cases = {
         "foot": (
-            (*LOADS, *POSTURE), OUTPUTS,
+            (*LOADS, *POSTURE),
+            OUTPUTS,
             follow(
                 lambda t: np.concatenate([fed(t), *given_posture(t)]),
-                lambda _, u: outputs(u[6:9], u[9:], u[:6]), moving=False,
+                lambda _, u: outputs(u[6:9], u[9:], u[:6]),
+                moving=False,
             ),
         ),
         "foot_dynamic": (
-            LOADS, (*POSTURE, *OUTPUTS),
+            LOADS,
+            (*POSTURE, *OUTPUTS),
             follow(fed, lambda x, u: [*x, *outputs(x[:3], x[3:], u)], moving=True),
         ),
-    }  # fmt: skip
+    }
     for name, (signals, results, tables) in cases.items():
         for suffix, header, rows in zip(("in", "ref"), (signals, results), tables, strict=True):
-            lines = [",".join(("time", *header)), *(",".join(f"{v:.12g}" for v in row) for row in rows)]
+            lines = [
+                ",".join(("time", *header)),
+                *(",".join(f"{v:.12g}" for v in row) for row in rows),
+            ]
             (Path(__file__).parent / f"{name}_{suffix}.csv").write_text(
                 "\n".join(lines) + "\n", encoding="utf-8", newline="\n"
             )
-        options = {"StartTime": 0, "StopTime": STOP, "StepSize": STEP, "RelTol": 1e-7, "AbsTol": 1e-9,
-                   "SolverType": "DOP853" if name == "foot_dynamic" else "algebraic",
-                   "OutputIntervalLength": STEP}  # fmt: skip
+        options = {
+            "StartTime": 0,
+            "StopTime": STOP,
+            "StepSize": STEP,
+            "RelTol": 1e-7,
+            "AbsTol": 1e-9,
+            "SolverType": "DOP853" if name == "foot_dynamic" else "algebraic",
+            "OutputIntervalLength": STEP,
+        }
         text = "\n".join(f"{key},{value}" for key, value in options.items())
-        (Path(__file__).parent / f"{name}_ref.opt").write_text(text + "\n", encoding="utf-8", newline="\n")
+        (Path(__file__).parent / f"{name}_ref.opt").write_text(
+            text + "\n", encoding="utf-8", newline="\n"
+        )
 
 
 if __name__ == "__main__":

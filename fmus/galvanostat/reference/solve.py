@@ -22,7 +22,9 @@ def stimulus(time: float) -> tuple[float, float, float]:
     return command, 18.0 if time < 14.5 else -16.0 if time < 17.0 else 12.0, 100.0
 
 
-def instrument(inputs: tuple[float, ...], waiting: int, share: float, sampled: float) -> tuple[float, int, int]:
+def instrument(
+    inputs: tuple[float, ...], waiting: int, share: float, sampled: float
+) -> tuple[float, int, int]:
     """Outputs from the inputs and what the samples left: periods to wait, share of the current, voltage."""
     command = inputs[0]
     high = LIMIT * share if sampled > 0 else LIMIT
@@ -53,7 +55,9 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
                 waiting -= 1
             else:
                 waiting = RECOVERY if abs(now[1]) > now[2] else 0
-            share = min(1.0, max(1e-6, share * min(2.0, COMPLIANCE / abs(now[1]) if now[1] else 2.0)))
+            share = min(
+                1.0, max(1e-6, share * min(2.0, COMPLIANCE / abs(now[1]) if now[1] else 2.0))
+            )
             sampled = now[1]
             taken += 1
     inputs.append([STOP, *now])
@@ -66,9 +70,18 @@ def main() -> None:
     folder = Path(__file__).parent
     for suffix, header, rows in (("in", INPUTS, inputs), ("ref", OUTPUTS, outputs)):
         text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
-        (folder / f"galvanostat_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
-    options = {"StartTime": 0, "StopTime": STOP, "StepSize": STEP, "RelTol": 1e-7, "AbsTol": 1e-9,
-               "SolverType": "event by event", "OutputIntervalLength": STEP}  # fmt: skip
+        (folder / f"galvanostat_{suffix}.csv").write_text(
+            text + "\n", encoding="utf-8", newline="\n"
+        )
+    options = {
+        "StartTime": 0,
+        "StopTime": STOP,
+        "StepSize": STEP,
+        "RelTol": 1e-7,
+        "AbsTol": 1e-9,
+        "SolverType": "event by event",
+        "OutputIntervalLength": STEP,
+    }
     lines = "\n".join(f"{key},{value}" for key, value in options.items())
     (folder / "galvanostat_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
 

@@ -15,7 +15,16 @@ from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.storage import cache
 
-__all__ = ["RUNTIMES", "STOCK", "Plan", "available_platforms", "build", "build_cached", "plan", "version"]
+__all__ = [
+    "RUNTIMES",
+    "STOCK",
+    "Plan",
+    "available_platforms",
+    "build",
+    "build_cached",
+    "plan",
+    "version",
+]
 
 RUNTIMES = ("python", "native")  # behind our front-end
 STOCK = "pythonfmu"  # for users of that; it holds less of the contract, see ``stock.LIMITS``
@@ -88,7 +97,9 @@ def plan(cls: type[Component], runtime: str) -> Plan:
     def described(guid: str) -> dict[str, bytes]:
         return {"modelDescription.xml": describe(cls, graph, can, version(), guid)}
 
-    guid = archive.identity(contents | c_sources(graph, engine, archive.NO_GUID) | described(archive.NO_GUID))
+    guid = archive.identity(
+        contents | c_sources(graph, engine, archive.NO_GUID) | described(archive.NO_GUID)
+    )
     sources = c_sources(graph, engine, guid)
     contents |= described(guid)
     if native:
@@ -171,7 +182,9 @@ def _packed(planned: Plan, platforms: Sequence[str], progress: Callable[[str], N
 
     binaries = {}
     for target in platforms:
-        progress(f"{planned.name}: {planned.runtime} for {target}, with {toolchain.find_compiler(target).label}")
+        progress(
+            f"{planned.name}: {planned.runtime} for {target}, with {toolchain.find_compiler(target).label}"
+        )
         path = f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"
         binaries[path] = compiled(planned.sources, planned.libraries.get(target, ()), target)
     return archive.pack(planned.files | binaries)

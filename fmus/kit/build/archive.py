@@ -8,7 +8,9 @@ import uuid
 import zipfile
 from collections.abc import Mapping
 
-NO_GUID = "{00000000-0000-0000-0000-000000000000}"  # of a description whose GUID is still to be found
+NO_GUID = (
+    "{00000000-0000-0000-0000-000000000000}"  # of a description whose GUID is still to be found
+)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 
 

@@ -39,7 +39,10 @@ RUNTIME_MODULES = (
 )
 _KIT = "fmus.kit"
 _OURS = _KIT.partition(".")[0]
-_FILES, _PACKAGES = "models", "packages"  # folders of modules that are not ours: single files, and parts of packages
+_FILES, _PACKAGES = (
+    "models",
+    "packages",
+)  # folders of modules that are not ours: single files, and parts of packages
 _PLACEHOLDER = b'"""Part of a Python FMU."""\n'
 
 
@@ -111,9 +114,14 @@ class Bundle:
             if wanted is not None and node.level == 0:
                 # columns of ast count bytes
                 line = lines[node.lineno - 1].encode()
-                before, statement = line[: node.col_offset].decode(), line[node.col_offset :].decode()
+                before, statement = (
+                    line[: node.col_offset].decode(),
+                    line[node.col_offset :].decode(),
+                )
                 relative = "." * (depth + 1) + wanted
-                lines[node.lineno - 1] = before + re.sub(r"^from\s+[\w.]+", f"from {relative}", statement, count=1)
+                lines[node.lineno - 1] = before + re.sub(
+                    r"^from\s+[\w.]+", f"from {relative}", statement, count=1
+                )
         return "\n".join(lines).encode()
 
     def _target(self, module: str, source: Path, node: ast.ImportFrom) -> str | None:
@@ -122,17 +130,25 @@ class Bundle:
         package = module if source.name == "__init__.py" else module.rpartition(".")[0]
         name = "." * node.level + (node.module or "")
         if node.level and not package:
-            raise UserError(f"{where}: 'from {name} import' needs a package, but {source.name} was loaded by itself")
+            raise UserError(
+                f"{where}: 'from {name} import' needs a package, but {source.name} was loaded by itself"
+            )
         name = importlib.util.resolve_name(name, package) if node.level else name
         if name.split(".")[0] in (*sys.stdlib_module_names, *self.needs):
             return None
-        modules = {f"{name}.{alias.name}" for alias in node.names if _is_module(f"{name}.{alias.name}")}
+        modules = {
+            f"{name}.{alias.name}" for alias in node.names if _is_module(f"{name}.{alias.name}")
+        }
         if len(modules) < len(node.names):
             modules.add(name)  # some of the names are defined in it
         if name == _KIT or name.startswith(f"{_KIT}."):
-            absent = sorted(m for m in modules - {_KIT} if m.removeprefix(f"{_KIT}.") not in RUNTIME_MODULES)
+            absent = sorted(
+                m for m in modules - {_KIT} if m.removeprefix(f"{_KIT}.") not in RUNTIME_MODULES
+            )
             if absent:
-                raise UserError(f"{where}: {absent[0]} is not part of a Python FMU; it needs more than Python itself")
+                raise UserError(
+                    f"{where}: {absent[0]} is not part of a Python FMU; it needs more than Python itself"
+                )
             return name.removeprefix(f"{_OURS}.")
         if not name.startswith(f"{_OURS}.") and name.split(".")[0] != package.split(".")[0]:
             raise UserError(
@@ -146,7 +162,11 @@ class Bundle:
 
 def place_of(module: str) -> str:
     """Dotted name of a module below the root of the package, for one that is in a package outside."""
-    return module.removeprefix(f"{_OURS}.") if module.startswith(f"{_OURS}.") else f"{_PACKAGES}.{module}"
+    return (
+        module.removeprefix(f"{_OURS}.")
+        if module.startswith(f"{_OURS}.")
+        else f"{_PACKAGES}.{module}"
+    )
 
 
 def _check_plain_import(node: ast.Import, source: Path, needs: Collection[str]) -> None:
@@ -173,7 +193,9 @@ def _source(module: str) -> Path:
         spec = importlib.util.find_spec(module)
         path = spec.origin if spec else None
     if path is None or not Path(path).is_file():
-        raise UserError(f"the source of module {module!r} is not in a file, so it cannot go into a Python FMU")
+        raise UserError(
+            f"the source of module {module!r} is not in a file, so it cannot go into a Python FMU"
+        )
     return Path(path)
 
 
@@ -182,7 +204,10 @@ def _imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             yield node
-        elif isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+        elif isinstance(node, ast.If) and ast.unparse(node.test) in (
+            "TYPE_CHECKING",
+            "typing.TYPE_CHECKING",
+        ):
             for branch in node.orelse:
                 yield from _imports(ast.Module([branch], []))
         else:
@@ -222,8 +247,13 @@ def bundle(
     for cls in classes:
         wanted: Any = vars(cls).get("made_by", cls)
         module, name = wanted.__module__, wanted.__name__
-        if wanted.__qualname__ != name or getattr(sys.modules.get(module), name, None) is not wanted:
-            raise UserError(f"{cls.__qualname__} is not defined at the top of a module: a Python FMU cannot import it")
+        if (
+            wanted.__qualname__ != name
+            or getattr(sys.modules.get(module), name, None) is not wanted
+        ):
+            raise UserError(
+                f"{cls.__qualname__} is not defined at the top of a module: a Python FMU cannot import it"
+            )
         of_kit = module.startswith(f"{_KIT}.")  # it is there already
         places[cls] = place_of(module) if of_kit else collected.add(module), name
     return collected.files, places

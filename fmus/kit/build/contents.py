@@ -46,18 +46,30 @@ def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
     place = "extra/org.fmi-standard.fmi-ls-ref"
     namespace = "http://fmi-standard.org/fmi-ls-manifest"
     manifest = Element(
-        "fmiReferences", {"xmlns:fmi-ls": namespace, "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
-        "fmi-ls:fmi-ls-version": "1.0.0-alpha.1", "fmi-ls:fmi-ls-description": "files related to this FMU"},
-    )  # fmt: skip
+        "fmiReferences",
+        {
+            "xmlns:fmi-ls": namespace,
+            "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
+            "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
+            "fmi-ls:fmi-ls-description": "files related to this FMU",
+        },
+    )
     stop, step = (
-        re.findall(rf"^{key},(.*)$", (folder / f"{cls.name}_ref.opt").read_text(encoding="utf-8"), re.M)[0]
+        re.findall(
+            rf"^{key},(.*)$", (folder / f"{cls.name}_ref.opt").read_text(encoding="utf-8"), re.M
+        )[0]
         for key in ("StopTime", "StepSize")
     )
     experiments = Element("Experiments", name=cls.name)
     experiment = SubElement(
-        experiments, "Experiment", name="reference", startTime="0", stopTime=stop, stepSize=step,
+        experiments,
+        "Experiment",
+        name="reference",
+        startTime="0",
+        stopTime=stop,
+        stepSize=step,
         description="solved independently of this FMU; inputs are held, a repeated time is a jump",
-    )  # fmt: skip
+    )
     SubElement(experiment, "Stimuli", source=stimuli.name, type="text/csv")
     SubElement(experiment, "References", source=results.name, type="text/csv")
     for element in (manifest, experiments):

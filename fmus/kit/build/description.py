@@ -26,11 +26,24 @@ from fmus.kit.symbolic.trace import Graph
 
 # Names of quantities for TypeDefinitions, by the unit they are declared in.
 _QUANTITIES = {
-    "A": "ElectricCurrent", "V": "ElectricPotential", "C": "ElectricCharge", "ohm": "Resistance", "F": "Capacitance",
-    "m": "Displacement", "N": "Force", "N/m": "Stiffness", "N*s/m": "Damping", "m/C": "DisplacementPerCharge",
-    "s": "Time", "1": "Ratio", "Hz": "Frequency", "rad": "Angle", "m/s": "Velocity", "N*m": "Torque",
+    "A": "ElectricCurrent",
+    "V": "ElectricPotential",
+    "C": "ElectricCharge",
+    "ohm": "Resistance",
+    "F": "Capacitance",
+    "m": "Displacement",
+    "N": "Force",
+    "N/m": "Stiffness",
+    "N*s/m": "Damping",
+    "m/C": "DisplacementPerCharge",
+    "s": "Time",
+    "1": "Ratio",
+    "Hz": "Frequency",
+    "rad": "Angle",
+    "m/s": "Velocity",
+    "N*m": "Torque",
     "K": "Temperature",
-}  # fmt: skip
+}
 
 _OURS = {
     "author": "the ppy-rig project",
@@ -69,7 +82,9 @@ class Capabilities:
     sources: tuple[str, ...] = ()
 
 
-def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str, guid: str) -> bytes:
+def describe(
+    cls: type[Component], graph: Graph, can: Capabilities, version: str, guid: str
+) -> bytes:
     """Write ``modelDescription.xml``.
 
     Parameters
@@ -90,10 +105,16 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     summary = (cls.__doc__ or "").strip().split("\n")[0].rstrip(".")
     text = ". ".join([summary, *cls.remark.splitlines()])
     root = Element(
-        "fmiModelDescription", fmiVersion="2.0", modelName=cls.name, guid=guid, description=text,
-        version=version, generationTool=f"ppy-rig {version}", generationDateAndTime=generation_date(),
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=cls.name,
+        guid=guid,
+        description=text,
+        version=version,
+        generationTool=f"ppy-rig {version}",
+        generationDateAndTime=generation_date(),
         variableNamingConvention="structured",
-    )  # fmt: skip
+    )
     root.attrib |= _origin(cls)
     if can.model_exchange:
         root.set("numberOfEventIndicators", str(graph.indicators.numel()))
@@ -103,8 +124,14 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
     for name, text in CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=text)
     stop, step = cls.experiment
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime=_number(stop), stepSize=_number(step),
-               tolerance=_number(cls.tolerance))  # fmt: skip
+    SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0",
+        stopTime=_number(stop),
+        stepSize=_number(step),
+        tolerance=_number(cls.tolerance),
+    )
     annotate(root, cls)
     _variables(root, cls)
     _structure(root, cls.layout, graph)
@@ -113,12 +140,18 @@ def describe(cls: type[Component], graph: Graph, can: Capabilities, version: str
 
 def _interfaces(root: Element, cls: type[Component], can: Capabilities) -> None:
     common = {
-        "needsExecutionTool": _flag(can.needs_execution_tool), "canNotUseMemoryManagementFunctions": "true",
-        "canGetAndSetFMUstate": _flag(cls.engine is None), "canSerializeFMUstate": _flag(cls.engine is None),
+        "needsExecutionTool": _flag(can.needs_execution_tool),
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": _flag(cls.engine is None),
+        "canSerializeFMUstate": _flag(cls.engine is None),
         "providesDirectionalDerivative": _flag(can.directional_derivatives),
-    }  # fmt: skip
-    own = {"CoSimulation": {"canHandleVariableCommunicationStepSize": "true",
-                            "canInterpolateInputs": _flag(can.interpolates_inputs)}}  # fmt: skip
+    }
+    own = {
+        "CoSimulation": {
+            "canHandleVariableCommunicationStepSize": "true",
+            "canInterpolateInputs": _flag(can.interpolates_inputs),
+        }
+    }
     if can.model_exchange:  # it comes first in the schema
         own = {"ModelExchange": {"completedIntegratorStepNotNeeded": "true"}} | own
     for name, attributes in own.items():
@@ -132,7 +165,9 @@ def _interfaces(root: Element, cls: type[Component], can: Capabilities) -> None:
 def _origin(cls: type[Component]) -> dict[str, str]:
     """Author, copyright and licence, as the class declares them or ours where nothing of somebody else is in it."""
     package = __package__.partition(".")[0]
-    ours = all(part.__module__.partition(".")[0] == package for part in cls.__mro__ if part is not object)
+    ours = all(
+        part.__module__.partition(".")[0] == package for part in cls.__mro__ if part is not object
+    )
     declared = {"author": cls.author, "copyright": cls.copyright, "license": cls.license}
     return {name: text or _OURS[name] for name, text in declared.items() if text or ours}
 
@@ -151,7 +186,9 @@ def _units(root: Element, layout: Layout) -> None:
     for variable in layout.variables:
         if variable.type != "real":
             continue
-        displays.setdefault(variable.unit, set()).update([variable.display] if variable.display else [])
+        displays.setdefault(variable.unit, set()).update(
+            [variable.display] if variable.display else []
+        )
         types.setdefault(_type_name(variable), variable)
     definitions = SubElement(root, "UnitDefinitions")
     defined: dict[str, Element] = {}
@@ -167,7 +204,11 @@ def _units(root: Element, layout: Layout) -> None:
         definitions = SubElement(root, "TypeDefinitions")
         for name in sorted(types):
             node = SubElement(definitions, "SimpleType", name=name)
-            SubElement(node, "Real", {"quantity": _quantity(types[name].unit)} | _unit_attributes(types[name]))
+            SubElement(
+                node,
+                "Real",
+                {"quantity": _quantity(types[name].unit)} | _unit_attributes(types[name]),
+            )
 
 
 def _define(node: Element, unit: str) -> Element:
@@ -196,7 +237,9 @@ def _quantity(unit: str) -> str:
 
 
 def _type_name(variable: Declaration) -> str:
-    name = _quantity(variable.unit) + (f"_in_{to_modelica(variable.display)}" if variable.display else "")
+    name = _quantity(variable.unit) + (
+        f"_in_{to_modelica(variable.display)}" if variable.display else ""
+    )
     return name.replace(" ", "_")
 
 
@@ -208,7 +251,11 @@ def _unit_attributes(variable: Declaration) -> dict[str, str]:
 _KINDS = {
     ParameterDeclaration: {"causality": "parameter", "variability": "fixed", "initial": "exact"},
     InputDeclaration: {"causality": "input", "variability": "continuous"},
-    OutputDeclaration: {"causality": "output", "variability": "continuous", "initial": "calculated"},
+    OutputDeclaration: {
+        "causality": "output",
+        "variability": "continuous",
+        "initial": "calculated",
+    },
     StateDeclaration: {"causality": "local", "variability": "continuous", "initial": "calculated"},
     DiscreteDeclaration: {"causality": "local", "variability": "discrete", "initial": "calculated"},
 }
@@ -238,27 +285,43 @@ def _variables(root: Element, cls: type[Component]) -> None:
             for name in ("min", "max"):
                 if math.isfinite(getattr(variable, name)):
                     number = getattr(variable, name)
-                    value.set(name, _number(number) if variable.type == "real" else str(int(number)))
+                    value.set(
+                        name, _number(number) if variable.type == "real" else str(int(number))
+                    )
         if variable.type == "real" and variable.nominal != 1.0:
             value.set("nominal", _number(variable.nominal))
         if isinstance(variable, (ParameterDeclaration, InputDeclaration)):
             start = variable.start
             value.set(
-                "start", {"real": _number, "integer": lambda v: str(int(v)), "boolean": _flag}[variable.type](start)
+                "start",
+                {"real": _number, "integer": lambda v: str(int(v)), "boolean": _flag}[
+                    variable.type
+                ](start),
             )
     first_state = len(layout.parameters) + len(layout.inputs)
     for index, (name, unit) in enumerate(layout.derivatives):
         node = SubElement(
-            parent, "ScalarVariable", name=name, valueReference=str(len(layout.variables) + index),
+            parent,
+            "ScalarVariable",
+            name=name,
+            valueReference=str(len(layout.variables) + index),
             description=f"time derivative of {layout.states[index].name}",
-            causality="local", variability="continuous", initial="calculated",
-        )  # fmt: skip
+            causality="local",
+            variability="continuous",
+            initial="calculated",
+        )
         SubElement(node, "Real", unit=to_modelica(unit), derivative=str(first_state + index + 1))
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(
-            parent, "ScalarVariable", name=parameter.name, valueReference=str(reference), description=parameter.doc,
-            causality="parameter", variability="fixed", initial="exact",
-        )  # fmt: skip
+            parent,
+            "ScalarVariable",
+            name=parameter.name,
+            valueReference=str(reference),
+            description=parameter.doc,
+            causality="parameter",
+            variability="fixed",
+            initial="exact",
+        )
         SubElement(node, "String", start=parameter.start)
 
 

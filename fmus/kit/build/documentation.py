@@ -36,9 +36,15 @@ def page(cls: type[Component], readme: Path) -> str:
     """
     from markdown_it import MarkdownIt
 
-    text = readme.read_text(encoding="utf-8") if readme.exists() else f"# {cls.name}\n\n{cls.__doc__ or ''}"
+    text = (
+        readme.read_text(encoding="utf-8")
+        if readme.exists()
+        else f"# {cls.name}\n\n{cls.__doc__ or ''}"
+    )
     body = MarkdownIt("commonmark").enable("table").render(text)
-    body = body.replace("<table>", '<div class="table"><table>').replace("</table>", "</table></div>")
+    body = body.replace("<table>", '<div class="table"><table>').replace(
+        "</table>", "</table></div>"
+    )
     layout = cls.layout
     sections = {
         "Inputs": layout.inputs,
@@ -63,7 +69,9 @@ def _range(variable: Declaration) -> str:
 def _table(title: str, variables: Iterable[Declaration]) -> str:
     rows = []
     for v in variables:
-        default = shown(v.start, v) if isinstance(v, ParameterDeclaration) else getattr(v, "start", "")
+        default = (
+            shown(v.start, v) if isinstance(v, ParameterDeclaration) else getattr(v, "start", "")
+        )
         unit = v.unit if v.unit != "1" else ""
         text = html.escape(v.doc + (f" ({v.source})" if v.source else ""))
         cells = f"<td><code>{v.name}</code></td><td>{html.escape(unit)}</td>"

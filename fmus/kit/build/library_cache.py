@@ -12,7 +12,9 @@ from fmus.kit.errors import UserError
 from fmus.kit.storage import cache, scratch
 
 
-def library(sources: Mapping[str, bytes], unit: str, target: str, libraries: Sequence[str] = ()) -> Path:
+def library(
+    sources: Mapping[str, bytes], unit: str, target: str, libraries: Sequence[str] = ()
+) -> Path:
     """Compile sources, or find the library in the cache.
 
     Parameters
@@ -82,7 +84,9 @@ def load(path: Path) -> ctypes.CDLL:
         If it is not, or cannot be loaded.
     """
     if path.parent == cache.folder() and not cache.is_sound(path):
-        raise UserError(f"{path}: was damaged since it was compiled; begin again, and it is compiled anew")
+        raise UserError(
+            f"{path}: was damaged since it was compiled; begin again, and it is compiled anew"
+        )
     try:
         return ctypes.CDLL(str(path))
     except OSError as error:

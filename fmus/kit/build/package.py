@@ -36,7 +36,11 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
     slave, own = "from .kit.slave import Slave", []
     if cls.engine is not None:
         module, name = cls.engine.slave.split(":")
-        slave, own, needs = f"from .{place_of(module)} import {name} as Slave", [module], cls.engine.needs
+        slave, own, needs = (
+            f"from .{place_of(module)} import {name} as Slave",
+            [module],
+            cls.engine.needs,
+        )
     modules, places = bundle((base, *effects), own, needs)
     modules |= {f"kit/{name}.py": (_KIT / f"{name}.py").read_bytes() for name in RUNTIME_MODULES}
     modules["__init__.py"] = _entry(cls, base, effects, places, slave).encode()
@@ -56,12 +60,19 @@ def _entry(
     imports = ["from .kit import stack", slave]
     # classes of different modules may share a name
     parts = {used: f"Part{n}" for n, used in enumerate(places)}
-    imports += [f"from .{place} import {name} as {parts[used]}" for used, (place, name) in places.items()]
+    imports += [
+        f"from .{place} import {name} as {parts[used]}" for used, (place, name) in places.items()
+    ]
     stacked = ", ".join(_part(c, parts) for c in (base, *effects))
     others = f", defaults={values!r}" if (values := vars(cls).get("stacked_with")) else ""
     model = parts[base] if cls is base else f"stack({stacked}, name={cls.name!r}{others})"
-    text = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(sorted(imports))
-    return text + f"\n\nMODEL = {model}\n\n\ndef create(memory, texts):\n    return Slave(MODEL, memory, texts)\n"
+    text = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(
+        sorted(imports)
+    )
+    return (
+        text
+        + f"\n\nMODEL = {model}\n\n\ndef create(memory, texts):\n    return Slave(MODEL, memory, texts)\n"
+    )
 
 
 def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
@@ -71,6 +82,8 @@ def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
     arguments = vars(cls)["made_with"]
     of = arguments[0]
     owner = next(
-        name for part, name in parts.items() if hasattr(part, of) or of in {v.name for v in part.layout.inputs}
+        name
+        for part, name in parts.items()
+        if hasattr(part, of) or of in {v.name for v in part.layout.inputs}
     )
     return f"{parts[cls]}({', '.join([owner, *map(repr, arguments)])})"

@@ -25,7 +25,9 @@ class Typed(Protocol):
         """As pint reads it; empty where no unit is to be written."""
 
 
-def to_ssv(name: str, values: Mapping[str, float | str], declared: Mapping[str, Typed], doc: str = "") -> bytes:
+def to_ssv(
+    name: str, values: Mapping[str, float | str], declared: Mapping[str, Typed], doc: str = ""
+) -> bytes:
     """Write a parameter set.
 
     Parameters
@@ -60,7 +62,11 @@ def to_ssv(name: str, values: Mapping[str, float | str], declared: Mapping[str, 
                 real.set("unit", declaration.unit)
                 used.add(declaration.unit)
         else:
-            SubElement(node, f"{{{SSV}}}{declaration.type.capitalize()}", value=_written(value, declaration.type))
+            SubElement(
+                node,
+                f"{{{SSV}}}{declaration.type.capitalize()}",
+                value=_written(value, declaration.type),
+            )
     define_units(root, SSV, used)
     return serialized(root)
 

@@ -34,7 +34,13 @@ def run(command: Sequence[str], limit: float) -> subprocess.CompletedProcess[str
     nothing, pipe = subprocess.DEVNULL, subprocess.PIPE
     # a group of its own can be ended as a whole; Ctrl-C, which it does not hear then, ends it here
     with subprocess.Popen(
-        command, stdin=nothing, stdout=pipe, stderr=pipe, text=True, errors="replace", start_new_session=True
+        command,
+        stdin=nothing,
+        stdout=pipe,
+        stderr=pipe,
+        text=True,
+        errors="replace",
+        start_new_session=True,
     ) as process:
         try:
             printed, told = process.communicate(timeout=limit)

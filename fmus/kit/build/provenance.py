@@ -89,9 +89,15 @@ def _origin(base: type[Component]) -> dict[str, str] | None:
     path = Path(getattr(module, "__file__", None) or "").absolute()
     if getattr(module, base.__name__, None) is not base or not path.is_file():
         return None
-    here = Path.cwd()  # a path from there is the same on every machine, and tells nothing of this one
+    here = (
+        Path.cwd()
+    )  # a path from there is the same on every machine, and tells nothing of this one
     place = path.relative_to(here) if path.is_relative_to(here) else path
-    return {"file": place.as_posix(), "class": base.__name__, "sha256": sha256(path.read_bytes()).hexdigest()}
+    return {
+        "file": place.as_posix(),
+        "class": base.__name__,
+        "sha256": sha256(path.read_bytes()).hexdigest(),
+    }
 
 
 def read(root: Element) -> Provenance | None:
@@ -111,8 +117,10 @@ def read(root: Element) -> Provenance | None:
     if found is None:
         return None
     return Provenance(
-        component=found.get("component", ""), file=found.get("file", ""), cls=found.get("class", ""),
+        component=found.get("component", ""),
+        file=found.get("file", ""),
+        cls=found.get("class", ""),
         sha256=found.get("sha256", ""),
         effects=tuple(effect.get("name", "") for effect in found.iterfind("Effect")),
         remarks=tuple(remark.text or "" for remark in found.iterfind("Remark")),
-    )  # fmt: skip
+    )

@@ -72,7 +72,9 @@ def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
     if own is None or runtime == "python":
         return _PYTHON if runtime == "python" else _NATIVE
     folder = Path(next(iter(import_module(own.folder).__path__)))
-    headers, sources = (tuple(folder / name for name in names) for names in (own.headers, own.sources))
+    headers, sources = (
+        tuple(folder / name for name in names) for names in (own.headers, own.sources)
+    )
     return EngineSources(headers, sources, (), own.libraries)
 
 

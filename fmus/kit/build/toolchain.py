@@ -32,7 +32,16 @@ _HOSTS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
 INSTALL_HINT = "pip install 'ppy-rig[native]' brings one (zig), for every platform"
 
 # No contraction of a*b+c: the two builds, and every platform, shall round alike.
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s", "-g0")
+FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-fPIC",
+    "-shared",
+    "-fvisibility=hidden",
+    "-s",
+    "-g0",
+)
 _LIMIT = 300.0  # s for a library, for all its targets together; the largest takes some seconds
 
 
@@ -50,7 +59,9 @@ def host_platform() -> str:
     """
     system, processor = platform.system(), platform.machine().lower()
     name = _HOSTS.get(system)
-    if name is None or (processor not in ("x86_64", "amd64") and not (name == "darwin64" and processor == "arm64")):
+    if name is None or (
+        processor not in ("x86_64", "amd64") and not (name == "darwin64" and processor == "arm64")
+    ):
         raise UserError(
             f"FMUs are built on {', '.join(_HOSTS.values())} (x86-64; macOS also arm64), not on {system} {processor}"
         )
@@ -143,7 +154,9 @@ def find_compiler(target: str) -> Compiler:
         If there is none, saying what to install.
     """
     if target not in ZIG_TARGETS:
-        raise UserError(f"unknown platform {target!r}; FMI platforms built here: {', '.join(ZIG_TARGETS)}")
+        raise UserError(
+            f"unknown platform {target!r}; FMI platforms built here: {', '.join(ZIG_TARGETS)}"
+        )
     if importlib.util.find_spec("ziglang") is not None:
         return Compiler((sys.executable, "-m", "ziglang", "cc"), ZIG_TARGETS[target])
     if target == host_platform() and target != "win64":
@@ -227,11 +240,17 @@ def _compile(compiler: Compiler, command: Sequence[str], target: str, until: flo
     try:
         done = process.run(command, until - time.monotonic())
     except subprocess.TimeoutExpired as error:
-        raise UserError(f"{told}: not done after {_LIMIT:g} s, and ended; try again with less beside it") from error
+        raise UserError(
+            f"{told}: not done after {_LIMIT:g} s, and ended; try again with less beside it"
+        ) from error
     except OSError as error:
-        raise UserError(f"{told}: {compiler.command[0]} cannot be started ({error.strerror})") from error
+        raise UserError(
+            f"{told}: {compiler.command[0]} cannot be started ({error.strerror})"
+        ) from error
     if done.returncode != 0:
-        scratch.check_room(Path(command[command.index("-o") + 1]).parent)  # it says so in its own words, if at all
+        scratch.check_room(
+            Path(command[command.index("-o") + 1]).parent
+        )  # it says so in its own words, if at all
         lines = done.stderr.splitlines() or ["no message"]
         raise UserError(f"{told}: {next((line for line in lines if 'error' in line), lines[0])}")
 
@@ -243,7 +262,9 @@ def _universal(libraries: list[bytes]) -> bytes:
     body = bytearray()
     offset = 1 << alignment
     for library in libraries:
-        kind, subtype = (library[i : i + 4][::-1] for i in (4, 8))  # little-endian in the thin header
+        kind, subtype = (
+            library[i : i + 4][::-1] for i in (4, 8)
+        )  # little-endian in the thin header
         header += kind + subtype
         header += b"".join(n.to_bytes(4, "big") for n in (offset, len(library), alignment))
         padding = -len(library) % (1 << alignment)

@@ -72,7 +72,9 @@ class CompiledModel:
             self._linearisation = Linearisation(base, self._graph)
             hoisted, self._hoisted = hoist(self._graph)
             layout = hoisted.layout
-            made = sources(hoisted, len(base.layout.states)) if _compiler() else Interpreted(hoisted)
+            made = (
+                sources(hoisted, len(base.layout.states)) if _compiler() else Interpreted(hoisted)
+            )
             del base, hoisted
         self._engine = made if isinstance(made, Interpreted) else RecordLibrary.of(layout, made)
 
@@ -118,7 +120,9 @@ class CompiledModel:
         unknown = [name for name in inputs if name not in known]
         if unknown:
             names = ", ".join(map(repr, unknown))
-            raise UserError(f"{self._graph.name}: no input named {names} (there are: {', '.join(known)})")
+            raise UserError(
+                f"{self._graph.name}: no input named {names} (there are: {', '.join(known)})"
+            )
         values = {p.name: float(p.start) for p in layout.parameters}
         for name, value in (parameters or {}).items():
             if name not in values:
@@ -126,7 +130,10 @@ class CompiledModel:
             values[name] = float(value)
         vector = np.array(list(values.values()))
         n = len(time)
-        fed = [np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n) for v in layout.inputs]
+        fed = [
+            np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n)
+            for v in layout.inputs
+        ]
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
         everything = np.concatenate([vector, self._hoisted(vector).full()[:, 0]])
         times = np.ascontiguousarray(time, dtype=float)
@@ -134,12 +141,18 @@ class CompiledModel:
         moving = np.array([float(v.name in named) for v in layout.inputs])
         with _EXPRESSIONS:  # some are made when they are needed first
             ladder = self._linearisation.ladder(times, table, bool(moving.any()), vector)
-        outputs, states = self._engine.simulate(times, table, moving, everything, self._graph.tolerance, effort, ladder)
+        outputs, states = self._engine.simulate(
+            times, table, moving, everything, self._graph.tolerance, effort, ladder
+        )
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
         continuous, discrete = np.split(states, [len(layout.states)], axis=1)
         base = self.layout
-        for group, rows in ((base.outputs, outputs), (base.states, continuous), (base.discretes, discrete)):
+        for group, rows in (
+            (base.outputs, outputs),
+            (base.states, continuous),
+            (base.discretes, discrete),
+        ):
             # each row holds the values, then their derivatives, parameter by parameter
             by_parameter = rows.reshape(n, 1 + len(self.names), len(group))
             for i, variable in enumerate(group):
@@ -176,7 +189,9 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
 def _graph(model: type[Component] | Graph) -> Graph:
     graph = model if isinstance(model, Graph) else trace(model)
     if not graph.restorable:
-        raise UserError(f"{graph.name} has no equations: it stands for something outside; simulate or run it")
+        raise UserError(
+            f"{graph.name} has no equations: it stands for something outside; simulate or run it"
+        )
     return graph
 
 

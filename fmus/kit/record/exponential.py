@@ -16,7 +16,9 @@ from fmus.kit.record.linearisation import ROUNDED, Ladder
 Array = NDArray[np.float64]
 SHARE = 0.01  # of the tolerance, which a step may take: slopes by parameters are to be as good as signals
 SAME = 1e-9  # relative: steps this close are the same
-_LONGER = 1.0 / 32.0  # error, relative to what is tolerated, below which twice the step can be tried
+_LONGER = (
+    1.0 / 32.0
+)  # error, relative to what is tolerated, below which twice the step can be tried
 
 
 class ExponentialIntegrator:
@@ -40,7 +42,12 @@ class ExponentialIntegrator:
     """
 
     def __init__(
-        self, ladder: Ladder, rates: Callable[[float, Array], Array], nominal: Array, tolerance: float, start: float
+        self,
+        ladder: Ladder,
+        rates: Callable[[float, Array], Array],
+        nominal: Array,
+        tolerance: float,
+        start: float,
     ):
         self.level = self._steps = 0
         self._ladder, self._rates, self._nominal = ladder, rates, nominal
@@ -76,7 +83,9 @@ class ExponentialIntegrator:
         self._steps += 1
         with np.errstate(all="ignore"):  # a trial step that overflows is rejected
             moved, error = (
-                self._affine(now, h, level, x, sloped) if ladder.affine else self._step_and_halves(now, h, level, x)
+                self._affine(now, h, level, x, sloped)
+                if ladder.affine
+                else self._step_and_halves(now, h, level, x)
             )
         if not error <= 1.0:
             self.level = level + 1
@@ -86,7 +95,9 @@ class ExponentialIntegrator:
         if h < remaining * (1.0 - ROUNDED):
             return now + h, x + moved
         left = remaining - h
-        return target, x + moved + (left * self._rates(target, x + moved) if abs(left) > SAME * remaining else 0.0)
+        return target, x + moved + (
+            left * self._rates(target, x + moved) if abs(left) > SAME * remaining else 0.0
+        )
 
     def _product(self, matrix: Array, v: Array) -> Array:
         """Product with a matrix that is kept as the stack of its blocks."""
@@ -101,7 +112,9 @@ class ExponentialIntegrator:
     def _changed(self, now: float, x: Array, rate: Array, moved: Array) -> Array:
         return self._rates(now, x + moved) - rate - self._product(self._ladder.matrix, moved)
 
-    def _affine(self, now: float, h: float, level: int, x: Array, sloped: bool) -> tuple[Array, float]:
+    def _affine(
+        self, now: float, h: float, level: int, x: Array, sloped: bool
+    ) -> tuple[Array, float]:
         rate = self._rates(now, x)
         moved = np.zeros_like(x)
         if sloped:
@@ -117,7 +130,11 @@ class ExponentialIntegrator:
         plain = h * self._phi(level, 1, rate)
         d4 = self._changed(now + h, x, rate, plain + 2.0 * h * self._phi(level, 2, d3))
         both = d2 + d3
-        return plain + h * self._phi(level, 2, 2.0 * both - d4) + h * self._phi(level, 3, 4.0 * (d4 - both))
+        return (
+            plain
+            + h * self._phi(level, 2, 2.0 * both - d4)
+            + h * self._phi(level, 3, 4.0 * (d4 - both))
+        )
 
     def _step_and_halves(self, now: float, h: float, level: int, x: Array) -> tuple[Array, float]:
         one, half = self._krogstad(now, h, level, x), self._krogstad(now, 0.5 * h, level + 1, x)

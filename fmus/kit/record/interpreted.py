@@ -52,10 +52,18 @@ class Interpreted:
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
         self._groups = layout.inputs, (*layout.states, *layout.discretes), layout.outputs
-        self._starts = [[index[layout.start_of[v.name]] for v in group] for group in (layout.states, layout.discretes)]
+        self._starts = [
+            [index[layout.start_of[v.name]] for v in group]
+            for group in (layout.states, layout.discretes)
+        ]
         self._nominal = np.array([state.nominal for state in layout.states])
         self._periods = [index[p] if isinstance(p, str) else float(p) for p, _ in layout.sampled]
-        sizes = len(layout.parameters), len(layout.inputs), len(layout.states), len(layout.discretes)
+        sizes = (
+            len(layout.parameters),
+            len(layout.inputs),
+            len(layout.states),
+            len(layout.discretes),
+        )
         self._parameters, self._fed, self._x, self._z = (np.zeros(size) for size in sizes)
         self._now = np.zeros(1)
         arguments = [self._now, self._parameters, self._fed, self._x, self._z]
@@ -65,9 +73,15 @@ class Interpreted:
         self._updates = [_Law(update, arguments, sizes[3]) for update in updates]
 
     def simulate(
-        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float,
+        self,
+        time: Array,
+        table: Array,
+        linear: Array,
+        parameters: Array,
+        tolerance: float,
+        effort: float,
         ladder: Ladder | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
+    ) -> tuple[Array, Array]:
         """Run over a record.
 
         Parameters
@@ -96,10 +110,21 @@ class Interpreted:
             return self._simulated(time, table, linear, parameters, tolerance, effort, ladder)
 
     def _simulated(
-        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float,
+        self,
+        time: Array,
+        table: Array,
+        linear: Array,
+        parameters: Array,
+        tolerance: float,
+        effort: float,
         ladder: Ladder | None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        self._parameters[:], self._tolerance, self._hint, budget = parameters, tolerance, math.inf, effort * len(time)
+    ) -> tuple[Array, Array]:
+        self._parameters[:], self._tolerance, self._hint, budget = (
+            parameters,
+            tolerance,
+            math.inf,
+            effort * len(time),
+        )
         self._x[:], self._z[:] = (parameters[where] for where in self._starts)
         self._exponential = (
             None
@@ -118,7 +143,9 @@ class Interpreted:
                 break
             h = float(time[k + 1]) - now
             if not 0.0 < h < math.inf:
-                raise UserError(f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s")
+                raise UserError(
+                    f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s"
+                )
             slope = np.where(linear, table[k + 1] - table[k], 0.0) / h if linear.any() else None
             self._held, self._slope, self._since = table[k], slope, now
             budget -= self._advance(now, now + h, float(time[0]), periods, counters)
@@ -130,12 +157,16 @@ class Interpreted:
         return outputs, states
 
     def _check(self, states: Array, now: float) -> None:
-        for values, group in zip((self._fed, states, self._outputs.result), self._groups, strict=True):
+        for values, group in zip(
+            (self._fed, states, self._outputs.result), self._groups, strict=True
+        ):
             if not np.isfinite(values).all():
                 name = group[int(np.argmin(np.isfinite(values)))].name
                 raise UserError(f"'{name}' is not a finite number at t = {now:.10g} s")
 
-    def _advance(self, now: float, end: float, start: float, periods: list[float], counters: list[int]) -> int:
+    def _advance(
+        self, now: float, end: float, start: float, periods: list[float], counters: list[int]
+    ) -> int:
         """Advance to the next sample of the record; the number of internal steps is returned."""
         spent = 0
         while now < end:
@@ -185,7 +216,11 @@ class Interpreted:
             with np.errstate(all="ignore"):  # a trial step that overflows is rejected
                 error = self._try(now, h, x)
             following = h * (
-                5.0 if error == 0.0 else min(max(0.9 / error**0.25, 0.2), 5.0) if error < math.inf else 0.1
+                5.0
+                if error == 0.0
+                else min(max(0.9 / error**0.25, 0.2), 5.0)
+                if error < math.inf
+                else 0.1
             )
             if error <= 1.0:
                 now += h
@@ -201,7 +236,9 @@ class Interpreted:
         raise self._exhausted(now)
 
     def _exhausted(self, now: float) -> UserError:
-        return UserError(f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s")
+        return UserError(
+            f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s"
+        )
 
     def _try(self, now: float, h: float, x: Array) -> float:
         """Try one step and leave the states at its end; the error returned is relative to the tolerance."""
@@ -212,6 +249,12 @@ class Interpreted:
         k5 = self._rate(now + 0.75 * h, x + h / 32.0 * (5.0 * k1 + 7.0 * k2 + 13.0 * k3 - k4))
         self._x[:] = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         estimate = k1 - 3.0 * (k2 + k3 + k4) + 8.0 * k5
-        error = np.abs(h / 7.5 / self._tolerance * estimate) + np.abs(h / math.sqrt(self._tolerance) * (k2 - k3))
+        error = np.abs(h / 7.5 / self._tolerance * estimate) + np.abs(
+            h / math.sqrt(self._tolerance) * (k2 - k3)
+        )
         error /= self._nominal + np.abs(x)
-        return float(error.max()) if np.isfinite(error).all() and np.isfinite(self._x).all() else math.inf
+        return (
+            float(error.max())
+            if np.isfinite(error).all() and np.isfinite(self._x).all()
+            else math.inf
+        )

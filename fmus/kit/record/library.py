@@ -27,9 +27,13 @@ class _Ladder(ctypes.Structure):
     """`Ladder` as ``exponential.c`` has it."""
 
     _fields_ = (
-        ("levels", ctypes.c_int), ("affine", ctypes.c_int), ("largest", ctypes.c_double),
-        ("worth", ctypes.c_double), ("matrix", _DOUBLES), ("phi", _DOUBLES),
-    )  # fmt: skip
+        ("levels", ctypes.c_int),
+        ("affine", ctypes.c_int),
+        ("largest", ctypes.c_double),
+        ("worth", ctypes.c_double),
+        ("matrix", _DOUBLES),
+        ("phi", _DOUBLES),
+    )
 
 
 class RecordLibrary:
@@ -53,9 +57,15 @@ class RecordLibrary:
         return cls(compiled(made), len(layout.outputs), len(layout.states) + len(layout.discretes))
 
     def simulate(
-        self, time: Array, table: Array, linear: Array, parameters: Array, tolerance: float, effort: float,
+        self,
+        time: Array,
+        table: Array,
+        linear: Array,
+        parameters: Array,
+        tolerance: float,
+        effort: float,
         ladder: Ladder | None,
-    ) -> tuple[Array, Array]:  # fmt: skip
+    ) -> tuple[Array, Array]:
         """Run over a record, as :meth:`Interpreted.simulate`."""
         outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
         message = ctypes.create_string_buffer(1024)
@@ -68,15 +78,31 @@ class RecordLibrary:
             _pointer(ladder.phi),
         )
         failed = self._function(
-            len(time), _pointer(time), _pointer(table), _pointer(linear), _pointer(parameters), tolerance, effort,
-            given and ctypes.byref(given), _pointer(outputs), _pointer(states), message, len(message),
-        )  # fmt: skip
+            len(time),
+            _pointer(time),
+            _pointer(table),
+            _pointer(linear),
+            _pointer(parameters),
+            tolerance,
+            effort,
+            given and ctypes.byref(given),
+            _pointer(outputs),
+            _pointer(states),
+            message,
+            len(message),
+        )
         if failed:
             raise UserError(message.value.decode(errors="replace"))
         return outputs, states
 
     def cases(
-        self, time: Array, tables: Array, parameters: Array, tolerance: float, effort: float, columns: Sequence[int]
+        self,
+        time: Array,
+        tables: Array,
+        parameters: Array,
+        tolerance: float,
+        effort: float,
+        columns: Sequence[int],
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Run over a record with other parameters each time.
 
@@ -104,11 +130,24 @@ class RecordLibrary:
             If there is too little.
         """
         kept = np.array(columns, dtype=np.intc)
-        courses, done = np.empty((len(parameters), len(time), len(kept))), np.zeros(len(parameters), bool)
+        courses, done = (
+            np.empty((len(parameters), len(time), len(kept))),
+            np.zeros(len(parameters), bool),
+        )
         failed = self._cases(
-            len(parameters), len(time), _pointer(time), _pointer(tables), tables[0].size * (len(tables) > 1),
-            _pointer(parameters), tolerance, effort, kept.ctypes, len(kept), _pointer(courses), done.ctypes,
-        )  # fmt: skip
+            len(parameters),
+            len(time),
+            _pointer(time),
+            _pointer(tables),
+            tables[0].size * (len(tables) > 1),
+            _pointer(parameters),
+            tolerance,
+            effort,
+            kept.ctypes,
+            len(kept),
+            _pointer(courses),
+            done.ctypes,
+        )
         if failed:
             raise MemoryError
         return courses, done
@@ -143,12 +182,32 @@ def _load(path: Path) -> tuple[Any, Any]:
     there = load(path)
     one, many = there.ppy_simulate, there.ppy_cases
     one.argtypes = [
-        ctypes.c_size_t, _DOUBLES, _DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_double,
-        ctypes.c_double, ctypes.POINTER(_Ladder), _DOUBLES, _DOUBLES, ctypes.c_char_p, ctypes.c_size_t,
-    ]  # fmt: skip
+        ctypes.c_size_t,
+        _DOUBLES,
+        _DOUBLES,
+        _DOUBLES,
+        _DOUBLES,
+        ctypes.c_double,
+        ctypes.c_double,
+        ctypes.POINTER(_Ladder),
+        _DOUBLES,
+        _DOUBLES,
+        ctypes.c_char_p,
+        ctypes.c_size_t,
+    ]
     many.argtypes = [
-        ctypes.c_size_t, ctypes.c_size_t, _DOUBLES, _DOUBLES, ctypes.c_size_t, _DOUBLES, ctypes.c_double,
-        ctypes.c_double, ctypes.c_void_p, ctypes.c_size_t, _DOUBLES, ctypes.c_void_p,
-    ]  # fmt: skip
+        ctypes.c_size_t,
+        ctypes.c_size_t,
+        _DOUBLES,
+        _DOUBLES,
+        ctypes.c_size_t,
+        _DOUBLES,
+        ctypes.c_double,
+        ctypes.c_double,
+        ctypes.c_void_p,
+        ctypes.c_size_t,
+        _DOUBLES,
+        ctypes.c_void_p,
+    ]
     one.restype = many.restype = ctypes.c_int
     return one, many

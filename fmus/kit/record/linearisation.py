@@ -106,7 +106,9 @@ class Linearisation:
             None where it is not stiff, so that the Runge-Kutta method costs least.
         """
         steps = np.diff(time)
-        if not (self._nominal.size and steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
+        if not (
+            self._nominal.size and steps.size and np.isfinite(steps).all() and (steps > 0.0).all()
+        ):
             return None
         step = float(np.median(steps))
         even = np.mean(np.abs(steps - step) > ROUNDED * step) < 0.5
@@ -124,19 +126,25 @@ class Linearisation:
         largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - ROUNDED))
         halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
-        return Ladder(largest, affine, worth, matrix, _phi(matrix * (largest * 0.5**halvings), halvings))
+        return Ladder(
+            largest, affine, worth, matrix, _phi(matrix * (largest * 0.5**halvings), halvings)
+        )
 
     @staticmethod
     def _worth_setting_up(samples: int) -> float:
         """Largest eigenvalue times the time between samples from which on exact steps cost less in all."""
         return 0.0 if samples >= _SETTING_UP else min(_STIFF, _ACCURATE * _SETTING_UP / samples)
 
-    def _stiffest(self, time: float, table: Array, parameters: Array, limit: float) -> tuple[float, Array | None]:
+    def _stiffest(
+        self, time: float, table: Array, parameters: Array, limit: float
+    ) -> tuple[float, Array | None]:
         """Largest eigenvalue at the start with the inputs of some samples, and those; None if all are below a limit."""
         jacobian, of_inputs = self._jacobian
         fastest, inputs = limit, None
         start = self._start(self._base, time, table[0], parameters)
-        for k in np.linspace(0, len(table) - 1, _LOOKED_AT).astype(int).tolist() if of_inputs else [0]:
+        for k in (
+            np.linspace(0, len(table) - 1, _LOOKED_AT).astype(int).tolist() if of_inputs else [0]
+        ):
             start[2] = table[k]
             found = jacobian(*start).full()
             # no eigenvalue is larger than a norm, which costs less
@@ -149,7 +157,9 @@ class Linearisation:
         """Row sum norm with every state in units of its size."""
         return float(np.abs(jacobian * self._nominal / self._nominal[:, None]).sum(1).max())
 
-    def _start(self, graph: Graph, time: float, inputs: Array, parameters: Array) -> list[Array | float]:
+    def _start(
+        self, graph: Graph, time: float, inputs: Array, parameters: Array
+    ) -> list[Array | float]:
         """Arguments of the laws of a graph as its first step begins, after the first updates of what is sampled."""
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
@@ -164,7 +174,10 @@ class Linearisation:
         """Which discrete states are sampled again after the start of a record."""
         layout = self._base.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
-        periods = (parameters[index[d.period]] if isinstance(d.period, str) else d.period for d in layout.discretes)
+        periods = (
+            parameters[index[d.period]] if isinstance(d.period, str) else d.period
+            for d in layout.discretes
+        )
         return tuple(float(period) < duration for period in periods)
 
     @cached_property
@@ -188,7 +201,10 @@ class Linearisation:
     @cached_property
     def _blocks(self) -> ca.Function:
         """J and all H below each other, from the arguments of the extended laws."""
-        return _dense(self._extended, ca.jacobian(self._extended.rates, self._extended.states[: self._nominal.size]))
+        return _dense(
+            self._extended,
+            ca.jacobian(self._extended.rates, self._extended.states[: self._nominal.size]),
+        )
 
     def _affine(self, linear: bool, changing: tuple[bool, ...]) -> bool:
         """Whether the rates are affine in the states, or with interpolated inputs in both, and stay the same so.
@@ -198,7 +214,10 @@ class Linearisation:
         graph = self._base
         if (linear, changing) not in self._known:
             moving = ca.vertcat(
-                graph.time, graph.inputs, graph.states, graph.discretes[[k for k, c in enumerate(changing) if c]]
+                graph.time,
+                graph.inputs,
+                graph.states,
+                graph.discretes[[k for k, c in enumerate(changing) if c]],
             )
             known = ca.vertcat(graph.states, graph.inputs) if linear else graph.states
             self._known[linear, changing] = not ca.depends_on(graph.rates, graph.time) and not (

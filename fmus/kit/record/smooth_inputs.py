@@ -36,7 +36,9 @@ def is_curved(time: Array, values: Array) -> bool:
     if not moving.any():
         return False
     # most samples decide, so that neither a kink nor a step does
-    straight, cubic = (np.median(np.abs(_beside_neighbours(time, values, k))[moving]) for k in (1, 2))
+    straight, cubic = (
+        np.median(np.abs(_beside_neighbours(time, values, k))[moving]) for k in (1, 2)
+    )
     return bool(cubic < _CURVED * straight)
 
 
@@ -50,7 +52,9 @@ def _beside_neighbours(time: Array, values: Array, near: int) -> Array:
     at, error = shifted(time, 0), -shifted(values, 0)
     for k in places:
         others = [shifted(time, j) for j in places if j != k]
-        error = error + shifted(values, k) * np.prod([(at - t) / (shifted(time, k) - t) for t in others], axis=0)
+        error = error + shifted(values, k) * np.prod(
+            [(at - t) / (shifted(time, k) - t) for t in others], axis=0
+        )
     return error
 
 
@@ -75,7 +79,10 @@ def with_knots(
         Where what was given stands in them.
     """
     smooth = inputs if linear is True else linear or ()
-    full = {n: np.broadcast_to(np.asarray(values, dtype=float), time.shape) for n, values in inputs.items()}
+    full = {
+        n: np.broadcast_to(np.asarray(values, dtype=float), time.shape)
+        for n, values in inputs.items()
+    }
     bends = {n: _bend(time.tobytes(), full[n].tobytes()) for n in inputs if n in smooth}
     if not any(bend is not None for bend in bends.values()):
         return time, inputs, slice(None)
@@ -93,7 +100,9 @@ def _bend(time: bytes, values: bytes) -> Array | None:
     instants, course = np.frombuffer(time), np.frombuffer(values)
     if not is_curved(instants, course):
         return None
-    return np.asarray(-np.diff(instants) * np.diff(CubicSpline(instants, course)(instants, 1)) / 6.0)
+    return np.asarray(
+        -np.diff(instants) * np.diff(CubicSpline(instants, course)(instants, 1)) / 6.0
+    )
 
 
 def _alternating(samples: Array, between: Array) -> Array:

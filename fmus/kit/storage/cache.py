@@ -77,7 +77,9 @@ def _told(root: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = f"cannot be written ({error.strerror or error})"
-        raise UserError(f"{root}: the cache {reason}; make room there, or name another folder in PPY_CACHE") from error
+        raise UserError(
+            f"{root}: the cache {reason}; make room there, or name another folder in PPY_CACHE"
+        ) from error
 
 
 def is_sound(path: Path) -> bool:
@@ -101,7 +103,10 @@ def _make_private(one: Path) -> None:
     one.mkdir(mode=0o700, parents=True, exist_ok=True)
     if sys.platform == "win32":  # folders of a user are the user's, and there is no mode
         return
-    for about in (one.lstat(), one.stat()):  # of a link both: where it leads may be changed by whoever has it
+    for about in (
+        one.lstat(),
+        one.stat(),
+    ):  # of a link both: where it leads may be changed by whoever has it
         if about.st_uid != os.geteuid():
             raise _unusable(one, f"belongs to another user (number {about.st_uid})")
     if stat.S_IMODE(about.st_mode) & 0o077:
@@ -117,9 +122,13 @@ def _unusable(one: Path, why: str) -> UserError:
 
 def _read(path: Path) -> bytes:
     """Contents of a file that is this user's; OSError if it is anything else."""
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | NO_LINK | _AT_ONCE)) as file:
+    with open(
+        path, "rb", opener=lambda name, flags: os.open(name, flags | NO_LINK | _AT_ONCE)
+    ) as file:
         about = os.fstat(file.fileno())
-        private = sys.platform == "win32" or (about.st_uid == os.geteuid() and not about.st_mode & 0o022)
+        private = sys.platform == "win32" or (
+            about.st_uid == os.geteuid() and not about.st_mode & 0o022
+        )
         if not stat.S_ISREG(about.st_mode) or not private:
             raise PermissionError(path)
         return file.read()

@@ -34,7 +34,9 @@ def take(path: Path) -> int | None:
             if not _locked(descriptor):
                 os.close(descriptor)
                 return None
-            if _is(descriptor, path):  # whoever had it before may have removed it since it was opened
+            if _is(
+                descriptor, path
+            ):  # whoever had it before may have removed it since it was opened
                 return descriptor
         except BaseException:
             os.close(descriptor)
@@ -48,7 +50,9 @@ def release(path: Path, descriptor: int) -> None:
         with contextlib.suppress(OSError):
             path.unlink()
     os.close(descriptor)
-    if sys.platform == "win32":  # where what is open stays; if another has opened it, it is the other's
+    if (
+        sys.platform == "win32"
+    ):  # where what is open stays; if another has opened it, it is the other's
         with contextlib.suppress(OSError):
             path.unlink()
 

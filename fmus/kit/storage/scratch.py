@@ -24,9 +24,16 @@ from fmus.kit.errors import UserError
 from fmus.kit.storage import lock
 
 _PREFIX, _LOCK = "ppy-", ".lock"
-NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EROFS)  # errors about a place
+NO_ROOM = (
+    errno.ENOSPC,
+    errno.EFBIG,
+    getattr(errno, "EDQUOT", errno.ENOSPC),
+    errno.EROFS,
+)  # errors about a place
 _PROBE = bytes(2**20)
-_NONE = -1  # in place of a descriptor, where a file system has no locks: nothing is swept there either
+_NONE = (
+    -1
+)  # in place of a descriptor, where a file system has no locks: nothing is swept there either
 _ours: dict[Path, int] = {}  # folders of this process, and the descriptors of their locks
 
 
@@ -133,7 +140,9 @@ def _sweep(place: str) -> None:
     for path in Path(place).absolute().glob(f"{_PREFIX}*{_LOCK}"):
         with contextlib.suppress(OSError):
             folder = path.with_suffix("")
-            if _is_ours(path, stat.S_ISREG) and (not folder.exists() or _is_ours(folder, stat.S_ISDIR)):
+            if _is_ours(path, stat.S_ISREG) and (
+                not folder.exists() or _is_ours(folder, stat.S_ISDIR)
+            ):
                 descriptor = lock.take(path)
                 if descriptor is not None:
                     _remove(folder, descriptor)

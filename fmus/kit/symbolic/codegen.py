@@ -43,7 +43,9 @@ _LAWS = """\
 #endif
 """
 
-_HELPER = re.compile(r"^(?=(?:const )?\w+\*? casadi_\w+\()", re.M)  # where CasADi defines one, such as casadi_sq
+_HELPER = re.compile(
+    r"^(?=(?:const )?\w+\*? casadi_\w+\()", re.M
+)  # where CasADi defines one, such as casadi_sq
 
 
 def _c_double(value: float) -> str:
@@ -73,10 +75,19 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     layout = graph.layout
     groups = layout.sampled
     sizes = {
-        "PARAMETERS": layout.parameters, "INPUTS": layout.inputs, "STATES": layout.states,
-        "DISCRETES": layout.discretes, "OUTPUTS": layout.outputs, "GROUPS": groups, "TEXTS": layout.texts,
-    }  # fmt: skip
-    header = ["#ifndef MODEL_H", "#define MODEL_H", *(f"#define MODEL_{k} {len(v)}" for k, v in sizes.items())]
+        "PARAMETERS": layout.parameters,
+        "INPUTS": layout.inputs,
+        "STATES": layout.states,
+        "DISCRETES": layout.discretes,
+        "OUTPUTS": layout.outputs,
+        "GROUPS": groups,
+        "TEXTS": layout.texts,
+    }
+    header = [
+        "#ifndef MODEL_H",
+        "#define MODEL_H",
+        *(f"#define MODEL_{k} {len(v)}" for k, v in sizes.items()),
+    ]
     rows = []
     for v in layout.variables:
         start = _c_double(float(getattr(v, "start", 0.0)))
@@ -86,11 +97,15 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         )
     for (name, unit), state in zip(layout.derivatives, layout.states, strict=True):
         numbers = f"0.0, -INFINITY, INFINITY, {_c_double(state.nominal)}"
-        rows.append(f"    {{{_c_string(name)}, {_c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},")
+        rows.append(
+            f"    {{{_c_string(name)}, {_c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},"
+        )
     index = {p.name: i for i, p in enumerate(layout.parameters)}
     starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
     periods = [
-        f"    {{0.0, {index[period]}}}," if isinstance(period, str) else f"    {{{_c_double(period)}, -1}},"
+        f"    {{0.0, {index[period]}}},"
+        if isinstance(period, str)
+        else f"    {{{_c_double(period)}, -1}},"
         for period, _ in groups
     ]
     texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
@@ -98,12 +113,18 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         f"static const char model_name[] = {_c_string(graph.name)};",
         f"static const char model_guid[] = {_c_string(guid)};",
         f"static const double model_tolerance = {_c_double(graph.tolerance)};",
-        "static const Variable model_variables[] = {", *rows, "};",
+        "static const Variable model_variables[] = {",
+        *rows,
+        "};",
         f"static const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
-        "static const Group model_groups[] = {", *(periods or ["    {0.0, -1},"]), "};",
-        "static const Text model_texts[] = {", *(texts or ['    {"", ""},']), "};",
+        "static const Group model_groups[] = {",
+        *(periods or ["    {0.0, -1},"]),
+        "};",
+        "static const Text model_texts[] = {",
+        *(texts or ['    {"", ""},']),
+        "};",
         f"static const bool model_restorable = {'true' if graph.restorable else 'false'};",
-    ]  # fmt: skip
+    ]
     return {"model.h": "\n".join(header) + "\n", "tables.h": "\n".join(body) + "\n"}
 
 
@@ -127,14 +148,20 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, st
     if hosted:
         functions.append(ca.Function("indicators", graph.arguments, ca.cse([graph.indicators])))
     sizes = {
-        "ARG": max(f.sz_arg() for f in functions), "RES": max(f.sz_res() for f in functions),
-        "IW": max(1, *(f.sz_iw() for f in functions)), "W": max(1, *(f.sz_w() for f in functions)),
-    }  # fmt: skip
+        "ARG": max(f.sz_arg() for f in functions),
+        "RES": max(f.sz_res() for f in functions),
+        "IW": max(1, *(f.sz_iw() for f in functions)),
+        "W": max(1, *(f.sz_w() for f in functions)),
+    }
     files = tables(graph, guid)
     updates = "".join(f" X(update_{i})" for i in range(len(graph.updates)))
     if hosted:
         files["model.h"] += f"#define MODEL_INDICATORS {graph.indicators.numel()}\n"
-    lines = [*(f"#define LAWS_SZ_{k} {n}" for k, n in sizes.items()), f"#define LAWS_UPDATES(X){updates}", "#endif"]
+    lines = [
+        *(f"#define LAWS_SZ_{k} {n}" for k, n in sizes.items()),
+        f"#define LAWS_UPDATES(X){updates}",
+        "#endif",
+    ]
     files["model.h"] += "\n".join(lines) + "\n"
     files["laws.c"] = _LAWS.format(_generate(functions))
     return files
@@ -167,7 +194,9 @@ def _generate(functions: list[ca.Function]) -> str:
         generator.generate(f"{folder}{os.sep}")
         with scratch.written(folder):
             text = (folder / "laws.c").read_text(encoding="utf-8")
-            if generator.dump() not in text:  # where there is no room CasADi writes a part, and says nothing
+            if (
+                generator.dump() not in text
+            ):  # where there is no room CasADi writes a part, and says nothing
                 scratch.check_room(folder)
                 raise OSError("of the laws, a part was written")
             return _HELPER.sub("static inline ", text)

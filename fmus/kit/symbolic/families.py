@@ -23,10 +23,40 @@ from fmus.kit.symbolic.trace import trace
 
 # Derived units that people write, the first of those of one dimension.
 _WRITTEN = (
-    "1", "N", "N*m", "V", "A", "W", "Pa", "ohm", "F", "C", "N/m", "N*s/m", "m", "m/s", "m/s^2", "rad", "rad/s",
-    "rad/s^2", "A/s", "V/s", "N/s", "Pa/s", "K", "K/s", "kg", "kg/s", "m^3/s", "s", "1/s",
-)  # fmt: skip
-_POINTS, _SAME = 64, 1e-4  # at which a law is compared with a shape, and the share in which they may differ
+    "1",
+    "N",
+    "N*m",
+    "V",
+    "A",
+    "W",
+    "Pa",
+    "ohm",
+    "F",
+    "C",
+    "N/m",
+    "N*s/m",
+    "m",
+    "m/s",
+    "m/s^2",
+    "rad",
+    "rad/s",
+    "rad/s^2",
+    "A/s",
+    "V/s",
+    "N/s",
+    "Pa/s",
+    "K",
+    "K/s",
+    "kg",
+    "kg/s",
+    "m^3/s",
+    "s",
+    "1/s",
+)
+_POINTS, _SAME = (
+    64,
+    1e-4,
+)  # at which a law is compared with a shape, and the share in which they may differ
 _TIME = 1.0  # s, where a search for a time constant starts if nothing is known of the record
 
 
@@ -54,15 +84,24 @@ class LawOfModel:
 
 
 _FRICTION = {
-    "linear": "viscous_drag", "stribeck": "stribeck_friction", "sign": "coulomb_friction",
-    "asymmetric": "asymmetric_friction", "odd_quadratic": "quadratic_drag",
+    "linear": "viscous_drag",
+    "stribeck": "stribeck_friction",
+    "sign": "coulomb_friction",
+    "asymmetric": "asymmetric_friction",
+    "odd_quadratic": "quadratic_drag",
     "sliding": "sliding_friction",
-}  # fmt: skip
+}
 _SPRING = {
-    "quadratic": "quadratic_stiffness", "cubic": "cubic_stiffness", "exponential": "exponential_stiffness",
-    "upper_stop": "upper_stop", "lower_stop": "lower_stop", "stops": "end_stops", "leading": "maxwell_arm",
-    "hysteresis": "bouc_wen_hysteresis", "play": "prandtl_play",
-}  # fmt: skip
+    "quadratic": "quadratic_stiffness",
+    "cubic": "cubic_stiffness",
+    "exponential": "exponential_stiffness",
+    "upper_stop": "upper_stop",
+    "lower_stop": "lower_stop",
+    "stops": "end_stops",
+    "leading": "maxwell_arm",
+    "hysteresis": "bouc_wen_hysteresis",
+    "play": "prandtl_play",
+}
 _OUTFLOW = {"linear": "laminar_outflow", "square_root": "square_root_outflow", "weir": "overflow"}
 # Units of a law (any where there is none) and of a signal, and what shapes of one over the other are called.
 _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
@@ -70,31 +109,74 @@ _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "rad/s", _FRICTION),
     ("N", "m", _SPRING),
     ("N*m", "rad", _SPRING),
-    ("m", "N", {
-        "quadratic": "quadratic_compliance", "cubic": "cubic_compliance", "saturating": "saturating_compliance",
-        "lagging": "kelvin_element",
-    }),
-    ("V", "A", {
-        "asymmetric": "asymmetric_resistance", "cubic": "cubic_resistance", "saturating": "saturating_resistance",
-        "lagging": "rc_pair", "heating": "resistance_heating",
-    }),
-    ("ohm", "A", {"asymmetric": "asymmetric_resistance", "quadratic": "current_dependent_resistance",
-                  "warming": "resistance_heating"}),
+    (
+        "m",
+        "N",
+        {
+            "quadratic": "quadratic_compliance",
+            "cubic": "cubic_compliance",
+            "saturating": "saturating_compliance",
+            "lagging": "kelvin_element",
+        },
+    ),
+    (
+        "V",
+        "A",
+        {
+            "asymmetric": "asymmetric_resistance",
+            "cubic": "cubic_resistance",
+            "saturating": "saturating_resistance",
+            "lagging": "rc_pair",
+            "heating": "resistance_heating",
+        },
+    ),
+    (
+        "ohm",
+        "A",
+        {
+            "asymmetric": "asymmetric_resistance",
+            "quadratic": "current_dependent_resistance",
+            "warming": "resistance_heating",
+        },
+    ),
     *((flow, "m", _OUTFLOW) for flow in ("m^3/s", "kg/s", "m/s")),
-    ("W", "K", {"quadratic": "quadratic_heat_loss", "odd_quadratic": "odd_quadratic_heat_loss",
-                "leading": "thermal_node"}),
+    (
+        "W",
+        "K",
+        {
+            "quadratic": "quadratic_heat_loss",
+            "odd_quadratic": "odd_quadratic_heat_loss",
+            "leading": "thermal_node",
+        },
+    ),
     ("K/s", "K", {"quadratic": "quadratic_heat_loss", "odd_quadratic": "odd_quadratic_heat_loss"}),
-    ("V", "A*s", {"quadratic": "capacitance_of_voltage", "cubic": "even_capacitance_of_voltage",
-                    "exponential": "exponential_capacitance_of_voltage"}),
-    ("A", "V", {
-        "quadratic": "quadratic_leakage", "cubic": "cubic_leakage", "exponential": "exponential_leakage",
-        "leading": "parallel_rc_branch",
-    }),
-)  # fmt: skip
+    (
+        "V",
+        "A*s",
+        {
+            "quadratic": "capacitance_of_voltage",
+            "cubic": "even_capacitance_of_voltage",
+            "exponential": "exponential_capacitance_of_voltage",
+        },
+    ),
+    (
+        "A",
+        "V",
+        {
+            "quadratic": "quadratic_leakage",
+            "cubic": "cubic_leakage",
+            "exponential": "exponential_leakage",
+            "leading": "parallel_rc_branch",
+        },
+    ),
+)
 _ANYTHING = {
-    "quadratic": "quadratic_law", "cubic": "cubic_law", "saturating": "saturating_law",
-    "exponential": "exponential_law", "lagging": "lagging_law",
-}  # fmt: skip
+    "quadratic": "quadratic_law",
+    "cubic": "cubic_law",
+    "saturating": "saturating_law",
+    "exponential": "exponential_law",
+    "lagging": "lagging_law",
+}
 
 
 def laws_of(cls: type[Component]) -> list[LawOfModel]:
@@ -112,15 +194,25 @@ def laws_of(cls: type[Component]) -> list[LawOfModel]:
     rates = {state.rate for state in layout.states}
     outputs = {output.name for output in layout.outputs}
     signals = [v.name for v in (*layout.inputs, *layout.states) if v.type == "real"]
-    reads = _reads(cls, [*(s.rate for s in layout.states), *(o.name for o in layout.outputs)], set(signals))
+    reads = _reads(
+        cls, [*(s.rate for s in layout.states), *(o.name for o in layout.outputs)], set(signals)
+    )
     units_of = _units(cls, list(reads))
     return [
-        LawOfModel(name, units_of.get(name, ""), tuple(s for s in signals if s in read), name in rates, name in outputs)
+        LawOfModel(
+            name,
+            units_of.get(name, ""),
+            tuple(s for s in signals if s in read),
+            name in rates,
+            name in outputs,
+        )
         for name, read in reads.items()
     ]
 
 
-def families_for(cls: type[Component], scales: Mapping[str, float] | None = None) -> list[type[Effect]]:
+def families_for(
+    cls: type[Component], scales: Mapping[str, float] | None = None
+) -> list[type[Effect]]:
     """Effects that fit a component's laws by their units, beside those that its file lists.
 
     Parameters
@@ -135,7 +227,9 @@ def families_for(cls: type[Component], scales: Mapping[str, float] | None = None
         None of which is of the same law, signal and shape as another.
     """
     layout = cls.layout
-    scale = {v.name: v.nominal for v in (*layout.inputs, *layout.states, *layout.outputs)} | dict(scales or {})
+    scale = {v.name: v.nominal for v in (*layout.inputs, *layout.states, *layout.outputs)} | dict(
+        scales or {}
+    )
     fed = [v.name for v in layout.inputs if v.type == "real"]
     made: list[type[Effect]] = []
     graph = trace(cls)
@@ -146,7 +240,11 @@ def families_for(cls: type[Component], scales: Mapping[str, float] | None = None
         signals = [s for s in law.reads if not (law.is_rate and s in fed)]
         signals += _free(cls, law, rates)
         made += _of_law(cls, law, signals, scale)
-    forces = [law for law in laws_of(cls) if not law.is_output and any(_alike(law.unit, u) for u in ("N", "N*m"))]
+    forces = [
+        law
+        for law in laws_of(cls)
+        if not law.is_output and any(_alike(law.unit, u) for u in ("N", "N*m"))
+    ]
     made += [force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)) for law in forces[:1]]
     return made + [make(cls, name, scale[name]) for name in fed for make in INPUT_EFFECTS]
 
@@ -170,7 +268,9 @@ def _of_law(
                 own_name = f"{law.name}_{own}{name}"
                 ends = own_name, f"{own_name}_constant", f"{own_name}_state"
                 ways = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
-                constant = ways[shape] * scale[signal] if shape in ways else scale.get("time", _TIME)
+                constant = (
+                    ways[shape] * scale[signal] if shape in ways else scale.get("time", _TIME)
+                )
                 yield arm(cls, law.name, signal, shape, constant, *about, ends, of)
             else:
                 suffixes = f"{own}{name}", f"{own}{name}_width"
@@ -179,7 +279,11 @@ def _of_law(
 
 def _free(cls: type[Component], law: LawOfModel, rates: Mapping[str, Any]) -> list[str]:
     """Velocity whose rate a law is and that nothing brakes: no law of a force or torque reads it."""
-    moving = [s for s in cls.layout.states if s.rate == law.name and any(_alike(s.unit, u) for u in ("m/s", "rad/s"))]
+    moving = [
+        s
+        for s in cls.layout.states
+        if s.rate == law.name and any(_alike(s.unit, u) for u in ("m/s", "rad/s"))
+    ]
     named = {symbol.name() for symbol in ca.symvar(rates[law.name])} if moving else set()
     return [s.name for s in moving if s.name not in named]
 
@@ -200,11 +304,19 @@ def _has(cls: type[Component], law: str, signal: str, shape: str) -> bool:
             setattr(one, p.name, moved)
             try:
                 ends.append(np.broadcast_to(np.asarray(getattr(one, law)(), dtype=float), x.shape))
-            except (ArithmeticError, TypeError, ValueError):  # of what cannot be computed nothing is known
+            except (
+                ArithmeticError,
+                TypeError,
+                ValueError,
+            ):  # of what cannot be computed nothing is known
                 return False
         setattr(one, p.name, value)
         slopes.append((ends[1] - ends[0]) / (2.0 * step))
-    known = [slope / size for slope in slopes if np.isfinite(slope).all() and (size := np.abs(slope).max()) > 0.0]
+    known = [
+        slope / size
+        for slope in slopes
+        if np.isfinite(slope).all() and (size := np.abs(slope).max()) > 0.0
+    ]
     if not known:
         return False
     basis = np.column_stack(known)

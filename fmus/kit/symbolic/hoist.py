@@ -32,8 +32,12 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     """
     laws = ca.Function("laws", graph.arguments, [graph.rates, graph.outputs, *graph.updates])
     results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]
-    work: list[Any] = [None] * laws.sz_w()  # expressions, and whether each depends on parameters only
-    hoisted: dict[int, tuple[ca.SX, ca.SX]] = {}  # symbol and expression, by the identity of the expression
+    work: list[Any] = [
+        None
+    ] * laws.sz_w()  # expressions, and whether each depends on parameters only
+    hoisted: dict[
+        int, tuple[ca.SX, ca.SX]
+    ] = {}  # symbol and expression, by the identity of the expression
 
     def within_a_law(value: ca.SX, fixed: bool) -> ca.SX:
         """Take an operand of what changes: a fixed one, unless it is there already, becomes a parameter."""
@@ -42,7 +46,11 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
         return hoisted.setdefault(value.element_hash(), (ca.SX.sym("hoisted"), value))[0]
 
     for k in range(laws.n_instructions()):
-        operation, inputs, outputs = laws.instruction_id(k), laws.instruction_input(k), laws.instruction_output(k)
+        operation, inputs, outputs = (
+            laws.instruction_id(k),
+            laws.instruction_input(k),
+            laws.instruction_output(k),
+        )
         if operation == ca.OP_INPUT:
             argument, element = inputs
             work[outputs[0]] = graph.arguments[argument].nz[element], argument == 1
@@ -55,8 +63,14 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
             operands = [work[i] for i in inputs]
             fixed = all(of_parameters for _, of_parameters in operands)
             values = [value if fixed else within_a_law(value, of) for value, of in operands]
-            work[outputs[0]] = (ca.SX.unary if len(values) == 1 else ca.SX.binary)(operation, *values), fixed
-    declared = [named(ParameterDeclaration(start=0.0, unit="1"), f"hoisted {k}") for k in range(len(hoisted))]
+            work[outputs[0]] = (
+                (ca.SX.unary if len(values) == 1 else ca.SX.binary)(operation, *values),
+                fixed,
+            )
+    declared = [
+        named(ParameterDeclaration(start=0.0, unit="1"), f"hoisted {k}")
+        for k in range(len(hoisted))
+    ]
     symbols, expressions = ([pair[i] for pair in hoisted.values()] for i in (0, 1))
     extended = replace(
         graph,
@@ -66,4 +80,6 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
         outputs=results[1],
         updates=tuple(results[2:]),
     )
-    return extended, ca.Function("hoisted", [graph.parameters], [ca.vertcat(ca.SX(0, 1), *expressions)], {"cse": True})
+    return extended, ca.Function(
+        "hoisted", [graph.parameters], [ca.vertcat(ca.SX(0, 1), *expressions)], {"cse": True}
+    )

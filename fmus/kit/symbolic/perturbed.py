@@ -71,7 +71,9 @@ class PerturbedLaws:
         self._values: dict[str, ca.SX] = {}
         self._calling: list[str] = []
         self._read: dict[str, set[str]] = {}
-        self._signals = {v.name for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes)} | {"time"}
+        self._signals = {
+            v.name for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes)
+        } | {"time"}
         self._perturbed = trace(self._spied(cls))
         self.graph: Graph = trace(cls)
         self.names = list(self._added)
@@ -79,7 +81,11 @@ class PerturbedLaws:
     def _spied(self, cls: type[Component]) -> type[Component]:
         """Make a class that tells which laws and signals are asked for, and adds to the laws."""
         # an input that an effect changes stands in the class, and has no value there
-        own = {name for name in dir(cls) if callable(getattr(cls, name, None)) and not name.startswith("_")}
+        own = {
+            name
+            for name in dir(cls)
+            if callable(getattr(cls, name, None)) and not name.startswith("_")
+        }
         laws = own - set(dir(Component))
 
         def get(one: Any, name: str) -> Any:
@@ -88,14 +94,20 @@ class PerturbedLaws:
                 self._read[self._calling[-1]].add(name)
             return self._with_addition(name, value) if name in laws else value
 
-        return type(cls.__name__, (cls,), {"__getattribute__": get, "name": cls.name, "__module__": cls.__module__})
+        return type(
+            cls.__name__,
+            (cls,),
+            {"__getattribute__": get, "name": cls.name, "__module__": cls.__module__},
+        )
 
     def _with_addition(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
         def perturbed(*arguments: Any, **named: Any) -> Any:
             added = self._added.setdefault(name, ca.SX.sym(name))
             caller = self._read[self._calling[-1]] if self._calling else set()
             read = self._read.setdefault(name, set())
-            read |= {handed for one in (*arguments, *named.values()) for handed in self._handed(one)}
+            read |= {
+                handed for one in (*arguments, *named.values()) for handed in self._handed(one)
+            }
             self._calling.append(name)
             try:
                 value = law(*arguments, **named)
@@ -117,7 +129,11 @@ class PerturbedLaws:
             return []
         if argument.is_symbolic() and argument.name() in self._signals:
             return [argument.name()]
-        return [n for n, value in self._values.items() if ca.is_equal(argument, value + self._added[n], 1)]
+        return [
+            n
+            for n, value in self._values.items()
+            if ca.is_equal(argument, value + self._added[n], 1)
+        ]
 
     def is_definition(self, law: str) -> bool:
         """Whether nothing can be wrong with a law.
@@ -139,7 +155,9 @@ class PerturbedLaws:
             If there is no such law.
         """
         layout = self.graph.layout
-        is_state = self._values[law].is_symbolic() and self._values[law].name() in {s.name for s in layout.states}
+        is_state = self._values[law].is_symbolic() and self._values[law].name() in {
+            s.name for s in layout.states
+        }
         if law in {o.name for o in layout.outputs}:
             return is_state or not self._read[law] - set(self.names)
         return is_state and law in {s.rate for s in layout.states}
@@ -147,7 +165,12 @@ class PerturbedLaws:
     def acts_beside(self, law: str) -> set[str]:
         """Inputs and states that stand in the rates and outputs that a law acts on."""
         graph, added = self._perturbed, self._added[law]
-        felt = [e for whole in (graph.rates, graph.outputs) for e in ca.vertsplit(whole) if ca.depends_on(e, added)]
+        felt = [
+            e
+            for whole in (graph.rates, graph.outputs)
+            for e in ca.vertsplit(whole)
+            if ca.depends_on(e, added)
+        ]
         return self._standing_in(ca.vertcat(ca.SX(0, 1), *felt))
 
     def computed_from(self, signal: str) -> set[str]:
@@ -190,14 +213,22 @@ class PerturbedLaws:
         """Jacobians and values, in the order of :class:`Jacobians`, as a function of what laws depend on."""
         graph, added = self._perturbed, ca.vertcat(ca.SX(0, 1), *self._added.values())
         expressions = [
-            *(ca.jacobian(e, s) for e in (graph.rates, graph.outputs) for s in (graph.states, added)),
+            *(
+                ca.jacobian(e, s)
+                for e in (graph.rates, graph.outputs)
+                for s in (graph.states, added)
+            ),
             ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names)),
-        ]  # fmt: skip
+        ]
         rest = [ca.densify(ca.substitute(e, added, ca.DM.zeros(added.shape))) for e in expressions]
         return ca.Function("perturbed", graph.arguments, ca.cse(rest))
 
     def along(
-        self, time: Array, parameters: Mapping[str, float], inputs: Mapping[str, Array], signals: Mapping[str, Array]
+        self,
+        time: Array,
+        parameters: Mapping[str, float],
+        inputs: Mapping[str, Array],
+        signals: Mapping[str, Array],
     ) -> Jacobians:
         """Linearise at points of a trajectory.
 
@@ -227,15 +258,23 @@ class PerturbedLaws:
 
         fixed = {p.name: p.start for p in layout.parameters} | dict(parameters)
         fed = {v.name: v.start for v in layout.inputs} | dict(inputs)
-        points = [time[np.newaxis], rows(layout.parameters, fixed), rows(layout.inputs, fed),
-                  rows(layout.states, signals), rows(layout.discretes, signals)]  # fmt: skip
+        points = [
+            time[np.newaxis],
+            rows(layout.parameters, fixed),
+            rows(layout.inputs, fed),
+            rows(layout.states, signals),
+            rows(layout.discretes, signals),
+        ]
         found = [np.asarray(part) for part in self._function.map(n)(*points)]
         states, outputs, laws = len(layout.states), len(layout.outputs), len(self.names)
         # CasADi lays the matrices of all points side by side
         by_states, by_laws, c, d = (
             part.reshape(height, n, width).transpose(1, 0, 2)
             for part, height, width in zip(
-                found[:4], (states, states, outputs, outputs), (states, laws, states, laws), strict=True
+                found[:4],
+                (states, states, outputs, outputs),
+                (states, laws, states, laws),
+                strict=True,
             )
         )
         return Jacobians(by_states, by_laws, c, d, found[4].T)

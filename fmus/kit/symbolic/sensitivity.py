@@ -43,7 +43,9 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     index = {p.name: i for i, p in enumerate(layout.parameters)}
     unknown = [name for name in names if name not in index]
     if unknown:
-        raise UserError(f"{graph.name}: no parameter named {unknown[0]!r}; there are: {', '.join(index)}")
+        raise UserError(
+            f"{graph.name}: no parameter named {unknown[0]!r}; there are: {', '.join(index)}"
+        )
     periods = [name for name in names if name in {d.period for d in layout.discretes}]
     if periods:
         raise UserError(f"{graph.name}: no sensitivity to {periods[0]!r}, which is a sample period")
@@ -76,7 +78,9 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
         value = 1.0 if parameter.starts == variable.name else 0.0
         return starting(ParameterDeclaration(start=value, unit="1", nominal=of.nominal), of.name)
 
-    def added(what: Callable[[Any, ParameterDeclaration], Any], group: Sequence[Declaration]) -> list[Any]:
+    def added(
+        what: Callable[[Any, ParameterDeclaration], Any], group: Sequence[Declaration]
+    ) -> list[Any]:
         return [what(variable, parameter) for parameter in chosen for variable in group]
 
     groups = layout.states, layout.discretes, layout.outputs

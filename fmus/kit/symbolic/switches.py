@@ -47,15 +47,23 @@ def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence
             operands = [work[i] for i in inputs]
             if (place := _place(operation, operands)) is not None:
                 # the magnitude of what is compared with zero switches at the same place
-                key = frozenset(operand.element_hash() for operand in operands if not operand.is_zero())
+                key = frozenset(
+                    operand.element_hash() for operand in operands if not operand.is_zero()
+                )
                 found.setdefault(key, place)
-            work[outputs[0]] = (ca.SX.unary if len(operands) == 1 else ca.SX.binary)(operation, *operands)
+            work[outputs[0]] = (ca.SX.unary if len(operands) == 1 else ca.SX.binary)(
+                operation, *operands
+            )
     moved = ca.vertcat(*moving)
-    return ca.vertcat(ca.SX(0, 1), *(place for place in found.values() if ca.depends_on(place, moved)))
+    return ca.vertcat(
+        ca.SX(0, 1), *(place for place in found.values() if ca.depends_on(place, moved))
+    )
 
 
 def _place(operation: int, operands: list[ca.SX]) -> ca.SX | None:
-    if operation in _COMPARED and not any(each.is_constant() and math.isinf(float(each)) for each in operands):
+    if operation in _COMPARED and not any(
+        each.is_constant() and math.isinf(float(each)) for each in operands
+    ):
         return operands[0] - operands[1]
     if operation in _AT_ZERO:
         return operands[0]

@@ -74,7 +74,9 @@ class Graph:
     @cached_property
     def indicators(self) -> ca.SX:
         """What changes its sign where rates or outputs switch."""
-        return switches([self.rates, self.outputs], self.arguments, [self.time, self.inputs, self.states])
+        return switches(
+            [self.rates, self.outputs], self.arguments, [self.time, self.inputs, self.states]
+        )
 
     def functions(self, tangent: bool = True) -> list[ca.Function]:
         """CasADi functions that the native engine calls (``fmi2/engine.h``).
@@ -91,11 +93,18 @@ class Graph:
         """
         a = self.arguments
         names = ["time", "parameters", "inputs", "states", "discretes"]
-        seeds = [ca.SX.sym("d" + name, symbol.numel()) for name, symbol in zip(names[1:], a[1:], strict=True)]
+        seeds = [
+            ca.SX.sym("d" + name, symbol.numel())
+            for name, symbol in zip(names[1:], a[1:], strict=True)
+        ]
         known, seed = ca.vertcat(*a[1:]), ca.vertcat(*seeds)
         # sparse results would shorten the C arrays; the engine counts on full vectors
-        rates, outputs, *updates = (ca.densify(e) for e in (self.rates, self.outputs, *self.updates))
-        tangents = [ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)] if tangent else []
+        rates, outputs, *updates = (
+            ca.densify(e) for e in (self.rates, self.outputs, *self.updates)
+        )
+        tangents = (
+            [ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)] if tangent else []
+        )
         return [
             ca.Function("rates", a, ca.cse([rates]), {"cse": True}),
             ca.Function("outputs", a, ca.cse([outputs]), {"cse": True}),
@@ -146,7 +155,9 @@ class Graph:
             (self.outputs, self.states),
             (self.outputs, self.inputs),
         ]
-        f = ca.Function("linearise", self.arguments, [ca.densify(ca.jacobian(e, s)) for e, s in pairs])
+        f = ca.Function(
+            "linearise", self.arguments, [ca.densify(ca.jacobian(e, s)) for e, s in pairs]
+        )
         return tuple(m.full() for m in f(0.0, *point))
 
     def point(self, **values: float) -> list[np.ndarray]:
@@ -203,12 +214,26 @@ def trace(cls: type[Component]) -> Graph:
     for _, members in layout.sampled:
         after = {
             d.name: value
-            for d, value in zip(members, (law() for law in component.laws([d.update for d in members])), strict=True)
+            for d, value in zip(
+                members, (law() for law in component.laws([d.update for d in members])), strict=True
+            )
         }
-        updates.append(column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes]))
+        updates.append(
+            column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes])
+        )
     rates, outputs = column(component.rates()), column(component.outputs())
     parameters, inputs, states, discretes = symbols
     return Graph(
-        cls.name, cls.tolerance, layout, time, parameters, inputs, states, discretes, rates, outputs, tuple(updates),
+        cls.name,
+        cls.tolerance,
+        layout,
+        time,
+        parameters,
+        inputs,
+        states,
+        discretes,
+        rates,
+        outputs,
+        tuple(updates),
         cls.engine is None,
-    )  # fmt: skip
+    )

@@ -30,12 +30,38 @@ from .electrical import (
     EvenCapacitance,
     NonlinearLeakage,
 )
-from .mechanical import AsymmetricCreep, NonlinearStiffness, SecondKelvin, Slack, SmoothSlack, YieldThreshold
+from .mechanical import (
+    AsymmetricCreep,
+    NonlinearStiffness,
+    SecondKelvin,
+    Slack,
+    SmoothSlack,
+    YieldThreshold,
+)
 
 EFFECTS: dict[str, type[Effect]] = by_name(
-    DoubleLayer, Diffusion, NonlinearLeakage, ChargeDependentCapacitance, CapacitanceOverModulus, EvenCapacitance,
-    ResistanceGrowth, CapacitanceFade, SelfHeating,
-    ForceToVoltage, QuadraticStrain, UnequalStrain, StrainSaturation, SlowStrainSaturation, StrainLag,
-    TwoStageStrainLag, StrainHysteresis, ChargeDependentStiffness,
-    SecondKelvin, NonlinearStiffness, AsymmetricCreep, YieldThreshold, Slack, SmoothSlack,
-)  # fmt: skip
+    DoubleLayer,
+    Diffusion,
+    NonlinearLeakage,
+    ChargeDependentCapacitance,
+    CapacitanceOverModulus,
+    EvenCapacitance,
+    ResistanceGrowth,
+    CapacitanceFade,
+    SelfHeating,
+    ForceToVoltage,
+    QuadraticStrain,
+    UnequalStrain,
+    StrainSaturation,
+    SlowStrainSaturation,
+    StrainLag,
+    TwoStageStrainLag,
+    StrainHysteresis,
+    ChargeDependentStiffness,
+    SecondKelvin,
+    NonlinearStiffness,
+    AsymmetricCreep,
+    YieldThreshold,
+    Slack,
+    SmoothSlack,
+)

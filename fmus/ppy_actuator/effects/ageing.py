@@ -18,7 +18,9 @@ class ResistanceGrowth(ActuatorEffect):
 
     id = "resistance_growth"
     neutral = "resistance_growth_rate"
-    term = Term("series_resistance", "throughput", "R1 gamma q", "series_resistance over throughput")
+    term = Term(
+        "series_resistance", "throughput", "R1 gamma q", "series_resistance over throughput"
+    )
     assumption = 6
 
     resistance_growth_rate = Parameter(
@@ -29,7 +31,9 @@ class ResistanceGrowth(ActuatorEffect):
         nominal=1e-3,
         doc="relative growth of the series resistance per charge moved (gamma)",
     )
-    throughput = State("C", rate="throughput_rate", min=0, doc="charge moved into and out of the films so far")
+    throughput = State(
+        "C", rate="throughput_rate", min=0, doc="charge moved into and out of the films so far"
+    )
 
     def throughput_rate(self) -> Any:
         """Rate of the charge throughput, |dQ/dt|."""
@@ -49,14 +53,24 @@ class CapacitanceFade(ActuatorEffect):
 
     id = "capacitance_fade"
     neutral = "capacitance_fade_rate"
-    term = Term("capacitance", "fading_throughput", "C / (1 + phi q)", "capacitance over throughput")
+    term = Term(
+        "capacitance", "fading_throughput", "C / (1 + phi q)", "capacitance over throughput"
+    )
     assumption = 6
 
     capacitance_fade_rate = Parameter(
-        0.0, "1/C", min=0, max=1e3, nominal=1e-3, doc="relative fall of the capacitance per charge moved (phi)"
+        0.0,
+        "1/C",
+        min=0,
+        max=1e3,
+        nominal=1e-3,
+        doc="relative fall of the capacitance per charge moved (phi)",
     )
     fading_throughput = State(
-        "C", rate="fading_throughput_rate", min=0, doc="charge moved into and out of the fading films so far"
+        "C",
+        rate="fading_throughput_rate",
+        min=0,
+        doc="charge moved into and out of the fading films so far",
     )
 
     def fading_throughput_rate(self) -> Any:
@@ -79,32 +93,59 @@ class SelfHeating(ActuatorEffect):
 
     id = "self_heating"
     neutral = "conductance_rise_per_kelvin"
-    term = Term("series_resistance", "temperature_rise", "R1 / (1 + kappa theta)", "series_resistance over temperature")
+    term = Term(
+        "series_resistance",
+        "temperature_rise",
+        "R1 / (1 + kappa theta)",
+        "series_resistance over temperature",
+    )
     assumption = 7
 
     conductance_rise_per_kelvin = Parameter(
-        0.0, "1/K", min=0, max=10.0, nominal=0.02,
+        0.0,
+        "1/K",
+        min=0,
+        max=10.0,
+        nominal=0.02,
         doc="relative rise of the series conductance per kelvin (kappa)",
         source="0 is the isothermal base; aqueous electrolytes have about 0.02/K",
-    )  # fmt: skip
+    )
     thermal_resistance = Parameter(
-        20.0, "K/W", min=1e-6, max=1e6, nominal=20.0, doc="temperature rise per dissipated power, in the end (R_th)",
+        20.0,
+        "K/W",
+        min=1e-6,
+        max=1e6,
+        nominal=20.0,
+        doc="temperature rise per dissipated power, in the end (R_th)",
         source="estimate for a palm-sized part in still air, 50 cm^2 at 10 W/(m^2 K)",
-    )  # fmt: skip
+    )
     thermal_time = Parameter(
-        1000.0, "s", min=1e-3, max=1e9, nominal=1e3, doc="time constant of warming and cooling (tau)",
+        1000.0,
+        "s",
+        min=1e-3,
+        max=1e9,
+        nominal=1e3,
+        doc="time constant of warming and cooling (tau)",
         source="estimate, 50 J/K at 20 K/W",
-    )  # fmt: skip
-    temperature_rise = State("K", rate="temperature_rate", doc="temperature of the actuator above the ambient one")
+    )
+    temperature_rise = State(
+        "K", rate="temperature_rate", doc="temperature of the actuator above the ambient one"
+    )
 
     def dissipation(self) -> Any:
         """Power turned into heat: V i less what the films store; over the base model R1 (dQ/dt)^2 + V^2 / R2."""
-        return self.terminal_voltage() * self.current - self.film_voltage() * self.capacitor_current()
+        return (
+            self.terminal_voltage() * self.current - self.film_voltage() * self.capacitor_current()
+        )
 
     def temperature_rate(self) -> Any:
         """Rate of the temperature rise, (R_th P - theta) / tau."""
-        return (self.thermal_resistance * self.dissipation() - self.temperature_rise) / self.thermal_time
+        return (
+            self.thermal_resistance * self.dissipation() - self.temperature_rise
+        ) / self.thermal_time
 
     def series_resistance(self) -> Any:
         """Series resistance of the warm actuator, R1 / (1 + kappa theta) over the base model."""
-        return super().series_resistance() / (1.0 + self.conductance_rise_per_kelvin * self.temperature_rise)
+        return super().series_resistance() / (
+            1.0 + self.conductance_rise_per_kelvin * self.temperature_rise
+        )

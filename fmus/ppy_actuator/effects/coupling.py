@@ -30,7 +30,13 @@ class ForceToVoltage(ActuatorEffect):
     assumption = 5
 
     voltage_per_force = Parameter(
-        0.0, "V/N", min=-10.0, max=10.0, nominal=0.01, display="mV/N", doc="voltage of the films per tensile load (s)"
+        0.0,
+        "V/N",
+        min=-10.0,
+        max=10.0,
+        nominal=0.01,
+        display="mV/N",
+        doc="voltage of the films per tensile load (s)",
     )
 
     def capacitor_voltage(self) -> Any:
@@ -50,7 +56,13 @@ class QuadraticStrain(ActuatorEffect):
     assumption = 5
 
     beta = Parameter(
-        0.0, "m/C^2", min=-1.0, max=1.0, nominal=1e-5, display="mm/C^2", doc="quadratic displacement coefficient"
+        0.0,
+        "m/C^2",
+        min=-1.0,
+        max=1.0,
+        nominal=1e-5,
+        display="mm/C^2",
+        doc="quadratic displacement coefficient",
     )
 
     def charge_elongation(self, charge: Any) -> Any:
@@ -71,7 +83,13 @@ class UnequalStrain(ActuatorEffect):
     term = Term("charge_elongation", "charge", "beta_1 |Q|", _EVEN, "modulus")
 
     strain_asymmetry = Parameter(
-        0.0, "m/C", min=-1.0, max=1.0, nominal=1e-5, display="mm/C", doc="displacement per modulus of the charge"
+        0.0,
+        "m/C",
+        min=-1.0,
+        max=1.0,
+        nominal=1e-5,
+        display="mm/C",
+        doc="displacement per modulus of the charge",
     )
 
     def charge_elongation(self, charge: Any) -> Any:
@@ -93,9 +111,13 @@ class StrainSaturation(ActuatorEffect):
     assumption = 5
 
     strain_saturation_coefficient = Parameter(
-        0.0, "1/C^2", min=0, max=1e6, nominal=0.01,
+        0.0,
+        "1/C^2",
+        min=0,
+        max=1e6,
+        nominal=0.01,
         doc="inverse square of the charge at which elongation levels off (c)",
-    )  # fmt: skip
+    )
 
     def charge_elongation(self, charge: Any) -> Any:
         """Elongation due to charge, levelling off; alpha Q_sat tanh(Q / Q_sat) over the base model."""
@@ -119,7 +141,12 @@ class SlowStrainSaturation(ActuatorEffect):
     term = Term("charge_elongation", "charge", "alpha Q / (1 + c_1 |Q|)", _ODD, "slow")
 
     strain_levelling = Parameter(
-        0.0, "1/C", min=0, max=1e3, nominal=0.05, doc="inverse of the charge at which elongation is half of alpha Q"
+        0.0,
+        "1/C",
+        min=0,
+        max=1e3,
+        nominal=0.05,
+        doc="inverse of the charge at which elongation is half of alpha Q",
     )
 
     def charge_elongation(self, charge: Any) -> Any:
@@ -142,8 +169,12 @@ class StrainLag(ActuatorEffect):
     term = Term("charge_elongation", "charge", "1 / (T s + 1)", _BEHIND)
     assumption = 5
 
-    lag_time = Parameter(0.0, "s", min=0, max=1e6, doc="time constant with which elongation follows charge")
-    pending_charge = State("C", rate="pending_charge_rate", doc="charge that has not yet elongated the films")
+    lag_time = Parameter(
+        0.0, "s", min=0, max=1e6, doc="time constant with which elongation follows charge"
+    )
+    pending_charge = State(
+        "C", rate="pending_charge_rate", doc="charge that has not yet elongated the films"
+    )
 
     def pending_charge_rate(self) -> Any:
         """Rate of the charge not yet acting, dQ/dt - q / (T + m)."""
@@ -170,8 +201,12 @@ class TwoStageStrainLag(ActuatorEffect):
     assumption = 5
     term = Term("charge_elongation", "charge", "1 / (T/2 s + 1)^2", _BEHIND, "two_stages")
 
-    staged_lag_time = Parameter(0.0, "s", min=0, max=1e6, doc="time of two stages with which elongation follows charge")
-    first_stage_charge = State("C", rate="first_stage_rate", doc="charge that has not passed the first stage")
+    staged_lag_time = Parameter(
+        0.0, "s", min=0, max=1e6, doc="time of two stages with which elongation follows charge"
+    )
+    first_stage_charge = State(
+        "C", rate="first_stage_rate", doc="charge that has not passed the first stage"
+    )
     second_stage_charge = State("C", rate="second_stage_rate", doc="charge between the stages")
 
     def stage_time(self) -> Any:
@@ -189,7 +224,9 @@ class TwoStageStrainLag(ActuatorEffect):
     def charge_elongation(self, charge: Any) -> Any:
         """Elongation due to the charge that has passed both stages."""
         share = 0.5 * self.staged_lag_time / self.stage_time()
-        return super().charge_elongation(charge - share * (self.first_stage_charge + self.second_stage_charge))
+        return super().charge_elongation(
+            charge - share * (self.first_stage_charge + self.second_stage_charge)
+        )
 
 
 class StrainHysteresis(ActuatorEffect):
@@ -205,18 +242,32 @@ class StrainHysteresis(ActuatorEffect):
     id = "strain_hysteresis"
     neutral = "hysteresis_share"
     term = Term(
-        "charge_elongation", "charge", "h z with dz/dt = dQ/dt - |dQ/dt| z / w", "charge_elongation loop of charge"
+        "charge_elongation",
+        "charge",
+        "h z with dz/dt = dQ/dt - |dQ/dt| z / w",
+        "charge_elongation loop of charge",
     )
     assumption = 5
 
     hysteresis_share = Parameter(
-        0.0, "1", min=0, max=0.5, nominal=0.1, doc="share of the trailing charge that has no elongation (h)"
+        0.0,
+        "1",
+        min=0,
+        max=0.5,
+        nominal=0.1,
+        doc="share of the trailing charge that has no elongation (h)",
     )
     hysteresis_width = Parameter(
-        0.5, "C", min=1e-6, max=1e6, doc="charge that trails behind, at most (w)",
+        0.5,
+        "C",
+        min=1e-6,
+        max=1e6,
+        doc="charge that trails behind, at most (w)",
         source="estimate, about half of the charge moved in fig. 3-11",
-    )  # fmt: skip
-    trailing_charge = State("C", rate="trailing_charge_rate", doc="charge trailing behind in the hysteresis")
+    )
+    trailing_charge = State(
+        "C", rate="trailing_charge_rate", doc="charge trailing behind in the hysteresis"
+    )
 
     def trailing_charge_rate(self) -> Any:
         """Rate of the trailing charge, dQ/dt - |dQ/dt| z / w."""
@@ -240,7 +291,12 @@ class ChargeDependentStiffness(ActuatorEffect):
     assumption = 1
 
     softening_per_charge = Parameter(
-        0.0, "1/C", min=-10.0, max=10.0, nominal=0.05, doc="relative rise of the compliance per charge (s)"
+        0.0,
+        "1/C",
+        min=-10.0,
+        max=10.0,
+        nominal=0.05,
+        doc="relative rise of the compliance per charge (s)",
     )
 
     def softening(self) -> Any:

@@ -26,16 +26,31 @@ class DoubleLayer(ActuatorEffect):
 
     id = "double_layer"
     neutral = "double_layer_resistance"
-    term = Term("capacitor_voltage", "current", "R_dl / (tau_dl s + 1)", "capacitor_voltage remembering current")
+    term = Term(
+        "capacitor_voltage",
+        "current",
+        "R_dl / (tau_dl s + 1)",
+        "capacitor_voltage remembering current",
+    )
     assumption = 4
 
     double_layer_resistance = Parameter(
-        0.0, "ohm", min=0, max=1e6, doc="charge-transfer resistance across the double layer; 0 is without"
+        0.0,
+        "ohm",
+        min=0,
+        max=1e6,
+        doc="charge-transfer resistance across the double layer; 0 is without",
     )
     double_layer_time = Parameter(
-        0.2, "s", min=1e-3, max=1e6, doc="time constant of the double layer, its resistance times its capacitance"
+        0.2,
+        "s",
+        min=1e-3,
+        max=1e6,
+        doc="time constant of the double layer, its resistance times its capacitance",
     )
-    faradaic_current = State("A", rate="faradaic_current_rate", doc="current that crosses the double layer")
+    faradaic_current = State(
+        "A", rate="faradaic_current_rate", doc="current that crosses the double layer"
+    )
 
     def faradaic_current_rate(self) -> Any:
         """Rate of the current across the double layer, (dQ/dt - i_f) / tau_dl."""
@@ -75,20 +90,37 @@ class Diffusion(ActuatorEffect):
     id = "diffusion"
     neutral = "diffusion_share"
     term = Term(
-        "capacitor_voltage", "current", "d R1 tanh(sqrt(s T)) / sqrt(s T)", "capacitor_voltage diffusion of current"
+        "capacitor_voltage",
+        "current",
+        "d R1 tanh(sqrt(s T)) / sqrt(s T)",
+        "capacitor_voltage diffusion of current",
     )
     assumption = 8
 
     diffusion_share = Parameter(
-        0.0, "1", min=0, max=1, nominal=0.1, doc="share of the series resistance that is due to diffusion (d)"
+        0.0,
+        "1",
+        min=0,
+        max=1,
+        nominal=0.1,
+        doc="share of the series resistance that is due to diffusion (d)",
     )
     diffusion_time = Parameter(
-        10.0, "s", min=0.1, max=1e6, nominal=10.0, doc="square of the diffusion length over the diffusivity (T)",
+        10.0,
+        "s",
+        min=0.1,
+        max=1e6,
+        nominal=10.0,
+        doc="square of the diffusion length over the diffusivity (T)",
         source="estimate, 10 um at 1e-11 m^2/s",
-    )  # fmt: skip
-    diffusion_current_1, diffusion_current_2, diffusion_current_3, diffusion_current_4, diffusion_current_5 = map(
-        _diffusion_current, _SECTIONS
     )
+    (
+        diffusion_current_1,
+        diffusion_current_2,
+        diffusion_current_3,
+        diffusion_current_4,
+        diffusion_current_5,
+    ) = map(_diffusion_current, _SECTIONS)
     diffusion_rate_1, diffusion_rate_2, diffusion_rate_3, diffusion_rate_4, diffusion_rate_5 = map(
         _diffusion_rate, _SECTIONS
     )
@@ -100,8 +132,12 @@ class Diffusion(ActuatorEffect):
 
     def capacitor_voltage(self) -> Any:
         """Voltage of the films and across the sections, d R1 times 2 / ((k - 1/2)^2 pi^2) times the current of each."""
-        weighted = sum(2.0 / ((k - 0.5) * pi) ** 2 * getattr(self, f"diffusion_current_{k}") for k in _SECTIONS)
-        return super().capacitor_voltage() + self.diffusion_share * (self.series_resistance() * weighted)
+        weighted = sum(
+            2.0 / ((k - 0.5) * pi) ** 2 * getattr(self, f"diffusion_current_{k}") for k in _SECTIONS
+        )
+        return super().capacitor_voltage() + self.diffusion_share * (
+            self.series_resistance() * weighted
+        )
 
 
 class NonlinearLeakage(ActuatorEffect):
@@ -114,7 +150,9 @@ class NonlinearLeakage(ActuatorEffect):
 
     id = "nonlinear_leakage"
     neutral = "leakage_growth"
-    term = Term("supply_current", "voltage", "g max(|V| - V_on, 0)^2", "supply_current over voltage")
+    term = Term(
+        "supply_current", "voltage", "g max(|V| - V_on, 0)^2", "supply_current over voltage"
+    )
     assumption = 8
 
     leakage_growth = Parameter(
@@ -126,18 +164,26 @@ class NonlinearLeakage(ActuatorEffect):
         doc="additional leakage per square of the voltage above the onset (g)",
     )
     leakage_onset = Parameter(
-        0.6, "V", min=0, max=1e3, doc="voltage above which leakage grows (V_on)",
+        0.6,
+        "V",
+        min=0,
+        max=1e3,
+        doc="voltage above which leakage grows (V_on)",
         source="estimate; overoxidation of polypyrrole sets in about there",
-    )  # fmt: skip
+    )
 
     def supply_current(self) -> Any:
         """Current that reaches the circuit, less the additional leakage."""
         current, resistance = super().supply_current(), self.immediate_resistance()
         share = self.R2 / (resistance + self.R2)
-        without = share * (resistance * current + self.capacitor_voltage())  # terminal voltage at g = 0
+        without = share * (
+            resistance * current + self.capacitor_voltage()
+        )  # terminal voltage at g = 0
         above = maximum(abs(without) - self.leakage_onset, 0.0)
         slope = self.leakage_growth * (share * resistance)
-        above = 2.0 * above / (1.0 + sqrt(1.0 + 4.0 * slope * above))  # |V| - V_on, smaller for the leakage itself
+        above = (
+            2.0 * above / (1.0 + sqrt(1.0 + 4.0 * slope * above))
+        )  # |V| - V_on, smaller for the leakage itself
         return current - sign(without) * (self.leakage_growth * (above * above))
 
 
@@ -154,7 +200,12 @@ class ChargeDependentCapacitance(ActuatorEffect):
     assumption = 8
 
     capacitance_falloff = Parameter(
-        0.0, "1/C", min=-10.0, max=10.0, nominal=0.1, doc="relative fall of the differential capacitance per charge (a)"
+        0.0,
+        "1/C",
+        min=-10.0,
+        max=10.0,
+        nominal=0.1,
+        doc="relative fall of the differential capacitance per charge (a)",
     )
 
     def film_voltage(self) -> Any:
@@ -175,13 +226,19 @@ class CapacitanceOverModulus(ActuatorEffect):
     term = Term("film_voltage", "charge", "(exp(a |Q|) - 1) / (a |Q|)", _CAPACITANCE, "modulus")
 
     capacitance_falloff_either_way = Parameter(
-        0.0, "1/C", min=-10.0, max=10.0, nominal=0.1,
+        0.0,
+        "1/C",
+        min=-10.0,
+        max=10.0,
+        nominal=0.1,
         doc="relative fall of the differential capacitance per modulus of the charge (a)",
-    )  # fmt: skip
+    )
 
     def film_voltage(self) -> Any:
         """Voltage of the films, sign(Q) (exp(a |Q|) - 1) / (a C) over the base model."""
-        return super().film_voltage() * _mean_of_exp(self.capacitance_falloff_either_way * absolute(self.charge))
+        return super().film_voltage() * _mean_of_exp(
+            self.capacitance_falloff_either_way * absolute(self.charge)
+        )
 
 
 class EvenCapacitance(ActuatorEffect):
@@ -198,14 +255,21 @@ class EvenCapacitance(ActuatorEffect):
     term = Term("film_voltage", "charge", "sqrt(1 + b Q^2)", _CAPACITANCE, "even")
 
     capacitance_bend = Parameter(
-        0.0, "1/C^2", min=-1e6, max=1e6, nominal=0.05, doc="relative fall of the capacitance per square of charge (b)"
+        0.0,
+        "1/C^2",
+        min=-1e6,
+        max=1e6,
+        nominal=0.05,
+        doc="relative fall of the capacitance per square of charge (b)",
     )
 
     def film_voltage(self) -> Any:
         """Voltage of the films, times sqrt(1 + b Q^2), or divided by sqrt(1 - b Q^2)."""
         bend = self.capacitance_bend * (self.charge * self.charge)
         rises = bend < 0.0
-        root = sqrt(1.0 + where(rises, -bend, bend))  # whose slope at zero is that of one side, not of a modulus
+        root = sqrt(
+            1.0 + where(rises, -bend, bend)
+        )  # whose slope at zero is that of one side, not of a modulus
         return super().film_voltage() * where(rises, 1.0 / root, root)
 
 

@@ -24,13 +24,26 @@ class SecondKelvin(ActuatorEffect):
     assumption = 9
 
     second_creep_compliance = Parameter(
-        0.0, "m/N", min=0, max=1e3, nominal=1e-5, display="mm/N", doc="compliance of the second Kelvin element (J)"
+        0.0,
+        "m/N",
+        min=0,
+        max=1e3,
+        nominal=1e-5,
+        display="mm/N",
+        doc="compliance of the second Kelvin element (J)",
     )
     second_creep_time = Parameter(
-        20.0, "s", min=1e-3, max=1e9, nominal=20.0, doc="time constant of the second Kelvin element (T)",
+        20.0,
+        "s",
+        min=1e-3,
+        max=1e9,
+        nominal=20.0,
+        doc="time constant of the second Kelvin element (T)",
         source="a tenth of b2 / k2",
-    )  # fmt: skip
-    second_kelvin_force = State("N", rate="second_kelvin_rate", doc="force of the second Kelvin spring")
+    )
+    second_kelvin_force = State(
+        "N", rate="second_kelvin_rate", doc="force of the second Kelvin spring"
+    )
 
     def second_kelvin_rate(self) -> Any:
         """Rate of the force of the second spring, (F - f) / T."""
@@ -55,17 +68,28 @@ class NonlinearStiffness(ActuatorEffect):
     assumption = 9
 
     load_softening = Parameter(
-        0.0, "1", min=-0.95, max=0.95, nominal=0.1, doc="relative change of the compliance k1 has, at large load (n)"
+        0.0,
+        "1",
+        min=-0.95,
+        max=0.95,
+        nominal=0.1,
+        doc="relative change of the compliance k1 has, at large load (n)",
     )
     softening_load = Parameter(
-        1.0, "N", min=1e-6, max=1e6, doc="load about which the compliance changes (S)",
+        1.0,
+        "N",
+        min=1e-6,
+        max=1e6,
+        doc="load about which the compliance changes (S)",
         source="middle of the loads of section 3.3.1, 0.5 to 2.75 N",
-    )  # fmt: skip
+    )
 
     def spring_elongation(self, load: Any) -> Any:
         """Instantaneous elongation, that of the base model under F + n (sqrt(F^2 + S^2) - S)."""
         scale = self.softening_load
-        return super().spring_elongation(load + self.load_softening * (sqrt(load * load + scale * scale) - scale))
+        return super().spring_elongation(
+            load + self.load_softening * (sqrt(load * load + scale * scale) - scale)
+        )
 
     def spring_force(self, elongation: Any) -> Any:
         """Inverse of :meth:`spring_elongation`, the root of a quadratic equation."""
@@ -84,11 +108,18 @@ class AsymmetricCreep(ActuatorEffect):
 
     id = "asymmetric_creep"
     neutral = "recovery_slowness"
-    term = Term("kelvin_rate", "kelvin_rate", "1 / (1 + r) below 0", "kelvin_rate over its direction")
+    term = Term(
+        "kelvin_rate", "kelvin_rate", "1 / (1 + r) below 0", "kelvin_rate over its direction"
+    )
     assumption = 9
 
     recovery_slowness = Parameter(
-        0.0, "1", min=-0.9, max=1e3, nominal=0.1, doc="by how much recovery takes longer than creep, relative (r)"
+        0.0,
+        "1",
+        min=-0.9,
+        max=1e3,
+        nominal=0.1,
+        doc="by how much recovery takes longer than creep, relative (r)",
     )
 
     def kelvin_rate(self) -> Any:
@@ -109,7 +140,9 @@ class YieldThreshold(ActuatorEffect):
     term = Term("flow_force", "force", "F - clip(F, -F_y, F_y)", "flow_force over force")
     assumption = 9
 
-    yield_force = Parameter(0.0, "N", min=0, max=1e6, nominal=0.1, doc="load that the dashpot bears without flow (F_y)")
+    yield_force = Parameter(
+        0.0, "N", min=0, max=1e6, nominal=0.1, doc="load that the dashpot bears without flow (F_y)"
+    )
 
     def flow_force(self) -> Any:
         """Force under which the dashpot flows, what exceeds F_y."""
@@ -130,10 +163,20 @@ class Slack(ActuatorEffect):
     assumption = 3
 
     slack_compliance = Parameter(
-        0.0, "1", min=0, max=1e4, nominal=0.1, doc="additional compliance below the preload, relative to 1/k1 (m)"
+        0.0,
+        "1",
+        min=0,
+        max=1e4,
+        nominal=0.1,
+        doc="additional compliance below the preload, relative to 1/k1 (m)",
     )
     preload = Parameter(
-        0.5, "N", min=0, max=1e6, doc="load that pulls the catenary straight (P)", source="section 3.3.1"
+        0.5,
+        "N",
+        min=0,
+        max=1e6,
+        doc="load that pulls the catenary straight (P)",
+        source="section 3.3.1",
     )
 
     def spring_elongation(self, load: Any) -> Any:
@@ -159,16 +202,27 @@ class SmoothSlack(ActuatorEffect):
     term = Term("spring_elongation", "force", "m F P / (P + |F|)", _SPRING, "smooth")
 
     fading_compliance = Parameter(
-        0.0, "1", min=0, max=1e4, nominal=0.1, doc="additional compliance without load, relative to 1/k1 (m)"
+        0.0,
+        "1",
+        min=0,
+        max=1e4,
+        nominal=0.1,
+        doc="additional compliance without load, relative to 1/k1 (m)",
     )
     fading_load = Parameter(
-        0.5, "N", min=1e-6, max=1e6, doc="load at which half of it is left in the elongation (P)",
+        0.5,
+        "N",
+        min=1e-6,
+        max=1e6,
+        doc="load at which half of it is left in the elongation (P)",
         source="section 3.3.1",
-    )  # fmt: skip
+    )
 
     def sagging(self, load: Any) -> Any:
         """Load that would add the elongation, m F P / (P + |F|)."""
-        return self.fading_compliance * (load * self.fading_load) / (self.fading_load + absolute(load))
+        return (
+            self.fading_compliance * (load * self.fading_load) / (self.fading_load + absolute(load))
+        )
 
     def spring_elongation(self, load: Any) -> Any:
         """Instantaneous elongation, that of the base model under F + m F P / (P + |F|)."""

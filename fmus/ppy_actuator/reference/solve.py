@@ -45,7 +45,9 @@ def length_driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return a, b, np.array([tension, c[0], c[4]])
 
 
-def solve(a: np.ndarray, b: np.ndarray, c: np.ndarray, scale: float) -> tuple[list[list[float]], list[list[float]]]:
+def solve(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, scale: float
+) -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
     step = expm(np.block([[a, b], [np.zeros((2, 5))]]) * STEP)
     state = np.zeros(3)
@@ -68,16 +70,35 @@ def solve(a: np.ndarray, b: np.ndarray, c: np.ndarray, scale: float) -> tuple[li
 def main() -> None:
     """Write the files."""
     # 0.5 mm per newton of the force stimulus keeps the length-driven actuator taut
-    cases = {"ppy_actuator": (force_driven(), 1.0), "ppy_actuator_length_driven": (length_driven(), 5e-4)}
+    cases = {
+        "ppy_actuator": (force_driven(), 1.0),
+        "ppy_actuator_length_driven": (length_driven(), 5e-4),
+    }
     for name, (matrices, scale) in cases.items():
         inputs, outputs = solve(*matrices, scale)
-        for suffix, header, rows in (("in", HEADER[name][0], inputs), ("ref", HEADER[name][1], outputs)):
-            text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
-            (Path(__file__).parent / f"{name}_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
-        options = {"StartTime": 0, "StopTime": STOP, "StepSize": STEP, "RelTol": 1e-7, "AbsTol": 1e-9,
-                   "SolverType": "matrix exponential", "OutputIntervalLength": STEP}  # fmt: skip
+        for suffix, header, rows in (
+            ("in", HEADER[name][0], inputs),
+            ("ref", HEADER[name][1], outputs),
+        ):
+            text = "\n".join(
+                [f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)]
+            )
+            (Path(__file__).parent / f"{name}_{suffix}.csv").write_text(
+                text + "\n", encoding="utf-8", newline="\n"
+            )
+        options = {
+            "StartTime": 0,
+            "StopTime": STOP,
+            "StepSize": STEP,
+            "RelTol": 1e-7,
+            "AbsTol": 1e-9,
+            "SolverType": "matrix exponential",
+            "OutputIntervalLength": STEP,
+        }
         lines = "\n".join(f"{key},{value}" for key, value in options.items())
-        (Path(__file__).parent / f"{name}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+        (Path(__file__).parent / f"{name}_ref.opt").write_text(
+            lines + "\n", encoding="utf-8", newline="\n"
+        )
 
 
 if __name__ == "__main__":

@@ -17,10 +17,15 @@ SPRING = 500.0  # N/m; held over a communication step, a stiffer one would not b
 STEP, STOP = 0.01, 3.0
 NAME = "voice_coil_dma"
 # states: current, position, velocity, filtered force, filtered position; inputs: voltage, tension
-A = np.array([
-    [-R / L, 0, -K / L, 0, 0], [0, 0, 1, 0, 0], [K / M, 0, -B / M, 0, 0], [0, 0, 0, -CORNER, 0],
-    [0, CORNER, 0, 0, -CORNER],
-])  # fmt: skip
+A = np.array(
+    [
+        [-R / L, 0, -K / L, 0, 0],
+        [0, 0, 1, 0, 0],
+        [K / M, 0, -B / M, 0, 0],
+        [0, 0, 0, -CORNER, 0],
+        [0, CORNER, 0, 0, -CORNER],
+    ]
+)
 U = np.array([[1 / L, 0], [0, 0], [0, -1 / M], [0, CORNER], [0, 0]])
 
 
@@ -46,7 +51,10 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
     inputs, outputs, held = [], [], None
     count = round(STOP / STEP)
     for k in range(count + 1):
-        now, row = stimulus(k, state[1]), [k * STEP, state[1], state[2], state[0], command, state[3], state[4]]
+        now, row = (
+            stimulus(k, state[1]),
+            [k * STEP, state[1], state[2], state[0], command, state[3], state[4]],
+        )
         if held != now:
             if held is not None:
                 inputs.append([k * STEP, *held])
@@ -71,11 +79,20 @@ def main() -> None:
     """Write the files."""
     signals = "position,velocity,coil_current,coil_voltage,force_measured,position_measured"
     folder = Path(__file__).parent
-    for suffix, header, rows in zip(("in", "ref"), ("force_reference,tension", signals), solve(), strict=True):
+    for suffix, header, rows in zip(
+        ("in", "ref"), ("force_reference,tension", signals), solve(), strict=True
+    ):
         text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
         (folder / f"{NAME}_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
-    options = {"StartTime": 0, "StopTime": STOP, "StepSize": STEP, "RelTol": 1e-7, "AbsTol": 1e-9,
-               "SolverType": "matrix exponential", "OutputIntervalLength": STEP}  # fmt: skip
+    options = {
+        "StartTime": 0,
+        "StopTime": STOP,
+        "StepSize": STEP,
+        "RelTol": 1e-7,
+        "AbsTol": 1e-9,
+        "SolverType": "matrix exponential",
+        "OutputIntervalLength": STEP,
+    }
     lines = "\n".join(f"{key},{value}" for key, value in options.items())
     (folder / f"{NAME}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
 

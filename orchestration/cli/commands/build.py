@@ -9,7 +9,14 @@ from typing import Annotated
 import typer
 
 from fmus.kit.errors import UserError
-from orchestration.cli.options import Platforms, Set, With, comma_list, complete_components, platform_list
+from orchestration.cli.options import (
+    Platforms,
+    Set,
+    With,
+    comma_list,
+    complete_components,
+    platform_list,
+)
 from orchestration.cli.outputs import Outputs
 
 
@@ -24,7 +31,9 @@ def build(
     ] = None,
     effects: With = None,
     settings: Set = None,
-    runtime: Annotated[str, typer.Option(help="python, native or both; pythonfmu: a stock archive of that.")] = "both",
+    runtime: Annotated[
+        str, typer.Option(help="python, native or both; pythonfmu: a stock archive of that.")
+    ] = "both",
     platforms: Platforms = None,
     out: Annotated[Path, typer.Option(help="Folder that gets RUNTIME/NAME.fmu.")] = Path("fmu"),
 ) -> None:
@@ -53,8 +62,16 @@ def build(
             cls = stack(cls, name=f"{cls.name}_set", defaults=values)
         classes.append(cls)
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
-    places = {f"{cls.name} ({kind})": out / kind / f"{cls.name}.fmu" for cls in classes for kind in runtimes}
-    Outputs({f"the model {name}": model_file(name) for name in names or []}, places, folders={"--out": out}).check()
+    places = {
+        f"{cls.name} ({kind})": out / kind / f"{cls.name}.fmu"
+        for cls in classes
+        for kind in runtimes
+    }
+    Outputs(
+        {f"the model {name}": model_file(name) for name in names or []},
+        places,
+        folders={"--out": out},
+    ).check()
     targets = platform_list(platforms)
     work = [(cls, kind) for cls in classes for kind in runtimes]
     with progress() as tell:

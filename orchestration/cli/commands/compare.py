@@ -37,8 +37,12 @@ def compare(
     mapping: Map = None,
     settings: Set = None,
     preset: Preset = None,
-    fit: Annotated[str | None, option("--fit", help="Parameters to recalibrate, e.g. R1,R2,C.")] = None,
-    out: Annotated[Path | None, option("--out", metavar="FILE", help="The figures as JSON (.json).")] = None,
+    fit: Annotated[
+        str | None, option("--fit", help="Parameters to recalibrate, e.g. R1,R2,C.")
+    ] = None,
+    out: Annotated[
+        Path | None, option("--out", metavar="FILE", help="The figures as JSON (.json).")
+    ] = None,
     result: Json = None,
     plot: Picture = None,
     runtime: Runtime = "native",

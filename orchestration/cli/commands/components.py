@@ -8,7 +8,13 @@ from typing import Annotated
 import typer
 
 from orchestration.cli.options import Json
-from orchestration.cli.outputs import JSON, STANDARD_OUTPUT, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import (
+    JSON,
+    STANDARD_OUTPUT,
+    Outputs,
+    standard_output_for,
+    write_json,
+)
 
 
 def list_components(result: Json = None) -> None:
@@ -16,7 +22,9 @@ def list_components(result: Json = None) -> None:
     from fmus import MODELS, component
 
     Outputs(writes={"--json": result}, endings={"--json": JSON}).check()
-    summaries = {name: (component(name).__doc__ or "").strip().split("\n")[0].rstrip(".") for name in MODELS}
+    summaries = {
+        name: (component(name).__doc__ or "").strip().split("\n")[0].rstrip(".") for name in MODELS
+    }
     width = max(map(len, MODELS))
     for name, summary in summaries.items():
         if result != STANDARD_OUTPUT:
@@ -25,7 +33,9 @@ def list_components(result: Json = None) -> None:
 
 
 def check(
-    fmus: Annotated[list[Path], typer.Argument(metavar="FMU...", help="FMU files, ours or anybody's.")],
+    fmus: Annotated[
+        list[Path], typer.Argument(metavar="FMU...", help="FMU files, ours or anybody's.")
+    ],
     result: Json = None,
 ) -> None:
     """Check FMUs against the static part of the contract: structure, units, documentation, binaries."""
@@ -36,7 +46,9 @@ def check(
     from orchestration.fmu.check import check_fmu
     from orchestration.reporting.console import out
 
-    Outputs({f"the FMU {path}": path for path in fmus}, {"--json": result}, {"--json": JSON}).check()
+    Outputs(
+        {f"the FMU {path}": path for path in fmus}, {"--json": result}, {"--json": JSON}
+    ).check()
     findings = {path: check_fmu(path) for path in fmus}
     counted = {
         path: {kind: sum(f.severity == kind for f in among) for kind in ("error", "warning")}
@@ -46,13 +58,26 @@ def check(
         for path, among in findings.items():
             for f in among:
                 style = {"error": "red", "warning": "yellow"}.get(f.severity, "dim")
-                out.print(Text.assemble(f"{path}: ", (f.severity, style), f" (contract line {f.line}) {f.message}"))
+                out.print(
+                    Text.assemble(
+                        f"{path}: ", (f.severity, style), f" (contract line {f.line}) {f.message}"
+                    )
+                )
             errors, warnings = counted[path]["error"], counted[path]["warning"]
-            out.print(f"{path}: {f'{errors} errors' if errors else 'no errors'}, {warnings} warnings")
-        write_json(result, [
-            {"file": str(path), "errors": counted[path]["error"], "warnings": counted[path]["warning"],
-             "findings": [asdict(f) for f in among]}
-            for path, among in findings.items()
-        ])  # fmt: skip
+            out.print(
+                f"{path}: {f'{errors} errors' if errors else 'no errors'}, {warnings} warnings"
+            )
+        write_json(
+            result,
+            [
+                {
+                    "file": str(path),
+                    "errors": counted[path]["error"],
+                    "warnings": counted[path]["warning"],
+                    "findings": [asdict(f) for f in among],
+                }
+                for path, among in findings.items()
+            ],
+        )
     if any(count["error"] for count in counted.values()):
         raise typer.Exit(1)

@@ -51,7 +51,8 @@ Interpolate = Annotated[
     ),
 ]
 Hold = Annotated[
-    str | None, option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set.")
+    str | None,
+    option("--hold", help="Parameters that are known and not fitted, e.g. mass,R1; see --set."),
 ]
 Records = Annotated[
     list[Path],
@@ -63,12 +64,19 @@ Records = Annotated[
 Runs = Annotated[
     str | None,
     option(
-        "--runs", metavar="COLUMN", help="Column that tells the records in a file apart; else a clock that restarts."
+        "--runs",
+        metavar="COLUMN",
+        help="Column that tells the records in a file apart; else a clock that restarts.",
     ),
 ]
-Each = Annotated[str | None, option("--each", help="Parameters that differ from record to record, e.g. ocv,R0.")]
+Each = Annotated[
+    str | None, option("--each", help="Parameters that differ from record to record, e.g. ocv,R0.")
+]
 Compare = Annotated[
-    Path | None, option("--compare", metavar="AFTER", help="A later record of the specimen: what changed in it.")
+    Path | None,
+    option(
+        "--compare", metavar="AFTER", help="A later record of the specimen: what changed in it."
+    ),
 ]
 Holdout = Annotated[
     list[str] | None,
@@ -81,32 +89,50 @@ Holdout = Annotated[
 Time = Annotated[
     float | None,
     option(
-        "--time", metavar="TIME",
+        "--time",
+        metavar="TIME",
         help="For each search, e.g. 60s, 5min or inf; then the best answer so far. Default 60 s for 60,000 samples or "
         "less, and in proportion beyond.",
         parser=seconds,
     ),
-]  # fmt: skip
+]
 NoLaws = Annotated[
     bool,
-    typer.Option("--no-laws", help="Leave out asking every law of the model what it lacks, where something is left."),
+    typer.Option(
+        "--no-laws",
+        help="Leave out asking every law of the model what it lacks, where something is left.",
+    ),
 ]
-Report = Annotated[Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")]
+Report = Annotated[
+    Path | None, option("--report", help="Page (.html) with all of it, to look at and pass on.")
+]
 Fmu = Annotated[
-    Path | None, option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it.")
+    Path | None,
+    option("--fmu", help="The extended model as FMU: F.fmu (native) and F.python.fmu beside it."),
 ]
 Fit = Annotated[
-    str | None, option("--fit", help="Parameters of an FMU without equations that are fitted too, e.g. p1,p2.")
+    str | None,
+    option("--fit", help="Parameters of an FMU without equations that are fitted too, e.g. p1,p2."),
 ]
 Ssp = Annotated[
-    Path | None, option("--ssp", metavar="S.ssp", help="An FMU without equations with its correction, as a system.")
+    Path | None,
+    option(
+        "--ssp", metavar="S.ssp", help="An FMU without equations with its correction, as a system."
+    ),
 ]
 Experiment = Annotated[
-    Path | None, option("--experiment", help="Experiment (.toml) that would tell alternatives apart, for ppy run.")
+    Path | None,
+    option(
+        "--experiment", help="Experiment (.toml) that would tell alternatives apart, for ppy run."
+    ),
 ]
 System = Annotated[
     Path | None,
-    option("--system", metavar="S.ssp", help="Judge every member of a system alone, cut where it was measured."),
+    option(
+        "--system",
+        metavar="S.ssp",
+        help="Judge every member of a system alone, cut where it was measured.",
+    ),
 ]
 
 
@@ -142,25 +168,57 @@ def diagnose(
         from orchestration.cli import diagnose_system
 
         others = {
-            "--model": model, "--with": laid_over, "--effects": effects, "--interpolate": interpolate, "--hold": hold,
-            "--fit": fit, "--ssp": ssp, "--runs": runs, "--each": each, "--compare": compare, "--holdout": holdout,
-            "--time": time, "--no-laws": no_laws or None, "--report": report, "--fmu": fmu, "--platforms": platforms,
-            "--experiment": experiment, "a second record": records[1:] or None,
-        }  # fmt: skip
+            "--model": model,
+            "--with": laid_over,
+            "--effects": effects,
+            "--interpolate": interpolate,
+            "--hold": hold,
+            "--fit": fit,
+            "--ssp": ssp,
+            "--runs": runs,
+            "--each": each,
+            "--compare": compare,
+            "--holdout": holdout,
+            "--time": time,
+            "--no-laws": no_laws or None,
+            "--report": report,
+            "--fmu": fmu,
+            "--platforms": platforms,
+            "--experiment": experiment,
+            "a second record": records[1:] or None,
+        }
         with standard_output_for(result):
             diagnose_system.run(records[0], system, mapping or [], settings or [], result, others)
         return
     from orchestration.cli import diagnose as one_model
 
     files = one_model.Files(
-        records, holdout or (), result, report, fmu, experiment, platform_list(platforms), compare, ssp=ssp
+        records,
+        holdout or (),
+        result,
+        report,
+        fmu,
+        experiment,
+        platform_list(platforms),
+        compare,
+        ssp=ssp,
     )
     named = comma_list(effects, "--effects")
     considered = None if not named else [] if named == ["none"] else named
     with standard_output_for(result):
         one_model.run(
-            files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold, "--hold"), interpolate, comma_list(laid_over, "--with"), time, runs,
-            comma_list(each, "--each"), not no_laws,
+            files,
+            model or DEFAULT_MODEL,
+            mapping or [],
+            settings or [],
+            considered,
+            ["ppy", *sys.argv[1:]],
+            comma_list(hold, "--hold"),
+            interpolate,
+            comma_list(laid_over, "--with"),
+            time,
+            runs,
+            comma_list(each, "--each"),
+            not no_laws,
             comma_list(fit, "--fit"),
-        )  # fmt: skip
+        )

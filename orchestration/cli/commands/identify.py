@@ -40,17 +40,30 @@ def identify(
     settings: Set = None,
     preset: Preset = None,
     workers: Annotated[
-        int, typer.Option("--workers", metavar="N", min=1, help="Processes that run an FMU without equations.")
+        int,
+        typer.Option(
+            "--workers", metavar="N", min=1, help="Processes that run an FMU without equations."
+        ),
     ] = 1,
     profile: Annotated[
         str | None,
-        option("--profile", metavar="PARAMETERS", help="Of the fitted ones: an interval by the likelihood itself."),
+        option(
+            "--profile",
+            metavar="PARAMETERS",
+            help="Of the fitted ones: an interval by the likelihood itself.",
+        ),
     ] = None,
     profile_plot: Annotated[
-        Path | None, option("--profile-plot", metavar="FILE", help="The profiles as a picture (.png, .svg or .pdf).")
+        Path | None,
+        option(
+            "--profile-plot", metavar="FILE", help="The profiles as a picture (.png, .svg or .pdf)."
+        ),
     ] = None,
     ssv: Annotated[
-        Path | None, option("--ssv", metavar="FILE", help="The values as a parameter set (.ssv), for any system.")
+        Path | None,
+        option(
+            "--ssv", metavar="FILE", help="The values as a parameter set (.ssv), for any system."
+        ),
     ] = None,
     result: Json = None,
     plot: Picture = None,
@@ -71,7 +84,12 @@ def identify(
     Outputs(
         {"the record": record, "the model": model_file(model)},
         {"--ssv": ssv, "--json": result, "--plot": plot, "--profile-plot": profile_plot},
-        {"--ssv": (".ssv",), "--json": JSON, "--plot": pictures.FORMATS, "--profile-plot": pictures.FORMATS},
+        {
+            "--ssv": (".ssv",),
+            "--json": JSON,
+            "--plot": pictures.FORMATS,
+            "--profile-plot": pictures.FORMATS,
+        },
     ).check()
     opened = open_model(model, "native", comma_list(effects, "--with"))
     parameters = opened.settings(settings or [], preset)
@@ -92,7 +110,9 @@ def identify(
         _write(found, ssv, plot, profile_plot)
 
 
-def _write(found: Comparison, ssv: Path | None, plot: Path | None, profile_plot: Path | None) -> None:
+def _write(
+    found: Comparison, ssv: Path | None, plot: Path | None, profile_plot: Path | None
+) -> None:
     from orchestration.identify import parameter_set
     from orchestration.reporting.console import wrote
 
@@ -113,7 +133,9 @@ def _profiled(text: str | None, names: list[str], plot: Path | None) -> list[str
     """Parameters of which a profile is wanted; refused before any work is done."""
     wanted = comma_list(text, "--profile")
     if text is not None and not wanted:
-        raise UserError(f"--profile {text!r}: name some of the fitted parameters, {','.join(names)}")
+        raise UserError(
+            f"--profile {text!r}: name some of the fitted parameters, {','.join(names)}"
+        )
     if strange := [name for name in wanted if name not in names]:
         raise UserError(f"--profile: {strange[0]} is not fitted; --fit has {','.join(names)}")
     if plot is not None and not wanted:

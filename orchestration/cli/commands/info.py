@@ -66,17 +66,26 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
     from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
-    groups = {"inputs": layout.inputs, "outputs": layout.measurable, "parameters": (*layout.parameters, *layout.texts)}
+    groups = {
+        "inputs": layout.inputs,
+        "outputs": layout.measurable,
+        "parameters": (*layout.parameters, *layout.texts),
+    }
     base, stacked = vars(cls).get("stacked", (cls, ()))
     there = [effect_name(effect) for effect in stacked]
     return _Facts(
-        name, (cls.__doc__ or "").strip().splitlines()[0] if cls.__doc__ else "",
+        name,
+        (cls.__doc__ or "").strip().splitlines()[0] if cls.__doc__ else "",
         {group: [declared_signal(v) for v in variables] for group, variables in groups.items()},
-        cls.experiment[1], cls.remark.splitlines(), cls.tolerance,
+        cls.experiment[1],
+        cls.remark.splitlines(),
+        cls.tolerance,
         {p.name: p.source for p in layout.parameters if p.source},
         {preset: about.doc for preset, about in cls.presets.items()},
-        base.name, there, [effect for n, effect in known_effects(cls).items() if n not in there],
-    )  # fmt: skip
+        base.name,
+        there,
+        [effect for n, effect in known_effects(cls).items() if n not in there],
+    )
 
 
 def _relaxes(effect: type[Effect]) -> str:
@@ -88,19 +97,34 @@ def _as_json(known: _Facts) -> dict[str, Any]:
     from fmus.kit.component import effect_name
 
     signals = {
-        group: [_signal(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {}) for s in among]
+        group: [
+            _signal(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {})
+            for s in among
+        ]
         for group, among in known.signals.items()
     }
     return {
-        "name": known.name, "summary": known.summary, **signals, "presets": dict(known.presets),
-        "made_from": known.made_from or None, "with": list(known.laid_over), "remarks": list(known.remarks),
+        "name": known.name,
+        "summary": known.summary,
+        **signals,
+        "presets": dict(known.presets),
+        "made_from": known.made_from or None,
+        "with": list(known.laid_over),
+        "remarks": list(known.remarks),
         "effects": [
-            {"name": effect_name(e), "id": e.id, "output": e.output or None, "summary": _first_line(e),
-             "parameter": e.neutral, "relaxes": _relaxes(e)}
+            {
+                "name": effect_name(e),
+                "id": e.id,
+                "output": e.output or None,
+                "summary": _first_line(e),
+                "parameter": e.neutral,
+                "relaxes": _relaxes(e),
+            }
             for e in known.effects
         ],
-        "step": known.step, "tolerance": known.tolerance,
-    }  # fmt: skip
+        "step": known.step,
+        "tolerance": known.tolerance,
+    }
 
 
 def _signal(signal: Signal) -> dict[str, Any]:
@@ -136,7 +160,9 @@ def _show(known: _Facts) -> None:
         out.print()
     table = plain_table("parameters", "name", "default", "allowed", "meaning")
     for s in known.signals["parameters"]:
-        table.add_row(s.name, show(s.default, s), "any text" if s.type == "string" else allowed(s), s.doc)
+        table.add_row(
+            s.name, show(s.default, s), "any text" if s.type == "string" else allowed(s), s.doc
+        )
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
         names = ", ".join(name for name, other in known.sources.items() if other == source)
@@ -156,7 +182,11 @@ def _show_effects(effects: Sequence[type[Effect]]) -> None:
     from fmus.kit.component import effect_name
     from orchestration.reporting.console import out, plain_table
 
-    table = plain_table("effects that --with lays over it", "effect", "what it is (what it relaxes; what switches it)")
+    table = plain_table(
+        "effects that --with lays over it",
+        "effect",
+        "what it is (what it relaxes; what switches it)",
+    )
     for effect in {(e.id, e.term.qualifier): e for e in effects}.values():
         name, switch = effect_name(effect), effect.neutral
         if effect.output:

@@ -41,10 +41,14 @@ Effects = Annotated[
     ),
 ]
 EffectOut = Annotated[
-    Path | None, option("--effect-out", metavar="F.py", help="The best correction as a class to lay over the model.")
+    Path | None,
+    option(
+        "--effect-out", metavar="F.py", help="The best correction as a class to lay over the model."
+    ),
 ]
 Fmu = Annotated[
-    Path | None, option("--fmu", help="The corrected model as FMU: F.fmu (native) and F.python.fmu beside it.")
+    Path | None,
+    option("--fmu", help="The corrected model as FMU: F.fmu (native) and F.python.fmu beside it."),
 ]
 
 
@@ -74,11 +78,26 @@ def laws(
     named = comma_list(effects, "--effects")
     considered = [] if named in ([], ["none"]) else named
     files = Files(
-        records, holdout or (), result, report, fmu, platforms=platform_list(platforms), effect=effect_out
-    )  # fmt: skip
+        records,
+        holdout or (),
+        result,
+        report,
+        fmu,
+        platforms=platform_list(platforms),
+        effect=effect_out,
+    )
     with standard_output_for(result):
         asking.run(
-            files, model or DEFAULT_MODEL, mapping or [], settings or [], considered, ["ppy", *sys.argv[1:]],
-            comma_list(hold, "--hold"), interpolate, comma_list(laid_over, "--with"), time, runs,
+            files,
+            model or DEFAULT_MODEL,
+            mapping or [],
+            settings or [],
+            considered,
+            ["ppy", *sys.argv[1:]],
+            comma_list(hold, "--hold"),
+            interpolate,
+            comma_list(laid_over, "--with"),
+            time,
+            runs,
             comma_list(each, "--each"),
-        )  # fmt: skip
+        )

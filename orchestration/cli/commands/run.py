@@ -35,43 +35,68 @@ def run(
     ] = None,
     settings: Annotated[
         list[str] | None,
-        option("--set", metavar="KEY=VALUE", help="Over the file: duration=20s, R1=610mohm, inputs.current.value=1."),
+        option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Over the file: duration=20s, R1=610mohm, inputs.current.value=1.",
+        ),
     ] = None,
     out: Annotated[
-        Path | None, option("--out", metavar="FILE", help="Result: .nc, .parquet (both can be run again) or .csv.")
+        Path | None,
+        option(
+            "--out", metavar="FILE", help="Result: .nc, .parquet (both can be run again) or .csv."
+        ),
     ] = None,
     plot: Annotated[
-        Path | None, option("--plot", metavar="FILE", help="Picture (.png, .svg, .pdf) or page (.html).")
+        Path | None,
+        option("--plot", metavar="FILE", help="Picture (.png, .svg, .pdf) or page (.html)."),
     ] = None,
     result: Json = None,
     runtime: Annotated[
         str | None, option("--runtime", help="Which build of components to run: native, python.")
     ] = None,
     real_time: Annotated[
-        bool, typer.Option("--real-time", help="Keep pace with the clock, as a rig does, and tell how well.")
+        bool,
+        typer.Option(
+            "--real-time", help="Keep pace with the clock, as a rig does, and tell how well."
+        ),
     ] = False,
     missed: Annotated[
-        str | None, option("--missed", metavar="WHAT", help="What a missed deadline does: warn (default) or stop.")
+        str | None,
+        option(
+            "--missed", metavar="WHAT", help="What a missed deadline does: warn (default) or stop."
+        ),
     ] = None,
     lag: Annotated[
         float | None,
         option(
-            "--lag", metavar="TIME", help="Lag beyond which the run stops in any case; default 1 s.", parser=seconds
+            "--lag",
+            metavar="TIME",
+            help="Lag beyond which the run stops in any case; default 1 s.",
+            parser=seconds,
         ),
     ] = None,
-    processor: Annotated[int | None, option("--cpu", metavar="N", help="The only processor to run on.")] = None,
-    priority: Annotated[bool, typer.Option("--priority", help="Ask for a higher priority.")] = False,
+    processor: Annotated[
+        int | None, option("--cpu", metavar="N", help="The only processor to run on.")
+    ] = None,
+    priority: Annotated[
+        bool, typer.Option("--priority", help="Ask for a higher priority.")
+    ] = False,
     isolate: Isolate = None,
     step_timeout: StepTimeout = None,
     memory_limit: MemoryLimit = None,
-    show_list: Annotated[bool, typer.Option("--list", help="List the experiments that ship.")] = False,
+    show_list: Annotated[
+        bool, typer.Option("--list", help="List the experiments that ship.")
+    ] = False,
 ) -> None:
     """Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit."""
     if show_list:
         _list()
         return
     if experiment is None:
-        raise UserError("ppy run needs the name or the file of an experiment (ppy run --list shows what there is)")
+        raise UserError(
+            "ppy run needs the name or the file of an experiment (ppy run --list shows what there is)"
+        )
     live = Options(real_time, missed, lag, processor, priority).live(out)
 
     def isolation(foreign: bool) -> Limits | None:
@@ -79,7 +104,9 @@ def run(
 
     heard = hearing_ctrl_c(None) if isolate is False and live is None else nullcontext()
     with standard_output_for(result), heard:
-        data, reproduced = _run(experiment, settings or [], runtime, out, plot, result, live, isolation)
+        data, reproduced = _run(
+            experiment, settings or [], runtime, out, plot, result, live, isolation
+        )
     if "failure" in data.attrs:
         raise UserError(data.attrs["failure"])
     if not data.attrs["complete"]:
@@ -144,7 +171,11 @@ def _run(
 
 
 def _make(
-    wanted: Experiment, name: str, out: Path | None, live: Live | None, isolation: Callable[[bool], Limits | None]
+    wanted: Experiment,
+    name: str,
+    out: Path | None,
+    live: Live | None,
+    isolation: Callable[[bool], Limits | None],
 ) -> xarray.Dataset:
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results
@@ -155,8 +186,13 @@ def _make(
         if out is not None:
             results.check(sketch, out)
 
-    if live is not None:  # no bar: what draws it is a thread, and takes its time when the next step should begin
-        err.print(f"running {name} in real time (FMUs that are not in the cache are built first)", soft_wrap=True)
+    if (
+        live is not None
+    ):  # no bar: what draws it is a thread, and takes its time when the next step should begin
+        err.print(
+            f"running {name} in real time (FMUs that are not in the cache are built first)",
+            soft_wrap=True,
+        )
         until = f"until {out} is written, what is recorded goes to {live.journal}"
         note("without --out nothing is kept" if out is None else until)
         with status_line(live) as telling:
@@ -190,7 +226,9 @@ def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mappin
     then, now = (json.loads(made.attrs["guids"]) for made in (earlier, data))
     for member in now:
         if then.get(member) != now[member]:
-            warn(f"{name} was made with another build of {member} ({then.get(member)}, now {now[member]})")
+            warn(
+                f"{name} was made with another build of {member} ({then.get(member)}, now {now[member]})"
+            )
     differences = results.differences(data, earlier)
     if not differences:
         out.print(f"every value is the same to the last bit as in {name}")
@@ -202,20 +240,31 @@ def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mappin
     return differences
 
 
-def _as_json(data: xarray.Dataset, again: str | None, differences: Mapping[str, float] | None) -> dict[str, Any]:
+def _as_json(
+    data: xarray.Dataset, again: str | None, differences: Mapping[str, float] | None
+) -> dict[str, Any]:
     """Gather what was run and the extremes of every signal, in the unit beside them."""
     import json
 
     about = data.attrs
     return {
-        "subject": about["subject"], "title": about["title"], "complete": bool(about["complete"]),
-        "points": int(data.time.size), "seconds": float(data.time[-1]), "guids": json.loads(about["guids"]),
+        "subject": about["subject"],
+        "title": about["title"],
+        "complete": bool(about["complete"]),
+        "points": int(data.time.size),
+        "seconds": float(data.time[-1]),
+        "guids": json.loads(about["guids"]),
         "signals": {
             str(name): {
-                "unit": signal.units, "role": signal.role, "smallest": float(signal.min()),
-                "largest": float(signal.max()), "last": float(signal[-1]),
+                "unit": signal.units,
+                "role": signal.role,
+                "smallest": float(signal.min()),
+                "largest": float(signal.max()),
+                "last": float(signal[-1]),
             }
             for name, signal in data.items()
         },
-        "again": None if differences is None else {"of": again, "same": not differences, "apart": dict(differences)},
-    }  # fmt: skip
+        "again": None
+        if differences is None
+        else {"of": again, "same": not differences, "apart": dict(differences)},
+    }

@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 def simulate(
     model: Model,
-    input_file: Annotated[Path | None, option("--input", help="Record with the inputs, held between samples.")] = None,
+    input_file: Annotated[
+        Path | None, option("--input", help="Record with the inputs, held between samples.")
+    ] = None,
     effects: With = None,
     settings: Set = None,
     preset: Preset = None,
@@ -39,7 +41,10 @@ def simulate(
     stop: Stop = None,
     step: Step = None,
     out: Annotated[
-        Path | None, option("--out", metavar="FILE", help="Inputs and outputs, with units: .csv, .nc or .parquet.")
+        Path | None,
+        option(
+            "--out", metavar="FILE", help="Inputs and outputs, with units: .csv, .nc or .parquet."
+        ),
     ] = None,
     plot: Picture = None,
     runtime: Runtime = "native",
@@ -68,14 +73,28 @@ def simulate(
         with hearing_ctrl_c(isolation), progress() as tell:
             tell(f"simulating {opened.title}")
             outputs = work.simulate(
-                opened, time, inputs, parameters, lambda done: tell.done(done, time.size), note, isolation
+                opened,
+                time,
+                inputs,
+                parameters,
+                lambda done: tell.done(done, time.size),
+                note,
+                isolation,
             )
     except work.Unfinished as stopped:
         if out is None:
             raise
         part, there = out.with_name(f"{out.stem}.part{out.suffix}"), len(stopped.time)
-        _write(part, opened, stopped.time, {name: values[:there] for name, values in inputs.items()}, stopped.outputs)
-        raise UserError(f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}") from stopped
+        _write(
+            part,
+            opened,
+            stopped.time,
+            {name: values[:there] for name, values in inputs.items()},
+            stopped.outputs,
+        )
+        raise UserError(
+            f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}"
+        ) from stopped
     _show(opened, time, outputs)
     if out is not None:
         _write(out, opened, time, inputs, outputs)
@@ -86,9 +105,13 @@ def simulate(
 
 
 def _stimulus(
-    model: FoundModel, file: Path | None, mapping: list[str], parameters: Mapping[str, Value],
-    stop: float | None, step: float | None,
-) -> tuple[Array, dict[str, Array]]:  # fmt: skip
+    model: FoundModel,
+    file: Path | None,
+    mapping: list[str],
+    parameters: Mapping[str, Value],
+    stop: float | None,
+    step: float | None,
+) -> tuple[Array, dict[str, Array]]:
     """Communication points, shape (n,) in s, and inputs over them: a record's, else constant ones as they are set."""
     import numpy as np
 
@@ -110,7 +133,9 @@ def _stimulus(
         usual: Any = read_description(model.path).defaultExperiment
         last = stop if stop is not None else float(getattr(usual, "stopTime", None) or 10.0)
         time = work.grid(0.0, last, step if step is not None else _step(usual, last))
-    constant = {n: np.full(time.size, value) for n, value in parameters.items() if n in model.inputs}
+    constant = {
+        n: np.full(time.size, value) for n, value in parameters.items() if n in model.inputs
+    }
     return time, constant | recorded
 
 
@@ -125,13 +150,19 @@ def _show(model: FoundModel, time: Array, outputs: Mapping[str, Array]) -> None:
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)
     for name, values in outputs.items():
-        table.add_row(name, *(shown(v, model.outputs[name]) for v in (values.min(), values.max(), values[-1])))
+        table.add_row(
+            name, *(shown(v, model.outputs[name]) for v in (values.min(), values.max(), values[-1]))
+        )
     out.print(f"{model.title}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
     out.print(table)
 
 
 def _write(
-    path: Path, model: FoundModel, time: Array, inputs: Mapping[str, Array], outputs: Mapping[str, Array]
+    path: Path,
+    model: FoundModel,
+    time: Array,
+    inputs: Mapping[str, Array],
+    outputs: Mapping[str, Array],
 ) -> None:
     """Write inputs and outputs in the format of the file's ending."""
     signals = {**model.inputs, **model.outputs}

@@ -11,7 +11,18 @@ import typer
 
 from fmus.kit.errors import UserError
 from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, told
-from orchestration.cli.options import Model, Picture, Preset, Runtime, Set, Step, Stop, With, comma_list, option
+from orchestration.cli.options import (
+    Model,
+    Picture,
+    Preset,
+    Runtime,
+    Set,
+    Step,
+    Stop,
+    With,
+    comma_list,
+    option,
+)
 from orchestration.cli.outputs import Outputs
 
 if TYPE_CHECKING:
@@ -34,13 +45,25 @@ Over = Annotated[
 ]
 DesignKind = Annotated[
     str,
-    typer.Option("--design", help="grid, list (first values together, then second ones), draws (a list drawn at "
-                 "random: bands), latin-hypercube, sobol; sobol-indices, tornado: which parameters matter."),
-]  # fmt: skip
-Samples = Annotated[int | None, option("--samples", metavar="N", help="Cases of latin-hypercube and sobol; of "
-                                       "sobol-indices for each parameter, and twice as many.")]  # fmt: skip
+    typer.Option(
+        "--design",
+        help="grid, list (first values together, then second ones), draws (a list drawn at "
+        "random: bands), latin-hypercube, sobol; sobol-indices, tornado: which parameters matter.",
+    ),
+]
+Samples = Annotated[
+    int | None,
+    option(
+        "--samples",
+        metavar="N",
+        help="Cases of latin-hypercube and sobol; of "
+        "sobol-indices for each parameter, and twice as many.",
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is chosen at random.")]
-Kept = Annotated[str | None, option("--outputs", help="Which outputs are kept, e.g. voltage,charge.")]
+Kept = Annotated[
+    str | None, option("--outputs", help="Which outputs are kept, e.g. voltage,charge.")
+]
 FittedFile = Annotated[
     Path | None,
     option(
@@ -51,15 +74,24 @@ FittedFile = Annotated[
 ]
 Keep = Annotated[
     str | None,
-    option("--keep", help="What of each: last,smallest,largest as a rule, mean, rms, trace (all of it; of --fitted)."),
+    option(
+        "--keep",
+        help="What of each: last,smallest,largest as a rule, mean, rms, trace (all of it; of --fitted).",
+    ),
 ]
 Engine = Annotated[
     str,
-    typer.Option("--engine", help="auto, fmu, or compiled: the equations of a component, faster, same numbers."),
+    typer.Option(
+        "--engine",
+        help="auto, fmu, or compiled: the equations of a component, faster, same numbers.",
+    ),
 ]
 Workers = Annotated[int, typer.Option("--workers", metavar="N", help="Processes that run cases.")]
 Scheduler = Annotated[
-    str | None, option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://10.0.0.5:8786.")
+    str | None,
+    option(
+        "--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://10.0.0.5:8786."
+    ),
 ]
 Out = Annotated[
     Path | None,
@@ -101,19 +133,32 @@ def sweep(
 
     _check_outputs(model, fitted, out, plot)
     folder = out and out.with_name(f"{out.name}.part")
-    how: dict[str, Any] = {"engine": engine, "workers": workers, "scheduler": scheduler, "folder": folder,
-                           "isolate": isolate, "limits": told(isolate, step_timeout, memory_limit),
-                           "check": _check(out, plot)}  # fmt: skip
+    how: dict[str, Any] = {
+        "engine": engine,
+        "workers": workers,
+        "scheduler": scheduler,
+        "folder": folder,
+        "isolate": isolate,
+        "limits": told(isolate, step_timeout, memory_limit),
+        "check": _check(out, plot),
+    }
     if Path(model).suffix.lower() in _TOML:
         _refuse_beside_file(context)
         work = _of_file(Path(model))
     else:
         what = {
-            "stop": stop, "step": step, "kind": design, "samples": samples, "seed": seed, "fitted": fitted,
+            "stop": stop,
+            "step": step,
+            "kind": design,
+            "samples": samples,
+            "seed": seed,
+            "fitted": fitted,
             "outputs": comma_list(outputs, "--outputs"),
             "keep": comma_list(keep, "--keep") if keep is not None else None,
-        }  # fmt: skip
-        work = _of_options(model, over or [], runtime, comma_list(effects, "--with"), settings or [], preset, what)
+        }
+        work = _of_options(
+            model, over or [], runtime, comma_list(effects, "--with"), settings or [], preset, what
+        )
     with console.progress() as tell:
         tell(f"sweeping {model}")
         data = work(progress=tell.done, **how)
@@ -177,9 +222,14 @@ def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: P
 
 
 def _of_options(
-    model: str, over: list[str], runtime: str, effects: list[str], settings: list[str], preset: str | None,
+    model: str,
+    over: list[str],
+    runtime: str,
+    effects: list[str],
+    settings: list[str],
+    preset: str | None,
     what: dict[str, Any],
-) -> Callable[..., xarray.Dataset]:  # fmt: skip
+) -> Callable[..., xarray.Dataset]:
     """Say what is run as options do."""
     from orchestration.api.sweeping import sweep as work
     from orchestration.cli.models import open_model
@@ -194,7 +244,11 @@ def _of_options(
     what["keep"] = [*KEPT] if what["keep"] is None else what["keep"]
     # what is swept goes through its values whatever a preset has for it
     kept = what["kind"] == tornado.KIND  # where the others stay meanwhile
-    usual = {name: value for name, value in opened.settings([], preset).items() if kept or name not in named}
+    usual = {
+        name: value
+        for name, value in opened.settings([], preset).items()
+        if kept or name not in named
+    }
     given = usual | opened.settings(settings)
     for line in [] if fit is None else fit.differences(given):
         note(line)
@@ -207,7 +261,9 @@ def _drawn(fit: Fitted, over: list[str], what: dict[str, Any]) -> dict[str, Any]
     from orchestration.sweeps.sensitivity.bands import KIND
 
     if over or what["kind"] != "grid":
-        raise UserError(f"--fitted {fit.path}: parameters are drawn from it; leave out --over and --design")
+        raise UserError(
+            f"--fitted {fit.path}: parameters are drawn from it; leave out --over and --design"
+        )
     drawn = fit.draws(what["samples"], what["seed"])
     what.update(kind=KIND, samples=None, keep=[TRACE] if what["keep"] is None else what["keep"])
     return drawn
@@ -222,15 +278,28 @@ def _of_file(path: Path) -> Callable[..., xarray.Dataset]:
 
 
 _BESIDE_FILE = (
-    "context", "model", "engine", "workers", "scheduler", "out", "plot", "isolate", "step_timeout", "memory_limit",
-)  # fmt: skip
+    "context",
+    "model",
+    "engine",
+    "workers",
+    "scheduler",
+    "out",
+    "plot",
+    "isolate",
+    "step_timeout",
+    "memory_limit",
+)
 
 
 def _refuse_beside_file(context: typer.Context) -> None:
     """Refuse options about what is run where a file says it."""
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name or "")
-        if parameter.name not in _BESIDE_FILE and source is not None and source.name == "COMMANDLINE":
+        if (
+            parameter.name not in _BESIDE_FILE
+            and source is not None
+            and source.name == "COMMANDLINE"
+        ):
             raise UserError(f"{parameter.opts[0]}: the file says what is run; change it there")
 
 
@@ -274,8 +343,14 @@ def _show(data: xarray.Dataset) -> None:
     for name, array in data.items():
         if name == "failure":
             continue
-        ends = [(np.fmin.reduce(part, axis=None), np.fmax.reduce(part, axis=None)) for part in pieces(array)]
-        smallest, largest = np.fmin.reduce([low for low, _ in ends]), np.fmax.reduce([high for _, high in ends])
+        ends = [
+            (np.fmin.reduce(part, axis=None), np.fmax.reduce(part, axis=None))
+            for part in pieces(array)
+        ]
+        smallest, largest = (
+            np.fmin.reduce([low for low, _ in ends]),
+            np.fmax.reduce([high for _, high in ends]),
+        )
         if np.isfinite(smallest):
             table.add_row(str(name), f"{smallest:.6g}", f"{largest:.6g}", array.units)
     out.print(table)

@@ -26,7 +26,9 @@ systems = typer.Typer(
 Name = Annotated[
     str,
     typer.Argument(
-        metavar="NAME_OR_SSP", help="A system (see ppy system list) or its file.", autocompletion=complete_systems
+        metavar="NAME_OR_SSP",
+        help="A system (see ppy system list) or its file.",
+        autocompletion=complete_systems,
     ),
 ]
 
@@ -63,7 +65,10 @@ def _show_members(system: System) -> None:
 
     table = plain_table(None, "member", "FMU", "values given to it")
     for member in system.members:
-        given = [f"{name}={_given(value, variable(member, name))}" for name, value in member.parameters.items()]
+        given = [
+            f"{name}={_given(value, variable(member, name))}"
+            for name, value in member.parameters.items()
+        ]
         table.add_row(member.name, member.fmu.name, ", ".join(given))
     out.print()
     out.print(table)
@@ -86,9 +91,13 @@ def _show_connections(system: System) -> None:
         table.add_row(f"{connection.source}{factor}{offset}", "→", str(connection.target), unit)
     for name, ports in system.inputs.items():
         for port in ports:
-            table.add_row(f"input {name}", "→", str(port), models[port.member].inputs[port.variable].unit)
+            table.add_row(
+                f"input {name}", "→", str(port), models[port.member].inputs[port.variable].unit
+            )
     for name, port in system.outputs.items():
-        table.add_row(str(port), "→", f"output {name}", models[port.member].outputs[port.variable].unit)
+        table.add_row(
+            str(port), "→", f"output {name}", models[port.member].outputs[port.variable].unit
+        )
     out.print()
     out.print(table)
 
@@ -97,7 +106,8 @@ def _show_connections(system: System) -> None:
 def draw(
     name: Name,
     out: Annotated[
-        Path | None, option("--out", metavar="FILE", help="Picture (.png, .svg or .pdf); default NAME.png.")
+        Path | None,
+        option("--out", metavar="FILE", help="Picture (.png, .svg or .pdf); default NAME.png."),
     ] = None,
 ) -> None:
     """Draw a system: members as boxes, connections as arrows."""
@@ -117,11 +127,16 @@ def draw(
 @systems.command()
 def export(
     name: Name,
-    out: Annotated[Path | None, option("--out", help="The .ssp, or a .ssd with resources/; default NAME.ssp.")] = None,
+    out: Annotated[
+        Path | None, option("--out", help="The .ssp, or a .ssd with resources/; default NAME.ssp.")
+    ] = None,
     runtime: Runtime = "native",
     connectors: Annotated[
         bool,
-        typer.Option("--connectors", help="Inputs and outputs as connectors of the system; not for libcosim, Ecos."),
+        typer.Option(
+            "--connectors",
+            help="Inputs and outputs as connectors of the system; not for libcosim, Ecos.",
+        ),
     ] = False,
 ) -> None:
     """Write a system with its FMUs as SSP 1.0, for any master that reads it."""
@@ -137,7 +152,9 @@ def export(
 
 
 @systems.command("check")
-def check_file(file: Annotated[Path, typer.Argument(metavar="FILE.ssp", help="System, ours or anybody's.")]) -> None:
+def check_file(
+    file: Annotated[Path, typer.Argument(metavar="FILE.ssp", help="System, ours or anybody's.")],
+) -> None:
     """Check a system: everything connected exists and fits, and every input has one source."""
     from orchestration.reporting.console import out
     from orchestration.system.check import check
@@ -160,7 +177,9 @@ def _opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
     path = Path(name_or_file)
     if path.suffix.lower() in ENDINGS or path.exists():
         if path.suffix.lower() not in ENDINGS:
-            raise UserError(f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of {', '.join(library.NAMES)}")
+            raise UserError(
+                f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of {', '.join(library.NAMES)}"
+            )
         with scratch.folder("ssp") as folder:
             yield ssp.read(path, folder)
         return

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def thesis(
-    out: Annotated[Path, typer.Option(metavar="FOLDER_OR_HTML", help="Where the page goes.")] = Path("thesis.html"),
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER_OR_HTML", help="Where the page goes.")
+    ] = Path("thesis.html"),
     result: Json = None,
 ) -> None:
     """Recompute the thesis: every table and simulated figure, what holds, what does not and why."""
@@ -24,21 +26,31 @@ def thesis(
     Outputs(writes={"--out": page.target(out), "--json": result}, endings={"--json": JSON}).check()
     with standard_output_for(result):
         page.run(out)
-        write_json(result, {
-            "chapters": [
-                {"title": title, "claims": [_as_json(claim) for claim in claims]}
-                for title, claims in chapters.claims().items()
-            ],
-            "errata": [
-                {"number": e.number, "where": e.where, "printed": e.printed, "holds": e.holds}
-                for e in chapters.errata()
-            ],
-        })  # fmt: skip
+        write_json(
+            result,
+            {
+                "chapters": [
+                    {"title": title, "claims": [_as_json(claim) for claim in claims]}
+                    for title, claims in chapters.claims().items()
+                ],
+                "errata": [
+                    {"number": e.number, "where": e.where, "printed": e.printed, "holds": e.holds}
+                    for e in chapters.errata()
+                ],
+            },
+        )
 
 
 def _as_json(claim: Claim) -> dict[str, Any]:
     return {
-        "where": claim.where, "what": claim.what, "published": claim.published, "reproduced": claim.reproduced,
-        "unit": claim.unit or None, "verdict": claim.verdict, "difference": claim.difference,
-        "reason": claim.reason or None, "erratum": claim.erratum, "from_print": claim.inferred,
-    }  # fmt: skip
+        "where": claim.where,
+        "what": claim.what,
+        "published": claim.published,
+        "reproduced": claim.reproduced,
+        "unit": claim.unit or None,
+        "verdict": claim.verdict,
+        "difference": claim.difference,
+        "reason": claim.reason or None,
+        "erratum": claim.erratum,
+        "from_print": claim.inferred,
+    }

@@ -14,9 +14,12 @@ from orchestration.cli.options import RigEndpoint, option
 
 def bridge(
     endpoint: RigEndpoint,
-    credentials: Annotated[Path, option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys).")],
+    credentials: Annotated[
+        Path, option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys).")
+    ],
     port: Annotated[
-        int, typer.Option("--port", min=1, max=65534, help="On this machine; telemetry is one higher.")
+        int,
+        typer.Option("--port", min=1, max=65534, help="On this machine; telemetry is one higher."),
     ] = PORT,
 ) -> None:
     """Carry proxies that cannot encrypt to a server with keys: plain on this machine only, CURVE beyond it."""
@@ -27,7 +30,9 @@ def bridge(
 
     remote, local = read_endpoint(endpoint, credentials, warn), f"tcp://{LOOPBACK}:{port}"
     if remote.requests == local:
-        raise UserError(f"--endpoint {endpoint}: this is the bridge itself; --port chooses another port for it")
+        raise UserError(
+            f"--endpoint {endpoint}: this is the bridge itself; --port chooses another port for it"
+        )
     with until_told():
         carries = Bridge(remote, port, note)
         out.print(f"{local} is carried on to {remote.requests} (Ctrl-C ends it)")

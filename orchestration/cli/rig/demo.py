@@ -11,10 +11,12 @@ from orchestration.cli.options import option
 
 
 def demo(
-    out: Annotated[Path, option("--out", metavar="FOLDER", help="Everything that is made goes here.")] = Path(
-        "hil-output"
-    ),
-    seed: Annotated[int, typer.Option("--seed", help="Which emulated rig, and which effect is hidden in it.")] = 1,
+    out: Annotated[
+        Path, option("--out", metavar="FOLDER", help="Everything that is made goes here.")
+    ] = Path("hil-output"),
+    seed: Annotated[
+        int, typer.Option("--seed", help="Which emulated rig, and which effect is hidden in it.")
+    ] = 1,
 ) -> None:
     """Close the loop once, in real time, on an emulated rig in which an effect is hidden."""
     from orchestration.cli.rig.demonstration import run

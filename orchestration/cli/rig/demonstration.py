@@ -85,25 +85,34 @@ def run(out: Path, seed: int) -> Path:
     options = {"hidden": "drawn", "seed": str(seed)}
     record = out / "record.nc"
     with _served(out, options) as endpoint:
-        _command("rig", "record", "--stimulus", "identification", "--out", record, "--endpoint", endpoint)
+        _command(
+            "rig", "record", "--stimulus", "identification", "--out", record, "--endpoint", endpoint
+        )
     with screen.progress() as tell:
         diagnosed = diagnose(record, MODEL, progress=tell)
-        diagnosed.report(out / "diagnosis.html", f"ppy diagnose {record.name} --report diagnosis.html")
+        diagnosed.report(
+            out / "diagnosis.html", f"ppy diagnose {record.name} --report diagnosis.html"
+        )
         (extended, *_) = diagnosed.fmu(out / "extended.fmu")
     print(diagnosed)
     with _served(out, options) as endpoint, screen.progress() as tell:
         tell(f"the same rig, rested; the extended model runs beside it for {_BESIDE:g} s")
         time = np.arange(round(_BESIDE * _RATE) + 1) / _RATE
         beside = run_system(
-            side_by_side(endpoint, extended), time, _inputs(time, seed), real_time=RealTime(),
+            side_by_side(endpoint, extended),
+            time,
+            _inputs(time, seed),
+            real_time=RealTime(),
             feedthrough=False,  # all are read at the end of a step, as the rig can only be
             progress=lambda done: tell.done(done, time.size),
-        )  # fmt: skip
+        )
     hidden = Emulator(**options).tell()
     results = Results(diagnosed, beside, errors(beside), hidden, perf_counter() - begin)
     for name in OUTPUTS:
         before, after = (100.0 * results.errors[model][name] for model in ("nominal", "extended"))
-        print(f"beside the rig, in real time: error of {name} {before:.1f} % nominal -> {after:.1f} % extended")
+        print(
+            f"beside the rig, in real time: error of {name} {before:.1f} % nominal -> {after:.1f} % extended"
+        )
     print(f"what the rig hides: {hidden}")
     page = demonstration_page.write(out, results)
     print(f"report: {page}")
@@ -125,7 +134,9 @@ def side_by_side(endpoint: str, extended: Path) -> System:
         Member("nominal", find_model(MODEL).path),
         Member("extended", extended),
     )
-    inputs = {name: tuple(Port(member.name, name) for member in members) for name in ("current", "force")}
+    inputs = {
+        name: tuple(Port(member.name, name) for member in members) for name in ("current", "force")
+    }
     return System("beside_the_rig", members, (), inputs, step=1.0 / _RATE, stop=_BESIDE)
 
 

@@ -50,26 +50,33 @@ def write(folder: Path, results: Results) -> Path:
         f"{found.sentence} Beside the rig, in real time, on levels that no fit has seen, the error goes: {gains}.",
     )
     page.picture(
-        picture, "The rig, the nominal model and the extended one, driven alike in one run; below, what each leaves."
+        picture,
+        "The rig, the nominal model and the extended one, driven alike in one run; below, what each leaves.",
     )
     page.heading("What was done")
-    page.items([
-        "An emulated rig was served in real time: its own equations, noise, and a hidden effect drawn by a seed.",
-        "Random levels of current and force were put on it for 45 s at 30 Hz, and what it answered was recorded.",
-        Markup('The record was diagnosed as it stands: <a href="diagnosis.html">what was found, and why</a>.'),
-        "The extended model became an FMU and ran beside the rig, with the rig's proxy and the nominal model.",
-        f"At the end the rig was asked what it hides: {results.hidden}.",
-    ])  # fmt: skip
+    page.items(
+        [
+            "An emulated rig was served in real time: its own equations, noise, and a hidden effect drawn by a seed.",
+            "Random levels of current and force were put on it for 45 s at 30 Hz, and what it answered was recorded.",
+            Markup(
+                'The record was diagnosed as it stands: <a href="diagnosis.html">what was found, and why</a>.'
+            ),
+            "The extended model became an FMU and ran beside the rig, with the rig's proxy and the nominal model.",
+            f"At the end the rig was asked what it hides: {results.hidden}.",
+        ]
+    )
     page.heading("How well the link did")
     page.table(["quantity", "median", "largest"], _link(results.beside))
     page.text(f"{results.beside.statistics.pacing}. All of it took {results.seconds:.0f} s.")
     page.heading("How to do it with a rig of your own")
-    page.code([
-        "ppy rig serve --backend nidaqmx --option calibration=rig.toml   # in a terminal of its own",
-        "ppy rig watch                                                   # in another: live view and a stop button",
-        "ppy rig record --stimulus identification --out record.nc",
-        "ppy diagnose record.nc --report diagnosis.html --fmu extended.fmu",
-    ])  # fmt: skip
+    page.code(
+        [
+            "ppy rig serve --backend nidaqmx --option calibration=rig.toml   # in a terminal of its own",
+            "ppy rig watch                                                   # in another: live view and a stop button",
+            "ppy rig record --stimulus identification --out record.nc",
+            "ppy diagnose record.nc --report diagnosis.html --fmu extended.fmu",
+        ]
+    )
     page.write(folder / "hil.html")
     return folder / "hil.html"
 
@@ -77,10 +84,15 @@ def write(folder: Path, results: Results) -> Path:
 def _link(run: Run) -> list[list[str]]:
     """Rows on age, round trip and missed deadlines."""
     rows = []
-    for name, signal in (("age of the displacement", "displacement_age"), ("round trip", "round_trip_time")):
+    for name, signal in (
+        ("age of the displacement", "displacement_age"),
+        ("round trip", "round_trip_time"),
+    ):
         values = _MILLI * run.signals[f"rig.{signal}"]
         rows.append([name, f"{np.median(values):.3g} ms", f"{np.max(values):.3g} ms"])
-    rows.append(["missed deadlines of the link", "", f"{run.signals['rig.missed_deadlines'][-1]:.0f}"])
+    rows.append(
+        ["missed deadlines of the link", "", f"{run.signals['rig.missed_deadlines'][-1]:.0f}"]
+    )
     return rows
 
 
@@ -91,11 +103,19 @@ def _draw(path: Path, run: Run) -> None:
     time = run.time[1:]
     figure = Figure(figsize=(9.0, 7.2), layout="constrained")
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(2.0, 1.0, 2.0, 1.0))
-    for (name, (factor, unit)), above, below in zip(_SCALES.items(), axes[::2], axes[1::2], strict=True):
+    for (name, (factor, unit)), above, below in zip(
+        _SCALES.items(), axes[::2], axes[1::2], strict=True
+    ):
         measured = factor * run.signals[f"rig.{name}"][1:]  # before that it had not been commanded
         for member, colour in _COLOURS.items():
             values = factor * run.signals[f"{member}.{name}"][1:]
-            above.plot(time, values, color=colour, lw=2.2 if member == "rig" else 1.1, label=_LABELS[member])
+            above.plot(
+                time,
+                values,
+                color=colour,
+                lw=2.2 if member == "rig" else 1.1,
+                label=_LABELS[member],
+            )
             if member != "rig":
                 below.plot(time, measured - values, color=colour, lw=0.9)
         above.set_ylabel(f"{name} ({unit})")

@@ -11,9 +11,14 @@ from orchestration.cli.options import option
 
 
 def keys(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the key files go, or are.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Where the key files go, or are.")
+    ],
     client: Annotated[
-        str | None, option("--client", metavar="NAME", help="Make keys for one more client of the server there.")
+        str | None,
+        option(
+            "--client", metavar="NAME", help="Make keys for one more client of the server there."
+        ),
     ] = None,
 ) -> None:
     """Make CURVE keys: rig-server.toml for the server, rig-client.toml for its client; nothing is overwritten."""

@@ -12,14 +12,19 @@ from orchestration.cli.options import Credentials, Json, RigEndpoint, option
 from orchestration.cli.outputs import STANDARD_OUTPUT, write_json
 from orchestration.reporting.console import warn
 
-Timeout = Annotated[float, typer.Option("--timeout", min=0.05, max=60.0, help="How long to wait for an answer, in s.")]
+Timeout = Annotated[
+    float,
+    typer.Option("--timeout", min=0.05, max=60.0, help="How long to wait for an answer, in s."),
+]
 
 
 def stop(
     endpoint: RigEndpoint = ENDPOINT,
     credentials: Credentials = None,
     timeout: Timeout = 2.0,
-    reason: Annotated[str, option("--reason", metavar="TEXT", help="For the log.")] = "ppy rig stop",
+    reason: Annotated[
+        str, option("--reason", metavar="TEXT", help="For the log.")
+    ] = "ppy rig stop",
     result: Json = None,
 ) -> None:
     """Stop the rig at once: its safe state, until ppy rig acknowledge."""
@@ -30,7 +35,10 @@ def stop(
 
 
 def acknowledge(
-    endpoint: RigEndpoint = ENDPOINT, credentials: Credentials = None, timeout: Timeout = 5.0, result: Json = None
+    endpoint: RigEndpoint = ENDPOINT,
+    credentials: Credentials = None,
+    timeout: Timeout = 5.0,
+    result: Json = None,
 ) -> None:
     """Let the rig be used again after a safe state; the client has to connect anew."""
     from orchestration.rig import operator
@@ -43,7 +51,10 @@ def acknowledge(
 
 
 def status(
-    endpoint: RigEndpoint = ENDPOINT, credentials: Credentials = None, timeout: Timeout = 2.0, result: Json = None
+    endpoint: RigEndpoint = ENDPOINT,
+    credentials: Credentials = None,
+    timeout: Timeout = 2.0,
+    result: Json = None,
 ) -> None:
     """Say how the rig is: idle, running or safe, who commands it, and what was dropped."""
     from orchestration.rig.endpoint import read_endpoint

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from fmus.kit.errors import UserError
 from fmus.rig_proxy.protocol import ENDPOINT
-from orchestration.cli.options import Credentials, RigEndpoint, complete_experiments, option, seconds
+from orchestration.cli.options import (
+    Credentials,
+    RigEndpoint,
+    complete_experiments,
+    option,
+    seconds,
+)
 from orchestration.cli.outputs import SIGNALS, Outputs
 from orchestration.cli.real_time import JOURNAL, keep, status_line
 
@@ -24,7 +30,9 @@ def record(
     stimulus: Annotated[
         str,
         option(
-            "--stimulus", metavar="FILE.toml|NAME", help="Experiment whose inputs drive the rig, as for ppy run.",
+            "--stimulus",
+            metavar="FILE.toml|NAME",
+            help="Experiment whose inputs drive the rig, as for ppy run.",
             autocompletion=complete_experiments,
         ),
     ],
@@ -32,16 +40,23 @@ def record(
     endpoint: RigEndpoint = ENDPOINT,
     credentials: Credentials = None,
     rate: Annotated[
-        float | None, option("--rate", metavar="HZ", help="Rows a second; default those of the experiment.")
+        float | None,
+        option("--rate", metavar="HZ", help="Rows a second; default those of the experiment."),
     ] = None,
     max_age: Annotated[
         float | None,
-        option("--max-age", metavar="TIME", help="Older values become gaps; default two steps.", parser=seconds),
+        option(
+            "--max-age",
+            metavar="TIME",
+            help="Older values become gaps; default two steps.",
+            parser=seconds,
+        ),
     ] = None,
     settings: Annotated[
-        list[str] | None, option("--set", metavar="KEY=VALUE", help="Over the file: duration=20s, inputs.force=0.")
+        list[str] | None,
+        option("--set", metavar="KEY=VALUE", help="Over the file: duration=20s, inputs.force=0."),
     ] = None,
-) -> None:  # fmt: skip
+) -> None:
     """Drive the rig with an experiment, without any model, and record what it does."""
     import numpy as np
 
@@ -71,14 +86,18 @@ def record(
     terminal.print(f"{data.attrs['subject']}: {held}")
     wrote(out, "" if data.attrs["complete"] else "incomplete")
     if not any(np.isfinite(data[name]).any() for name in planned.outputs):
-        raise UserError(f"{out} holds no measured value: none was younger than {planned.max_age:g} s (--max-age)")
+        raise UserError(
+            f"{out} holds no measured value: none was younger than {planned.max_age:g} s (--max-age)"
+        )
     if "failure" in data.attrs:
         raise UserError(f"{data.attrs['failure']}; {out} holds {held}")
     if not data.attrs["complete"]:
         raise KeyboardInterrupt
 
 
-def _drive(planned: Plan, remote: Endpoint, credentials: Path | None, where: str, live: Live) -> xarray.Dataset:
+def _drive(
+    planned: Plan, remote: Endpoint, credentials: Path | None, where: str, live: Live
+) -> xarray.Dataset:
     """Drive the rig, with a journal on the disk and a status line."""
     from contextlib import ExitStack
 
@@ -95,9 +114,14 @@ def _drive(planned: Plan, remote: Endpoint, credentials: Path | None, where: str
         opened.callback(link.close)
         journal = _journal(live, planned)
         opened.callback(journal.close)
-        err.print(f"driving the rig at {remote.requests} for {planned.time[-1]:g} s", soft_wrap=True)
+        err.print(
+            f"driving the rig at {remote.requests} for {planned.time[-1]:g} s", soft_wrap=True
+        )
         note(f"until the record is written, it goes to {live.journal}")
-        telling, interrupt = opened.enter_context(status_line(live)), opened.enter_context(deferred())
+        telling, interrupt = (
+            opened.enter_context(status_line(live)),
+            opened.enter_context(deferred()),
+        )
         opened.enter_context(on_termination(lambda: setattr(interrupt, "pressed", True)))
         opened.enter_context(undisturbed())
         recorded = drive(link, planned, interrupt, journal.add, telling.look, lambda: journal.error)

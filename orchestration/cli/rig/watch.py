@@ -14,9 +14,14 @@ def watch(
     endpoint: RigEndpoint = ENDPOINT,
     credentials: Credentials = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Of the page, on this machine; 0 takes a free one.")
+        int,
+        typer.Option(
+            "--port", min=0, max=65535, help="Of the page, on this machine; 0 takes a free one."
+        ),
     ] = 8765,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+    ] = True,
 ) -> None:
     """Show a rig in a browser: signals, limits, ages, state, and a stop button. It can command nothing but stop."""
     import webbrowser
@@ -35,7 +40,11 @@ def watch(
     def stop() -> dict[str, object]:
         return ask(remote, "stop", reason="stop button of ppy rig watch")
 
-    with until_told(), Listener(remote, feed), PageServer(port, remote.requests, feed, stop) as page:
+    with (
+        until_told(),
+        Listener(remote, feed),
+        PageServer(port, remote.requests, feed, stop) as page,
+    ):
         out.print(f"watching {remote.requests} at {page.address} (Ctrl-C ends it)")
         if browser:
             Thread(target=webbrowser.open, args=(page.address,), daemon=True).start()

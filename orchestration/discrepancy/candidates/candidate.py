@@ -48,7 +48,9 @@ def own_parameters(effect: type[Effect]) -> list[str]:
     return sorted(names, key=lambda name: name != effect.neutral)
 
 
-def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]) -> list[type[Effect]]:
+def catalogue(
+    cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]
+) -> list[type[Effect]]:
     """Every effect that a record with these outputs can speak of, but those that are laid over already.
 
     Parameters
@@ -63,6 +65,12 @@ def catalogue(cls: type[Component], physics: Mapping[str, type[Effect]], measure
     -------
     list of type[Effect]
     """
-    wanted, there = set(measured), {label(effect) for effect in vars(cls).get("stacked", (cls, ()))[1]}
-    known = [*physics.values(), *(effect for effect in measurement_effects(cls) if effect.output in wanted)]
+    wanted, there = (
+        set(measured),
+        {label(effect) for effect in vars(cls).get("stacked", (cls, ()))[1]},
+    )
+    known = [
+        *physics.values(),
+        *(effect for effect in measurement_effects(cls) if effect.output in wanted),
+    ]
     return [effect for effect in known if label(effect) not in there]

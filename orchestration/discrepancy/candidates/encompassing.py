@@ -48,7 +48,9 @@ class Amount:
 
 
 def encompassing(
-    model: FittedCandidate, others: Sequence[Mapping[str, Array]], disturbances: Sequence[Mapping[str, Array]] = ()
+    model: FittedCandidate,
+    others: Sequence[Mapping[str, Array]],
+    disturbances: Sequence[Mapping[str, Array]] = (),
 ) -> list[Amount]:
     """Estimate how much of other simulations a record asks for, all of them beside each other.
 
@@ -76,20 +78,29 @@ def encompassing(
     slopes, innovation, noises = np.vstack(rows), np.concatenate(errors), list(fit.noise.values())
     ends = np.cumsum([len(error) for error in errors])[:-1]
     amounts = np.zeros(slopes.shape[1])
-    for _ in range(_ROUNDS):  # what is far out in heavy tails, and by what is asked for, counts less
+    for _ in range(
+        _ROUNDS
+    ):  # what is far out in heavy tails, and by what is asked for, counts less
         left = np.split(innovation + slopes @ amounts, ends)
-        weight = np.concatenate([n.weights(e) for n, e in zip(noises, left, strict=True)])[:, np.newaxis]
+        weight = np.concatenate([n.weights(e) for n, e in zip(noises, left, strict=True)])[
+            :, np.newaxis
+        ]
         weighted = weight * slopes
-        spread = covariance(weighted.T @ slopes, np.append(fit.prior_precision, np.zeros(len(others))))
+        spread = covariance(
+            weighted.T @ slopes, np.append(fit.prior_precision, np.zeros(len(others)))
+        )
         amounts = -spread.matrix @ (weighted.T @ innovation)
     errors_squared = spread.standard_errors**2
     for disturbance in disturbances:
         pieces = [
-            noise.whiten(disturbance[o][problem.present[o]], problem.present[o]) for o, noise in fit.noise.items()
+            noise.whiten(disturbance[o][problem.present[o]], problem.present[o])
+            for o, noise in fit.noise.items()
         ]
         moved = spread.matrix @ (weighted.T @ np.concatenate(pieces))
         errors_squared = errors_squared + moved**2 / len(disturbances)
     own, n = weighted[:, : len(fit.q)], len(fit.q)
-    shifts = -covariance(own.T @ slopes[:, :n], fit.prior_precision).matrix @ (own.T @ slopes[:, n:])
+    shifts = -covariance(own.T @ slopes[:, :n], fit.prior_precision).matrix @ (
+        own.T @ slopes[:, n:]
+    )
     found = zip(amounts[n:], np.sqrt(errors_squared[n:]), shifts.T, strict=True)
     return [Amount(float(value), float(error), shift) for value, error, shift in found]

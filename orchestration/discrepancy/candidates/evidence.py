@@ -65,7 +65,8 @@ class FittedCandidate:
         Samples count as they do in its fit.
         """
         ratios = [
-            float(np.sum(w * self.fit.residual[o] ** 2)) / float(np.sum(w * base.fit.residual[o] ** 2))
+            float(np.sum(w * self.fit.residual[o] ** 2))
+            / float(np.sum(w * base.fit.residual[o] ** 2))
             for o, w in self.fit.weights.items()
             if base.fit.residual[o].any()
         ]

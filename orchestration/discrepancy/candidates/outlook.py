@@ -119,11 +119,17 @@ class LinearisedModel:
         column = whitened(change)
         return column, column - slopes @ (spread @ (slopes.T @ column))
 
-    def predicted_improvement(self, change: Gradient, least: float, most: float) -> PredictedImprovement:
+    def predicted_improvement(
+        self, change: Gradient, least: float, most: float
+    ) -> PredictedImprovement:
         """Solve for an amount of a change, within bounds, and the model's own coordinates beside it."""
         whitened, remaining = self._whitenings[1][0], self._error
         for _ in range(_ROUNDS):
-            residual, slopes, column = whitened(self._error), whitened(self._jacobian), whitened(change)
+            residual, slopes, column = (
+                whitened(self._error),
+                whitened(self._jacobian),
+                whitened(change),
+            )
             spread = self._covariance(slopes)
             along = spread @ (slopes.T @ column)
             power = float(column @ column - (slopes.T @ column) @ along)
@@ -131,13 +137,20 @@ class LinearisedModel:
             wanted = -float(column @ residual - along @ gradient) / power if power > 0.0 else 0.0
             amount = float(np.clip(wanted, least, most))
             step = np.clip(-spread @ gradient - amount * along, *self._bounds)
-            remaining = {o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()}
+            remaining = {
+                o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()
+            }
             noise = self._estimate(remaining)
             whitened = Whitening.of(noise, remaining, self._present)
         below = self._fit
         moved = below.q + step - self._centre
-        order = sum(n.parameters for n in noise.values()) - sum(n.parameters for n in below.noise.values())
-        deviance = sum(n.deviance(n.whiten(remaining[o], self._present[o]), self._present[o]) for o, n in noise.items())
+        order = sum(n.parameters for n in noise.values()) - sum(
+            n.parameters for n in below.noise.values()
+        )
+        deviance = sum(
+            n.deviance(n.whiten(remaining[o], self._present[o]), self._present[o])
+            for o, n in noise.items()
+        )
         deviance += float(below.prior_precision @ moved**2)
         fall = below.deviance - deviance - order * np.log(below.samples)
         return PredictedImprovement(float(fall), amount, step, dict(noise))

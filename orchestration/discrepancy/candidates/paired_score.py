@@ -145,5 +145,7 @@ def _divergence(true: _Block, other: _Block) -> tuple[float, float]:
     excess = weights @ (columns.T @ columns)
     projected = true.jacobian.T @ weighed
     mean = np.trace(excess) + between @ weighed + other.log_determinant - true.log_determinant
-    variance = weighed @ weighed + projected @ true.open @ projected + 0.5 * np.trace(excess @ excess)
+    variance = (
+        weighed @ weighed + projected @ true.open @ projected + 0.5 * np.trace(excess @ excess)
+    )
     return 0.5 * float(mean), max(float(variance), 0.0)

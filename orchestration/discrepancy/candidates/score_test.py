@@ -85,12 +85,16 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
             directions.append(ScoreDirection(second | {switch: neutral}, local, *bounds))
         for value in _trials(effect, declared[switch], problem.time):
             try:
-                moved, _ = problem.evaluate(problem.position(problem.start | second | {switch: value}))
+                moved, _ = problem.evaluate(
+                    problem.position(problem.start | second | {switch: value})
+                )
             except UserError:  # too much of it for a simulation
                 continue
             directions.append(
                 ScoreDirection(
-                    second | {switch: value}, {o: (moved[o] - base[o]).astype(np.float32) for o in base}, *_TRUST
+                    second | {switch: value},
+                    {o: (moved[o] - base[o]).astype(np.float32) for o in base},
+                    *_TRUST,
                 )
             )
     if failed is not None and not directions:
@@ -102,24 +106,35 @@ def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
     """Values of a switch at which a difference is taken, within its range."""
     if getattr(effect, "made_by", None) is transport_delay:
         step, most = float(np.median(np.diff(time))), switch.max
-        samples = np.unique(np.round(np.expm1(np.linspace(0.0, np.log1p(most / step - 0.5), _DELAYS))))
+        samples = np.unique(
+            np.round(np.expm1(np.linspace(0.0, np.log1p(most / step - 0.5), _DELAYS)))
+        )
         return [float(k + 0.5) * step for k in samples if (k + 0.5) * step <= most] or [most]
     if switch.start > switch.min:  # it goes both ways and is seen at its neutral value
         return []
-    return sorted({float(min(switch.start + factor * switch.nominal, switch.max)) for factor in SWITCHED})
+    return sorted(
+        {float(min(switch.start + factor * switch.nominal, switch.max)) for factor in SWITCHED}
+    )
 
 
 def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:
     """Points of the second parameters: each at some multiples of its default."""
     factors = GRID if len(names) < 2 else COARSE
     choices = [
-        sorted({float(np.clip(declared[n].start * factor, declared[n].min, declared[n].max)) for factor in factors})
+        sorted(
+            {
+                float(np.clip(declared[n].start * factor, declared[n].min, declared[n].max))
+                for factor in factors
+            }
+        )
         for n in names
     ]
     return [dict(zip(names, point, strict=True)) for point in product(*choices)]
 
 
-def start_values(direction: ScoreDirection, problem: Problem, switch: str, amount: float) -> dict[str, float]:
+def start_values(
+    direction: ScoreDirection, problem: Problem, switch: str, amount: float
+) -> dict[str, float]:
     """Parameters of the effect where a fit should start, if so much of it is wanted."""
     if direction.least > 0.0:
         return direction.values

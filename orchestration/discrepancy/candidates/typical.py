@@ -47,7 +47,9 @@ def typical(
     return {name: size for name, value in sizes.items() if (size := _rounded(value)) > 0.0}
 
 
-def _laws(cls: type[Component], signals: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, Array]:
+def _laws(
+    cls: type[Component], signals: Mapping[str, Array], values: Mapping[str, float]
+) -> dict[str, Array]:
     """Every law, computed of arrays."""
     one = cls()
     one.__dict__.update(values)
@@ -63,7 +65,11 @@ def _laws(cls: type[Component], signals: Mapping[str, Array], values: Mapping[st
 
 
 def _rounded(values: Array) -> float:
-    size = float(np.quantile(np.abs(values[np.isfinite(values)]), _QUANTILE)) if np.isfinite(values).any() else 0.0
+    size = (
+        float(np.quantile(np.abs(values[np.isfinite(values)]), _QUANTILE))
+        if np.isfinite(values).any()
+        else 0.0
+    )
     if not size > 0.0:
         return 0.0
     power = 10.0 ** np.floor(np.log10(size))

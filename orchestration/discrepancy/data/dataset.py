@@ -60,12 +60,18 @@ class Dataset:
                 before, last = parts[len(runs) - 1], runs[-1]
                 first = last.last + GAP
                 ahead = before.time[-1] + last.ahead + (GAP + 1) * step - part.time[0]
-            runs.append(Run(label, first, first + len(part.time), float(ahead), (of or {}).get(label, "")))
+            runs.append(
+                Run(label, first, first + len(part.time), float(ahead), (of or {}).get(label, ""))
+            )
         count = runs[-1].last
-        time = joined(count, runs, [part.time + run.ahead for part, run in zip(parts, runs, strict=True)])
+        time = joined(
+            count, runs, [part.time + run.ahead for part, run in zip(parts, runs, strict=True)]
+        )
         for run in runs[1:]:
             time[run.first - GAP : run.first] = time[run.first] - step * np.arange(GAP, 0, -1)
-        inputs = {n: joined(count, runs, [part.inputs[n] for part in parts]) for n in parts[0].inputs}
+        inputs = {
+            n: joined(count, runs, [part.inputs[n] for part in parts]) for n in parts[0].inputs
+        }
         outputs = dict.fromkeys(name for part in parts for name in part.measured)
         measured = {name: np.full(count, np.nan) for name in outputs}
         for run, part in zip(runs, parts, strict=True):
@@ -87,7 +93,10 @@ class Dataset:
         parts = [(a, b) for a, b in pairwise(ends) if b - a >= PIECE]
         if len(ends) == 2 or 2 * sum(b - a for a, b in parts) < len(self.time):
             return {label: self}
-        return {f"{label}.{k}" if label else str(k): self.part(a, b) for k, (a, b) in enumerate(parts, 1)}
+        return {
+            f"{label}.{k}" if label else str(k): self.part(a, b)
+            for k, (a, b) in enumerate(parts, 1)
+        }
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -116,7 +125,9 @@ class Dataset:
         parts = {}
         for run in self.runs:
             inputs, measured = self._picked(run.samples)
-            parts[run.label] = Dataset(self.time[run.samples] - run.ahead, inputs, measured, self.linear)
+            parts[run.label] = Dataset(
+                self.time[run.samples] - run.ahead, inputs, measured, self.linear
+            )
         return parts
 
     def runs_of(self, labels: Sequence[str]) -> Dataset:
@@ -133,7 +144,11 @@ class Dataset:
         inputs, measured = self._picked(cut)
         kept = np.arange(len(self.time))[cut]
         ends = [np.searchsorted(kept, [run.first, run.last]).tolist() for run in self.several]
-        several = tuple(replace(run, first=a, last=b) for run, (a, b) in zip(self.several, ends, strict=True) if b > a)
+        several = tuple(
+            replace(run, first=a, last=b)
+            for run, (a, b) in zip(self.several, ends, strict=True)
+            if b > a
+        )
         return replace(self, time=self.time[cut], inputs=inputs, measured=measured, several=several)
 
     def _picked(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> list[dict[str, Array]]:

@@ -18,7 +18,9 @@ Mask = NDArray[np.bool_]
 _ALARM = 1e-6  # probability, for a whole channel, of so long a run of equal samples in noise
 _COLOURED = 1.5  # times as long as if noise forgot from sample to sample
 RUN = 5  # equal samples that are looked at
-_CLOSED = 5  # samples between masked ones that are masked too: those that noise spared are no fair sample
+_CLOSED = (
+    5  # samples between masked ones that are masked too: those that noise spared are no fair sample
+)
 _BESIDE = 3.5  # steps of the recorder that are beside an end
 _JUMP = 2.0  # times the largest change from sample to sample elsewhere: so a sensor comes back
 _SLOW = 0.3  # of the usual change from sample to sample, below which something comes to rest
@@ -87,13 +89,19 @@ def faults_in_noise(y: Array, resolution: float, tie_probability: float) -> Iter
         again = any(abs(y[other] - y[a]) <= same for other, _ in frozen if other != a)
         (still if again else stuck)[a:b] = True
     if stuck.any():
-        yield Symptom("stuck", NoteCode.STUCK, stuck, {"samples": max(b - a for a, b in runs(stuck))})
+        yield Symptom(
+            "stuck", NoteCode.STUCK, stuck, {"samples": max(b - a for a, b in runs(stuck))}
+        )
     if still.any():
         a, b = max(runs(still), key=lambda ends: ends[1] - ends[0])
-        yield Symptom("standing", NoteCode.STANDS_STILL, still, {"level": float(y[a]), "samples": b - a})
+        yield Symptom(
+            "standing", NoteCode.STANDS_STILL, still, {"level": float(y[a]), "samples": b - a}
+        )
 
 
-def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
+def faults_without_noise(
+    y: Array, resolution: float, moved: Mapping[str, Mask]
+) -> Iterator[Symptom]:
     """Find cuts and standstills of an output that has no noise to tell them by.
 
     Parameters
@@ -117,7 +125,11 @@ def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask])
     if b - a >= max(_DEAD * n, 4 * RUN):
         others = [e - s for s, e in equal if s != a and inputs[s + 1 : e].any()]
         elsewhere = [m for m in moved.values() if m[:a].any() or m[b:].any()]
-        if elsewhere and all(m[a + 1 : b].sum() > 1 for m in elsewhere) and b - a > 3 * max(others, default=0):
+        if (
+            elsewhere
+            and all(m[a + 1 : b].sum() > 1 for m in elsewhere)
+            and b - a > 3 * max(others, default=0)
+        ):
             mask = np.zeros(n, dtype=bool)
             mask[a:b] = True
             facts = {"level": float(y[a]), "samples": b - a}
@@ -135,8 +147,13 @@ def faults_without_noise(y: Array, resolution: float, moved: Mapping[str, Mask])
     for end, at, sign in (("maximum", high, 1.0), ("minimum", low, -1.0)):
         level = float(y[at][0])
         there = [(s, e) for s, e in equal if e - s >= RUN and at[s]]
-        cut = [s for s, e in there if s >= 2 and sign * (2.0 * y[s - 1] - y[s - 2] - level) > resolution
-               and not any(m[s - 1 : s + 1].any() and not m[s + 2 : e].any() for m in moved.values())]  # fmt: skip
+        cut = [
+            s
+            for s, e in there
+            if s >= 2
+            and sign * (2.0 * y[s - 1] - y[s - 2] - level) > resolution
+            and not any(m[s - 1 : s + 1].any() and not m[s + 2 : e].any() for m in moved.values())
+        ]
         long = sum(e - s > 1.5 * between for s, e in there) if varied else 0
         if (len(cut) >= 2 and 2 * len(cut) >= len(there)) or long >= 3:
             cuts = {"end": end, "level": level, "times": len(there)}

@@ -14,9 +14,15 @@ from orchestration.identify.noise.model import noise_std
 
 Array = NDArray[np.float64]
 HELD_OUT = 1.0 / 3.0  # of a record, its end
-_RUN_IN = 1.0 / 6.0  # of a record of its own: there what is its own is estimated, and nothing is judged
-_BLOCKS = 15  # of a record whose end is at rest, from the second on every third of which is held out
-_STILL = 0.1  # of how much a signal moves in all of a record, below which it is at rest in a part of it
+_RUN_IN = (
+    1.0 / 6.0
+)  # of a record of its own: there what is its own is estimated, and nothing is judged
+_BLOCKS = (
+    15  # of a record whose end is at rest, from the second on every third of which is held out
+)
+_STILL = (
+    0.1  # of how much a signal moves in all of a record, below which it is at rest in a part of it
+)
 _STRETCHES, _LEAST_STRETCH = 10, 30  # of a record with other values of its own; samples in each
 
 
@@ -63,8 +69,13 @@ class ValidationData:
                 return data.part(0, validation.first), validation
             number = number * _BLOCKS // len(number)
         out = number % round(1.0 / HELD_OUT) == 1
-        fitted, judged = ({o: np.where(which, y, np.nan) for o, y in data.measured.items()} for which in (~out, out))
-        return replace(data, measured=fitted), cls(replace(data, measured=judged), np.ones(len(out), dtype=bool), True)
+        fitted, judged = (
+            {o: np.where(which, y, np.nan) for o, y in data.measured.items()}
+            for which in (~out, out)
+        )
+        return replace(data, measured=fitted), cls(
+            replace(data, measured=judged), np.ones(len(out), dtype=bool), True
+        )
 
     @classmethod
     def tail(cls, data: Dataset) -> ValidationData:
@@ -120,7 +131,10 @@ class ValidationData:
             Of the data that is looked at, such as one run; all by default.
         """
         at, counted = self.held_out[part], self.judged[part][self.held_out[part]]
-        return {o: normalised_rms(y[part][at], simulated[o][part][at], counted) for o, y in self.data.measured.items()}
+        return {
+            o: normalised_rms(y[part][at], simulated[o][part][at], counted)
+            for o, y in self.data.measured.items()
+        }
 
 
 def is_at_rest(data: Dataset, part: NDArray[np.bool_]) -> bool:

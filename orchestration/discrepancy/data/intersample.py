@@ -15,10 +15,14 @@ from numpy.typing import NDArray
 from orchestration.identify.noise.model import noise_std
 
 Array = NDArray[np.float64]
-_ORDERS = range(1, 7)  # differences: noise shows alike in all, a smooth course less and less, steps in few of the first
+_ORDERS = range(
+    1, 7
+)  # differences: noise shows alike in all, a smooth course less and less, steps in few of the first
 _IN_NOISE = 6.0  # deviations, beyond which no change of noise alone is seen
 _IN_GRID = 3.0  # steps of the recorder, likewise
-_LOST = 0.25  # of the spread, beyond which every sample is another: nothing is seen of how it got there
+_LOST = (
+    0.25  # of the spread, beyond which every sample is another: nothing is seen of how it got there
+)
 _LEVELS = 20  # different values above which equal steps are a recorder's and not a stimulus'
 # Correlation of successive changes. cos(2 pi f / f_s) for a sine of frequency f sampled at f_s: above the first, a
 # smooth course has five samples a period. Steps with rest between them have none, and where every sample steps anew it

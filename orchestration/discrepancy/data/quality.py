@@ -78,7 +78,9 @@ class DataFault:
         return Note(self.code, self.channel, {**self.facts, "share": self.share})
 
 
-def assess(data: Dataset, simulated: Mapping[str, Array] | None = None) -> tuple[Dataset, list[DataFault]]:
+def assess(
+    data: Dataset, simulated: Mapping[str, Array] | None = None
+) -> tuple[Dataset, list[DataFault]]:
     """Look for what is wrong with the data.
 
     Parameters
@@ -100,7 +102,11 @@ def assess(data: Dataset, simulated: Mapping[str, Array] | None = None) -> tuple
     usable, modelled = {}, simulated or {}
     for name, values in data.measured.items():
         bad = np.zeros(len(values), dtype=bool)
-        own = {symptom.kind for symptom in _symptoms(modelled[name], moves)} if name in modelled else set()
+        own = (
+            {symptom.kind for symptom in _symptoms(modelled[name], moves)}
+            if name in modelled
+            else set()
+        )
         for symptom in _symptoms(values, moves):
             if symptom.kind in own:
                 continue
@@ -116,16 +122,24 @@ def assess(data: Dataset, simulated: Mapping[str, Array] | None = None) -> tuple
             faults.append(_fault(data, name, symptom, values, True))
     if not usable:
         everything = np.ones(len(data.time), dtype=bool)
-        faults.append(_fault(data, "", Symptom("nothing", NoteCode.NOTHING_USABLE, everything), data.time, False))
+        faults.append(
+            _fault(
+                data, "", Symptom("nothing", NoteCode.NOTHING_USABLE, everything), data.time, False
+            )
+        )
     return replace(data, measured=usable), faults
 
 
-def _fault(data: Dataset, channel: str, symptom: Symptom, values: Array, left_out: bool) -> DataFault:
+def _fault(
+    data: Dataset, channel: str, symptom: Symptom, values: Array, left_out: bool
+) -> DataFault:
     where = np.flatnonzero(symptom.mask)
     first, last = int(where[0]), int(where[-1])
     start, end = float(data.time[first]), float(data.time[last])
     share = float(symptom.mask.sum() / max(np.isfinite(values).sum(), 1))
-    return DataFault(channel, symptom.kind, symptom.code, symptom.facts, first, last, start, end, share, left_out)
+    return DataFault(
+        channel, symptom.kind, symptom.code, symptom.facts, first, last, start, end, share, left_out
+    )
 
 
 def _excitation(data: Dataset) -> Iterator[DataFault]:
@@ -133,10 +147,14 @@ def _excitation(data: Dataset) -> Iterator[DataFault]:
     everything = np.ones(len(data.time), dtype=bool)
     still = {name: values for name, values in data.inputs.items() if not _changes(values).any()}
     for name, values in still.items():
-        constant = Symptom("still", NoteCode.CONSTANT_INPUT, everything, {"value": float(values[0])})
+        constant = Symptom(
+            "still", NoteCode.CONSTANT_INPUT, everything, {"value": float(values[0])}
+        )
         yield _fault(data, name, constant, values, False)
     if len(still) == len(data.inputs):
-        yield _fault(data, "", Symptom("still", NoteCode.NO_EXCITATION, everything), data.time, False)
+        yield _fault(
+            data, "", Symptom("still", NoteCode.NO_EXCITATION, everything), data.time, False
+        )
 
 
 def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
@@ -159,7 +177,11 @@ def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
         yield whole(dead)
         return
     ties = _tie_probability(y, resolution, moved)
-    symptoms = faults_without_noise(y, resolution, moved) if ties is None else faults_in_noise(y, resolution, ties)
+    symptoms = (
+        faults_without_noise(y, resolution, moved)
+        if ties is None
+        else faults_in_noise(y, resolution, ties)
+    )
     bad = np.zeros(n, dtype=bool)
     for symptom in symptoms:
         bad |= symptom.mask
@@ -170,7 +192,9 @@ def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
         yield whole(Symptom("outlier", NoteCode.OUTLIERS, spikes, {"count": int(spikes.sum())}))
     if coarse:
         everything = np.ones(n, dtype=bool)
-        yield whole(Symptom("quantised", NoteCode.QUANTISED, everything, {"resolution": resolution}))
+        yield whole(
+            Symptom("quantised", NoteCode.QUANTISED, everything, {"resolution": resolution})
+        )
 
 
 def _changes(values: Array) -> Mask:
@@ -197,7 +221,11 @@ def _tie_probability(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
     calm = calm[1:-2] & calm[2:-1] & calm[3:]
     third = np.diff(y, 3)[calm]
     signs = np.sign(third[third != 0.0])
-    if len(signs) < _CALM or np.mean(signs[1:] != signs[:-1]) < 0.6 or np.median(np.abs(third)) < 2.0 * resolution:
+    if (
+        len(signs) < _CALM
+        or np.mean(signs[1:] != signs[:-1]) < 0.6
+        or np.median(np.abs(third)) < 2.0 * resolution
+    ):
         return None
     ties = float(np.mean(np.diff(y)[2:][calm] == 0.0))
     return max(ties, 1.0 / len(y)) if ties < _COARSE else None
@@ -213,7 +241,12 @@ def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
         return Symptom("dead", NoteCode.DEAD_CONSTANT, everything, {"level": float(y[0])})
     changes = np.flatnonzero(np.diff(y)) + 1
     near = inputs | np.roll(inputs, 1) | np.roll(inputs, -1)
-    if np.ptp(y) < 2.5 * resolution and len(changes) and not near.all() and near[changes].mean() < 0.5:
+    if (
+        np.ptp(y) < 2.5 * resolution
+        and len(changes)
+        and not near.all()
+        and near[changes].mean() < 0.5
+    ):
         return Symptom("dead", NoteCode.DEAD_TOGGLING, everything, {"resolution": resolution})
     return None
 
@@ -222,7 +255,10 @@ def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask])
     """Single samples far from both neighbours, which agree, where no input moves."""
     aside = y[1:-1] - 0.5 * (y[:-2] + y[2:])
     deviation = max(
-        float(np.median(np.abs(aside[~bad[1:-1]]))) / float(norm.ppf(0.75)) if (~bad).any() else 0.0, resolution
+        float(np.median(np.abs(aside[~bad[1:-1]]))) / float(norm.ppf(0.75))
+        if (~bad).any()
+        else 0.0,
+        resolution,
     )
     alone = (np.abs(aside) > _SPIKE * deviation) & (np.abs(y[2:] - y[:-2]) < 0.25 * np.abs(aside))
     quiet = ~any_moved(moved, len(y))

@@ -16,7 +16,9 @@ from orchestration.records import Record
 _ROUNDED = 1e-6  # of the spread of a signal, to which a file may have rounded it
 
 
-def dataset(record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None) -> Dataset:
+def dataset(
+    record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None
+) -> Dataset:
     """Inputs and real outputs of a record; inputs that are absent are constant, as given or as they start.
 
     Parameters
@@ -29,16 +31,23 @@ def dataset(record: Record, model: Model, given: Mapping[str, float], interpolat
         Whether inputs go smoothly between samples, or are held; None leaves it to the record.
     """
     own = {n: value for n, value in given.items() if n in model.inputs}
-    constant = {n: signal.start for n, signal in model.inputs.items() if signal.type == "real"} | own
+    constant = {
+        n: signal.start for n, signal in model.inputs.items() if signal.type == "real"
+    } | own
     inputs = {n: np.full(record.time.size, value) for n, value in constant.items()}
-    inputs |= {n: values for n, values in record.signals.items() if n in model.inputs and n not in own}
+    inputs |= {
+        n: values for n, values in record.signals.items() if n in model.inputs and n not in own
+    }
     real = {n for n, signal in model.outputs.items() if signal.type == "real"}
     measured = {n: values for n, values in record.signals.items() if n in real}
     return Dataset(record.time, inputs, measured, interpolate)
 
 
 def joined_dataset(
-    records: Mapping[str, Record], model: Model, given: Mapping[str, float], interpolate: bool | None = None
+    records: Mapping[str, Record],
+    model: Model,
+    given: Mapping[str, float],
+    interpolate: bool | None = None,
 ) -> Dataset:
     """Return the same of records without gaps in time, joined; by their labels. One alone needs none.
 
@@ -78,7 +87,9 @@ def refuse_same(records: Sequence[Record], outputs: Collection[str], option: str
         for other in records[:k]:
             if _same_samples(one, other, outputs):
                 what = f"{option} {one.source}".strip()
-                raise UserError(f"{what}: this is the same record as {other.source}; it tells nothing more")
+                raise UserError(
+                    f"{what}: this is the same record as {other.source}; it tells nothing more"
+                )
 
 
 def _same_samples(one: Record, other: Record, outputs: Collection[str]) -> bool:
@@ -104,7 +115,11 @@ def gap_notes(records: Sequence[Record]) -> list[Note]:
         parts = Dataset(record.time, {}, {}).pieces().values()
         if len(parts) > 1:
             steps = np.diff(record.time)
-            facts = {"record": record.source.name, "longest": float(steps.max()), "pieces": len(parts)}
+            facts = {
+                "record": record.source.name,
+                "longest": float(steps.max()),
+                "pieces": len(parts),
+            }
             lost = record.time.size - sum(part.time.size for part in parts)
             notes.append(Note(NoteCode.GAPS, record.label, facts | {"lost": lost}))
     return notes

@@ -49,11 +49,20 @@ class DividedData:
     def taken(self, how: Callable[[Dataset], Dataset]) -> DividedData:
         """The same with all parts as a function of them makes them: with other smooth inputs, or by another clock."""
         usable, estimation, judged = map(how, (self.usable, self.estimation, self.validation.data))
-        return replace(self, usable=usable, estimation=estimation, validation=replace(self.validation, data=judged))
+        return replace(
+            self,
+            usable=usable,
+            estimation=estimation,
+            validation=replace(self.validation, data=judged),
+        )
 
 
 def divided(
-    cls: type[Component], data: Dataset, holdout: Dataset | None, fixed: Mapping[str, float], each: bool = False
+    cls: type[Component],
+    data: Dataset,
+    holdout: Dataset | None,
+    fixed: Mapping[str, float],
+    each: bool = False,
 ) -> DividedData:
     """Screen a record and divide it into estimation and validation data.
 
@@ -80,7 +89,9 @@ def divided(
     if holdout is not None:
         try:
             holdout, others = screened(cls, holdout, fixed)
-        except UnusableRecordError as error:  # it is not the record fitted to of which nothing is usable
+        except (
+            UnusableRecordError
+        ) as error:  # it is not the record fitted to of which nothing is usable
             raise UnusableRecordError([note.of_holdout() for note in error.notes]) from error
         notes += [note.of_holdout() for note in others if note not in notes]
     data, early = drop_truncated(data)
@@ -93,13 +104,17 @@ def divided(
     validation = replace(validation, data=validation.data.only(kept))
     if not (kept and validation.data.measured):
         raise UnusableRecordError(notes)
-    notes += [Note(NoteCode.NOT_IN_VALIDATION_DATA, o) for o in kept if o not in validation.data.measured]
+    notes += [
+        Note(NoteCode.NOT_IN_VALIDATION_DATA, o) for o in kept if o not in validation.data.measured
+    ]
     estimation = estimation.only(kept)
     usable = estimation if holdout is not None else data.only(kept)
     return DividedData(usable, estimation, validation, notes)
 
 
-def screened(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> tuple[Dataset, list[Note]]:
+def screened(
+    cls: type[Component], data: Dataset, fixed: Mapping[str, float]
+) -> tuple[Dataset, list[Note]]:
     """Leave out what cannot be trusted before a model is blamed; what the model does too is no fault of the data.
 
     Raises
@@ -139,7 +154,9 @@ def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
 def sufficient(data: Dataset) -> list[str]:
     """Outputs with enough samples behind each other to know their noise."""
     memory = ORDER if data.even else 0
-    lengths = {o: [b - a - memory for a, b in segments(np.isfinite(y))] for o, y in data.measured.items()}
+    lengths = {
+        o: [b - a - memory for a, b in segments(np.isfinite(y))] for o, y in data.measured.items()
+    }
     return [o for o, length in lengths.items() if sum(n for n in length if n > 0) >= _FEWEST]
 
 
@@ -153,7 +170,9 @@ def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
         return False
     means = {name: np.full_like(values, values.mean()) for name, values in data.inputs.items()}
     try:
-        moved, still = (_simulated(cls, replace(data, inputs=inputs), fixed) for inputs in (data.inputs, means))
+        moved, still = (
+            _simulated(cls, replace(data, inputs=inputs), fixed) for inputs in (data.inputs, means)
+        )
     except UserError:
         return True
     for output, y in data.measured.items():
@@ -166,5 +185,7 @@ def _simulated(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
     """Outputs and states of a model as it comes."""
     values = {p.name: float(p.start) for p in cls.layout.parameters} | dict(fixed)
     return (
-        ModelOverRuns(cls, (), data.linear or (), data.runs).run(data.time, data.inputs, values, runs=data.runs).signals
+        ModelOverRuns(cls, (), data.linear or (), data.runs)
+        .run(data.time, data.inputs, values, runs=data.runs)
+        .signals
     )

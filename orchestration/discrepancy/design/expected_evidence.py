@@ -74,7 +74,9 @@ def respond(model: FittedCandidate, time: Array, inputs: Mapping[str, Array], q:
     run = problem.model.run(time, inputs, problem.start | problem.values(q), effort=_EFFORT)
     scale = np.array([s.slope(x) for s, x in zip(problem.scales, q, strict=True)])
     measured = model.fit.residual
-    return Response({o: run.signals[o] for o in measured}, {o: run.sensitivities[o] * scale for o in measured})
+    return Response(
+        {o: run.signals[o] for o in measured}, {o: run.sensitivities[o] * scale for o in measured}
+    )
 
 
 def expected_delta_bic_linear(
@@ -91,11 +93,15 @@ def expected_delta_bic_linear(
     """
     residual, colours = other.signals, true_model.fit.noise
     for _ in range(_PASSES):
-        rows = np.concatenate([_white(colours[o], truth.signals[o] - other.signals[o]) for o in other.signals])
+        rows = np.concatenate(
+            [_white(colours[o], truth.signals[o] - other.signals[o]) for o in other.signals]
+        )
         columns = np.vstack([_white(colours[o], slopes) for o, slopes in other.slopes.items()])
         prior = _prior(candidate)
         step = covariance(columns.T @ columns + prior.T @ prior).matrix @ (columns.T @ rows)
-        residual = {o: truth.signals[o] - other.signals[o] - other.slopes[o] @ step for o in other.signals}
+        residual = {
+            o: truth.signals[o] - other.signals[o] - other.slopes[o] @ step for o in other.signals
+        }
         colours = _colours(true_model, residual)
     return _fall(true_model, candidate, colours, len(next(iter(residual.values()))))
 
@@ -132,15 +138,22 @@ def expected_delta_bic(
 
     def rows(q: Array) -> Array:
         simulated = response(q).signals
-        return np.concatenate([*(_white(colours[o], truth.signals[o] - y) for o, y in simulated.items()),
-                               prior @ (q - begin)])  # fmt: skip
+        return np.concatenate(
+            [
+                *(_white(colours[o], truth.signals[o] - y) for o, y in simulated.items()),
+                prior @ (q - begin),
+            ]
+        )
 
     def slopes(q: Array) -> Array:
         return np.vstack([*(_white(colours[o], -j) for o, j in response(q).slopes.items()), prior])
 
     falls = []
     # a colour that swallows what is wrong and white noise that does not lead to different ends: a fit takes the better
-    for first in (true_model.fit.noise, {o: Noise(np.empty(0), _size(true_model, o)) for o in true_model.fit.noise}):
+    for first in (
+        true_model.fit.noise,
+        {o: Noise(np.empty(0), _size(true_model, o)) for o in true_model.fit.noise},
+    ):
         at, colours = begin, first
         for _ in range(_PASSES):
             at = minimise(rows, slopes, at, low, high, 1e-3, _TRIALS).q
@@ -161,7 +174,11 @@ def _white(noise: Noise, values: Array) -> Array:
 def _prior(model: FittedCandidate) -> Array:
     """Rows that keep physical parameters, not start values nor those of effects, from running away, as in a fit."""
     own = set(model.candidate.parameters)
-    held = [k for k, n in enumerate(model.problem.names) if n not in own and not model.problem.declared[n].starts]
+    held = [
+        k
+        for k, n in enumerate(model.problem.names)
+        if n not in own and not model.problem.declared[n].starts
+    ]
     return np.eye(len(model.problem.names))[held] / PRIOR_STD
 
 
@@ -171,7 +188,9 @@ def _colours(true_model: FittedCandidate, residual: Mapping[str, Array]) -> dict
     for output, error in residual.items():
         n = len(error)
         systematic = np.array([error[: n - k] @ error[k:] for k in range(ORDER + 1)]) / n
-        coefficients, variance = yule_walker(systematic + _covariance(true_model.fit.noise[output]), n)
+        coefficients, variance = yule_walker(
+            systematic + _covariance(true_model.fit.noise[output]), n
+        )
         colours[output] = Noise(coefficients, float(np.sqrt(variance)))
     return colours
 
@@ -184,7 +203,9 @@ def _covariance(noise: Noise) -> Array:
     return np.array([answer[: _MEMORY - k] @ answer[k:] for k in range(ORDER + 1)])
 
 
-def _fall(true_model: FittedCandidate, candidate: FittedCandidate, colours: Mapping[str, Noise], n: int) -> float:
+def _fall(
+    true_model: FittedCandidate, candidate: FittedCandidate, colours: Mapping[str, Noise], n: int
+) -> float:
     true = true_model.fit.noise
     deviance = sum(2.0 * n * np.log(colours[o].deviation / true[o].deviation) for o in colours)
     more = len(candidate.fit.q) - len(true_model.fit.q)

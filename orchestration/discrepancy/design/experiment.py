@@ -27,7 +27,12 @@ from orchestration.discrepancy.design.expected_evidence import (
     expected_delta_bic_linear,
     respond,
 )
-from orchestration.discrepancy.design.stimuli import Limits, Stimulus, limits_of_inputs, shapes_between
+from orchestration.discrepancy.design.stimuli import (
+    Limits,
+    Stimulus,
+    limits_of_inputs,
+    shapes_between,
+)
 from orchestration.discrepancy.parallel import side_by_side
 from orchestration.discrepancy.selection.stepwise import Selection
 
@@ -97,12 +102,15 @@ class DiscriminatingExperiment:
     def as_json(self) -> dict[str, Any]:
         """Figures and stimuli."""
         return {
-            "duration": self.duration, "step": self.step, "separates": self.is_worthwhile,
+            "duration": self.duration,
+            "step": self.step,
+            "separates": self.is_worthwhile,
             "inputs": {name: {"kind": s.kind, **s.keys} for name, s in self.stimuli.items()},
             "expected": [
-                {"true_model": e.true_model, "candidate": e.candidate, "delta_bic": e.bic} for e in self.expected
+                {"true_model": e.true_model, "candidate": e.candidate, "delta_bic": e.bic}
+                for e in self.expected
             ],
-        }  # fmt: skip
+        }
 
     def toml(self, component: str, comment: str, title: str = "") -> str:
         """Write the experiment.
@@ -122,7 +130,9 @@ class DiscriminatingExperiment:
             cannot be laid over a component in an experiment and are left out.
         """
         declared = {v.name: v.unit for v in self.model.candidate.cls.layout.inputs}
-        limits = "; ".join(f"{n} {low:g} to {high:g} {declared[n]}" for n, (low, high) in self.limits.items())
+        limits = "; ".join(
+            f"{n} {low:g} to {high:g} {declared[n]}" for n, (low, high) in self.limits.items()
+        )
         lines = [f"# {comment}", f"# Limits kept: {limits}.", *self._comments()]
         physics = [effect for effect in self.model.candidate.effects if not effect.output]
         lines += [f"title = {_text(title or self._title())}", f"component = {_text(component)}"]
@@ -130,11 +140,17 @@ class DiscriminatingExperiment:
         lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
         lines += [f"record = {_value(list(self.model.fit.residual))}", "", "[parameters]"]
         starts = self.model.candidate.cls.layout.start_parameters
-        shown = {p.name for effect in self.model.candidate.effects if effect.output for p in effect.layout.parameters}
+        shown = {
+            p.name
+            for effect in self.model.candidate.effects
+            if effect.output
+            for p in effect.layout.parameters
+        }
         lines += [
-            f"{name} = {value!r}" for name, value in self.model.problem.runs[0].values(self.model.fit.values).items()
+            f"{name} = {value!r}"
+            for name, value in self.model.problem.runs[0].values(self.model.fit.values).items()
             if name not in shown and name not in starts
-        ]  # fmt: skip
+        ]
         for name, stimulus in self.stimuli.items():
             lines += ["", f"[inputs.{name}]", f"kind = {_text(stimulus.kind)}"]
             for key, value in stimulus.keys.items():
@@ -150,7 +166,10 @@ class DiscriminatingExperiment:
         if not self.expected:
             return []
         head = "# Expected fall of BIC in the diagnosis, which fits to the first two thirds:"
-        rows = [f"#   if {e.true_model} is right, against {e.candidate} refitted: {e.bic:.1f}" for e in self.expected]
+        rows = [
+            f"#   if {e.true_model} is right, against {e.candidate} refitted: {e.bic:.1f}"
+            for e in self.expected
+        ]
         return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence."]
 
 
@@ -198,19 +217,27 @@ def design(
     shortest = max(2.0 * step, 0.5 / highest)
     layout = {v.name: v for v in selection.base.candidate.cls.layout.inputs}
     menus = {
-        name: shapes_between(*ends, float(np.clip(layout[name].start, *ends)), length, step, shortest, seed)
+        name: shapes_between(
+            *ends, float(np.clip(layout[name].start, *ends)), length, step, shortest, seed
+        )
         for seed, (name, ends) in enumerate(within.items(), start=1)
     }
     broad = {name: menu[0] for name, menu in menus.items()}
-    groups = [[s.chosen, *s.alternatives[:_ALTERNATIVES]] for s in selection.steps if s.alternatives]
+    groups = [
+        [s.chosen, *s.alternatives[:_ALTERNATIVES]] for s in selection.steps if s.alternatives
+    ]
     if not groups:
         return DiscriminatingExperiment(broad, length, step, [], selection.best, within)
-    time = np.arange(round((1.0 - HELD_OUT) * length / step) + 1, dtype=float) * step  # what a diagnosis fits to
+    time = (
+        np.arange(round((1.0 - HELD_OUT) * length / step) + 1, dtype=float) * step
+    )  # what a diagnosis fits to
     search, chosen = _DesignSearch(groups, time, progress), broad
     for _ in range(_ROUNDS):
         before = chosen
         for name, menu in menus.items():
-            chosen = search.best([chosen, *({**chosen, name: new} for new in menu if new != chosen[name])])
+            chosen = search.best(
+                [chosen, *({**chosen, name: new} for new in menu if new != chosen[name])]
+            )
         if chosen == before:
             break
     best, expected = search.evaluated(chosen)
@@ -220,7 +247,12 @@ def design(
 class _DesignSearch:
     """Experiments that were tried, and what each makes one expect."""
 
-    def __init__(self, groups: Sequence[Sequence[FittedCandidate]], time: Array, progress: Callable[[str], None]):
+    def __init__(
+        self,
+        groups: Sequence[Sequence[FittedCandidate]],
+        time: Array,
+        progress: Callable[[str], None],
+    ):
         self.pairs = [pair for group in groups for pair in permutations(group, 2)]
         models = {id(model): model for group in groups for model in group}
         self.starts = {key: (model, at_rest(model)) for key, model in models.items()}
@@ -231,7 +263,9 @@ class _DesignSearch:
         """Return the trial of which most is to be expected of the hardest pair, as far as models are linear."""
         fresh = [trial for trial in trials if all(trial != seen for _, seen in self.seen)]
         self.seen += zip(side_by_side(self._least, fresh), fresh, strict=True)
-        ranked = [next((least, seen) for least, seen in self.seen if seen == trial) for trial in trials]
+        ranked = [
+            next((least, seen) for least, seen in self.seen if seen == trial) for trial in trials
+        ]
         return _best_broadest(ranked)
 
     def _least(self, chosen: Experiment) -> float:
@@ -240,7 +274,10 @@ class _DesignSearch:
             responses = self._responses(chosen)
         except UserError:
             return -np.inf
-        return min(expected_delta_bic_linear(a, b, responses[id(a)], responses[id(b)]) for a, b in self.pairs)
+        return min(
+            expected_delta_bic_linear(a, b, responses[id(a)], responses[id(b)])
+            for a, b in self.pairs
+        )
 
     def evaluated(self, chosen: Experiment) -> tuple[Experiment, list[ExpectedEvidence]]:
         """Return the chosen experiment, or one of the next best, judged with the wrong model refitted for good."""
@@ -248,7 +285,8 @@ class _DesignSearch:
         trials = [chosen, *(trial for least, trial in others[: _EVALUATED - 1] if least > -np.inf)]
         evaluated = side_by_side(self._expected, trials)
         rows = [
-            (min(e.bic for e in expected), (trial, expected)) for trial, expected in zip(trials, evaluated, strict=True)
+            (min(e.bic for e in expected), (trial, expected))
+            for trial, expected in zip(trials, evaluated, strict=True)
         ]
         return _best_broadest(rows)
 
@@ -259,7 +297,9 @@ class _DesignSearch:
             ExpectedEvidence(
                 a.effect_name,
                 b.effect_name,
-                expected_delta_bic(a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]),
+                expected_delta_bic(
+                    a, b, responses[id(a)], self.time, inputs, self.starts[id(b)][1]
+                ),
             )
             for a, b in self.pairs
         ]
@@ -269,13 +309,17 @@ class _DesignSearch:
 
     def _responses(self, chosen: Experiment) -> dict[int, Response]:
         inputs = self._inputs(chosen)
-        return {key: respond(model, self.time, inputs, q) for key, (model, q) in self.starts.items()}
+        return {
+            key: respond(model, self.time, inputs, q) for key, (model, q) in self.starts.items()
+        }
 
 
 def _best_broadest(ranked: Sequence[tuple[float, T]]) -> T:
     """Return the first that is about as good as the best: those before are broader, and tell of more."""
     best = max(value for value, _ in ranked)
-    return next(item for value, item in ranked if value >= best - _ABOUT * abs(best) or value == best)
+    return next(
+        item for value, item in ranked if value >= best - _ABOUT * abs(best) or value == best
+    )
 
 
 def _text(value: str) -> str:

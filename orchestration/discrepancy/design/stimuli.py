@@ -16,7 +16,11 @@ from orchestration.experiment import waveforms
 
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
-_STAYS = (600.0, 120.0, 25.0)  # shortest stays, as shares of the duration: what answers at once, what creeps
+_STAYS = (
+    600.0,
+    120.0,
+    25.0,
+)  # shortest stays, as shares of the duration: what answers at once, what creeps
 _SHAPES: dict[str, Callable[..., Array]] = {
     "constant": lambda time, value: np.full(time.size, value),
     "multilevel": lambda time, levels, dwell, seed: waveforms.multilevel(time, levels, dwell, seed),
@@ -44,7 +48,9 @@ class Stimulus:
         return _SHAPES[self.kind](time, **self.keys)
 
 
-def limits_of_inputs(base: FittedCandidate, data: Dataset, limits: Limits) -> dict[str, tuple[float, float]]:
+def limits_of_inputs(
+    base: FittedCandidate, data: Dataset, limits: Limits
+) -> dict[str, tuple[float, float]]:
     """Limits of every real input: given and declared ones, else what the record shows.
 
     Parameters
@@ -68,7 +74,9 @@ def limits_of_inputs(base: FittedCandidate, data: Dataset, limits: Limits) -> di
     declared = {v.name: v for v in base.candidate.cls.layout.inputs}
     for name in limits:
         if name not in declared:
-            raise UserError(f"limits of {name}: there is no such input; there are {', '.join(declared)}")
+            raise UserError(
+                f"limits of {name}: there is no such input; there are {', '.join(declared)}"
+            )
     limits_by_input = {}
     for name, v in declared.items():
         if v.type != "real":
@@ -117,15 +125,22 @@ def shapes_between(
     ends = np.clip([rest - quarter, rest + quarter], low, high)
     kinds = [
         *({"levels": levels(low, high), "dwell": dwell} for dwell in (medium, fast, slow)),
-        *({"levels": levels(middle, high, 4), "dwell": dwell} for dwell in (medium, slow)),  # about a bias
+        *(
+            {"levels": levels(middle, high, 4), "dwell": dwell} for dwell in (medium, slow)
+        ),  # about a bias
         *({"levels": levels(*ends), "dwell": dwell} for dwell in (medium,)),  # small
     ]
     ramp = grid(*np.linspace(0.0, 1.0, 9))
     pulse = grid(*np.linspace(0.02, 0.98, 17)[:-1])
-    active = [(low, high)[k % 2] if k // 4 % 2 == 0 else rest for k in range(len(pulse))]  # with pauses
+    active = [
+        (low, high)[k % 2] if k // 4 % 2 == 0 else rest for k in range(len(pulse))
+    ]  # with pauses
     return [
         *(Stimulus("multilevel", {**kind, "seed": seed}) for kind in kinds),
-        Stimulus("ramps", {"times": ramp, "levels": [(rest, high, rest, low)[k % 4] for k in range(len(ramp))]}),
+        Stimulus(
+            "ramps",
+            {"times": ramp, "levels": [(rest, high, rest, low)[k % 4] for k in range(len(ramp))]},
+        ),
         Stimulus("steps", {"times": pulse, "levels": active, "initial": rest}),
         *(Stimulus("constant", {"value": value}) for value in dict.fromkeys((rest, middle, high))),
     ]

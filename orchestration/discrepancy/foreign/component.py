@@ -70,9 +70,13 @@ class Behind:
 
 
 def behind(
-    model: Model, measured: Sequence[str], fit: Mapping[str, float], stop: float, step: float,
+    model: Model,
+    measured: Sequence[str],
+    fit: Mapping[str, float],
+    stop: float,
+    step: float,
     answers: Mapping[tuple[str, str], Response] | None = None,
-) -> Behind:  # fmt: skip
+) -> Behind:
     """Write and load the component behind an FMU.
 
     Parameters
@@ -95,15 +99,22 @@ def behind(
     moved = [i for i in inputs if any(name == i for _, name in answers)]
     lines = _inputs(names, inputs)
     lines += [
-        f'    {RECORDED.format(names[i])} = Input("{_unit(inputs[i])}", doc="{i} as it was recorded")' for i in moved
+        f'    {RECORDED.format(names[i])} = Input("{_unit(inputs[i])}", doc="{i} as it was recorded")'
+        for i in moved
     ]
-    lines += [f'    {found.simulated(n)} = Input("{_unit(s)}", doc="{n} of the FMU")' for n, s in outputs.items()]
+    lines += [
+        f'    {found.simulated(n)} = Input("{_unit(s)}", doc="{n} of the FMU")'
+        for n, s in outputs.items()
+    ]
     for p, name in fitted.items():
         lines.append(_parameter(name, model.parameters[p], fit[p]))
         lines += [
-            f'    {found.slope(n, p)} = Input("{_unit(outputs[n])}", doc="what {p} does to {n}")' for n in measured
+            f'    {found.slope(n, p)} = Input("{_unit(outputs[n])}", doc="what {p} does to {n}")'
+            for n in measured
         ]
-    more = {n: _answering(names, n, {i: r for (o, i), r in answers.items() if o == n}) for n in measured}
+    more = {
+        n: _answering(names, n, {i: r for (o, i), r in answers.items() if o == n}) for n in measured
+    }
     lines += [line for n in measured for line in more[n].states]
     for i in moved:
         lines += _law(IN_FMU.format(names[i]), f"self.{names[i]}", f"What of {i} the FMU gets.")
@@ -114,7 +125,12 @@ def behind(
         lines += ["", f'    @Output("{_unit(outputs[n])}")']
         lines += _law(names[n], " + ".join([*terms, *more[n].terms]), f"{_doc(outputs[n])}.")[1:]
     lines += [line for n in measured for line in more[n].laws]
-    return replace(found, cls=_loaded(model, f"What stands behind {model.path.name}.", "corrected", lines, stop, step))
+    return replace(
+        found,
+        cls=_loaded(
+            model, f"What stands behind {model.path.name}.", "corrected", lines, stop, step
+        ),
+    )
 
 
 def ahead(model: Model, moved: Sequence[str], stop: float, step: float) -> type[Component]:
@@ -134,7 +150,9 @@ def real(signals: Mapping[str, Signal]) -> dict[str, Signal]:
 
 
 def _parameter(name: str, signal: Signal, value: float) -> str:
-    ends = "".join(f", {end}={x!r}" for end, x in (("min", signal.min), ("max", signal.max)) if np.isfinite(x))
+    ends = "".join(
+        f", {end}={x!r}" for end, x in (("min", signal.min), ("max", signal.max)) if np.isfinite(x)
+    )
     size = abs(value) or 1.0
     return f'    {name} = Parameter({value!r}, "{_unit(signal)}"{ends}, nominal={size!r}, doc="{_doc(signal)}")'
 
@@ -142,7 +160,8 @@ def _parameter(name: str, signal: Signal, value: float) -> str:
 def _inputs(names: Mapping[str, str], inputs: Mapping[str, Signal]) -> list[str]:
     """Inputs as the FMU has them, which stay at its start values where nobody sets them."""
     return [
-        f'    {names[n]} = Input("{_unit(s)}", start={float(s.start)!r}, doc="{_doc(s)}")' for n, s in inputs.items()
+        f'    {names[n]} = Input("{_unit(s)}", start={float(s.start)!r}, doc="{_doc(s)}")'
+        for n, s in inputs.items()
     ]
 
 
@@ -154,7 +173,9 @@ class _Answering(NamedTuple):
     terms: list[str]
 
 
-def _answering(names: Mapping[str, str], output: str, answers: Mapping[str, Response]) -> _Answering:
+def _answering(
+    names: Mapping[str, str], output: str, answers: Mapping[str, Response]
+) -> _Answering:
     """What an output does if inputs are others in the FMU than they were recorded."""
     made = _Answering([], [], [])
     for name, answer in answers.items():
@@ -179,13 +200,19 @@ def _law(name: str, returned: str, doc: str) -> list[str]:
     return ["", f"    def {name}(self):", f'        """{doc}"""', f"        return {returned}"]
 
 
-def _loaded(model: Model, doc: str, ending: str, lines: Sequence[str], stop: float, step: float) -> type[Component]:
+def _loaded(
+    model: Model, doc: str, ending: str, lines: Sequence[str], stop: float, step: float
+) -> type[Component]:
     """Write a class to where it is found again, and load it."""
     (identifier,) = identifiers((model.path.stem,))
     name = class_name(identifier)
-    head = _HEAD.format(doc=doc, cls=name, identifier=f"{identifier}_{ending}", stop=stop, step=step)
+    head = _HEAD.format(
+        doc=doc, cls=name, identifier=f"{identifier}_{ending}", stop=stop, step=step
+    )
     text = head + "\n".join([*lines, ""])
-    file = cache.entry(f"behind-{sha256(text.encode()).hexdigest()[:16]}/{identifier}.py", text.encode)
+    file = cache.entry(
+        f"behind-{sha256(text.encode()).hexdigest()[:16]}/{identifier}.py", text.encode
+    )
     return load_class(f"{file}:{name}")
 
 
@@ -199,4 +226,7 @@ def _unit(signal: Signal) -> str:
 
 
 def _doc(signal: Signal) -> str:
-    return "".join(c for c in signal.doc if c.isprintable() and c not in '"\\').strip(". ") or signal.name
+    return (
+        "".join(c for c in signal.doc if c.isprintable() and c not in '"\\').strip(". ")
+        or signal.name
+    )

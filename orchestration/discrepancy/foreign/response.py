@@ -23,7 +23,11 @@ from orchestration.records.clock import evenly_sampled
 Array = NDArray[np.float64]
 _CHANGE = 0.02  # of how much an input moves
 _DWELL = 20  # samples that the change stays at most
-_HIGHEST, _GOOD, _ENOUGH = 4, 99.0, 90.0  # order; fits in percent, at which no higher order is tried, and to be used
+_HIGHEST, _GOOD, _ENOUGH = (
+    4,
+    99.0,
+    90.0,
+)  # order; fits in percent, at which no higher order is tried, and to be used
 _MOVES = 1e-9  # of an output's spread, below which a change does nothing to it
 _SEED = 20
 
@@ -49,9 +53,13 @@ class Response:
 
 
 def responses(
-    fmu: FmuWithDifferences, time: Array, inputs: Mapping[str, Array], parameters: Mapping[str, float],
-    outputs: Sequence[str], of: Sequence[str],
-) -> dict[tuple[str, str], Response]:  # fmt: skip
+    fmu: FmuWithDifferences,
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, float],
+    outputs: Sequence[str],
+    of: Sequence[str],
+) -> dict[tuple[str, str], Response]:
     """Identify the responses of outputs to inputs.
 
     Parameters
@@ -78,7 +86,9 @@ def responses(
     for name in of:
         change = _random(len(time))
         size = float(np.std(inputs[name])) or 1.0
-        moved = [{**inputs, name: inputs[name] + sign * _CHANGE * size * change} for sign in (1.0, -1.0)]
+        moved = [
+            {**inputs, name: inputs[name] + sign * _CHANGE * size * change} for sign in (1.0, -1.0)
+        ]
         try:
             above, below = (fmu.run(time, fed, parameters).signals for fed in moved)
         except UserError:  # it cannot be moved there
@@ -86,7 +96,9 @@ def responses(
         for output in outputs:
             answer = (above[output] - below[output]) / (2.0 * _CHANGE * size)
             if np.ptp(answer) > _MOVES * (float(np.std(above[output])) or 1.0) / size:
-                best = max(_models(change, answer, step, size), key=lambda one: one.fit, default=None)
+                best = max(
+                    _models(change, answer, step, size), key=lambda one: one.fit, default=None
+                )
                 if best is not None and best.fit >= _ENOUGH:
                     found[output, name] = best
     return found
@@ -115,7 +127,10 @@ def _models(change: Array, answer: Array, step: float, size: float) -> Iterator[
             continue
         simulated = dlsim((a, b, c, d, step), change)[1][:, 0]
         error = (answer - simulated)[half:]
-        fit = 100.0 * (1.0 - float(np.linalg.norm(error) / np.linalg.norm(answer[half:] - answer[half:].mean())))
+        fit = 100.0 * (
+            1.0
+            - float(np.linalg.norm(error) / np.linalg.norm(answer[half:] - answer[half:].mean()))
+        )
         yield _scaled(*continuous, fit, step, change * size)
         if fit >= _GOOD:
             return
@@ -129,20 +144,26 @@ def _companion(numerator: Array, denominator: Array) -> tuple[Array, Array, Arra
     return a, np.eye(n, 1), c[np.newaxis], numerator[:1, np.newaxis]
 
 
-def _continuous(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, Array, Array, float] | None:
+def _continuous(
+    a: Array, b: Array, c: Array, d: Array, step: float
+) -> tuple[Array, Array, Array, float] | None:
     """The system of which this is one with a held input; None if there is none."""
     n = len(a)
     whole = np.block([[a, b], [np.zeros((1, n)), np.ones((1, 1))]])
     if np.linalg.matrix_rank(a) < n:  # delays
         return None
     root = logm(whole)
-    if np.abs(np.imag(root)).max() > 1e-9 * np.abs(root).max() or not np.allclose(expm(np.real(root)), whole):
+    if np.abs(np.imag(root)).max() > 1e-9 * np.abs(root).max() or not np.allclose(
+        expm(np.real(root)), whole
+    ):
         return None  # a pole on the negative real axis
     rates = np.real(root) / step
     return rates[:n, :n], rates[:n, n], c[0], float(d[0, 0])
 
 
-def _scaled(a: Array, b: Array, c: Array, d: float, fit: float, step: float, moved: Array) -> Response:
+def _scaled(
+    a: Array, b: Array, c: Array, d: float, fit: float, step: float, moved: Array
+) -> Response:
     """The same in coordinates of about unit size."""
     n = len(a)
     held = cont2discrete((a, b[:, np.newaxis], np.eye(n), np.zeros((n, 1))), step)

@@ -64,7 +64,9 @@ class Surrounded:
 
     def moved_to(self, estimates: Mapping[str, Estimate]) -> dict[str, float]:
         """Parameters of the FMU as they were found beside corrections; empty if none is far from where it was."""
-        found = {p: estimates[name].value for p, name in self.behind.fitted.items() if name in estimates}
+        found = {
+            p: estimates[name].value for p, name in self.behind.fitted.items() if name in estimates
+        }
         before = {p: float(self.settings.get(p, self.original.parameters[p].start)) for p in found}
         far = any(abs(found[p] - before[p]) > _FAR * (abs(before[p]) or 1.0) for p in found)
         return found if far else {}
@@ -113,35 +115,60 @@ def surround(
         If the FMU cannot be simulated over a record, or a parameter cannot be fitted.
     """
     every = (*records, *holdouts)
-    measured = [n for n in model.outputs if any(n in r.signals for r in every) and model.outputs[n].type == "real"]
+    measured = [
+        n
+        for n in model.outputs
+        if any(n in r.signals for r in every) and model.outputs[n].type == "real"
+    ]
     if not measured:
-        raise UserError(f"{records[0].source}: it has no real output of {model.name} ({', '.join(model.outputs)})")
+        raise UserError(
+            f"{records[0].source}: it has no real output of {model.name} ({', '.join(model.outputs)})"
+        )
     for name in fit:
         if name not in model.parameters:
-            raise UserError(f"fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}")
+            raise UserError(
+                f"fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}"
+            )
     settings, fitted = dict(given) | dict(at or {}), None
     if fit and at is None:
         progress(f"fitting {', '.join(fit)} of {model.path.name}")
-        estimation = _estimation_data(model, records[0], given, whole=bool(holdouts) or len(records) > 1)
-        fitted = fit_model(model, estimation.time, estimation.inputs, estimation.measured, fit, given)
+        estimation = _estimation_data(
+            model, records[0], given, whole=bool(holdouts) or len(records) > 1
+        )
+        fitted = fit_model(
+            model, estimation.time, estimation.inputs, estimation.measured, fit, given
+        )
         settings |= fitted.values
     progress(f"simulating {model.path.name}")
-    time, values = records[0].time, {p: float(settings.get(p, model.parameters[p].start)) for p in fit}
+    time, values = (
+        records[0].time,
+        {p: float(settings.get(p, model.parameters[p].start)) for p in fit},
+    )
     others = {n: v for n, v in settings.items() if n not in fit and n in model.parameters}
     with FmuWithDifferences(model, (), [*real(model.outputs)], {**others, **values}) as fmu:
         fed = _fed(records[0], model, settings)
         moving = [i for i in real(model.inputs) if i in records[0].signals and np.ptp(fed[i]) > 0.0]
         answers = responses(fmu, time, fed, {}, measured, moving)
-    found = behind(model, measured, values, float(time[-1] - time[0]), float(np.median(np.diff(time))), answers)
+    found = behind(
+        model, measured, values, float(time[-1] - time[0]), float(np.median(np.diff(time))), answers
+    )
     with FmuWithDifferences(model, fit, [*real(model.outputs)], others) as fmu:
         wrapped = [_wrapped(record, model, found, fmu, settings, measured) for record in every]
     return Surrounded(
-        model, settings, fitted, found, answers, replace(model_of(found.cls), name=model.name),
-        wrapped[: len(records)], wrapped[len(records) :],
-    )  # fmt: skip
+        model,
+        settings,
+        fitted,
+        found,
+        answers,
+        replace(model_of(found.cls), name=model.name),
+        wrapped[: len(records)],
+        wrapped[len(records) :],
+    )
 
 
-def _estimation_data(model: Model, record: Record, given: Mapping[str, Value], whole: bool) -> Dataset:
+def _estimation_data(
+    model: Model, record: Record, given: Mapping[str, Value], whole: bool
+) -> Dataset:
     """What nothing is judged by; of a record with gaps what is before the first one."""
     data = joined_dataset({"": record}, model, numeric(given))
     fitted = data if whole else ValidationData.split(data)[0]
@@ -150,22 +177,36 @@ def _estimation_data(model: Model, record: Record, given: Mapping[str, Value], w
 
 def _fed(record: Record, model: Model, settings: Mapping[str, Value]) -> dict[str, Array]:
     """What the FMU gets over a record."""
-    held = {i: np.full(len(record.time), float(v)) for i, v in settings.items() if i in model.inputs}
+    held = {
+        i: np.full(len(record.time), float(v)) for i, v in settings.items() if i in model.inputs
+    }
     return held | {i: record.signals[i] for i in model.inputs if i in record.signals}
 
 
 def _wrapped(
-    record: Record, model: Model, found: Behind, fmu: FmuWithDifferences, settings: Mapping[str, Value],
+    record: Record,
+    model: Model,
+    found: Behind,
+    fmu: FmuWithDifferences,
+    settings: Mapping[str, Value],
     measured: Sequence[str],
-) -> Record:  # fmt: skip
+) -> Record:
     """A record with what the FMU makes of its inputs, by the names of the component behind it."""
     fed = _fed(record, model, settings)
     values = {p: float(settings.get(p, model.parameters[p].start)) for p in found.fitted}
     ran = fmu.run(record.time, fed, values)
-    signals = {found.names[name]: series for name, series in (record.signals | fed).items() if name in found.names}
+    signals = {
+        found.names[name]: series
+        for name, series in (record.signals | fed).items()
+        if name in found.names
+    }
     signals |= {found.simulated(o): series for o, series in ran.signals.items()}
     known = {v.name for v in found.cls.layout.inputs}
-    signals |= {recorded: fed[i] for i in fed if (recorded := RECORDED.format(found.names.get(i, ""))) in known}
+    signals |= {
+        recorded: fed[i]
+        for i in fed
+        if (recorded := RECORDED.format(found.names.get(i, ""))) in known
+    }
     for k, p in enumerate(values):
         signals |= {found.slope(o, p): ran.sensitivities[o][:, k] for o in measured}
     units = {v.name: v.unit for v in found.cls.layout.variables}

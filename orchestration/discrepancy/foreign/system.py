@@ -35,18 +35,27 @@ def corrected(around: Surrounded, component: type[Component]) -> System:
     """
     original, names = around.original, around.behind.names
     fitted = {p.name: p.start for p in component.layout.parameters}
-    measured = [o for o in original.outputs if names.get(o) in {v.name for v in around.behind.cls.layout.outputs}]
+    measured = [
+        o
+        for o in original.outputs
+        if names.get(o) in {v.name for v in around.behind.cls.layout.outputs}
+    ]
     stop, step = around.behind.cls.experiment
     effects = vars(component)["stacked"][1]
     of_inputs = [effect for effect in effects if _acts_ahead(effect, around.moved)]
     plain = behind(original, measured, {}, stop, step)
     after = _laid(plain.cls, [effect for effect in effects if effect not in of_inputs], fitted)
     members = [Member(_FMU, original.path, _parameters(around, fitted)), Member.of(_BEHIND, after)]
-    connections = [Connection(Port(_FMU, o), Port(_BEHIND, plain.simulated(o))) for o in original.outputs if o in names]
+    connections = [
+        Connection(Port(_FMU, o), Port(_BEHIND, plain.simulated(o)))
+        for o in original.outputs
+        if o in names
+    ]
     inputs = {
         i: [Port(_FMU, i), *([Port(_BEHIND, names[i])] if i in names else [])]
-        for i in original.inputs if i not in around.settings
-    }  # fmt: skip
+        for i in original.inputs
+        if i not in around.settings
+    }
     if of_inputs:
         moved = [i for i in inputs if names.get(i) in around.moved]
         members.append(Member.of(_AHEAD, _ahead(around, moved, of_inputs, fitted)))
@@ -56,8 +65,13 @@ def corrected(around: Surrounded, component: type[Component]) -> System:
             inputs[i].remove(Port(_FMU, i))
             connections.append(Connection(Port(_AHEAD, IN_FMU.format(names[i])), Port(_FMU, i)))
     outside = {i: tuple(ports) for i, ports in inputs.items()}
-    outputs, doc = {o: Port(_BEHIND, names[o]) for o in measured}, f"{original.path.name}, corrected"
-    return System(plain.cls.name, tuple(members), tuple(connections), outside, outputs, doc, step, stop)
+    outputs, doc = (
+        {o: Port(_BEHIND, names[o]) for o in measured},
+        f"{original.path.name}, corrected",
+    )
+    return System(
+        plain.cls.name, tuple(members), tuple(connections), outside, outputs, doc, step, stop
+    )
 
 
 def _acts_ahead(effect: type[Effect], moved: Sequence[str]) -> bool:
@@ -67,7 +81,10 @@ def _acts_ahead(effect: type[Effect], moved: Sequence[str]) -> bool:
 
 
 def _ahead(
-    around: Surrounded, moved: Sequence[str], effects: Sequence[type[Effect]], fitted: Mapping[str, float]
+    around: Surrounded,
+    moved: Sequence[str],
+    effects: Sequence[type[Effect]],
+    fitted: Mapping[str, float],
 ) -> type[Component]:
     stop, step = around.behind.cls.experiment
     try:
@@ -79,11 +96,15 @@ def _ahead(
         ) from error
 
 
-def _laid(base: type[Component], effects: Sequence[type[Effect]], fitted: Mapping[str, float]) -> type[Component]:
+def _laid(
+    base: type[Component], effects: Sequence[type[Effect]], fitted: Mapping[str, float]
+) -> type[Component]:
     """Effects over a component, with fitted values."""
     over = stack(base, *effects)
     own = {p.name for p in over.layout.parameters}
-    return stack(over, name=base.name, defaults={n: value for n, value in fitted.items() if n in own})
+    return stack(
+        over, name=base.name, defaults={n: value for n, value in fitted.items() if n in own}
+    )
 
 
 def _parameters(around: Surrounded, fitted: Mapping[str, float]) -> dict[str, Value]:

@@ -13,7 +13,10 @@ from orchestration.discrepancy.laws.evidence import Basis, Curve
 
 Array = NDArray[np.float64]
 _SURE, _LEAST = 0.95, 1.96  # share of curves, and deviations where all points go together
-_DRAWS, _BETWEEN = 2000, 4  # curves that are drawn, and points that are looked at from one knot to the next
+_DRAWS, _BETWEEN = (
+    2000,
+    4,
+)  # curves that are drawn, and points that are looked at from one knot to the next
 
 
 class Band:
@@ -41,7 +44,8 @@ class Band:
     def _covariance(self, x: Array) -> Array:
         columns = self._basis(x)
         return np.asarray(
-            columns @ self._curve.covariance @ columns.T + self._curve.bending * self._basis.left_between(x)
+            columns @ self._curve.covariance @ columns.T
+            + self._curve.bending * self._basis.left_between(x)
         )
 
 

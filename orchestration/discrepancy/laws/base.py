@@ -18,7 +18,9 @@ def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda tex
     known = {p.name for p in base.candidate.cls.layout.parameters}
     fixed = {n: v for n, v in problem.start.items() if n in known and n not in names}
     start = {n: v for n, v in problem.start.items() if n in names}
-    several = (base_name(n) for n in problem.names if base_name(n) != n and not problem.declared[n].starts)
+    several = (
+        base_name(n) for n in problem.names if base_name(n) != n and not problem.declared[n].starts
+    )
     search = Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, progress)
     return replace(search, each=list(dict.fromkeys(several)))
 
@@ -27,4 +29,6 @@ def usable(diagnosis: Diagnosis) -> Dataset:
     """All that was measured and the final model of a diagnosis was fitted to."""
     problem = diagnosis.final.problem
     several = problem.runs if len(problem.runs) > 1 else ()
-    return Dataset(problem.time, problem.inputs, problem.measured, diagnosis.estimation.linear, several)
+    return Dataset(
+        problem.time, problem.inputs, problem.measured, diagnosis.estimation.linear, several
+    )

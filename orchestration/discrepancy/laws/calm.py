@@ -34,7 +34,9 @@ def noise_of_inputs(diagnosis: Diagnosis) -> dict[str, float]:
 
 
 def calmed(
-    diagnosis: Diagnosis, noise: Mapping[str, float], progress: Callable[[str], None] = lambda text: None
+    diagnosis: Diagnosis,
+    noise: Mapping[str, float],
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
     """Return a diagnosis of which the models are fitted to inputs without noise; everything else stays as it is.
 
@@ -94,15 +96,24 @@ def smooth(time: Array, values: Array, deviation: float) -> Array:
     levels = _levels([values[part] for part in parts], deviation)
     result = values.copy()
     for part, level in zip(parts, levels, strict=True):
-        result[part] = level if _is_level(values[part], level, deviation) else _course(time[part], values[part])
+        result[part] = (
+            level
+            if _is_level(values[part], level, deviation)
+            else _course(time[part], values[part])
+        )
     return result
 
 
 def _levels(parts: Sequence[Array], deviation: float) -> Array:
     """Means of parts, those together that noise alone tells apart."""
-    means, counts = np.array([part.mean() for part in parts]), np.array([len(part) for part in parts])
+    means, counts = (
+        np.array([part.mean() for part in parts]),
+        np.array([len(part) for part in parts]),
+    )
     order = np.argsort(means)
-    far = np.diff(means[order]) > _SAME * deviation * np.sqrt(1.0 / counts[order][1:] + 1.0 / counts[order][:-1])
+    far = np.diff(means[order]) > _SAME * deviation * np.sqrt(
+        1.0 / counts[order][1:] + 1.0 / counts[order][:-1]
+    )
     group = np.empty(len(parts), dtype=int)
     group[order] = np.append(0, np.cumsum(far))
     return np.asarray((np.bincount(group, means * counts) / np.bincount(group, counts))[group])

@@ -26,13 +26,18 @@ from orchestration.fmu.effects import catalogue, families
 
 Array = NDArray[np.float64]
 _TOLD, _MAPPED = 6, 3  # curves that are fitted to the end: by their first fits, and by the map
-_PLAIN, _MUCH = 40, 1.5  # more signals as they are, likely or not where so many widths of noise are left
+_PLAIN, _MUCH = (
+    40,
+    1.5,
+)  # more signals as they are, likely or not where so many widths of noise are left
 _NEAR = 0.5  # of the fall of the best, which a correction that is told must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
 # of what the best gains, likewise: no curve, and no lag, is quite the plant's; to first order, and fitted
 _ABOUT, _FITTED = 0.02, 0.03
 _SIMPLE = 0.01  # of what a curve gains, by which a shape may be behind it: that much, it bends after the rest
-_OTHERWISE = 0.1  # the same of a law of one signal, to which something is added or which is multiplied
+_OTHERWISE = (
+    0.1  # the same of a law of one signal, to which something is added or which is multiplied
+)
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,9 @@ class Correction:
         A simulation may be worse and likelier at once, where noise is taken to wander and the correction does too.
         """
         sure = self.confirmation is not None and self.confirmation.outcome is Outcome.CONFIRMED
-        before, after = (float(np.mean(np.square(list(e.values())))) if e else 0.0 for e in self.errors)
+        before, after = (
+            float(np.mean(np.square(list(e.values())))) if e else 0.0 for e in self.errors
+        )
         return sure and after <= before
 
     @property
@@ -125,7 +132,9 @@ class LawMapResult:
 
 
 def discover(
-    diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None, again: Entry | None = None
+    diagnosis: Diagnosis,
+    progress: Callable[[str], None] = lambda text: None,
+    again: Entry | None = None,
 ) -> LawMapResult:
     """Ask every law of a diagnosed model, with the causes that were named, what it lacks.
 
@@ -145,7 +154,10 @@ def discover(
     telling = [e for e in entries if e.curve.gain > found.chance]
     chosen = found.plausible.worth_a_fit(telling) if again is None else telling
     progress(f"fitting {len(chosen)} corrections of laws")
-    fitting, below = Fitting(search, base, found), base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
+    fitting, below = (
+        Fitting(search, base, found),
+        base.fit.bic - 2.0 * float(np.log(max(len(entries), 1))),
+    )
     fitted = _fitted(fitting, chosen, below)
     best = next(iter(fitted), None)
     far = found.widths(best.residual if best else base.fit.residual) > _MUCH
@@ -186,14 +198,21 @@ def _fitted(fitting: Fitting, chosen: Sequence[Entry], below: float) -> list[Fit
     curves = [one for one in first if one.table is not None]
     # a fit from afar may need more than its first steps, and the map knows
     mapped = sorted(curves[_TOLD:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
-    ended = [*(one for one in first if one.table is None), *side_by_side(fitting.settled, [*curves[:_TOLD], *mapped])]
+    ended = [
+        *(one for one in first if one.table is None),
+        *side_by_side(fitting.settled, [*curves[:_TOLD], *mapped]),
+    ]
     return _telling(ended, below)
 
 
 def _telling(fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
     """Those that come near the best, the best first."""
     ordered = sorted(fitted, key=lambda one: one.criterion)
-    return [one for one in ordered if below - one.criterion > max(_NEAR * (below - ordered[0].criterion), 0.0)]
+    return [
+        one
+        for one in ordered
+        if below - one.criterion > max(_NEAR * (below - ordered[0].criterion), 0.0)
+    ]
 
 
 def _second_look(
@@ -225,7 +244,9 @@ def _as_good(found: LawMap, fitted: Sequence[FittedEntry], below: float) -> list
 
     def behind(one: FittedEntry) -> float:
         # what is added to a law of one signal and what multiplies it are one function, on other knots
-        same = one.entry.what[:3] == best.entry.what[:3] and found.plausible.hangs_on_one_signal(one.entry.law)
+        same = one.entry.what[:3] == best.entry.what[:3] and found.plausible.hangs_on_one_signal(
+            one.entry.law
+        )
         return max(_AS_GOOD, (_OTHERWISE if same else _FITTED) * most)
 
     return sorted(
@@ -240,7 +261,11 @@ def _within(gain: float) -> float:
 
 
 def _not_told_apart(
-    found: LawMap, entry: Entry, as_good: Sequence[Entry], others: Sequence[Entry], entries: Sequence[Entry]
+    found: LawMap,
+    entry: Entry,
+    as_good: Sequence[Entry],
+    others: Sequence[Entry],
+    entries: Sequence[Entry],
 ) -> tuple[Entry, ...]:
     """Entries fitted about as well, and those that do the same to the outputs to first order, one for each signal.
 
@@ -251,9 +276,11 @@ def _not_told_apart(
     same = [
         e
         for e in entries
-        if alike(e, entry) and e.curve.gain >= least and found.plausible.far_fetched(e)[0] <= far
+        if alike(e, entry)
+        and e.curve.gain >= least
+        and found.plausible.far_fetched(e)[0] <= far
         and not any(_nearer(e, other, entry) for other in others)
-    ]  # fmt: skip
+    ]
     several = {e.what[:3]: e for e in (*same[::-1], *as_good[::-1])}
     several.pop(entry.what[:3], None)
     return tuple(list(several.values())[::-1])
@@ -261,7 +288,9 @@ def _not_told_apart(
 
 def _nearer(entry: Entry, one: Entry, other: Entry) -> bool:
     """Whether an entry does rather what one does than what another does."""
-    return abs(float(entry.direction @ one.direction)) > abs(float(entry.direction @ other.direction))
+    return abs(float(entry.direction @ one.direction)) > abs(
+        float(entry.direction @ other.direction)
+    )
 
 
 def _nearest(
@@ -276,7 +305,9 @@ def _judged(one: Correction, base: FittedCandidate, validation: ValidationData) 
     """Hold a correction against unseen data."""
     try:
         before, after = predict(validation, base), predict(validation, one.model)
-        found = Confirmation(score(validation, before, after), is_at_rest(validation.data, validation.judged))
+        found = Confirmation(
+            score(validation, before, after), is_at_rest(validation.data, validation.judged)
+        )
     except FAILURES:
         return one
     return replace(one, confirmation=found, errors=(before.errors, after.errors))

@@ -19,7 +19,9 @@ from fmus.kit.functions import slopes
 Array = NDArray[np.float64]
 KNOTS, FEW = 16, 6  # of a curve of what is, and of what is remembered
 _NEAR = 0.005  # of the range, within which a curve may step at zero
-_SIZES = np.geomspace(1e-2, 1e8, 11)  # of the bending part, as precision of the data over that of the prior
+_SIZES = np.geomspace(
+    1e-2, 1e8, 11
+)  # of the bending part, as precision of the data over that of the prior
 _OWN = 1e-3  # share that the model's parameters leave of a constant, slope or step, below which it is theirs
 _FEWEST = 4  # knots, above which there may be a step
 _FLAT = 1e4  # times that of one sample, the variance of what may be anything: a strong effect costs no more than a weak
@@ -127,7 +129,9 @@ class Basis:
         """
         knots, there, columns = self._unit, self._relative(values), self(values)
         across = columns @ _wiener(knots, there)
-        left = _wiener(there, there) - across - across.T + columns @ _wiener(knots, knots) @ columns.T
+        left = (
+            _wiener(there, there) - across - across.T + columns @ _wiener(knots, knots) @ columns.T
+        )
         return np.asarray(left / self._power)
 
     @cached_property
@@ -223,7 +227,9 @@ class Columns:
         gains = np.einsum("i,cij,j->c", score, covariances, score) - prices
         k = int(np.argmax(gains))
         values = covariances[k] @ score
-        return Curve(float(gains[k]), values, covariances[k], priors[k], float(prices[k]), float(sizes[k]))
+        return Curve(
+            float(gains[k]), values, covariances[k], priors[k], float(prices[k]), float(sizes[k])
+        )
 
     def by_chance(self, scores: Array) -> Array:
         """Tell what the likeliest curves gain where there is mere noise.

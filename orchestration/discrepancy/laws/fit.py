@@ -21,7 +21,10 @@ from orchestration.identify.problem import Problem
 
 Array = NDArray[np.float64]
 _SHARES = 1.0, 0.3, 0.0  # of what the map says of a curve, from which a fit may begin
-_ROUNDS, _FALL = 8, 2.0  # of choosing noise and roughness anew and fitting on, while the criterion falls by so much
+_ROUNDS, _FALL = (
+    8,
+    2.0,
+)  # of choosing noise and roughness anew and fitting on, while the criterion falls by so much
 # fall of the cost, relative, that ends a fit, and points that it tries at most
 _ROUGHLY, _SETTLED = (1e-3, 20), (1e-6, 200)
 
@@ -76,13 +79,23 @@ class CurveFit:
         tables = [n for n in effect.declared if "_at_" in n and n.startswith(effect.neutral)]
         fixed = {**search.fixed, **base.fit.values, effect.neutral: 1.0}
         constants = [n for n in effect.declared if n.endswith("_memory_constant")]
-        parameters = [*search.parameters, *base.candidate.parameters, *base.candidate.starts, *constants]
-        self.candidate, self.problem = candidate, search.problem(candidate, [*parameters, *tables], fixed)
+        parameters = [
+            *search.parameters,
+            *base.candidate.parameters,
+            *base.candidate.starts,
+            *constants,
+        ]
+        self.candidate, self.problem = (
+            candidate,
+            search.problem(candidate, [*parameters, *tables], fixed),
+        )
         self._own = len(base.problem.names) + len(constants)
         self._precision = np.append(base.fit.prior_precision, np.zeros(len(constants)))
         self._size = np.array([s.size for s in self.problem.scales[self._own :]])
 
-    def first(self, starts: Sequence[Mapping[str, float]], curve: Curve, floor: Mapping[str, Noise]) -> FittedCurve:
+    def first(
+        self, starts: Sequence[Mapping[str, float]], curve: Curve, floor: Mapping[str, Noise]
+    ) -> FittedCurve:
         """Fit once from a curve, beside values of the model's own parameters; from the nearest of several.
 
         In white noise of the size that is left at best: what a start leaves has the colour of its own faults.
@@ -118,7 +131,9 @@ class CurveFit:
         for _ in range(_ROUNDS):
             before = fitted
             whitening = Whitening.of(before.noise, before.residual, self.problem.present)
-            curve = self._weighed(whitening(before.residual), whitening(self.problem.evaluate(before.q)[1]), before.q)
+            curve = self._weighed(
+                whitening(before.residual), whitening(self.problem.evaluate(before.q)[1]), before.q
+            )
             fitted = self._fitted(before.q, whitening, curve, _SETTLED)
             if fitted.criterion > before.criterion - _FALL:
                 fitted = min(fitted, before, key=lambda one: one.criterion)
@@ -126,7 +141,9 @@ class CurveFit:
         self.problem.forget()
         return fitted
 
-    def _fitted(self, q: Array, whitening: Whitening, curve: Curve, effort: tuple[float, int]) -> FittedCurve:
+    def _fitted(
+        self, q: Array, whitening: Whitening, curve: Curve, effort: tuple[float, int]
+    ) -> FittedCurve:
         """Fit from a point, with the roughness that a curve expects."""
         problem = self.problem
         q, rough = self._minimised(q, whitening, _root(curve.prior), effort)
@@ -134,14 +151,23 @@ class CurveFit:
         noise = dict(problem.noise(error))
         now = Whitening.of(noise, error, problem.present)
         again = self._weighed(now(error), now(jacobian), q)
-        found = replace(curve, values=q[self._own :] * self._size, covariance=again.covariance, gain=again.gain)
-        deviance = sum(n.deviance(n.whiten(error[o], problem.present[o]), problem.present[o]) for o, n in noise.items())
+        found = replace(
+            curve, values=q[self._own :] * self._size, covariance=again.covariance, gain=again.gain
+        )
+        deviance = sum(
+            n.deviance(n.whiten(error[o], problem.present[o]), problem.present[o])
+            for o, n in noise.items()
+        )
         weight = self._precision
-        moved = q[: self._own] - problem.position(problem.start | self._base.problem.start)[: self._own]
+        moved = (
+            q[: self._own] - problem.position(problem.start | self._base.problem.start)[: self._own]
+        )
         deviance += float(np.sum(np.where(weight > 0.0, weight * moved**2, 0.0)))
         order = sum(n.parameters for n in noise.values()) + self._own
         criterion = deviance + rough + found.complexity + order * np.log(problem.samples)
-        return FittedCurve(self.candidate, problem, q, self.basis, found, noise, dict(error), float(criterion))
+        return FittedCurve(
+            self.candidate, problem, q, self.basis, found, noise, dict(error), float(criterion)
+        )
 
     def _free(self, slopes: Array) -> Array:
         """What the model's own parameters can do, as an orthonormal basis."""
@@ -160,10 +186,14 @@ class CurveFit:
         wanted = error - own @ (own.T @ error) + columns @ (q[self._own :] * self._size)
         products = Columns(self.basis, columns.T @ columns, alone.T @ alone, len(error))
         if not np.isfinite(products.alone).all():
-            raise UserError("the model runs away: the square of what the curve does to it is no number")
+            raise UserError(
+                "the model runs away: the square of what the curve does to it is no number"
+            )
         return products.best(columns.T @ wanted)
 
-    def _minimised(self, q: Array, whitening: Whitening, root: Array, effort: tuple[float, int]) -> tuple[Array, float]:
+    def _minimised(
+        self, q: Array, whitening: Whitening, root: Array, effort: tuple[float, int]
+    ) -> tuple[Array, float]:
         """Least squares with the prior, the curve being the root times as many coordinates of unit size."""
         problem, own, base = self.problem, self._own, self._base
         weight = np.sqrt(self._precision)
@@ -175,14 +205,18 @@ class CurveFit:
             return np.concatenate([z[:own], root @ z[own:] / self._size])
 
         def residual(z: Array) -> Array:
-            return np.concatenate([whitening(problem.evaluate(whole(z))[0]), weight * (z[:own] - centre), z[own:]])
+            return np.concatenate(
+                [whitening(problem.evaluate(whole(z))[0]), weight * (z[:own] - centre), z[own:]]
+            )
 
         def jacobian(z: Array) -> Array:
             slopes = whitening(problem.evaluate(whole(z))[1])
             top = np.hstack([slopes[:, :own], slopes[:, own:] @ (root / self._size[:, None])])
             return np.vstack([top, np.diag(np.concatenate([weight, np.ones(root.shape[1])]))])
 
-        begin = np.concatenate([q[:own], np.linalg.lstsq(root, q[own:] * self._size, rcond=None)[0]])
+        begin = np.concatenate(
+            [q[:own], np.linalg.lstsq(root, q[own:] * self._size, rcond=None)[0]]
+        )
         far = np.full(root.shape[1], np.inf)
         bounds = np.append(low[:own], -far), np.append(high[:own], far)
         end = minimise(residual, jacobian, begin, *bounds, *effort)

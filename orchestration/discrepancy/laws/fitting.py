@@ -28,7 +28,10 @@ T = TypeVar("T")
 _MOST = 50.0  # fall of the criterion per sample
 _PATIENCE = 6.0  # internal steps, over those of other effects
 _SHAPES = 5  # that are fitted in the model
-RELAXATIONS = "lagged", "leading"  # memories that stay in proportion: what seems to bend there is another relaxation
+RELAXATIONS = (
+    "lagged",
+    "leading",
+)  # memories that stay in proportion: what seems to bend there is another relaxation
 
 
 @dataclass(frozen=True)
@@ -83,16 +86,24 @@ class Fitting:
         self._search, self._base, self._found = replace(search, patience=_PATIENCE), base, found
         time = search.data.time
         self._shortest, self._longest = float(np.median(np.diff(time))), float(time[-1] - time[0])
-        self._is_moving = any(name in search.base.layout.start_parameters for name in search.parameters)
+        self._is_moving = any(
+            name in search.base.layout.start_parameters for name in search.parameters
+        )
 
     def first(self, entry: Entry) -> FittedEntry | None:
         """Fit roughly: what is behind a lag in proportion, which is a relaxation; everything else as a curve.
 
         None if the model cannot be simulated with it.
         """
-        found = _or_none(lambda: self._in_proportion(entry) if entry.signal.constant else self._as_curve(entry))
+        found = _or_none(
+            lambda: self._in_proportion(entry) if entry.signal.constant else self._as_curve(entry)
+        )
         # a simulation that ran away leaves figures that are none
-        return found if found and self._base.fit.bic - found.criterion < _MOST * self._base.fit.samples else None
+        return (
+            found
+            if found and self._base.fit.bic - found.criterion < _MOST * self._base.fit.samples
+            else None
+        )
 
     def settled(self, one: FittedEntry) -> FittedEntry:
         """Fit a curve on, in its own noise and as rough as it asks for; what is in proportion is settled."""
@@ -114,10 +125,16 @@ class Fitting:
         if one.straight is not None and one.entry.signal.memory in RELAXATIONS:
             return [("linear", one.straight)]
         of = self.signal(one.entry, zero_of(one.entry.basis))
-        near = [like for like in likenesses(one.entry.basis, one.curve, of.scale, zero=of.zero)
-                if like.shape not in known][:_SHAPES]  # fmt: skip
+        near = [
+            like
+            for like in likenesses(one.entry.basis, one.curve, of.scale, zero=of.zero)
+            if like.shape not in known
+        ][:_SHAPES]
         tried = side_by_side(lambda like: _or_none(lambda: self._shaped(one, like)), near)
-        fitted = [*known.items(), *((like.shape, model) for like, model in zip(near, tried, strict=True) if model)]
+        fitted = [
+            *known.items(),
+            *((like.shape, model) for like, model in zip(near, tried, strict=True) if model),
+        ]
         several: dict[str, FittedCandidate] = {}
         for shape, model in sorted(fitted, key=lambda pair: pair[1].fit.bic):
             width = model.fit.values.get(f"{model.effect.neutral}_width", 0.0)
@@ -148,11 +165,21 @@ class Fitting:
         """The signal of an entry, as a correction takes it."""
         signal, unit = entry.signal, unit_of(self._base.candidate.cls, entry.signal.name)
         scale = float(np.abs(entry.basis.knots - zero).max()) or 1.0
-        return Of(signal.name, signal.memory, signal.constant, unit, scale, self._found.begins(entry), zero)
+        return Of(
+            signal.name,
+            signal.memory,
+            signal.constant,
+            unit,
+            scale,
+            self._found.begins(entry),
+            zero,
+        )
 
     def _number(self, entry: Entry) -> int:
         """One, or where the model remembers the signal in the law already, one more: every lag has its own constant."""
-        beside = [e.term.family for e in self._base.candidate.effects] if entry.signal.memory else []
+        beside = (
+            [e.term.family for e in self._base.candidate.effects] if entry.signal.memory else []
+        )
         return 1 + beside.count(entry.family)
 
     def _shaped(self, one: FittedEntry, like: Likeness) -> FittedCandidate:
@@ -177,10 +204,19 @@ class Fitting:
         slope = float(np.polyfit(knots, entry.curve.values, 1)[0])
         model = self._fitted(effect, {effect.neutral: slope})
         k = model.problem.names.index(effect.neutral)
-        amount, spread = model.fit.values[effect.neutral], model.problem.scales[k].slope(model.fit.q[k])
+        amount, spread = (
+            model.fit.values[effect.neutral],
+            model.problem.scales[k].slope(model.fit.q[k]),
+        )
         variance = float(model.fit.covariance.matrix[k, k]) * spread**2
         shape = np.outer(knots, knots)
-        curve = Curve(self._base.fit.bic - model.fit.bic, amount * knots, variance * shape, amount**2 * shape, 0.0)
+        curve = Curve(
+            self._base.fit.bic - model.fit.bic,
+            amount * knots,
+            variance * shape,
+            amount**2 * shape,
+            0.0,
+        )
         entry = _with_constant(entry, model)
         if entry.signal.constant and not self._shortest < entry.signal.constant < self._longest:
             raise UserError(f"{entry.label}: no lag, but the signal itself, or a constant")
@@ -191,8 +227,12 @@ class Fitting:
         candidate = base.candidate.with_effect(effect)
         if self._is_moving and any(name.endswith("_memory_constant") for name in effect.declared):
             # where it is not known where everything starts, it is not known what is remembered then
-            candidate = replace(candidate, starts=(*candidate.starts, *effect.layout.start_of.values()))
-        fitted = self._search.fit_from(candidate, base, {**self._search.fixed, **base.fit.values, **start})
+            candidate = replace(
+                candidate, starts=(*candidate.starts, *effect.layout.start_of.values())
+            )
+        fitted = self._search.fit_from(
+            candidate, base, {**self._search.fixed, **base.fit.values, **start}
+        )
         fitted.problem.forget()
         return fitted
 
@@ -218,12 +258,16 @@ def _own(one: FittedEntry, effect: type[Effect]) -> dict[str, float]:
 
 def _with_constant(entry: Entry, model: FittedCandidate) -> Entry:
     """The entry with the lag that was fitted."""
-    fitted = [model.fit.values[n] for n in own_parameters(model.effect) if n.endswith("_memory_constant")]
+    fitted = [
+        model.fit.values[n] for n in own_parameters(model.effect) if n.endswith("_memory_constant")
+    ]
     return replace(entry, signal=replace(entry.signal, constant=fitted[0])) if fitted else entry
 
 
 def unit_of(cls: type[Component], name: str) -> str:
     """SI unit of an input, a state, a law, or the time."""
     layout = cls.layout
-    declared = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.discretes)} | {"time": "s"}
+    declared = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.discretes)} | {
+        "time": "s"
+    }
     return declared.get(name) or {law.name: law.unit for law in laws_of(cls)}.get(name) or "1"

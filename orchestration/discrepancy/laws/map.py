@@ -15,7 +15,12 @@ from orchestration.discrepancy.laws.evidence import FEW, Basis, Columns
 from orchestration.discrepancy.laws.linear.course import FreeCourse, follow
 from orchestration.discrepancy.laws.linear.linearised import LinearisedRecord
 from orchestration.discrepancy.laws.linear.powers import moved, powers, reach
-from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides, responses_of_runs
+from orchestration.discrepancy.laws.linear.response import (
+    Course,
+    LinearResponse,
+    Sides,
+    responses_of_runs,
+)
 from orchestration.discrepancy.laws.plausible import Plausible
 from orchestration.discrepancy.laws.signals import Signal, is_new, of, plain, remembered
 from orchestration.discrepancy.parallel import side_by_side
@@ -45,7 +50,10 @@ def _other_names(parts: Sequence[tuple[Run, Course, LinearResponse]]) -> dict[st
     """Inputs and states, and laws that only hand them on."""
     _, course, response = parts[0]
     signals = {**course.inputs, **course.states}
-    same = {s: [n for n, v in response.values.items() if np.array_equal(v.begin, x.begin)] for s, x in signals.items()}
+    same = {
+        s: [n for n, v in response.values.items() if np.array_equal(v.begin, x.begin)]
+        for s, x in signals.items()
+    }
     return {signal: names for signal, names in same.items() if names}
 
 
@@ -64,8 +72,15 @@ class LawMap:
         self._search, self._fitted, problem = search, fitted, fitted.problem
         self._families = set(families)
         # of corrections that the model has already: what they remember, and what they are curves of
-        corrections = [e for e in fitted.candidate.effects if getattr(e, "made_by", None) is correction]
-        self._memories = {name for e in corrections for state in e.layout.states for name in (state.name, state.rate)}
+        corrections = [
+            e for e in fitted.candidate.effects if getattr(e, "made_by", None) is correction
+        ]
+        self._memories = {
+            name
+            for e in corrections
+            for state in e.layout.states
+            for name in (state.name, state.rate)
+        }
         self._corrected = {(e.term.law, e.term.qualifier) for e in corrections}
         values = problem.start | problem.values(fitted.fit.q)
         ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
@@ -73,24 +88,38 @@ class LawMap:
         self._outputs, self._present = list(problem.measured), problem.present
         self._n = len(problem.time)
         parts = responses_of_runs(
-            self.laws, problem.time, problem.inputs, ran.signals, values, search.data.linear or (), problem.runs,
+            self.laws,
+            problem.time,
+            problem.inputs,
+            ran.signals,
+            values,
+            search.data.linear or (),
+            problem.runs,
             self._outputs,
-        )  # fmt: skip
+        )
         self.candidates = self._different_laws(parts)
         self._powers = powers(self.laws, parts[0][1], parts[0][0].values(values), problem.names)
         others = _other_names(parts)
         self._constants = {
-            law for law in self.laws.names if all(_is_constant(r.values[law].begin) for _, _, r in parts)
+            law
+            for law in self.laws.names
+            if all(_is_constant(r.values[law].begin) for _, _, r in parts)
         }
         self.plausible = Plausible(self.laws, self._constants, others, self._families)
         rates = {state.rate for state in self.laws.graph.layout.states}
         self._rates = rates | {s for s, names in others.items() if rates & {*names}}
         laws = list(self.candidates)
         self.courses = dict(
-            zip(laws, side_by_side(lambda law: follow(search, fitted, self.laws, law), laws), strict=True)
+            zip(
+                laws,
+                side_by_side(lambda law: follow(search, fitted, self.laws, law), laws),
+                strict=True,
+            )
         )
 
-    def _different_laws(self, parts: Sequence[tuple[Run, Course, LinearResponse]]) -> dict[str, list[str]]:
+    def _different_laws(
+        self, parts: Sequence[tuple[Run, Course, LinearResponse]]
+    ) -> dict[str, list[str]]:
         """Laws that do different things to the outputs, each with others that do the same."""
         found: dict[str, list[str]] = {}
         shapes: dict[str, Array] = {}
@@ -102,7 +131,9 @@ class LawMap:
             if not size or not np.isfinite(size):
                 continue
             whole /= size
-            same = next((n for n, other in shapes.items() if abs(float(other @ whole)) > 1.0 - 1e-12), None)
+            same = next(
+                (n for n, other in shapes.items() if abs(float(other @ whole)) > 1.0 - 1e-12), None
+            )
             if same is None:
                 shapes[law], found[law] = whole, [law]
             else:
@@ -123,7 +154,9 @@ class LawMap:
         outputs = {o.name for o in self.laws.graph.layout.outputs}
         # what is computed from one signal alone tells what that one tells
         passed_over = (
-            outputs | self._memories | {law for law in response.values if len(self.laws.computed_from(law)) == 1}
+            outputs
+            | self._memories
+            | {law for law in response.values if len(self.laws.computed_from(law)) == 1}
         )
         kept = plain(longest, response.values, passed_over)
         told: list[Array] = []
@@ -134,20 +167,29 @@ class LawMap:
 
     def entries(self, noise: Mapping[str, Noise] | None = None) -> list[Entry]:
         """Score everything, in one noise."""
-        nearest = min(self.courses.values(), key=lambda c: sum(np.log(np.sum(e**2)) for e in c.left.values()))
+        nearest = min(
+            self.courses.values(), key=lambda c: sum(np.log(np.sum(e**2)) for e in c.left.values())
+        )
         problem = self._fitted.problem
         if noise is None:
-            noise = {o: estimate(e, problem.present[o], 0, problem.calm[o]) for o, e in nearest.left.items()}
+            noise = {
+                o: estimate(e, problem.present[o], 0, problem.calm[o])
+                for o, e in nearest.left.items()
+            }
         self.floor = noise
         self._chance: list[Array] = []
         several = side_by_side(lambda law: list(self._of_law(law, noise)), list(self.candidates))
         found = [entry for entries in several for entry in entries]
-        self.chance = float(np.quantile(np.max(self._chance, axis=0), _SURE)) if self._chance else 0.0
+        self.chance = (
+            float(np.quantile(np.max(self._chance, axis=0), _SURE)) if self._chance else 0.0
+        )
         return sorted(found, key=lambda e: -e.curve.gain)
 
     def _of_law(self, law: str, noise: Mapping[str, Noise]) -> Iterator[Entry]:
         course = self.courses[law]
-        record = LinearisedRecord(course, self._fitted.fit.prior_precision, self._present, noise, reach(self._powers))
+        record = LinearisedRecord(
+            course, self._fitted.fit.prior_precision, self._present, noise, reach(self._powers)
+        )
         signals = self.signals_of(course)
         for name, kind, mine in self._asked(course, list(signals)):
             for at in range(0, len(mine), _AT_ONCE):
@@ -155,27 +197,36 @@ class LawMap:
                     course, name, {s: signals[s] for s in mine[at : at + _AT_ONCE]}, kind, record
                 )
 
-    def _asked(self, course: FreeCourse, signals: Sequence[Signal]) -> Iterator[tuple[str, str, list[Signal]]]:
+    def _asked(
+        self, course: FreeCourse, signals: Sequence[Signal]
+    ) -> Iterator[tuple[str, str, list[Signal]]]:
         """Laws, kinds of corrections, and their signals.
 
         Of laws that do the same one is enough to be added to; but what is multiplied is each of them.
         """
         laws, told = self.candidates[course.law], list[Array]()
         _, _, response = max(course.parts, key=lambda part: len(part[1].time))
-        factors = [law for law in laws if law not in self._constants and is_new(response.values[law], told)]
+        factors = [
+            law for law in laws if law not in self._constants and is_new(response.values[law], told)
+        ]
         add = {s: self._name(course.law, s) for s in signals}
         names = [(law, "add", [s for s in signals if add[s] == law]) for law in laws]
         for law, kind, mine in (*names, *((law, "multiply", [*signals]) for law in factors)):
             known = [
-                s for s in mine
-                if s.memory in _MEMORIES[kind] and not self._is_loop(s, law) and (law, s.name) not in self._corrected
-            ]  # fmt: skip
+                s
+                for s in mine
+                if s.memory in _MEMORIES[kind]
+                and not self._is_loop(s, law)
+                and (law, s.name) not in self._corrected
+            ]
             if known:
                 yield law, kind, known
 
     def widths(self, residual: Mapping[str, Array]) -> float:
         """What is left of an output, in widths of the noise that is left at best, at most."""
-        return max(float(np.sqrt(np.mean(e**2))) / self.floor[o].deviation for o, e in residual.items())
+        return max(
+            float(np.sqrt(np.mean(e**2))) / self.floor[o].deviation for o, e in residual.items()
+        )
 
     def begins(self, entry: Entry) -> float:
         """What a lag remembers at first: the signal, as it is then."""
@@ -189,11 +240,17 @@ class LawMap:
         problem = self._fitted.problem
         q = problem.position(problem.start | self.courses[entry.driven].values)
         logarithmic = np.array([scale.logarithmic for scale in problem.scales], dtype=bool)
-        return problem.values(np.clip(q + moved(entry.step, self._powers, logarithmic), *problem.bounds()))
+        return problem.values(
+            np.clip(q + moved(entry.step, self._powers, logarithmic), *problem.bounds())
+        )
 
     def _is_loop(self, signal: Signal, law: str) -> bool:
         """Whether a signal is computed from the law at the same time, other than being that law without more."""
-        return signal.name != law and signal.memory in ("", "leading") and self.laws.calls(signal.name, law)
+        return (
+            signal.name != law
+            and signal.memory in ("", "leading")
+            and self.laws.calls(signal.name, law)
+        )
 
     def _name(self, law: str, signal: Signal) -> str:
         """Of laws that do the same, the one that is known to hang on the signal, or in which it stands itself."""
@@ -214,8 +271,13 @@ class LawMap:
     ) -> Iterator[Entry]:
         parts = course.parts
         value = [response.values[law] for _, _, response in parts]
-        bases = {s: _basis(s, np.concatenate([one.begin for one in several])) for s, several in signals.items()}
-        whole = {o: np.zeros((self._n, sum(len(b.knots) for b in bases.values()))) for o in self._outputs}
+        bases = {
+            s: _basis(s, np.concatenate([one.begin for one in several]))
+            for s, several in signals.items()
+        }
+        whole = {
+            o: np.zeros((self._n, sum(len(b.knots) for b in bases.values()))) for o in self._outputs
+        }
         for r, (run, _, response) in enumerate(parts):
             begin = np.hstack([b(signals[s][r].begin) for s, b in bases.items()])
             end = np.hstack([b(signals[s][r].end) for s, b in bases.items()])
@@ -227,11 +289,15 @@ class LawMap:
         free, own = record.free(alone), record.own(alone)
         first = 0
         for signal, basis in bases.items():
-            block, raw, held = (part[:, first : first + len(basis.knots)] for part in (free, alone, own))
+            block, raw, held = (
+                part[:, first : first + len(basis.knots)] for part in (free, alone, own)
+            )
             first += len(basis.knots)
             if len(basis.knots) < 2:
                 continue
-            products = Columns(basis, block.T @ block, block.T @ block + held.T @ held, record.samples)
+            products = Columns(
+                basis, block.T @ block, block.T @ block + held.T @ held, record.samples
+            )
             self._chance.append(products.by_chance(block.T @ record.noise))
             found = products.best(block.T @ record.residual)
             if found.gain <= 0.0:
@@ -240,5 +306,7 @@ class LawMap:
             if found.gain > 0.0:
                 effect = block @ found.values
                 direction = effect / max(float(np.linalg.norm(effect)), 1e-300)
-                visited = np.quantile(np.concatenate([one.begin for one in signals[signal]]), _QUANTILES)
+                visited = np.quantile(
+                    np.concatenate([one.begin for one in signals[signal]]), _QUANTILES
+                )
                 yield Entry(course.law, law, signal, kind, basis, found, direction, step, visited)

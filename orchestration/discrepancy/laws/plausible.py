@@ -12,7 +12,11 @@ from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.laws.entry import ALIKE, SAME, Entry, same
 
 _MEMORY = ("", "leading", "lagged", "integrated", "throughput", "heat")  # the plainest first
-_NATURAL, _REMEMBERING, _OTHERS = 8, 8, 24  # entries that are fitted: of signals that the law hangs on, and others
+_NATURAL, _REMEMBERING, _OTHERS = (
+    8,
+    8,
+    24,
+)  # entries that are fitted: of signals that the law hangs on, and others
 _NEARLY = 0.95  # of the gain of the best of its like, which a correction that is nearer to the model must have
 
 
@@ -31,10 +35,18 @@ class Plausible:
     """
 
     def __init__(
-        self, laws: PerturbedLaws, constants: Collection[str], other_names: Mapping[str, Sequence[str]],
+        self,
+        laws: PerturbedLaws,
+        constants: Collection[str],
+        other_names: Mapping[str, Sequence[str]],
         families: Collection[str],
-    ):  # fmt: skip
-        self._laws, self._constants, self._other_names, self._families = laws, constants, other_names, families
+    ):
+        self._laws, self._constants, self._other_names, self._families = (
+            laws,
+            constants,
+            other_names,
+            families,
+        )
         self._beside = cache(laws.acts_beside)
         self._computed_from = cache(laws.computed_from)
 

@@ -16,7 +16,10 @@ Array = NDArray[np.float64]
 _WIDTHS = np.geomspace(0.01, 3.0, 12)  # of a bend, in sizes of the signal
 _ABRUPT = 0.05  # of the size of the signal, up to which a bend is a step
 # one formula, which is called after its width
-_STEPS: dict[str, Callable[[float], bool]] = {"sign": lambda w: w <= _ABRUPT, "saturating": lambda w: w > _ABRUPT}
+_STEPS: dict[str, Callable[[float], bool]] = {
+    "sign": lambda w: w <= _ABRUPT,
+    "saturating": lambda w: w > _ABRUPT,
+}
 _SEEN = 1e-10  # of the largest, below which the curve was expected to have nothing
 _FAR = 0.8  # of its farthest, from which on a signal never comes near nothing
 _CONSTANT = 10.0  # of the distance, by which a constant beside a shape must bring it nearer
@@ -84,22 +87,32 @@ def likenesses(
         return []
     into = (axes[:, seen] / np.sqrt(strength[seen])).T  # from values to coordinates of unit size
     spread, turned = np.linalg.eigh(into @ curve.covariance @ into.T)
-    into = (turned / np.sqrt(np.maximum(spread, _KNOWN * spread.max()))).T @ into  # in units of what is not known
+    into = (
+        turned / np.sqrt(np.maximum(spread, _KNOWN * spread.max()))
+    ).T @ into  # in units of what is not known
     wanted = into @ curve.values
     constant = into @ np.ones(len(x))
     found = []
     for name in names or SHAPES:
         shape = SHAPES[name]
-        widths = [w * size for w in _WIDTHS if name not in _STEPS or _STEPS[name](w)] if shape.width else [0.0]
+        widths = (
+            [w * size for w in _WIDTHS if name not in _STEPS or _STEPS[name](w)]
+            if shape.width
+            else [0.0]
+        )
         tried = []
         for width in widths:
-            column = into @ np.array([float(shape.form(float(one), width or 1.0, scale)) for one in x])
+            column = into @ np.array(
+                [float(shape.form(float(one), width or 1.0, scale)) for one in x]
+            )
             for columns in (column[:, None], np.column_stack([column, constant])):
                 amounts, left = _nearest(columns, wanted)
                 if amounts is not None:
                     price = 2.0 * np.log(2.0) * bool(shape.width) + _CONSTANT * (len(amounts) - 1)
                     beside = float(amounts[1] / amounts[0]) if len(amounts) > 1 else 0.0
-                    tried.append(Likeness(name, float(amounts[0]), float(width), beside, left + price))
+                    tried.append(
+                        Likeness(name, float(amounts[0]), float(width), beside, left + price)
+                    )
         if tried:
             found.append(min(tried, key=lambda one: one.distance))
     return sorted(found, key=lambda one: one.distance)

@@ -45,7 +45,9 @@ class Signal:
         return Of(self.name, self.memory, self.constant).label
 
 
-def plain(course: Course, values: Mapping[str, Sides], passed_over: Collection[str]) -> dict[Signal, Sides]:
+def plain(
+    course: Course, values: Mapping[str, Sides], passed_over: Collection[str]
+) -> dict[Signal, Sides]:
     """List what moves: inputs, states, values of laws, and the time.
 
     Parameters
@@ -89,7 +91,9 @@ def is_new(sides: Sides, told: list[Array]) -> bool:
 
 
 def _moves(values: Array) -> bool:
-    return bool(np.isfinite(values).all()) and float(np.ptp(values)) > _STILL * float(np.abs(values).max())
+    return bool(np.isfinite(values).all()) and float(np.ptp(values)) > _STILL * float(
+        np.abs(values).max()
+    )
 
 
 def remembered(
@@ -113,9 +117,14 @@ def remembered(
         SI, integrals in the unit of the signal times s.
     """
     steps = np.diff(course.time)
-    shortest, longest = _SHORTEST * float(np.median(steps)), _LONGEST * float(course.time[-1] - course.time[0])
+    shortest, longest = (
+        _SHORTEST * float(np.median(steps)),
+        _LONGEST * float(course.time[-1] - course.time[0]),
+    )
     constants = [float(constant) for constant in np.geomspace(shortest, longest, LAGS)]
-    memories = [(memory, constant) for memory in ("lagged", "leading", "heat") for constant in constants]
+    memories = [
+        (memory, constant) for memory in ("lagged", "leading", "heat") for constant in constants
+    ]
     for signal, sides in signals.items():
         if signal.name == "time" or signal.name in rates:
             continue

@@ -28,10 +28,14 @@ def page_rows(found: Sequence[Change]) -> list[list[str]]:
     for change in found:
         p = change.declaration
         records = (change.before, change.before_interval), (change.after, change.after_interval)
-        estimates = [typography.estimate(Estimate(value, value, ends, p.unit), p) for value, ends in records]
+        estimates = [
+            typography.estimate(Estimate(value, value, ends, p.unit), p) for value, ends in records
+        ]
         cells = [elements.two(value, interval) for value, interval, _ in estimates]
         verdict = elements.chip("differs", _verdict(change)) if change.changed else _verdict(change)
-        rows.append([elements.two(change.name, change.effect or p.doc), *cells, _gain(change), verdict])
+        rows.append(
+            [elements.two(change.name, change.effect or p.doc), *cells, _gain(change), verdict]
+        )
     return rows
 
 

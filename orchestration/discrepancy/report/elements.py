@@ -38,7 +38,10 @@ math { font-size: 1.25rem; margin: 0.8rem 0 1rem; overflow-x: auto; max-width: 1
   td:not(:first-child)::before { content: attr(data-label); position: absolute; left: 0; color: #52616e } }
 """
 _WIDTH, _HEIGHT = 180, 18  # pixels of an interval
-_LEAST, _MOST = math.log(1.1), math.log(4.0)  # of the logarithm of the ratio to nominal that fits in
+_LEAST, _MOST = (
+    math.log(1.1),
+    math.log(4.0),
+)  # of the logarithm of the ratio to nominal that fits in
 
 
 def chip(kind: str, text: str) -> Markup:
@@ -85,7 +88,11 @@ class Scale:
     @classmethod
     def of(cls, estimates: Sequence[Estimate]) -> Scale:
         """Take one on which all values can be seen."""
-        ratios = [abs(math.log(e.value / e.nominal)) for e in estimates if e.nominal and e.value / e.nominal > 0.0]
+        ratios = [
+            abs(math.log(e.value / e.nominal))
+            for e in estimates
+            if e.nominal and e.value / e.nominal > 0.0
+        ]
         return cls(min(max([1.15 * r for r in ratios] + [_LEAST]), _MOST))
 
     @property
@@ -94,9 +101,12 @@ class Scale:
         factor = f"{math.exp(self.reach):.2g}"
         ends = "".join(
             f'<text x="{x}" y="12" text-anchor="{side}">{text}</text>'
-            for x, side, text in ((2, "start", f"÷ {factor}"), (_WIDTH / 2, "middle", "nominal"),
-                                  (_WIDTH - 2, "end", f"× {factor}"))
-        )  # fmt: skip
+            for x, side, text in (
+                (2, "start", f"÷ {factor}"),
+                (_WIDTH / 2, "middle", "nominal"),
+                (_WIDTH - 2, "end", f"× {factor}"),
+            )
+        )
         style = 'font-size="12" font-weight="400" fill="#52616e"'
         return Markup(f'<svg width="{_WIDTH}" height="16" {style} role="img">{ends}</svg>')
 
@@ -115,5 +125,9 @@ class Scale:
         )
 
     def _place(self, ratio: float) -> float:
-        at = math.log(ratio) / self.reach if 0.0 < ratio < math.inf else (-1.0 if ratio <= 0.0 else 1.0)
+        at = (
+            math.log(ratio) / self.reach
+            if 0.0 < ratio < math.inf
+            else (-1.0 if ratio <= 0.0 else 1.0)
+        )
         return _WIDTH / 2 * (1.0 + min(max(at, -1.0), 1.0))

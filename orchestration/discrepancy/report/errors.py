@@ -13,8 +13,11 @@ from orchestration.discrepancy.validation.prediction import predict
 from orchestration.identify.metrics import normalised_rms, number
 
 _MODELS = {
-    "untouched": "untouched", "least_squares": "least squares", "refitted": "refitted", "extended": "extended",
-}  # fmt: skip
+    "untouched": "untouched",
+    "least_squares": "least squares",
+    "refitted": "refitted",
+    "extended": "extended",
+}
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,12 @@ class RunError:
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON."""
         errors = {output: number(error) for output, error in self.nrmse.items()}
-        return {"record": self.label, "held_out": self.held_out, "samples": self.samples, "nrmse": errors}
+        return {
+            "record": self.label,
+            "held_out": self.held_out,
+            "samples": self.samples,
+            "nrmse": errors,
+        }
 
 
 def run_errors(result: Result) -> list[RunError]:
@@ -52,7 +60,10 @@ def run_errors(result: Result) -> list[RunError]:
     for run in estimation.runs:
         nrmse = {}
         for output, e in best.fit.residual.items():
-            residual, y = np.full(len(estimation.time), np.nan), estimation.measured[output][run.samples]
+            residual, y = (
+                np.full(len(estimation.time), np.nan),
+                estimation.measured[output][run.samples],
+            )
             residual[best.problem.present[output]] = e
             nrmse[output] = normalised_rms(y, y - np.where(np.isnan(y), 0.0, residual[run.samples]))
         errors.append(RunError(run.label or result.files, False, run.last - run.first, nrmse))
@@ -66,7 +77,10 @@ def error_rows(diagnosis: Diagnosis) -> tuple[list[str], list[list[str]]]:
     """Head and rows of a table: normalised RMS errors of free runs, a row for every output and part of the data."""
     models = [name for name in _MODELS if name in diagnosis.fitted_errors]
     rows = []
-    for where, errors in (("fitted", diagnosis.fitted_errors), ("held out", diagnosis.judged_errors)):
+    for where, errors in (
+        ("fitted", diagnosis.fitted_errors),
+        ("held out", diagnosis.judged_errors),
+    ):
         for output in next(iter(errors.values()), {}):
             figures = [f"{errors[name][output]:.4g}" if name in errors else "" for name in models]
             rows.append([output, where, *figures])

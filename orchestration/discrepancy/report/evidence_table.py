@@ -28,15 +28,22 @@ def every_tried(diagnosis: Diagnosis) -> list[Tried]:
     steps, tried = diagnosis.selection.steps, diagnosis.selection.tried
     below = [diagnosis.selection.base, *(step.chosen for step in steps)]
     named = [step.chosen.effect_name for step in steps]
-    rows = [Tried(step.chosen, step.gain, step.p_value, "named", _unseen(diagnosis, step.chosen)) for step in steps]
+    rows = [
+        Tried(step.chosen, step.gain, step.p_value, "named", _unseen(diagnosis, step.chosen))
+        for step in steps
+    ]
     for step, under in zip(steps, below, strict=False):
         for alternative in step.alternatives:
             gain = step.gains[alternative.effect_name]
             why = f"from {step.chosen.effect_name}"
-            rows.append(Tried(alternative, gain, alternative.p_value(under, tried), "not told apart", why))
+            rows.append(
+                Tried(alternative, gain, alternative.p_value(under, tried), "not told apart", why)
+            )
     listed = {row.candidate.effect_name for row in rows}
     trials: dict[str, list[tuple[FittedCandidate, float, FittedCandidate]]] = {}
-    for rejected, under in zip([*(step.rejected for step in steps), diagnosis.selection.rejected], below, strict=True):
+    for rejected, under in zip(
+        [*(step.rejected for step in steps), diagnosis.selection.rejected], below, strict=True
+    ):
         for candidate, gain in rejected:
             trials.setdefault(candidate.effect_name, []).append((candidate, gain, under))
     others = []
@@ -64,19 +71,32 @@ def evidence(made: Page, result: Result) -> None:
     if rows:
         most = max(row.gain for row in rows)
         head = ["effect", "fall of BIC", "p-value", "verdict"]
-        made.table(head, [[
-            elements.two(row.candidate.effect_name, typography.does(row.candidate.effect)),
-            elements.bar(row.gain, most), typography.probability(row.p_value),
-            elements.two(elements.chip(row.verdict, row.verdict), row.why),
-        ] for row in rows])  # fmt: skip
-        made.parts.append(elements.aside(
-            "BIC weighs how likely a model makes the record against the number of its parameters. Its fall is less the "
-            f"price of looking at {diagnosis.selection.tried} effects, and p-values are corrected for that. Every "
-            "candidate refits all parameters and the colour of the noise."
-        ))  # fmt: skip
+        made.table(
+            head,
+            [
+                [
+                    elements.two(row.candidate.effect_name, typography.does(row.candidate.effect)),
+                    elements.bar(row.gain, most),
+                    typography.probability(row.p_value),
+                    elements.two(elements.chip(row.verdict, row.verdict), row.why),
+                ]
+                for row in rows
+            ],
+        )
+        made.parts.append(
+            elements.aside(
+                "BIC weighs how likely a model makes the record against the number of its parameters. Its fall is less the "
+                f"price of looking at {diagnosis.selection.tried} effects, and p-values are corrected for that. Every "
+                "candidate refits all parameters and the colour of the noise."
+            )
+        )
     fitted = {row.candidate.effect_name for row in rows}
     others = [label(effect) for effect in result.effects if label(effect) not in fitted]
     if others:
-        none = "Looked at; none was promising enough to be fitted" if diagnosis.selection.tried else "Not tried"
+        none = (
+            "Looked at; none was promising enough to be fitted"
+            if diagnosis.selection.tried
+            else "Not tried"
+        )
         why = "Less promising, and so not fitted" if rows else none
         made.text(f"{why}: {', '.join(others)}.")

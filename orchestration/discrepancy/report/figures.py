@@ -20,7 +20,11 @@ from fmus.kit.units import shown, unit_of_differences
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.report.typography import pretty
-from orchestration.discrepancy.residuals.spectrum import flattening_gain, flattening_pole, local_level
+from orchestration.discrepancy.residuals.spectrum import (
+    flattening_gain,
+    flattening_pole,
+    local_level,
+)
 from orchestration.fmu.model import Model
 from orchestration.identify.metrics import rms
 from orchestration.identify.noise.model import Noise
@@ -32,11 +36,15 @@ Array = NDArray[np.float64]
 NOMINAL, REFITTED, EXTENDED = "nominal", "refitted", "extended"
 COLOURS = {NOMINAL: "#7fb0d0", REFITTED: pictures.MODEL, EXTENDED: pictures.FITTED}
 _HOURS = 7200.0  # seconds beyond which time is told in hours
-_SPREAD = 1000.0  # longest over shortest step from which on time is drawn logarithmic, as in creep tests
+_SPREAD = (
+    1000.0  # longest over shortest step from which on time is drawn logarithmic, as in creep tests
+)
 _OVER, _RESIDUAL, _INPUT, _SIDE = 190, 110, 56, 210  # heights of panels, pixels
 _PIECES = 8  # into which a residual is cut for its spectrum, half overlapping; more if it is long
 _LONGEST_PIECE = 4096
-_OVERLAP = 1.0 / 36.0  # squared correlation of two neighbouring pieces, half overlapping, under Hann's window
+_OVERLAP = (
+    1.0 / 36.0
+)  # squared correlation of two neighbouring pieces, half overlapping, under Hann's window
 _NEIGHBOURS = 41  # frequencies that tell how strong the noise is about one of them
 _LAGS = 40
 _LEAST = 0.25  # autocorrelation that is always shown, so that small ones look small
@@ -67,9 +75,12 @@ class ShownModel:
 
 
 def over_time(
-    model: Model, data: Dataset, runs: Sequence[ShownModel], simulated: Mapping[str, Mapping[str, Array]],
+    model: Model,
+    data: Dataset,
+    runs: Sequence[ShownModel],
+    simulated: Mapping[str, Mapping[str, Array]],
     parts: tuple[int, str, str] | None,
-) -> tuple[dict[str, Any], str, dict[str, list[float] | None]]:  # fmt: skip
+) -> tuple[dict[str, Any], str, dict[str, list[float] | None]]:
     """Measured and simulated outputs, what is between them, and the inputs, above one time axis.
 
     Parameters
@@ -96,7 +107,17 @@ def over_time(
     panels, held = [], []
     for output, y in data.measured.items():
         signal = model.outputs[output]
-        over, residuals = [Trace("measured", time, _display(y, signal), {"color": pictures.MEASURED, "width": 3.5})], []
+        over, residuals = (
+            [
+                Trace(
+                    "measured",
+                    time,
+                    _display(y, signal),
+                    {"color": pictures.MEASURED, "width": 3.5},
+                )
+            ],
+            [],
+        )
         for run in runs:
             values = np.where(between, np.nan, simulated[run.label][output])
             style = {"color": run.colour, "width": 1.5}
@@ -106,13 +127,33 @@ def over_time(
             # beside an effect the nominal model is there to be switched on: it may be far off, and hides what matters
             hidden = {"visible": "legendonly"}
             over.append(
-                Trace(run.label, time, _display(values, signal), style, hidden if nominal and len(runs) > 2 else {})
+                Trace(
+                    run.label,
+                    time,
+                    _display(values, signal),
+                    style,
+                    hidden if nominal and len(runs) > 2 else {},
+                )
             )
-            far = nominal and (len(runs) > 2 or rms(residual) > _FAR * rms(y - simulated[runs[-1].label][output]))
+            far = nominal and (
+                len(runs) > 2 or rms(residual) > _FAR * rms(y - simulated[runs[-1].label][output])
+            )
             residual = units.convert(residual, signal.unit, unit_of_differences(signal))
-            residuals.append(Trace(run.label, time, residual, {"color": run.colour, "width": 1}, hidden if far else {}))
+            residuals.append(
+                Trace(
+                    run.label,
+                    time,
+                    residual,
+                    {"color": run.colour, "width": 1},
+                    hidden if far else {},
+                )
+            )
         panels += [Panel(_titled(output, signal.display), _OVER, over)]
-        panels += [Panel(_titled("measured − simulated", unit_of_differences(signal)), _RESIDUAL, residuals)]
+        panels += [
+            Panel(
+                _titled("measured − simulated", unit_of_differences(signal)), _RESIDUAL, residuals
+            )
+        ]
     for name, values in data.inputs.items():
         signal = model.inputs[name]
         line = Trace(
@@ -127,7 +168,9 @@ def over_time(
             held.append(f"{name} stays at {shown(values[0], signal)}")
     caption = "Drag to zoom, double-click to see all again; click a name to hide it or to show it."
     caption += f" {'; '.join(held)}." if held else ""
-    caption += " Records are drawn one after the other; each begins at its mark." if data.several else ""
+    caption += (
+        " Records are drawn one after the other; each begins at its mark." if data.several else ""
+    )
     if len(time) > MOST:
         caption += f" Of {-(-2 * len(time) // MOST)} samples in a row, the smallest and the largest are drawn."
     views: dict[str, list[float] | None] = {}
@@ -136,7 +179,10 @@ def over_time(
         first, before, after = parts
         boundary = Boundary(float(time[first]), before, after)
         views["whole record"] = None
-        for text, last in ((after, len(time) - 1), (f"{after}, closer", first + (len(time) - first) // _CLOSER)):
+        for text, last in (
+            (after, len(time) - 1),
+            (f"{after}, closer", first + (len(time) - first) // _CLOSER),
+        ):
             ends = time[[first, last]]
             views[text] = (np.log10(ends) if logarithmic else ends).tolist()
     starts = [(float(time[run.first]), run.label) for run in data.several]
@@ -144,9 +190,14 @@ def over_time(
 
 
 def of_residual(
-    unit: tuple[str, str], step: float, present: NDArray[np.bool_], noise: Noise, runs: Sequence[ShownModel],
-    output: str, lines: Sequence[float],
-) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
+    unit: tuple[str, str],
+    step: float,
+    present: NDArray[np.bool_],
+    noise: Noise,
+    runs: Sequence[ShownModel],
+    output: str,
+    lines: Sequence[float],
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Spectra of residuals, and autocorrelations of what the noise leaves of them.
 
     Parameters
@@ -194,9 +245,15 @@ def of_residual(
     span = (min(*extremes, -_LEAST), max(*extremes, _LEAST))
     within = float(norm.ppf(1.0 - _TAIL)) / np.sqrt(count)
     marks = [(frequency, f"{frequency:.3g} Hz") for frequency in lines]
-    density_panel = Panel(_titled("density", f"{unit[1]}/√Hz"), _SIDE, noisy + across, logarithmic=True)
-    correlation = Panel("autocorrelation, whitened", _SIDE, along, band=(-within, within), span=span)
-    return stacked([density_panel], "frequency [Hz]", True, marks=marks), stacked([correlation], "lag [samples]")
+    density_panel = Panel(
+        _titled("density", f"{unit[1]}/√Hz"), _SIDE, noisy + across, logarithmic=True
+    )
+    correlation = Panel(
+        "autocorrelation, whitened", _SIDE, along, band=(-within, within), span=span
+    )
+    return stacked([density_panel], "frequency [Hz]", True, marks=marks), stacked(
+        [correlation], "lag [samples]"
+    )
 
 
 def spectrum(residual: Array, step: float) -> tuple[Array, Array]:

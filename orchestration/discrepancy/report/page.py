@@ -24,7 +24,9 @@ from orchestration.records.joined import base_name
 from orchestration.reporting.page import Markup, Page, escaped
 
 
-def page(result: Result, command: str, changes: Sequence[Change] = (), later: Result | None = None) -> Page:
+def page(
+    result: Result, command: str, changes: Sequence[Change] = (), later: Result | None = None
+) -> Page:
     """Make the page.
 
     Parameters
@@ -62,7 +64,9 @@ def page(result: Result, command: str, changes: Sequence[Change] = (), later: Re
     if result.experiment:
         made.heading("An experiment that would tell more")
         sentence = wording.experiment(result.experiment)
-        made.text(f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it.")
+        made.text(
+            f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it."
+        )
         made.code([result.experiment.toml(result.model.name, sentence)])
     read = [*result.records, *result.holdouts, *(later.records if later is not None else [])]
     data(made, read)
@@ -82,17 +86,21 @@ def _summary(made: Page, result: Result) -> None:
         why = "is at rest in the end, so every third of the blocks it was divided into was held out"
         if not data.even:
             why = "is sampled unevenly, so every third sample was held out"
-        made.parts.append(elements.aside(
-            f"{' and '.join(diagnosis.residuals)}: {result.record.source.name} {why}: fitted to {fitted}, "
-            f"judged on {judged}."
-        ))  # fmt: skip
+        made.parts.append(
+            elements.aside(
+                f"{' and '.join(diagnosis.residuals)}: {result.record.source.name} {why}: fitted to {fitted}, "
+                f"judged on {judged}."
+            )
+        )
         return
     last = validation.data.time[validation.first :]
     where = "that follow" if result.holdout is None else f"of {result.holdout.source.name}"
-    made.parts.append(elements.aside(
-        f"{' and '.join(diagnosis.residuals)}: fitted to {_length(data.time)} of {result.record.source.name} "
-        f"({len(data.time)} samples), judged on the {_length(last)} {where} ({len(last)} samples)."
-    ))  # fmt: skip
+    made.parts.append(
+        elements.aside(
+            f"{' and '.join(diagnosis.residuals)}: fitted to {_length(data.time)} of {result.record.source.name} "
+            f"({len(data.time)} samples), judged on the {_length(last)} {where} ({len(last)} samples)."
+        )
+    )
 
 
 def _runs(result: Result) -> str:
@@ -106,7 +114,9 @@ def _runs(result: Result) -> str:
         f"set of parameters, judged on {names[1]} ({counts[1]} samples). Every record starts on its own"
     )
     declared = diagnosis.final.problem.declared
-    own = dict.fromkeys(base_name(n) for n in diagnosis.estimates if base_name(n) != n and not declared[n].starts)
+    own = dict.fromkeys(
+        base_name(n) for n in diagnosis.estimates if base_name(n) != n and not declared[n].starts
+    )
     return f"{text}, and has {', '.join(own)} of its own." if own else f"{text}."
 
 
@@ -115,23 +125,31 @@ def _comparison(made: Page, changes: Sequence[Change], result: Result, later: Re
     made.heading(f"What changed from {result.files} to {later.files}")
     made.text(wording.comparison(changes))
     made.table(HEAD, page_rows(changes))
-    made.parts.append(elements.aside(
-        "Claimed is what is surely another in the noise of both records, and about which ten stretches of each agree. "
-        "Gain is the share of the squared error that letting go of this parameter alone in the later record takes off; "
-        "what gains and is uncertain may stand in for an error of the model."
-    ))  # fmt: skip
+    made.parts.append(
+        elements.aside(
+            "Claimed is what is surely another in the noise of both records, and about which ten stretches of each agree. "
+            "Gain is the share of the squared error that letting go of this parameter alone in the later record takes off; "
+            "what gains and is uncertain may stand in for an error of the model."
+        )
+    )
     chip = elements.chip(later.diagnosis.verdict, later.diagnosis.verdict)
     made.text(Markup(f"{escaped(later.files)} by itself: {chip} {typeset(later)}"))
-    made.items([wording.message(note) for note in later.notes if note.code not in wording.IN_HEADLINE])
+    made.items(
+        [wording.message(note) for note in later.notes if note.code not in wording.IN_HEADLINE]
+    )
 
 
 def data(made: Page, records: Sequence[Record]) -> None:
     """What was repaired in the files."""
     made.heading("The data")
     for record in records:
-        repairs = [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in record.repairs]
+        repairs = [
+            f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in record.repairs
+        ]
         run = f", run {record.label}" if record.label else ""
-        made.text(f"{record.source.name}{run}: {'as follows.' if repairs else 'nothing had to be repaired.'}")
+        made.text(
+            f"{record.source.name}{run}: {'as follows.' if repairs else 'nothing had to be repaired.'}"
+        )
         made.items(repairs)
 
 
@@ -141,7 +159,9 @@ def reproduce(made: Page, records: Sequence[Record], command: str) -> None:
     made.code([command])
     which = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
     which |= {f"SHA-256 of {record.source.name}": _digest(record.source) for record in records}
-    made.items([Markup(f"{escaped(name)}: <code>{escaped(text)}</code>") for name, text in which.items()])
+    made.items(
+        [Markup(f"{escaped(name)}: <code>{escaped(text)}</code>") for name, text in which.items()]
+    )
     made.text("Nothing is drawn at random: the same files give the same page.")
 
 

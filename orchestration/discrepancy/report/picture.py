@@ -48,18 +48,32 @@ def draw(diagnosis: Diagnosis, model: Model, path: Path | None = None) -> Figure
     time, measured = data.time[part], data.measured[output][part]
     figure, (over, below) = pictures.panels(2, sentence(diagnosis))
     over.plot(
-        time, units.convert(measured, signal.unit, signal.display), color=pictures.MEASURED, lw=3, label="measured"
+        time,
+        units.convert(measured, signal.unit, signal.display),
+        color=pictures.MEASURED,
+        lw=3,
+        label="measured",
     )
     runs = [(REFITTED, diagnosis.selection.base, diagnosis.before)]
-    runs += [(EXTENDED, diagnosis.selection.best, diagnosis.after)] if diagnosis.selection.steps else []
+    runs += (
+        [(EXTENDED, diagnosis.selection.best, diagnosis.after)] if diagnosis.selection.steps else []
+    )
     for name, fitted, errors in runs:
         simulated = predict(diagnosis.validation, fitted).simulated[output][part]
         simulated = np.where(within, simulated, np.nan)  # nothing between one record and the next
         label = f"{name}: {100.0 * errors[output]:.1f} % error"
-        over.plot(time, units.convert(simulated, signal.unit, signal.display), color=COLOURS[name], lw=1.2, label=label)
+        over.plot(
+            time,
+            units.convert(simulated, signal.unit, signal.display),
+            color=COLOURS[name],
+            lw=1.2,
+            label=label,
+        )
         residual = units.convert(measured - simulated, signal.unit, difference)
         below.plot(time, residual, color=COLOURS[name], lw=1)
-    over.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
+    over.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
+    )
     pictures.label(over, output, signal.display)
     pictures.label(below, "residual", difference)
     over.margins(x=0.0)

@@ -35,7 +35,9 @@ def shown_models(result: Result) -> tuple[list[ShownModel], Simulated]:
     Those of the FMUs are taken where they were run.
     """
     validation = result.diagnosis.validation
-    models, simulated = _simulated(_models(result.diagnosis), lambda model: predict(validation, model).simulated)
+    models, simulated = _simulated(
+        _models(result.diagnosis), lambda model: predict(validation, model).simulated
+    )
     if result.gain:
         own = {REFITTED: result.gain.base, EXTENDED: result.gain.extended}
         simulated |= {name: outputs for name, outputs in own.items() if name in simulated}
@@ -44,7 +46,10 @@ def shown_models(result: Result) -> tuple[list[ShownModel], Simulated]:
 
 def _models(diagnosis: Diagnosis) -> list[ShownModel]:
     base = diagnosis.selection.base
-    models = [ShownModel(NOMINAL, replace(base, fit=replace(base.fit, values={}))), ShownModel(REFITTED, base)]
+    models = [
+        ShownModel(NOMINAL, replace(base, fit=replace(base.fit, values={}))),
+        ShownModel(REFITTED, base),
+    ]
     best = diagnosis.selection.best
     return [*models, ShownModel(EXTENDED, best)] if diagnosis.selection.steps else models
 
@@ -93,18 +98,30 @@ def gain(made: Page, result: Result, models: Sequence[ShownModel], simulated: Si
             text = Markup(f"{percent} · {size}") if np.isfinite(share) else size
             rows.append((shown.label, shown.colour, share, text))
         made.parts.append(elements.bars(output, rows))
-    made.parts.append(elements.aside(
-        "Root mean square of measured minus simulated: in percent of that of the measurement about its mean, and in "
-        f"its unit. {NOMINAL.capitalize()}: the model as it came; {REFITTED}: with all parameters fitted"
-        + (f"; {EXTENDED}: with {diagnosis.selection.best.candidate.name} as well" if diagnosis.selection.steps else "")
-        + (". Simulated by the exported FMU and that of the base model." if result.gain else ".")
-    ))  # fmt: skip
+    made.parts.append(
+        elements.aside(
+            "Root mean square of measured minus simulated: in percent of that of the measurement about its mean, and in "
+            f"its unit. {NOMINAL.capitalize()}: the model as it came; {REFITTED}: with all parameters fitted"
+            + (
+                f"; {EXTENDED}: with {diagnosis.selection.best.candidate.name} as well"
+                if diagnosis.selection.steps
+                else ""
+            )
+            + (
+                ". Simulated by the exported FMU and that of the base model."
+                if result.gain
+                else "."
+            )
+        )
+    )
     head, body = error_rows(diagnosis)
     made.table(head, body)
-    made.parts.append(elements.aside(
-        "Errors over the spread of the measurement, also where it was fitted. Least squares fits the free run of the "
-        "model without effects, from several starts; what is refitted stays within 2 % of it."
-    ))  # fmt: skip
+    made.parts.append(
+        elements.aside(
+            "Errors over the spread of the measurement, also where it was fitted. Least squares fits the free run of the "
+            "model without effects, from several starts; what is refitted stays within 2 % of it."
+        )
+    )
 
 
 def curves(made: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated) -> None:
@@ -118,11 +135,19 @@ def curves(made: Page, result: Result, models: Sequence[ShownModel], simulated: 
             made.parts.append(elements.aside("Only samples that were held out are shown."))
             there = anywhere(validation.data)
             data = _measured(validation.data).where(there)
-            made.plot(*figures.over_time(model, data, models, {n: _at(s, there) for n, s in simulated.items()}, None))
+            made.plot(
+                *figures.over_time(
+                    model, data, models, {n: _at(s, there) for n, s in simulated.items()}, None
+                )
+            )
             return
         made.plot(
             *figures.over_time(
-                model, _measured(validation.data), models, simulated, (validation.first, "fitted", "held out")
+                model,
+                _measured(validation.data),
+                models,
+                simulated,
+                (validation.first, "fitted", "held out"),
             )
         )
         return
@@ -148,14 +173,18 @@ def parameters(made: Page, diagnosis: Diagnosis) -> None:
     declared, estimates = diagnosis.final.problem.declared, diagnosis.estimates
     owner = {name: label(effect) for effect in best.candidate.effects for name in effect.declared}
     starts = [name for name in estimates if declared[name].starts]
-    scale = elements.Scale.of([e for name, e in estimates.items() if name not in owner and name not in starts])
+    scale = elements.Scale.of(
+        [e for name, e in estimates.items() if name not in owner and name not in starts]
+    )
     rows = []
     for name, e in estimates.items():
         if name in starts:
             continue
         value, interval, nominal = typography.estimate(e, declared[name])
         note: str = (
-            elements.chip("differs", typography.change(e)) if name in diagnosis.changed else typography.change(e)
+            elements.chip("differs", typography.change(e))
+            if name in diagnosis.changed
+            else typography.change(e)
         )
         if name in owner:
             note = f"without {owner[name]}" if e.nominal == declared[name].start else ""
@@ -170,10 +199,17 @@ def parameters(made: Page, diagnosis: Diagnosis) -> None:
         )
     made.heading("Parameters")
     made.table(["parameter", "value (95 %)", "nominal", scale.title], rows)
-    marked = "Marked are those that surely and noticeably differ from nominal." if diagnosis.changed else ""
+    marked = (
+        "Marked are those that surely and noticeably differ from nominal."
+        if diagnosis.changed
+        else ""
+    )
     made.parts.append(elements.aside(f"Of {best.candidate.cls.name}, fitted. {marked}"))
     if starts:
-        values = [(_state(name, declared), *typography.estimate(estimates[name], declared[name])) for name in starts]
+        values = [
+            (_state(name, declared), *typography.estimate(estimates[name], declared[name]))
+            for name in starts
+        ]
         texts = [f"{escaped(name)} {value} ({interval})" for name, value, interval, _ in values]
         made.text(Markup(f"Where the states start: {'; '.join(texts)}."))
 
@@ -191,7 +227,9 @@ def residuals(made: Page, result: Result) -> None:
     best, step = diagnosis.selection.best, np.median(np.diff(diagnosis.estimation.time))
     for output, analysis in diagnosis.residuals.items():
         signal = result.model.outputs[output]
-        texts: list[str] = [f"Once the colour of the noise is taken off: {analysis.whiteness.summary()}."]
+        texts: list[str] = [
+            f"Once the colour of the noise is taken off: {analysis.whiteness.summary()}."
+        ]
         for line in analysis.lines[:_LISTED]:
             size = typography.pretty(shown_difference(line.amplitude, signal, 3))
             texts.append(Markup(f"A line at {line.frequency:.4g} Hz with an amplitude of {size}."))
@@ -200,7 +238,9 @@ def residuals(made: Page, result: Result) -> None:
             texts.append(Markup(f"A jump of {size} at {jump.time:.6g} s."))
         for what, many in (("lines", len(analysis.lines)), ("jumps", len(analysis.level_shifts))):
             texts += [f"{many - _LISTED} more {what}."] if many > _LISTED else []
-        dependences = [wording.correlation(c) for c in analysis.correlations if c.significant][:_LISTED]
+        dependences = [wording.correlation(c) for c in analysis.correlations if c.significant][
+            :_LISTED
+        ]
         dependences += [wording.mean(m) for m in analysis.means if m.significant][:_LISTED]
         dependences += [wording.region(r) for r in analysis.regions if r.significant][:_LISTED]
         texts += [line[:1].upper() + line[1:] + "." for line in dependences]
@@ -209,9 +249,14 @@ def residuals(made: Page, result: Result) -> None:
         if not diagnosis.estimation.even:
             made.text("Sampling is uneven, so there is no spectrum and no autocorrelation to show.")
             continue
-        unit, lines = (signal.unit, unit_of_differences(signal)), [line.frequency for line in analysis.lines[:_LISTED]]
+        unit, lines = (
+            (signal.unit, unit_of_differences(signal)),
+            [line.frequency for line in analysis.lines[:_LISTED]],
+        )
         present, noise = best.problem.present[output], best.fit.noise[output]
-        spectra, correlations = figures.of_residual(unit, float(step), present, noise, models, output, lines)
+        spectra, correlations = figures.of_residual(
+            unit, float(step), present, noise, models, output, lines
+        )
         made.parts.append('<div class="pair">')
         made.plot(spectra, "Spectrum of measured minus simulated, where the model was fitted.")
         made.plot(correlations, "Autocorrelation, once the colour of the noise is taken off.")

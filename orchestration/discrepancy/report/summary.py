@@ -30,7 +30,9 @@ def summary(result: Result) -> dict[str, Any]:
         "verdict": str(diagnosis.verdict),
         "headline": headline(result),
         "baseline": {
-            "holdout_fit_percent": {o: number(100.0 * (1.0 - e)) for o, e in diagnosis.before.items()},
+            "holdout_fit_percent": {
+                o: number(100.0 * (1.0 - e)) for o, e in diagnosis.before.items()
+            },
         },
         "parameters": {name: e.to_dict() for name, e in diagnosis.estimates.items()},
         "changed": diagnosis.changed,
@@ -40,7 +42,9 @@ def summary(result: Result) -> dict[str, Any]:
         "gain": {
             "holdout_nrmse_before": {o: number(e) for o, e in errors.before.items()},
             "holdout_nrmse_after": {o: number(e) for o, e in errors.after.items()},
-            "residual_white_after": all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values()),
+            "residual_white_after": all(
+                analysis.whiteness.is_white for analysis in diagnosis.residuals.values()
+            ),
         },
         "errors": {
             "estimation": _numbers(diagnosis.fitted_errors),
@@ -55,7 +59,8 @@ def summary(result: Result) -> dict[str, Any]:
             for name, choice in diagnosis.intersample.items()
         },
         "notes": [
-            {"code": str(note.code), "subject": note.subject, "message": wording.message(note)} for note in result.notes
+            {"code": str(note.code), "subject": note.subject, "message": wording.message(note)}
+            for note in result.notes
         ],
         "residuals": {
             output: {
@@ -80,15 +85,20 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     for step in diagnosis.selection.steps:
         effect, found = step.chosen.effect, diagnosis.confirmations.get(step.chosen.effect_name)
         own = [name for name in best.candidate.parameters if name in effect.declared]
-        causes.append({
-            "effect": _id(effect), "component": diagnosis.selection.base.candidate.cls.name,
-            **({"output": effect.output} if effect.output else {}),
-            "law": effect.term.law or ", ".join(_overridden(effect, best.candidate.cls)),
-            "signal": effect.term.signal, "shape": effect.term.shape,
-            "parameters": {name: diagnosis.estimates[name].to_dict() for name in own},
-            **({"confirmation": str(found.outcome)} if found else {}),
-            "evidence": {"delta_bic": step.gain, "p_value": step.p_value} | (_score(found.score) if found else {}),
-        })  # fmt: skip
+        causes.append(
+            {
+                "effect": _id(effect),
+                "component": diagnosis.selection.base.candidate.cls.name,
+                **({"output": effect.output} if effect.output else {}),
+                "law": effect.term.law or ", ".join(_overridden(effect, best.candidate.cls)),
+                "signal": effect.term.signal,
+                "shape": effect.term.shape,
+                "parameters": {name: diagnosis.estimates[name].to_dict() for name in own},
+                **({"confirmation": str(found.outcome)} if found else {}),
+                "evidence": {"delta_bic": step.gain, "p_value": step.p_value}
+                | (_score(found.score) if found else {}),
+            }
+        )
     return causes
 
 
@@ -100,7 +110,11 @@ def _id(effect: type[Effect]) -> str:
 def _overridden(effect: type[Effect], cls: type[Component]) -> list[str]:
     """Laws of the base model that an effect of the physics overrides, where it does not tell what it adds to which."""
     base = vars(cls).get("stacked", (cls, ()))[0]
-    return [] if effect.output else [n for n, law in vars(effect).items() if isfunction(law) and hasattr(base, n)]
+    return (
+        []
+        if effect.output
+        else [n for n, law in vars(effect).items() if isfunction(law) and hasattr(base, n)]
+    )
 
 
 def _score(score: PairedScore) -> dict[str, float]:

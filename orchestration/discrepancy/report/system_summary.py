@@ -26,8 +26,14 @@ def _member(member: MemberDiagnosis) -> dict[str, Any]:
         "ours": member.equations_known,
         "verdict": str(member.verdict),
         "why": wording.why(member),
-        "reasons": [{"code": str(reason.code), "message": wording.message(reason)} for reason in member.reasons],
-        "fed": {name: wording.source(given, name in member.linear) for name, given in member.inputs.items()},
+        "reasons": [
+            {"code": str(reason.code), "message": wording.message(reason)}
+            for reason in member.reasons
+        ],
+        "fed": {
+            name: wording.source(given, name in member.linear)
+            for name, given in member.inputs.items()
+        },
         "outputs": {output: _output(member, output) for output in member.final},
         "parameters": {name: asdict(parameter) for name, parameter in member.parameters.items()},
         "simulations": member.simulations,
@@ -46,6 +52,8 @@ def _output(member: MemberDiagnosis, output: str) -> dict[str, Any]:
         "white": final.whiteness.is_white if final.whiteness else None,
         "explained": {"rms": final.regression.rms, "p_value": final.regression.p_value},
         "slow": {"rms": final.random_walk.rms, "p_value": final.random_walk.p_value},
-        "associations": [wording.structure(c) for c in final.correlations if c.significant][:_LISTED],
+        "associations": [wording.structure(c) for c in final.correlations if c.significant][
+            :_LISTED
+        ],
         "regions": [wording.structure(r) for r in final.regions if r.significant][:_LISTED],
     }

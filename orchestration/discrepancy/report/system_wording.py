@@ -9,7 +9,12 @@ from orchestration.discrepancy.residuals.correlation import CrossCorrelation
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
 from orchestration.discrepancy.systems.cut import InputOrigin, InputSource
 from orchestration.discrepancy.systems.reason import Reason, ReasonCode
-from orchestration.discrepancy.systems.verdict import AdjustedParameter, MemberDiagnosis, MemberVerdict, SystemDiagnosis
+from orchestration.discrepancy.systems.verdict import (
+    AdjustedParameter,
+    MemberDiagnosis,
+    MemberVerdict,
+    SystemDiagnosis,
+)
 
 _VERDICTS = {
     MemberVerdict.WRONG: "The structure of {members} is wrong.",
@@ -23,14 +28,12 @@ _REASONS = {
     ReasonCode.NO_OUTPUT_MEASURED: "none of its outputs is measured",
     ReasonCode.SIMULATION_FAILED: "{message}",
     ReasonCode.LOOP_SIMULATION_FAILED: "in its loop: {message}",
-    ReasonCode.TOO_UNCERTAIN:
-        "{outputs} says nothing: what its inputs do between samples, or their noise, moves it too far",
-    ReasonCode.RESIDUAL_BEYOND_NOISE:
-        "{output} is off by {rms:.3g} {unit} rms, {noise_ratio:.1f} noise widths{adjusted}{complete}{most_telling}",
+    ReasonCode.TOO_UNCERTAIN: "{outputs} says nothing: what its inputs do between samples, or their noise, moves it too far",
+    ReasonCode.RESIDUAL_BEYOND_NOISE: "{output} is off by {rms:.3g} {unit} rms, {noise_ratio:.1f} noise widths{adjusted}{complete}{most_telling}",
     ReasonCode.PARAMETERS_CHANGED: "{parameters}",
     ReasonCode.RESIDUAL_IS_NOISE: "nothing is left that noise cannot account for",
     ReasonCode.OUTPUTS_UNMOVED: "{outputs} does not move in this record, which says little of it",
-}  # fmt: skip
+}
 
 
 def sentence(diagnosis: SystemDiagnosis) -> str:
@@ -46,7 +49,9 @@ def why(member: MemberDiagnosis) -> str:
 
 def message(reason: Reason) -> str:
     """A reason in words."""
-    return _REASONS[reason.code].format(**{name: _fact(name, value) for name, value in reason.facts.items()})
+    return _REASONS[reason.code].format(
+        **{name: _fact(name, value) for name, value in reason.facts.items()}
+    )
 
 
 def _fact(name: str, value: Any) -> Any:

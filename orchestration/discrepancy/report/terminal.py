@@ -46,7 +46,11 @@ def _said(result: Result) -> list[Text]:
     """The verdict with its notes, and by how much parameters differ from nominal."""
     return [
         Text.assemble((result.diagnosis.verdict, "bold"), "  ", headline(result)),
-        *(Text(wording.message(note)) for note in result.notes if note.code not in wording.IN_HEADLINE),
+        *(
+            Text(wording.message(note))
+            for note in result.notes
+            if note.code not in wording.IN_HEADLINE
+        ),
         *(Text(line) for line in _changes(result.diagnosis)),
     ]
 
@@ -62,10 +66,14 @@ def _errors(diagnosis: Diagnosis) -> Table:
 
 def _runs(runs: Sequence[RunError]) -> Table:
     """How far off the best model is in every record."""
-    rows = plain_table("error by record, rms over the spread of the signal", "record", "", "output", "error")
+    rows = plain_table(
+        "error by record, rms over the spread of the signal", "record", "", "output", "error"
+    )
     for run in runs:
         for output, error in run.nrmse.items():
-            rows.add_row(run.label, "held out" if run.held_out else "fitted", output, f"{error:.4g}")
+            rows.add_row(
+                run.label, "held out" if run.held_out else "fitted", output, f"{error:.4g}"
+            )
     return rows
 
 

@@ -36,7 +36,9 @@ def pretty(text: str) -> Markup:
     """Return values with units as they are printed: 2·10⁶ N·s/m for ``2e+06 N*s/m``."""
     text = escaped(text).replace("*", "·")
     text = re.sub(
-        r"(?<=\d)e([+-])0*(\d+)", lambda m: f"·10<sup>{m[1].replace('+', '').replace('-', '−')}{m[2]}</sup>", text
+        r"(?<=\d)e([+-])0*(\d+)",
+        lambda m: f"·10<sup>{m[1].replace('+', '').replace('-', '−')}{m[2]}</sup>",
+        text,
     )
     text = re.sub(r"(?<![\w.])-(?=\d)", "−", text)
     return Markup(re.sub(r"\^([-−]?\d+)", lambda m: f"<sup>{m[1].replace('-', '−')}</sup>", text))
@@ -57,7 +59,11 @@ def estimate(e: Estimate, declared: Described) -> tuple[Markup, Markup, Markup]:
     if math.isfinite(low) and math.isfinite(high) and not 0.0 < _VAGUE * low < high:
         unit = f" {declared.display or declared.unit}"
         interval = " … ".join(shown(end, declared, digits).removesuffix(unit) for end in e.interval)
-    return pretty(shown(e.value, declared, digits)), pretty(interval), pretty(shown(e.nominal, declared))
+    return (
+        pretty(shown(e.value, declared, digits)),
+        pretty(interval),
+        pretty(shown(e.nominal, declared)),
+    )
 
 
 def details(diagnosis: Diagnosis) -> list[Markup]:
@@ -65,7 +71,9 @@ def details(diagnosis: Diagnosis) -> list[Markup]:
     lines = []
     for step in diagnosis.selection.steps:
         for alternative in (step.chosen, *step.alternatives):
-            lines.append(Markup(f"<b>{escaped(alternative.effect_name)}</b>: {does(alternative.effect)}"))
+            lines.append(
+                Markup(f"<b>{escaped(alternative.effect_name)}</b>: {does(alternative.effect)}")
+            )
     if diagnosis.verdict is Verdict.RECALIBRATE:
         for name in diagnosis.changed:
             e, declared = diagnosis.estimates[name], diagnosis.final.problem.declared[name]

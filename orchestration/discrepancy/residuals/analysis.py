@@ -12,8 +12,15 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.resolution import resolution_of
 from orchestration.discrepancy.residuals.conditional_mean import ConditionalMean, conditional_means
-from orchestration.discrepancy.residuals.correlation import CrossCorrelation, Feedback, cross_correlations
-from orchestration.discrepancy.residuals.excess_variance import ExcessVariance, excess_variance_at_input_steps
+from orchestration.discrepancy.residuals.correlation import (
+    CrossCorrelation,
+    Feedback,
+    cross_correlations,
+)
+from orchestration.discrepancy.residuals.excess_variance import (
+    ExcessVariance,
+    excess_variance_at_input_steps,
+)
 from orchestration.discrepancy.residuals.innovations import innovations_of, local_level
 from orchestration.discrepancy.residuals.jumps import LevelShift, level_shifts
 from orchestration.discrepancy.residuals.lines import SpectralLine, spectral_lines
@@ -79,7 +86,11 @@ class ResidualAnalysis:
         means = [m for m in self.means if m.significant and abs(m.mean) > self.rounding]
         if not self.even:
             return [*means]
-        walk = [self.random_walk] if self.random_walk.significant and self.random_walk.rms > self.rounding else []
+        walk = (
+            [self.random_walk]
+            if self.random_walk.significant and self.random_walk.rms > self.rounding
+            else []
+        )
         steps = [self.input_steps] if self.input_steps.significant else []
         return [*walk, *steps, *means, *(c for c in self.correlations if c.p_value < ALPHA)]
 
@@ -108,13 +119,20 @@ def has_structure(model: FittedCandidate, data: Dataset) -> bool:
     return any(analysis.structure or analysis.lines or analysis.level_shifts for analysis in left)
 
 
-def _analyse(model: FittedCandidate, output: str, data: Dataset, signals: list[Regressor]) -> ResidualAnalysis:
+def _analyse(
+    model: FittedCandidate, output: str, data: Dataset, signals: list[Regressor]
+) -> ResidualAnalysis:
     residual, noise, even = model.fit.residual[output], model.fit.noise[output], model.problem.even
     return analyse(output, residual, noise, data, signals, even)
 
 
 def analyse(
-    output: str, residual: Array, noise: Noise, data: Dataset, signals: Sequence[Regressor], even: bool = True
+    output: str,
+    residual: Array,
+    noise: Noise,
+    data: Dataset,
+    signals: Sequence[Regressor],
+    even: bool = True,
 ) -> ResidualAnalysis:
     """Analyse the residual of one output.
 
@@ -142,8 +160,12 @@ def analyse(
     simulated[present] = measured[present] - residual
     resolution = resolution_of(measured)
     plain = innovations_of(residual, present, noise, simulated, resolution)
-    levelled = residual / local_level(residual, simulated[present])  # colour first and level then, or the other way
-    other = innovations_of(levelled, present, estimate(levelled, present, ORDER if even else 0), simulated)
+    levelled = residual / local_level(
+        residual, simulated[present]
+    )  # colour first and level then, or the other way
+    other = innovations_of(
+        levelled, present, estimate(levelled, present, ORDER if even else 0), simulated
+    )
     inputs = {name: values[present] for name, values in data.inputs.items()}
     far = outlying(residual, inputs, resolution) if even else np.zeros(residual.size, dtype=bool)
     if far.any():  # the colour of noise that outliers hide
@@ -176,7 +198,9 @@ def analyse(
         operating_regions(output, residual, present, signals, bool(feedback)),
         [c for c in correlations if abs(c.strength) * noise.deviation >= rounding],
         even,
-        conditional_means(output, residual, innovations, noise, signals, bool(feedback), data.within),
+        conditional_means(
+            output, residual, innovations, noise, signals, bool(feedback), data.within
+        ),
         feedback,
         innovations.at.size,
         int(far.sum()) + innovations.outliers,

@@ -22,7 +22,9 @@ from orchestration.identify.noise.model import Noise
 Array = NDArray[np.float64]
 ALPHA = 1e-5  # probability in noise of one level; where it jumps with the output, colour is not taken off cleanly
 _VISITS = 3  # of every range, on average: seen less often, a range is hardly more than a time, and noise may be slow
-_SINGULAR = 1e-8  # of the largest singular value: together the ranges are everywhere, which says nothing
+_SINGULAR = (
+    1e-8  # of the largest singular value: together the ranges are everywhere, which says nothing
+)
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,15 @@ class ConditionalMean:
 
 
 def conditional_means(
-    output: str, residual: Array, innovations: Innovations, noise: Noise, signals: Sequence[Regressor],
-    feedback: bool = False, within: NDArray[np.bool_] | None = None, bins: int = BINS,
-) -> list[ConditionalMean]:  # fmt: skip
+    output: str,
+    residual: Array,
+    innovations: Innovations,
+    noise: Noise,
+    signals: Sequence[Regressor],
+    feedback: bool = False,
+    within: NDArray[np.bool_] | None = None,
+    bins: int = BINS,
+) -> list[ConditionalMean]:
     """Compare the means of a residual in ranges of every signal, of equally many samples each.
 
     The scores of its innovations are regressed on the whitened indicators of the ranges, all those of a signal together
@@ -102,14 +110,21 @@ def conditional_means(
     result = []
     for signal in wanted:
         late = first_causal(signal, feedback)
-        parts = [(low, high, delayed(inside, late)) for low, high, inside in ranges_of(signal.values, present, bins)]
+        parts = [
+            (low, high, delayed(inside, late))
+            for low, high, inside in ranges_of(signal.values, present, bins)
+        ]
         parts = [part for part in parts if FEWEST <= part[2][at].sum() <= at.size - FEWEST]
         if not parts:
             continue
-        changes = np.count_nonzero(np.diff(np.array([inside[at] for _, _, inside in parts], dtype=np.int8), axis=1))
+        changes = np.count_nonzero(
+            np.diff(np.array([inside[at] for _, _, inside in parts], dtype=np.int8), axis=1)
+        )
         if changes < 2 * _VISITS * len(parts):
             continue
-        columns = np.column_stack([filtered(inside.astype(float), noise, within)[at] for _, _, inside in parts])
+        columns = np.column_stack(
+            [filtered(inside.astype(float), noise, within)[at] for _, _, inside in parts]
+        )
         explained, freedom = _regressed(scores, columns)
         p = min(1.0, len(wanted) * float(chi2.sf(explained / variance, freedom)))
         means = [float(residual[inside[at]].mean()) for _, _, inside in parts]
@@ -122,6 +137,8 @@ def conditional_means(
 def _regressed(scores: Array, columns: Array) -> tuple[float, int]:
     """Sum of squares that columns (k, c) explain of scores (k,), and how many of them are independent."""
     size = np.linalg.norm(columns, axis=0)
-    left, singular, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    left, singular, _ = np.linalg.svd(
+        columns[:, size > 0.0] / size[size > 0.0], full_matrices=False
+    )
     rank = int((singular > _SINGULAR * singular.max(initial=0.0)).sum())
     return float(np.sum((left[:, :rank].T @ scores) ** 2)), rank

@@ -26,9 +26,14 @@ Array = NDArray[np.float64]
 LAGS = 25  # samples, either way
 FEWEST = 20  # samples that say something
 SIGNIFICANCE = 0.01  # false alarms of all lags of all signals together
-_STRONGER = 1.5  # times as strong as what comes before: an input that moves slowly correlates both ways
+_STRONGER = (
+    1.5  # times as strong as what comes before: an input that moves slowly correlates both ways
+)
 _ROUGH = 0.5  # of the change from sample to sample, above which an input is not smooth and does not rest either
-_ANTICIPATING = (RegressorKind.RATE, RegressorKind.SPEED)  # by central differences: they know the next sample
+_ANTICIPATING = (
+    RegressorKind.RATE,
+    RegressorKind.SPEED,
+)  # by central differences: they know the next sample
 
 
 @dataclass(frozen=True)
@@ -88,9 +93,15 @@ class Feedback:
 
 
 def cross_correlations(
-    output: str, innovations: Innovations, noise: Noise, signals: Sequence[Regressor], step: float,
-    inputs: Sequence[str] = (), lags: int = LAGS, within: NDArray[np.bool_] | None = None,
-) -> tuple[list[CrossCorrelation], list[Feedback]]:  # fmt: skip
+    output: str,
+    innovations: Innovations,
+    noise: Noise,
+    signals: Sequence[Regressor],
+    step: float,
+    inputs: Sequence[str] = (),
+    lags: int = LAGS,
+    within: NDArray[np.bool_] | None = None,
+) -> tuple[list[CrossCorrelation], list[Feedback]]:
     """Correlate the innovations of an output with signals.
 
     Parameters
@@ -123,7 +134,9 @@ def cross_correlations(
     if kept < FEWEST or max_lag < 1:
         return [], []
     shifts = np.arange(-max_lag, max_lag + 1)
-    normal, correlation = _correlated(innovations, [filtered(s.values, noise, within) for s in signals], shifts)
+    normal, correlation = _correlated(
+        innovations, [filtered(s.values, noise, within) for s in signals], shifts
+    )
     own = [s for s in signals if s.kind is RegressorKind.VALUE and s.signal in inputs]
     feedback = _feedback(output, innovations, own, shifts, step, within)
     delays = np.asarray(shifts * step, dtype=np.float64)
@@ -132,7 +145,11 @@ def cross_correlations(
         causal = np.flatnonzero(shifts >= first_causal(signal, bool(feedback)))
         at = int(causal[np.argmax(np.abs(z[causal]))])
         p = _probability(z[at], causal.size * len(signals))
-        result.append(CrossCorrelation(output, signal.name, delays, r, band, float(shifts[at] * step), float(r[at]), p))
+        result.append(
+            CrossCorrelation(
+                output, signal.name, delays, r, band, float(shifts[at] * step), float(r[at]), p
+            )
+        )
     return sorted(result, key=lambda c: -abs(c.strength)), feedback
 
 
@@ -160,7 +177,11 @@ def _feedback(
         at = int(np.argmax(np.where(later, size, 0.0)))
         p = _probability(float(normal[at]), tried)
         if p < SIGNIFICANCE and size[at] > _STRONGER * size[shifts > 0].max():
-            result.append(Feedback(output, signal.signal, float(-shifts[at] * step), float(correlation[at]), p))
+            result.append(
+                Feedback(
+                    output, signal.signal, float(-shifts[at] * step), float(correlation[at]), p
+                )
+            )
     return sorted(result, key=lambda f: -abs(f.strength))
 
 
@@ -169,7 +190,9 @@ def _probability(normal: float, tried: int) -> float:
     return min(1.0, 2.0 * float(norm.sf(abs(normal))) * tried)
 
 
-def _correlated(innovations: Innovations, signals: Sequence[Array], shifts: NDArray[np.intp]) -> tuple[Array, Array]:
+def _correlated(
+    innovations: Innovations, signals: Sequence[Array], shifts: NDArray[np.intp]
+) -> tuple[Array, Array]:
     """Correlations of scores with white signals, (s, l): over their deviation where there is nothing, and plain."""
     n = signals[0].size
     scores, seen = np.zeros(n), np.zeros(n)
@@ -207,4 +230,6 @@ def _own_colour(values: Array, within: NDArray[np.bool_] | None) -> Noise:
 def _overlap(residual: Array, signal: Array, shift: int) -> float:
     """Sum of ``residual[k] * signal[k - shift]``."""
     n = residual.size
-    return float(residual[max(shift, 0) : n + min(shift, 0)] @ signal[max(-shift, 0) : n - max(shift, 0)])
+    return float(
+        residual[max(shift, 0) : n + min(shift, 0)] @ signal[max(-shift, 0) : n - max(shift, 0)]
+    )

@@ -40,7 +40,10 @@ class ExcessVariance:
 
 
 def excess_variance_at_input_steps(
-    innovations: Sequence[Innovations], inputs: Mapping[str, Array], late: int = 0, rounding: float = 0.0
+    innovations: Sequence[Innovations],
+    inputs: Mapping[str, Array],
+    late: int = 0,
+    rounding: float = 0.0,
 ) -> ExcessVariance:
     """Compare the size of innovations where an input steps with that elsewhere, by their ranks.
 
@@ -61,7 +64,9 @@ def excess_variance_at_input_steps(
     return ExcessVariance(each[0].ratio, max(one.p_value for one in each))
 
 
-def _compared(innovations: Innovations, inputs: Mapping[str, Array], late: int, rounding: float) -> ExcessVariance:
+def _compared(
+    innovations: Innovations, inputs: Mapping[str, Array], late: int, rounding: float
+) -> ExcessVariance:
     at = innovations.at
     stepped = input_steps(inputs, int(at.max(initial=-1)) + 1)
     stepped = np.concatenate([np.zeros(late, dtype=bool), stepped[: stepped.size - late]])

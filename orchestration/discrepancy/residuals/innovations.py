@@ -59,7 +59,9 @@ class Innovations:
     def outliers(self) -> int:
         """How many lie far from all others, by the robust deviation of the rest."""
         standard = self.standardised
-        spread = float(np.median(np.abs(standard))) / float(norm.ppf(0.75)) if standard.size else 0.0
+        spread = (
+            float(np.median(np.abs(standard))) / float(norm.ppf(0.75)) if standard.size else 0.0
+        )
         return int((np.abs(standard) > _FAR * spread).sum()) if spread > 0.0 else 0
 
     def bounded(self, residual: Array, present: NDArray[np.bool_], noise: Noise) -> Array:
@@ -89,7 +91,11 @@ class Innovations:
 
 
 def innovations_of(
-    residual: Array, present: NDArray[np.bool_], noise: Noise, size: Array | None = None, step: float = 0.0
+    residual: Array,
+    present: NDArray[np.bool_],
+    noise: Noise,
+    size: Array | None = None,
+    step: float = 0.0,
 ) -> Innovations:
     """Whiten a residual and score it.
 
@@ -154,8 +160,15 @@ def _by_value(modulus: Array, size: Array) -> Array:
     inner = np.unique(np.quantile(size, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
     which = np.searchsorted(inner, size, side="right")
     counts = np.bincount(which, minlength=inner.size + 1)
-    levels = np.array([_mean(modulus[which == k]) if counts[k] >= _WINDOW // 2 else np.nan for k in range(counts.size)])
-    levels = np.where(np.isfinite(levels), levels, np.nanmean(levels) if np.isfinite(levels).any() else 1.0)
+    levels = np.array(
+        [
+            _mean(modulus[which == k]) if counts[k] >= _WINDOW // 2 else np.nan
+            for k in range(counts.size)
+        ]
+    )
+    levels = np.where(
+        np.isfinite(levels), levels, np.nanmean(levels) if np.isfinite(levels).any() else 1.0
+    )
     return _positive(levels[which])
 
 

@@ -19,7 +19,9 @@ LASTING = 1e-6  # probability of a change of level as large as that in noise tha
 KEPT = 0.5  # share of a sudden change that must be left of it, or it was an outlier
 SETTLING_SAMPLES = 4  # samples after a step of an input in which no jump is seen
 _WINDOW = 16  # samples on either side, at least, that tell the level
-_FORGOTTEN = 0.1  # autocorrelation at which noise has forgotten: its level is that of as many samples
+_FORGOTTEN = (
+    0.1  # autocorrelation at which noise has forgotten: its level is that of as many samples
+)
 _LONGEST = 1 / 20  # of the residual
 _NEIGHBOURS = 20  # windows on either side that tell how restless the residual is there
 _PLACES = 4000  # at which levels are compared, to see how noise does
@@ -44,7 +46,9 @@ class LevelShift:
     p_value: float
 
 
-def level_shifts(residual: Array, time: Array, inputs: Mapping[str, Array], step: float = 0.0) -> list[LevelShift]:
+def level_shifts(
+    residual: Array, time: Array, inputs: Mapping[str, Array], step: float = 0.0
+) -> list[LevelShift]:
     """Steps in a residual where no input steps, after which it stays where it is.
 
     A sample is held against the one before it, unless a gap lies between: the difference must be far beyond those about
@@ -68,13 +72,17 @@ def level_shifts(residual: Array, time: Array, inputs: Mapping[str, Array], step
     """
     difference, apart = np.diff(residual), np.diff(time)
     near = apart < 1.5 * np.median(apart)
-    rounding = step / np.sqrt(6.0)  # of a difference of two samples, each off by a twelfth of its square
+    rounding = step / np.sqrt(
+        6.0
+    )  # of a difference of two samples, each off by a twelfth of its square
     spread = np.hypot(_local_spread(np.where(near, difference, 0.0), _NEIGHBOURS), rounding)
     if not spread.any():
         return []
     # a record may show an input a sample early, and what a model makes of a step is least right just after it
     moved = (
-        np.convolve(input_steps(inputs, len(time))[1:], np.ones(SETTLING_SAMPLES + 2), "full")[1 : len(difference) + 1]
+        np.convolve(input_steps(inputs, len(time))[1:], np.ones(SETTLING_SAMPLES + 2), "full")[
+            1 : len(difference) + 1
+        ]
         > 0.0
     )
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -94,7 +102,11 @@ def level_shifts(residual: Array, time: Array, inputs: Mapping[str, Array], step
             continue
         change = float(np.median(after) - np.median(before))
         noise = np.hypot(np.interp(k, elsewhere, restless), rounding)
-        p = min(1.0, 2.0 * len(candidates) * float(norm.sf(abs(change) / noise))) if noise > 0.0 else 0.0
+        p = (
+            min(1.0, 2.0 * len(candidates) * float(norm.sf(abs(change) / noise)))
+            if noise > 0.0
+            else 0.0
+        )
         if p < LASTING and change * np.sign(difference[k]) > KEPT * abs(difference[k]):
             shifts.append(LevelShift(float(time[k + 1]), float(difference[k]), p))
     return shifts

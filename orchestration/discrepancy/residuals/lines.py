@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from orchestration.discrepancy.residuals.spectrum import flattening_gain, flattening_pole, local_level
+from orchestration.discrepancy.residuals.spectrum import (
+    flattening_gain,
+    flattening_pole,
+    local_level,
+)
 
 Array = NDArray[np.float64]
 ALPHA = 1e-9  # probability of seeing any of it in noise; a hum that matters is far beyond
 EDGE_BINS = 4
 _SHARE = 0.05  # of the power of the residual, below which a line is not what is wrong
-TRACKING_SHARE = (
-    0.1  # of the line that the output has, below which another there is what the model does not quite follow
-)
+TRACKING_SHARE = 0.1  # of the line that the output has, below which another there is what the model does not quite follow
 MAIN_LOBE_BINS = 2  # frequencies on either side of a line into which the window spreads it
 _NEIGHBOURS = 61  # frequencies that tell how large the spectrum is about one of them
 
@@ -77,10 +79,20 @@ def spectral_lines(
     ratio = power / np.where(level > 0.0, level, np.inf)
     p = np.minimum(1.0, len(power) * np.exp(-ratio))
     frequency = np.fft.rfftfreq(n - 1, step)[EDGE_BINS:-EDGE_BINS]
-    amplitude = 2.0 * np.sqrt(power) / np.hanning(n - 1).sum() / flattening_gain(pole, frequency, step)
+    amplitude = (
+        2.0 * np.sqrt(power) / np.hanning(n - 1).sum() / flattening_gain(pole, frequency, step)
+    )
     least = max(float(np.sqrt(2.0 * _SHARE * np.mean(centred**2))), 4.0 / np.pi * rounding)
-    followed = np.zeros_like(power) if output is None else TRACKING_SHARE**2 * _power(output - output.mean(), pole)
-    matters = (p < ALPHA) & (amplitude > least) & (power > maximum_filter(followed, 2 * MAIN_LOBE_BINS + 1))
+    followed = (
+        np.zeros_like(power)
+        if output is None
+        else TRACKING_SHARE**2 * _power(output - output.mean(), pole)
+    )
+    matters = (
+        (p < ALPHA)
+        & (amplitude > least)
+        & (power > maximum_filter(followed, 2 * MAIN_LOBE_BINS + 1))
+    )
     peaks = [k for k in np.flatnonzero(matters) if power[k] == power[max(0, k - 3) : k + 4].max()]
     result = [SpectralLine(float(frequency[k]), float(amplitude[k]), float(p[k])) for k in peaks]
     return sorted(result, key=lambda line: -line.amplitude)

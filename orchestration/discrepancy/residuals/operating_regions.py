@@ -59,9 +59,13 @@ class OperatingRegion:
 
 
 def operating_regions(
-    output: str, residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor], feedback: bool = False,
+    output: str,
+    residual: Array,
+    present: NDArray[np.bool_],
+    signals: Sequence[Regressor],
+    feedback: bool = False,
     bins: int = BINS,
-) -> list[OperatingRegion]:  # fmt: skip
+) -> list[OperatingRegion]:
     """Compare the residual in ranges of every signal, of equally many samples each, with the rest of the record.
 
     Its size is compared by ranks (Klotz). A coloured residual tells less of its size than as many
@@ -89,7 +93,9 @@ def operating_regions(
     wanted = [s for s in signals if s.kind is not RegressorKind.SQUARE]
     where, n = np.flatnonzero(present), residual.size
     square = residual**2
-    scores = norm.ppf(0.5 + 0.5 * rankdata(np.abs(residual)) / (n + 1.0)) ** 2  # as squares of normal variables
+    scores = (
+        norm.ppf(0.5 + 0.5 * rankdata(np.abs(residual)) / (n + 1.0)) ** 2
+    )  # as squares of normal variables
     worth = 1.0 / _variance_inflation(normal_scores(residual))
     ranges = [(s, *part) for s in wanted for part in ranges_of(s.values, present, bins)]
     total, result = float(square.sum()), []
@@ -107,12 +113,22 @@ def operating_regions(
         rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
         scored = float(scores[inside].mean() / scores[~inside].mean())
         p = len(ranges) * float(fdtrc(*freedom, scored))
-        ends_and_size = low, high, signal.unit, count, rms, band, float(np.sqrt(within / count / elsewhere))
+        ends_and_size = (
+            low,
+            high,
+            signal.unit,
+            count,
+            rms,
+            band,
+            float(np.sqrt(within / count / elsewhere)),
+        )
         result.append(OperatingRegion(output, signal.name, *ends_and_size, min(1.0, p)))
     return sorted(result, key=lambda region: (region.p_value, -region.rms_ratio))
 
 
-def ranges_of(values: Array, present: NDArray[np.bool_], bins: int) -> list[tuple[float, float, NDArray[np.bool_]]]:
+def ranges_of(
+    values: Array, present: NDArray[np.bool_], bins: int
+) -> list[tuple[float, float, NDArray[np.bool_]]]:
     """Ends of ranges that hold about equally many of the values that are present, and which values lie in each."""
     inner = np.unique(np.quantile(values[present], np.linspace(0.0, 1.0, bins + 1)[1:-1]))
     inner = inner[inner > values[present].min()]

@@ -16,9 +16,7 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 Array = NDArray[np.float64]
-ALPHA = (
-    1e-4  # probability in noise; where a random walk is as large as the noise it is smaller by many orders of magnitude
-)
+ALPHA = 1e-4  # probability in noise; where a random walk is as large as the noise it is smaller by many orders of magnitude
 _COLOURS = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95)  # lag-one correlations; the longest memory is 20 samples
 _INTEGRATIONS = (1, 2)
 _SINGLE = 32  # lowest frequencies that are looked at one by one; the others in groups, equally many in an octave
@@ -77,17 +75,23 @@ def random_walk_test(residual: Array) -> RandomWalkTest:
     angle[0] = angle[1]  # the mean was taken out
     turn = np.exp(-1j * angle)
     ar_spectra = np.array([(1.0 - c * c) / np.abs(1.0 - c * turn) ** 2 for c in _COLOURS])
-    integrated_spectra = np.array([np.abs((1.0 - turn[1]) / (1.0 - turn)) ** (2 * k) for k in _INTEGRATIONS])
+    integrated_spectra = np.array(
+        [np.abs((1.0 - turn[1]) / (1.0 - turn)) ** (2 * k) for k in _INTEGRATIONS]
+    )
     edges, count = _groups(transform.size)
     spectra = np.array([_averaged(s, edges, count) for s in (*ar_spectra, *integrated_spectra)]).T
     power = _averaged(np.abs(transform) ** 2 / n / size, edges, count)
     _, without = _weights(spectra[:, : len(ar_spectra)], power, count)
     weights, with_it = _weights(spectra, power, count)
     ratio = max(0.0, 2.0 * (without - with_it))
-    share = (weights[len(ar_spectra) :] @ integrated_spectra) / (weights @ np.vstack([ar_spectra, integrated_spectra]))
+    share = (weights[len(ar_spectra) :] @ integrated_spectra) / (
+        weights @ np.vstack([ar_spectra, integrated_spectra])
+    )
     trend = np.fft.irfft(transform * share, n)
     freedom = len(_INTEGRATIONS)
-    return RandomWalkTest(ratio, float(chi2.sf(ratio, freedom)), float(np.sqrt(np.mean(trend**2))), trend)
+    return RandomWalkTest(
+        ratio, float(chi2.sf(ratio, freedom)), float(np.sqrt(np.mean(trend**2))), trend
+    )
 
 
 def _groups(size: int) -> tuple[NDArray[np.intp], Array]:

@@ -46,7 +46,9 @@ class ResidualRegression:
         return self.p_value < SIGNIFICANCE
 
 
-def regress(residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor]) -> ResidualRegression:
+def regress(
+    residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor]
+) -> ResidualRegression:
     """Regress a residual on signals, their squares and cubes.
 
     Both are whitened by the colour of what the regression leaves: estimated from the residual itself the colour would
@@ -73,12 +75,16 @@ def regress(residual: Array, present: NDArray[np.bool_], signals: Sequence[Regre
     drawn = []
     for _ in range(max(_FEW_DRAWS, min(_DRAWS, _EFFORT // n))):
         white = random.standard_normal(n + _LEAD)
-        drawn.append(_regressed(lfilter([1.0], [1.0, *-noise.coefficients], white)[_LEAD:], rows, present)[0])
+        drawn.append(
+            _regressed(lfilter([1.0], [1.0, *-noise.coefficients], white)[_LEAD:], rows, present)[0]
+        )
     t_statistic = (score - float(np.mean(drawn))) / float(np.std(drawn, ddof=1))
     fitted = columns @ weights
     # a regression of innovations may follow every move and yet be far from the level
     taken = float(np.mean(residual**2) - np.mean((residual - fitted[present]) ** 2))
-    return ResidualRegression(float(np.sqrt(max(taken, 0.0))), float(t.sf(t_statistic, len(drawn) - 1)), fitted)
+    return ResidualRegression(
+        float(np.sqrt(max(taken, 0.0))), float(t.sf(t_statistic, len(drawn) - 1)), fitted
+    )
 
 
 def _regressed(residual: Array, rows: Array, present: NDArray[np.bool_]) -> tuple[float, Array]:

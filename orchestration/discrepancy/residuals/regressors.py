@@ -58,9 +58,12 @@ def regressors_of(model: FittedCandidate, data: Dataset) -> list[Regressor]:
     values = model.problem.start | model.fit.values
     simulated = model.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
     each = []
-    for run in data.runs:  # rates and integrals are of one run: what was before it tells nothing of it
+    for (
+        run
+    ) in data.runs:  # rates and integrals are of one run: what was before it tells nothing of it
         states, outputs = (
-            {v.name: simulated[v.name][run.samples] for v in group} for group in (layout.states, layout.outputs)
+            {v.name: simulated[v.name][run.samples] for v in group}
+            for group in (layout.states, layout.outputs)
         )
         inputs = {name: values[run.samples] for name, values in data.inputs.items()}
         each.append(_all(data.time[run.samples] - run.ahead, inputs, states, outputs, units))
@@ -72,9 +75,12 @@ def regressors_of(model: FittedCandidate, data: Dataset) -> list[Regressor]:
 
 
 def regressors(
-    time: Array, inputs: Mapping[str, Array], states: Mapping[str, Array], outputs: Mapping[str, Array],
+    time: Array,
+    inputs: Mapping[str, Array],
+    states: Mapping[str, Array],
+    outputs: Mapping[str, Array],
     units: Mapping[str, str],
-) -> list[Regressor]:  # fmt: skip
+) -> list[Regressor]:
     """Gather what a residual may depend on.
 
     Parameters
@@ -96,9 +102,12 @@ def regressors(
 
 
 def _all(
-    time: Array, inputs: Mapping[str, Array], states: Mapping[str, Array], outputs: Mapping[str, Array],
+    time: Array,
+    inputs: Mapping[str, Array],
+    states: Mapping[str, Array],
+    outputs: Mapping[str, Array],
     units: Mapping[str, str],
-) -> list[Regressor]:  # fmt: skip
+) -> list[Regressor]:
     result = []
     for name, values in inputs.items():
         through = np.concatenate([[0.0], np.cumsum(np.abs(values[:-1]) * np.diff(time))])
@@ -111,7 +120,9 @@ def _all(
         result += [
             Regressor(name, values, units[name]),
             Regressor(name, values**2, squared, RegressorKind.SQUARE),
-            Regressor(name, np.gradient(values, time), _times(units[name], "1/s"), RegressorKind.RATE),
+            Regressor(
+                name, np.gradient(values, time), _times(units[name], "1/s"), RegressorKind.RATE
+            ),
         ]
     for name, values in outputs.items():
         speed = np.abs(np.gradient(values, time))

@@ -29,6 +29,12 @@ def remarks(residuals: Mapping[str, ResidualAnalysis]) -> Iterator[Note]:
         varying = [r for r in analysis.regions if r.p_value < ALPHA and r.rms_ratio > _NOTED]
         if varying and not analysis.structure and max(r.rms for r in varying) > analysis.rounding:
             worst = max(varying, key=lambda region: region.rms_ratio)
-            yield Note(NoteCode.VARYING_NOISE, output, {"ratio": worst.rms_ratio, "signal": worst.signal})
+            yield Note(
+                NoteCode.VARYING_NOISE, output, {"ratio": worst.rms_ratio, "signal": worst.signal}
+            )
         for one in [f for f in analysis.feedback if f.p_value < ALPHA][:1]:
-            yield Note(NoteCode.FEEDBACK, output, {"input": one.input, "strength": one.strength, "lag": one.lag})
+            yield Note(
+                NoteCode.FEEDBACK,
+                output,
+                {"input": one.input, "strength": one.strength, "lag": one.lag},
+            )

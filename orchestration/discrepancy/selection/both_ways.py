@@ -39,7 +39,10 @@ class Way:
 
 
 def selected(
-    search: Search, base: FittedCandidate, chosen: dict[str, Intersample], effects: Sequence[type[Effect]]
+    search: Search,
+    base: FittedCandidate,
+    chosen: dict[str, Intersample],
+    effects: Sequence[type[Effect]],
 ) -> tuple[Way, Selection]:
     """Select effects one after another, judged together, if they explain what is wrong; and inputs as these want them.
 
@@ -55,7 +58,9 @@ def selected(
     """
 
     def judged(one: Way) -> Selection:
-        return explaining(one.search, revised(one.search, select(one.search, effects, one.scored), effects))
+        return explaining(
+            one.search, revised(one.search, select(one.search, effects, one.scored), effects)
+        )
 
     way = Way(search, score(search, base, effects), chosen)
     selection, other = judged(way), by_effects(way, effects)
@@ -94,4 +99,8 @@ def by_effects(way: Way, effects: Sequence[type[Effect]]) -> Way:
         if least - bic >= CLEAR:
             choice = Intersample(not way.chosen[name].linear, Basis.FIT, least - bic)
             found, least = Way(other[0], scored, found.chosen | {name: choice}), bic
-    return found if found is way else replace(found, scored=score(found.search, found.scored.model, effects))
+    return (
+        found
+        if found is way
+        else replace(found, scored=score(found.search, found.scored.model, effects))
+    )

@@ -18,7 +18,9 @@ from orchestration.discrepancy.selection.search import Search
 
 Array = NDArray[np.float64]
 _LEAST = 2e-4  # of the range, below which an input is as good as known
-_BENDS = 6.0 * np.sqrt(6.0)  # deviations of the noise, beyond which a second difference is a step or a bend
+_BENDS = 6.0 * np.sqrt(
+    6.0
+)  # deviations of the noise, beyond which a second difference is a step or a bend
 # Third differences of white noise change their sign with probability 1/2 + asin(3/4) / pi = 0.77, those of a smooth
 # course hardly ever. A quarter of the stretches is enough, because a chirp is smooth enough in some of them only.
 _ALTERNATING = 0.68
@@ -36,7 +38,9 @@ def measured_noise(values: Array) -> float:
         return 0.0
     calm = np.abs(np.diff(values, 2)) < _BENDS * noise
     sign = np.sign(np.diff(values, 3))[calm[:-1] & calm[1:]]
-    alternating = (sign[1:] * sign[:-1] < 0.0)[: (len(sign) - 1) // _STRETCH * _STRETCH].reshape(-1, _STRETCH)
+    alternating = (sign[1:] * sign[:-1] < 0.0)[: (len(sign) - 1) // _STRETCH * _STRETCH].reshape(
+        -1, _STRETCH
+    )
     seen = len(alternating) > 1 and np.quantile(alternating.mean(axis=1), 0.75) > _ALTERNATING
     return noise if seen else 0.0
 
@@ -48,7 +52,9 @@ def noisy_inputs(cls: type[Component], data: Dataset) -> dict[str, float]:
     return {name: noise for name, noise in found.items() if noise > 0.0}
 
 
-def not_followed(search: Search, model: FittedCandidate, noise: Mapping[str, float]) -> dict[str, float]:
+def not_followed(
+    search: Search, model: FittedCandidate, noise: Mapping[str, float]
+) -> dict[str, float]:
     """Of noisy inputs those whose noise the outputs do not surely follow: it was measured, but was not there.
 
     Parameters
@@ -62,7 +68,9 @@ def not_followed(search: Search, model: FittedCandidate, noise: Mapping[str, flo
     names, data = list(noise), search.data
     try:
         calmer = [{**data.inputs, n: smoothed(data.inputs[n], noise[n])} for n in names]
-        amounts = encompassing(model, [simulated(search, model, replace(data, inputs=inputs)) for inputs in calmer])
+        amounts = encompassing(
+            model, [simulated(search, model, replace(data, inputs=inputs)) for inputs in calmer]
+        )
     except UserError:
         return dict(noise)
     return {n: noise[n] for n, a in zip(names, amounts, strict=True) if not a.margin < -_FOLLOWED}
@@ -81,17 +89,23 @@ def smoothed(values: Array, noise: float, passes: int = 1) -> Array:
 def simulated(search: Search, model: FittedCandidate, data: Dataset) -> dict[str, Array]:
     """Outputs (n,) of a fitted model over data with other inputs, or with inputs that go otherwise between samples."""
     problem = replace(search, data=data).problem(model.candidate, model.problem.names, search.fixed)
-    return problem.model.run(data.time, data.inputs, problem.start | model.fit.values, runs=data.runs).signals
+    return problem.model.run(
+        data.time, data.inputs, problem.start | model.fit.values, runs=data.runs
+    ).signals
 
 
 def noisier(data: Dataset, noise: Mapping[str, float], seed: int) -> Dataset:
     """The same with as much noise again on its inputs; nothing is drawn at random that is not always the same."""
     random = np.random.default_rng([seed, 24])
-    drawn = {n: data.inputs[n] + s * random.standard_normal(len(data.time)) for n, s in noise.items()}
+    drawn = {
+        n: data.inputs[n] + s * random.standard_normal(len(data.time)) for n, s in noise.items()
+    }
     return replace(data, inputs={**data.inputs, **drawn})
 
 
-def disturbances(search: Search, model: FittedCandidate, noise: Mapping[str, float]) -> list[dict[str, Array]]:
+def disturbances(
+    search: Search, model: FittedCandidate, noise: Mapping[str, float]
+) -> list[dict[str, Array]]:
     """What noise of the inputs does to the outputs, in realisations (n,) of it."""
     if not noise:
         return []

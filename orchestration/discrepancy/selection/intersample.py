@@ -88,7 +88,10 @@ def by_course(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
     real = {v.name for v in cls.layout.inputs if v.type == "real"}
     chosen = {}
     for name, values in data.inputs.items():
-        values = max((values[run.samples] for run in data.runs), key=lambda part: np.count_nonzero(np.diff(part)))
+        values = max(
+            (values[run.samples] for run in data.runs),
+            key=lambda part: np.count_nonzero(np.diff(part)),
+        )
         kind = course(values) if name in real else Course.STEPS
         if kind is not Course.STILL:
             basis = Basis.DEFAULT if kind is Course.UNCLEAR else Basis.COURSE
@@ -102,9 +105,13 @@ def given(cls: type[Component], data: Dataset) -> dict[str, Intersample]:
     chosen, natural = {}, by_course(cls, data)
     for name in (n for n, values in data.inputs.items() if np.ptp(values) > 0.0):
         own = natural.get(name)
-        contrary = own is not None and own.basis is Basis.COURSE and own.linear is not (name in named)
+        contrary = (
+            own is not None and own.basis is Basis.COURSE and own.linear is not (name in named)
+        )
         course_of = Course.SMOOTH if own is not None and own.linear else Course.STEPS
-        chosen[name] = Intersample(name in named, Basis.GIVEN, against=course_of if contrary else None)
+        chosen[name] = Intersample(
+            name in named, Basis.GIVEN, against=course_of if contrary else None
+        )
     return chosen
 
 
@@ -135,7 +142,9 @@ def by_fit(
         The same, or with what the record asks for.
     """
     real = {v.name for v in search.base.layout.inputs if v.type == "real"}
-    names = [name for name, choice in chosen.items() if name in real and choice.basis is not Basis.GIVEN]
+    names = [
+        name for name, choice in chosen.items() if name in real and choice.basis is not Basis.GIVEN
+    ]
     if not names:
         return search, base, chosen
     now = linear(chosen)
@@ -158,7 +167,11 @@ def by_fit(
     for name, choice in assessed.items():
         if choice.hangs:
             search, base, assessed[name] = _by_both_fits(search, base, name, choice)
-    return search, base, {n: replace(choice, apart=apart.get(n, 0.0)) for n, choice in assessed.items()}
+    return (
+        search,
+        base,
+        {n: replace(choice, apart=apart.get(n, 0.0)) for n, choice in assessed.items()},
+    )
 
 
 def _apart(base: FittedCandidate, other: Mapping[str, Array]) -> float:
@@ -168,11 +181,15 @@ def _apart(base: FittedCandidate, other: Mapping[str, Array]) -> float:
         measured = base.problem.measured[output] - other[output]
         moved = measured[base.problem.present[output]] - base.fit.residual[output]
         power = float(np.mean((noise.deviation * base.fit.innovation[output]) ** 2))
-        squares += float(moved @ moved) / max(power, _TINY)  # of a record without noise nothing may be left
+        squares += float(moved @ moved) / max(
+            power, _TINY
+        )  # of a record without noise nothing may be left
     return float(np.sqrt(squares))
 
 
-def turned(search: Search, base: FittedCandidate, names: Collection[str]) -> tuple[Search, FittedCandidate] | None:
+def turned(
+    search: Search, base: FittedCandidate, names: Collection[str]
+) -> tuple[Search, FittedCandidate] | None:
     """The base model fitted with some inputs the other way; None if that fails."""
     now = frozenset(search.data.inputs if search.data.linear is True else search.data.linear or ())
     other = replace(search, data=replace(search.data, linear=now ^ frozenset(names)))
@@ -213,8 +230,14 @@ def _assessed(choice: Intersample, base: FittedCandidate, amount: Amount | None)
         return choice
     margin = -amount.margin
     if margin >= CLEAR:
-        return replace(choice, basis=Basis.FIT if choice.basis is Basis.DEFAULT else choice.basis, margin=margin)
-    if choice.basis is Basis.COURSE and not choice.linear:  # nothing but an output stage rests between steps
+        return replace(
+            choice,
+            basis=Basis.FIT if choice.basis is Basis.DEFAULT else choice.basis,
+            margin=margin,
+        )
+    if (
+        choice.basis is Basis.COURSE and not choice.linear
+    ):  # nothing but an output stage rests between steps
         return replace(choice, margin=margin)
     choice = replace(choice, margin=margin)
     if margin <= -CLEAR:  # it asks for neither of the two
@@ -260,7 +283,9 @@ def _half_width(apart: float, weight: float) -> float:
     plain = float(norm.ppf(0.975))
 
     def outside(half: float) -> float:
-        return float((1.0 - weight) * 2.0 * ndtr(-half) + weight * (ndtr(apart - half) + ndtr(-half - apart)))
+        return float(
+            (1.0 - weight) * 2.0 * ndtr(-half) + weight * (ndtr(apart - half) + ndtr(-half - apart))
+        )
 
     return float(brentq(lambda half: outside(half) - 0.05, plain - 1e-3, plain + apart + 1e-3))
 
@@ -280,7 +305,11 @@ def remarks(chosen: dict[str, Intersample]) -> list[Note]:
             notes.append(Note(NoteCode.INTERSAMPLE_CONTRADICTED, name, contrary))
         elif choice.hangs:
             notes.append(
-                Note(NoteCode.INTERSAMPLE_OPEN, name, facts | {"parameter": choice.hangs, "factor": choice.factor})
+                Note(
+                    NoteCode.INTERSAMPLE_OPEN,
+                    name,
+                    facts | {"parameter": choice.hangs, "factor": choice.factor},
+                )
             )
         elif choice.basis is not Basis.GIVEN and (choice.linear or choice.basis is Basis.FIT):
             notes.append(Note(NoteCode.INTERSAMPLE, name, facts))

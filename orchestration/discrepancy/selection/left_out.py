@@ -52,7 +52,9 @@ class Blocks:
         return cls(number, _BLOCKS)
 
 
-def foretold(search: Search, fitted: FittedCandidate, blocks: Blocks, nearest: FittedCandidate) -> Array:
+def foretold(
+    search: Search, fitted: FittedCandidate, blocks: Blocks, nearest: FittedCandidate
+) -> Array:
     """Errors of a candidate in blocks that it was not fitted to.
 
     Parameters
@@ -76,7 +78,9 @@ def foretold(search: Search, fitted: FittedCandidate, blocks: Blocks, nearest: F
         out = (blocks.number >= 0) & (blocks.number % _TIMES == time)
         rest = {o: np.where(out, np.nan, y) for o, y in search.data.measured.items()}
         try:
-            again = replace(search, data=replace(search.data, measured=rest)).fit_from(fitted.candidate, fitted)
+            again = replace(search, data=replace(search.data, measured=rest)).fit_from(
+                fitted.candidate, fitted
+            )
             residual, _ = fitted.problem.evaluate(again.fit.q)
         except FAILURES:
             return np.full(blocks.count, np.inf)

@@ -15,7 +15,11 @@ from numpy.typing import NDArray
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel, ScreenedCandidate
+from orchestration.discrepancy.candidates.evidence import (
+    FittedCandidate,
+    ScoredModel,
+    ScreenedCandidate,
+)
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.residuals.analysis import has_structure
@@ -29,7 +33,9 @@ FEW = PROMISING // 2  # effects that tell which way to take inputs
 ACCEPT = 10.0
 FINALISTS = 5  # candidates that foretell blocks left out, the nearest first,
 LIKELIEST = 3  # and the likeliest in noise of their own
-ALTERNATIVE = 6.0  # within which another candidate counts as not told apart, if one of the models is right
+ALTERNATIVE = (
+    6.0  # within which another candidate counts as not told apart, if one of the models is right
+)
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 Array = NDArray[np.float64]
@@ -62,7 +68,9 @@ class Ranking:
     def may_be(self, row: Row) -> bool:
         """Whether a candidate may be named: where none is right, it foretells more than the model without it."""
         effect = row[0].effect
-        return not self.foretold or (effect in self.foretold and self.foretold[effect].sum() < self.without.sum())
+        return not self.foretold or (
+            effect in self.foretold and self.foretold[effect].sum() < self.without.sum()
+        )
 
     def surely_foretells(self, row: Row) -> bool:
         """Whether blocks agree that a candidate foretells more than the model without it."""
@@ -73,14 +81,19 @@ class Ranking:
         """Whether the record does not tell a candidate from one that comes before it."""
         if not self.foretold:
             return better[1] - other[1] < ALTERNATIVE
-        one, two = (self.foretold.get(fitted.effect, self.without + np.inf) for fitted, _ in (better, other))
+        one, two = (
+            self.foretold.get(fitted.effect, self.without + np.inf) for fitted, _ in (better, other)
+        )
         return other[1] > ACCEPT and not foretells_better(one, two)
 
 
 def ranked(
-    search: Search, below: FittedCandidate, scored: Sequence[ScoredModel], effects: Sequence[type[Effect]],
+    search: Search,
+    below: FittedCandidate,
+    scored: Sequence[ScoredModel],
+    effects: Sequence[type[Effect]],
     known: Mapping[type[Effect], FittedCandidate] | None = None,
-) -> Ranking:  # fmt: skip
+) -> Ranking:
     """Fit effects over a model: the promising ones, and for a first one all where the best of these leaves structure.
 
     Parameters
@@ -108,7 +121,9 @@ def ranked(
     if not seen:
         return Ranking()
     most = base.fit.bic - nearest.fit.bic
-    contenders = [e for e, f in seen.items() if base.fit.bic - f.fit.bic > max(CONTENDER * most, WORTH)]
+    contenders = [
+        e for e, f in seen.items() if base.fit.bic - f.fit.bic > max(CONTENDER * most, WORTH)
+    ]
     if not (left and contenders):
         rows = _in_one_noise(search, below, nearest, seen, contenders, len(effects))
         return Ranking(rows, near=seen)
@@ -122,7 +137,9 @@ def ranked(
     return Ranking(rows, errors, without, seen)
 
 
-def _nearest(search: Search, base: FittedCandidate, seen: _Fitted) -> tuple[FittedCandidate, FittedCandidate | None]:
+def _nearest(
+    search: Search, base: FittedCandidate, seen: _Fitted
+) -> tuple[FittedCandidate, FittedCandidate | None]:
     """What comes nearest in white noise; and the same in its own colour, if it leaves more than coloured noise."""
     nearest = min([base, *seen.values()], key=_bic)
     fitted = None if search.budget.spent() else _again(search.in_noise_of(nearest), nearest)
@@ -141,7 +158,9 @@ def _likeliest(search: Search, seen: _Fitted) -> list[type[Effect]]:
     return sorted(found, key=lambda e: found[e])
 
 
-def _foretold(plain: Search, candidates: Sequence[FittedCandidate], nearest: FittedCandidate) -> list[Array]:
+def _foretold(
+    plain: Search, candidates: Sequence[FittedCandidate], nearest: FittedCandidate
+) -> list[Array]:
     """Errors of candidates in blocks left out."""
     blocks = Blocks.of(plain.data, bool(plain.each))
     counter = Counter(plain.progress, "foretelling blocks left out", len(candidates))
@@ -170,7 +189,9 @@ def _starts(
 ) -> dict[type[Effect], list[ScreenedCandidate]]:
     """Where the fits of every effect begin, the most promising first."""
     starts: dict[type[Effect], list[ScreenedCandidate]] = {}
-    for candidate in sorted((c for s in scored for c in screen(s, effects)), key=lambda c: -c.predicted.fall):
+    for candidate in sorted(
+        (c for s in scored for c in screen(s, effects)), key=lambda c: -c.predicted.fall
+    ):
         starts.setdefault(candidate.effect, []).append(candidate)
     return starts
 
@@ -185,7 +206,10 @@ def _in_white_noise(search: Search, below: FittedCandidate) -> tuple[Search, Fit
 
 
 def _glance(
-    plain: Search, below: FittedCandidate, starts: Mapping[type[Effect], Sequence[ScreenedCandidate]], seen: _Fitted
+    plain: Search,
+    below: FittedCandidate,
+    starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
+    seen: _Fitted,
 ) -> None:
     """Fit effects in white noise, a few steps of each and the best to the end, and put them into `seen`."""
     glanced = _glanced(plain, below, starts)
@@ -197,7 +221,9 @@ def _glance(
 
 
 def _glanced(
-    plain: Search, below: FittedCandidate, starts: Mapping[type[Effect], Sequence[ScreenedCandidate]]
+    plain: Search,
+    below: FittedCandidate,
+    starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
 ) -> list[FittedCandidate]:
     """Fit effects in white noise, a few steps of each."""
     counter = Counter(plain.progress, "fitting effects", len(starts))
@@ -214,9 +240,13 @@ def _glanced(
 
 
 def _in_one_noise(
-    search: Search, below: FittedCandidate, nearest: FittedCandidate, seen: _Fitted, contenders: Sequence[type[Effect]],
+    search: Search,
+    below: FittedCandidate,
+    nearest: FittedCandidate,
+    seen: _Fitted,
+    contenders: Sequence[type[Effect]],
     number: int,
-) -> list[Row]:  # fmt: skip
+) -> list[Row]:
     """Hold candidates against each other in the noise of the nearest; what has a chance is made sure of."""
     counter = Counter(search.progress, "making sure of fits", len(contenders))
     alike = search.in_noise_of(nearest)
@@ -246,7 +276,9 @@ def _again(search: Search, fitted: FittedCandidate) -> FittedCandidate | None:
         return None
 
 
-def _tried(search: Search, below: FittedCandidate, screened: ScreenedCandidate) -> FittedCandidate | None:
+def _tried(
+    search: Search, below: FittedCandidate, screened: ScreenedCandidate
+) -> FittedCandidate | None:
     try:
         return search.fit_extended(screened, below)
     except FAILURES as error:

@@ -6,9 +6,17 @@ from collections.abc import Sequence
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import label, own_parameters
-from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel, ScreenedCandidate
+from orchestration.discrepancy.candidates.evidence import (
+    FittedCandidate,
+    ScoredModel,
+    ScreenedCandidate,
+)
 from orchestration.discrepancy.candidates.outlook import LinearisedModel
-from orchestration.discrepancy.candidates.score_test import ScoreDirection, score_directions, start_values
+from orchestration.discrepancy.candidates.score_test import (
+    ScoreDirection,
+    score_directions,
+    start_values,
+)
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import Counter, side_by_side
 from orchestration.discrepancy.selection.search import FAILURES, Search
@@ -16,7 +24,9 @@ from orchestration.identify.problem import Problem
 
 PROMISING = 8  # effects that are fitted, if they are worth it
 WORTH = 5.0  # fall that is expected of a fit, below which it cannot come to what is accepted
-_UNIDENTIFIABLE = 1e-6  # share of what an effect does, in power, below which other parameters do the same
+_UNIDENTIFIABLE = (
+    1e-6  # share of what an effect does, in power, below which other parameters do the same
+)
 
 
 def score(search: Search, below: FittedCandidate, effects: Sequence[type[Effect]]) -> ScoredModel:
@@ -30,11 +40,15 @@ def score(search: Search, below: FittedCandidate, effects: Sequence[type[Effect]
             return
         candidate = below.candidate.with_effect(effect)
         try:
-            problem = search.problem(candidate, own_parameters(effect), {**search.fixed, **below.fit.values})
+            problem = search.problem(
+                candidate, own_parameters(effect), {**search.fixed, **below.fit.values}
+            )
             directions[effect] = problem, score_directions(problem, effect)
             problem.forget()
         except FAILURES as error:
-            search.not_assessed[label(effect)] = Note(NoteCode.NOT_SIMULATED, label(effect), {"reason": str(error)})
+            search.not_assessed[label(effect)] = Note(
+                NoteCode.NOT_SIMULATED, label(effect), {"reason": str(error)}
+            )
         counter.one_more()
 
     side_by_side(one, effects)
@@ -47,14 +61,21 @@ def unidentifiable(scored: ScoredModel) -> dict[str, Note]:
     notes = {}
     for effect, (_, directions) in scored.directions.items():
         name = label(effect)
-        if not any(gradient.any() for direction in directions for gradient in direction.gradient.values()):
+        if not any(
+            gradient.any() for direction in directions for gradient in direction.gradient.values()
+        ):
             notes[name] = Note(NoteCode.NO_TRACE, name)
-        elif all(model.identifiable_share(direction.gradient) < _UNIDENTIFIABLE for direction in directions):
+        elif all(
+            model.identifiable_share(direction.gradient) < _UNIDENTIFIABLE
+            for direction in directions
+        ):
             notes[name] = Note(NoteCode.UNIDENTIFIABLE, name)
     return notes
 
 
-def confounding(scored: ScoredModel, effect: type[Effect], others: Sequence[type[Effect]]) -> dict[str, float]:
+def confounding(
+    scored: ScoredModel, effect: type[Effect], others: Sequence[type[Effect]]
+) -> dict[str, float]:
     """Share of what an effect does, beyond the model it is laid over, that each of others does too."""
     model = LinearisedModel(scored.model.problem, scored.model.fit)
     own = scored.directions[effect][1]
@@ -64,7 +85,9 @@ def confounding(scored: ScoredModel, effect: type[Effect], others: Sequence[type
 
     def most(other: type[Effect]) -> float:
         # a little of it only: what a lot does may look like anything
-        return max((share(d.gradient) for d in scored.directions[other][1] if d.least <= 0.0), default=0.0)
+        return max(
+            (share(d.gradient) for d in scored.directions[other][1] if d.least <= 0.0), default=0.0
+        )
 
     return dict(zip(map(label, scorable), side_by_side(most, scorable), strict=True))
 
@@ -74,7 +97,10 @@ def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[Screene
     model = LinearisedModel(scored.model.problem, scored.model.fit)
     scorable = [effect for effect in effects if effect in scored.directions]
     statistics = side_by_side(
-        lambda effect: [model.score_statistics(d.gradient, d.least, d.most) for d in scored.directions[effect][1]],
+        lambda effect: [
+            model.score_statistics(d.gradient, d.least, d.most)
+            for d in scored.directions[effect][1]
+        ],
         scorable,
     )
     # the noise as estimated may have swallowed a slow effect, and white noise knows nothing of colour: ask both
@@ -87,7 +113,9 @@ def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[Screene
 
     def predicted(item: tuple[tuple[type[Effect], int], ScoreDirection]) -> ScreenedCandidate:
         (effect, _), direction = item
-        improvement = model.predicted_improvement(direction.gradient, direction.least, direction.most)
+        improvement = model.predicted_improvement(
+            direction.gradient, direction.least, direction.most
+        )
         problem = scored.directions[effect][0]
         start = start_values(direction, problem, own_parameters(effect)[0], improvement.amount)
         return ScreenedCandidate(scored.model, effect, start, improvement)

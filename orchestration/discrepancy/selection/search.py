@@ -20,7 +20,12 @@ from orchestration.identify.method import ALIKE, FULLY, GLANCE, Method
 from orchestration.identify.noise.model import Noise
 from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
 from orchestration.identify.problem import Problem
-from orchestration.identify.simulation_error import error_at, error_scales, pooled_error, starting_points
+from orchestration.identify.simulation_error import (
+    error_at,
+    error_scales,
+    pooled_error,
+    starting_points,
+)
 from orchestration.records.joined import base_name, names_in
 
 Array = NDArray[np.float64]
@@ -90,7 +95,9 @@ class Search:
         free_run = fit_free_run(problem, starting_points(problem), self._physical(problem))
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
-        return FittedCandidate(candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run)
+        return FittedCandidate(
+            candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run
+        )
 
     def heard(self, base: FittedCandidate) -> tuple[Search, FittedCandidate]:
         """Leave out parameters of which the fitted model shows no trace: derivatives are what a simulation costs.
@@ -105,15 +112,21 @@ class Search:
             return self, base
         search = replace(self, parameters=[name for name in self.parameters if name in traced])
         kept = search.refit(base)
-        return search, replace(kept, free_run=fit_free_run(kept.problem, [kept.fit.q], search._physical(kept.problem)))
+        return search, replace(
+            kept, free_run=fit_free_run(kept.problem, [kept.fit.q], search._physical(kept.problem))
+        )
 
     def near_nominal(self, prior_std: float) -> FittedCandidate:
         """Fit the model without effects, its physical parameters held close to nominal."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
-        return FittedCandidate(candidate, problem, self._fit(problem, problem.position(problem.start), None, prior_std))
+        return FittedCandidate(
+            candidate, problem, self._fit(problem, problem.position(problem.start), None, prior_std)
+        )
 
-    def trusted(self, fitted: FittedCandidate, below: FittedCandidate | None = None) -> FittedCandidate:
+    def trusted(
+        self, fitted: FittedCandidate, below: FittedCandidate | None = None
+    ) -> FittedCandidate:
         """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much.
 
         Parameters
@@ -124,14 +137,20 @@ class Search:
             a search that ran out of time may leave it at, it is fitted from there.
         """
         problem, scales = fitted.problem, error_scales(fitted.problem)
-        known = [problem.position(problem.start | fitted.free_run.values)] if fitted.free_run else []
+        known = (
+            [problem.position(problem.start | fitted.free_run.values)] if fitted.free_run else []
+        )
         free_run = fit_free_run(problem, [fitted.fit.q, *known], self._physical(problem))
-        if below is not None and pooled_error(free_run.residual, scales) > pooled_error(below.fit.residual, scales):
+        if below is not None and pooled_error(free_run.residual, scales) > pooled_error(
+            below.fit.residual, scales
+        ):
             at_rest = problem.position(problem.start | below.fit.values)
             free_run = fit_free_run(problem, [at_rest], self._physical(problem))
         return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
-    def fit_extended(self, screened: ScreenedCandidate, at_rest: FittedCandidate) -> FittedCandidate:
+    def fit_extended(
+        self, screened: ScreenedCandidate, at_rest: FittedCandidate
+    ) -> FittedCandidate:
         """Fit a model with one more effect, from where it is expected to end or from a model without it.
 
         Parameters
@@ -142,11 +161,18 @@ class Search:
         """
         below = screened.below
         candidate = at_rest.candidate.with_effect(screened.effect)
-        if self._moving and getattr(screened.effect, "made_by", None) is transport_delay:  # it shows the time before
+        if (
+            self._moving and getattr(screened.effect, "made_by", None) is transport_delay
+        ):  # it shows the time before
             candidate = _moved(candidate, screened.effect)
         problem = self._problem(candidate)
-        stepped = below.problem.values(below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE))
-        starts = [problem.position(problem.start | v | screened.start) for v in (stepped, at_rest.fit.values)]
+        stepped = below.problem.values(
+            below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE)
+        )
+        starts = [
+            problem.position(problem.start | v | screened.start)
+            for v in (stepped, at_rest.fit.values)
+        ]
         begin = min(map(problem.inside, starts), key=lambda q: error_at(problem, q))
         return FittedCandidate(candidate, problem, self._fit(problem, begin, None))
 
@@ -159,11 +185,19 @@ class Search:
         for name in own_parameters(effect)[1:]:
             for factor in _BESIDE:
                 start = fitted.problem.start | fitted.fit.values
-                start[name] = float(np.clip(start[name] * factor, effect.declared[name].min, effect.declared[name].max))
+                start[name] = float(
+                    np.clip(
+                        start[name] * factor, effect.declared[name].min, effect.declared[name].max
+                    )
+                )
                 best = min(best, self._again(candidate, start, fitted), key=lambda e: e.fit.bic)
         if effect.layout.states and self._moving:
             moving = _moved(candidate, effect)
-            best = min(best, self._again(moving, best.problem.start | best.fit.values, best), key=lambda e: e.fit.bic)
+            best = min(
+                best,
+                self._again(moving, best.problem.start | best.fit.values, best),
+                key=lambda e: e.fit.bic,
+            )
         return best
 
     def renewed(self, fitted: FittedCandidate) -> FittedCandidate:
@@ -180,7 +214,9 @@ class Search:
         self.progress(f"fitting {fitted.candidate.name} to all of the record")
         problem = self._problem(fitted.candidate)
         q = problem.position(problem.start | fitted.fit.values)
-        return FittedCandidate(fitted.candidate, problem, self._fit(problem, q, fitted.fit.noise), fitted.free_run)
+        return FittedCandidate(
+            fitted.candidate, problem, self._fit(problem, q, fitted.fit.noise), fitted.free_run
+        )
 
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
         """Fit a model once more, from where one that contains it stands and in its noise; the likelier of the two.
@@ -203,13 +239,22 @@ class Search:
         noise = problem.noise(fitted.fit.residual)
         return replace(self, colour={o: n.coefficients for o, n in noise.items()}, method=ALIKE)
 
-    def problem(self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]) -> Problem:
+    def problem(
+        self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]
+    ) -> Problem:
         """Output-error problem of a candidate over this record, some of its parameters being searched."""
         data = self.data
         starts = (p.name for p in candidate.cls.layout.parameters if p.starts)
         searched = names_in(data.runs, names, [*self.each, *starts])
         made = Problem(
-            candidate.cls, data.time, data.inputs, data.measured, searched, fixed, data.linear or (), runs=data.several
+            candidate.cls,
+            data.time,
+            data.inputs,
+            data.measured,
+            searched,
+            fixed,
+            data.linear or (),
+            runs=data.several,
         )
         made.out_of_time, made.freedom, made.colour = self.budget.spent, self.freedom, self.colour
         if candidate.effects:
@@ -217,26 +262,41 @@ class Search:
         return made
 
     def _problem(self, candidate: Candidate) -> Problem:
-        return self.problem(candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed)
+        return self.problem(
+            candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed
+        )
 
     def fit_from(
-        self, candidate: Candidate, around: FittedCandidate, start: Mapping[str, float] | None = None
+        self,
+        candidate: Candidate,
+        around: FittedCandidate,
+        start: Mapping[str, float] | None = None,
     ) -> FittedCandidate:
         """Fit a candidate from where another stands, or from a point of its own, and in the noise of the other."""
         problem = self._problem(candidate)
         q = problem.position(problem.start | dict(around.fit.values if start is None else start))
-        return FittedCandidate(candidate, problem, self._fit(problem, q, None if self.colour else around.fit.noise))
+        return FittedCandidate(
+            candidate, problem, self._fit(problem, q, None if self.colour else around.fit.noise)
+        )
 
-    def _again(self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate) -> FittedCandidate:
+    def _again(
+        self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate
+    ) -> FittedCandidate:
         try:
             return self.fit_from(candidate, fitted, start)
         except FAILURES:
             return fitted
 
     def _fit(
-        self, problem: Problem, q: Array, noise: Mapping[str, Noise] | None, prior_std: float = PRIOR_STD
+        self,
+        problem: Problem,
+        q: Array,
+        noise: Mapping[str, Noise] | None,
+        prior_std: float = PRIOR_STD,
     ) -> FitResult:
-        fitted = fit(problem, q, noise, self._physical(problem), prior_std, self.method, self.farthest)
+        fitted = fit(
+            problem, q, noise, self._physical(problem), prior_std, self.method, self.farthest
+        )
         problem.forget()  # of many candidates few are looked at again
         return fitted
 
@@ -247,7 +307,12 @@ class Search:
 
     def _physical(self, problem: Problem) -> NDArray[np.bool_]:
         """Which of the searched parameters have a prior."""
-        return np.array([base_name(n) in self.parameters and not problem.declared[n].starts for n in problem.names])
+        return np.array(
+            [
+                base_name(n) in self.parameters and not problem.declared[n].starts
+                for n in problem.names
+            ]
+        )
 
 
 def _moved(candidate: Candidate, effect: type[Effect]) -> Candidate:

@@ -100,7 +100,9 @@ class Selection:
         return self.steps[-1].chosen if self.steps else self.base
 
 
-def select(search: Search, effects: Sequence[type[Effect]], known: ScoredModel | None = None) -> Selection:
+def select(
+    search: Search, effects: Sequence[type[Effect]], known: ScoredModel | None = None
+) -> Selection:
     """Look for effects, one at a time.
 
     Parameters
@@ -156,7 +158,8 @@ def select(search: Search, effects: Sequence[type[Effect]], known: ScoredModel |
     # what was named beside another is no alternative to it
     named = {label(effect) for effect in selection.best.candidate.effects}
     steps = [
-        replace(s, alternatives=[e for e in s.alternatives if e.effect_name not in named]) for s in selection.steps
+        replace(s, alternatives=[e for e in s.alternatives if e.effect_name not in named])
+        for s in selection.steps
     ]
     return replace(selection, steps=steps)
 
@@ -197,22 +200,34 @@ def _named(search: Search, selection: Selection, tried: Ranking, looked_at: int)
             continue
         below = search.nested(below, chosen)
         beyond = 0.0
-        if loses_memory(below, candidate):  # noise of its own lets the model without it off too easily
+        if loses_memory(
+            below, candidate
+        ):  # noise of its own lets the model without it off too easily
             chosen, beyond = candidate, gain - candidate.delta_bic(below, looked_at)
         evidence = chosen.delta_bic(below, looked_at) + beyond
         if evidence <= threshold:
             continue
-        robust = chosen.robust_fall(below, looked_at, beyond) > ACCEPT or tried.surely_foretells(row)
+        robust = chosen.robust_fall(below, looked_at, beyond) > ACCEPT or tried.surely_foretells(
+            row
+        )
         if not (robust and _is_sure(selection, below, chosen)):
             unsure.add(chosen.effect_name)
             continue
-        others = [r for r in tried.rows if r is not row and not interchangeable(r[0].effect, chosen.effect)]
+        others = [
+            r
+            for r in tried.rows
+            if r is not row and not interchangeable(r[0].effect, chosen.effect)
+        ]
         alike = [r for r in others if tried.are_alike(row, r) and r not in refused]
         step = Step(
-            replace(chosen, free_run=tried.near[chosen.effect].fit), gain, evidence,
-            chosen.p_value(below, looked_at, beyond), [e for e, _ in alike], [r for r in others if r not in alike],
+            replace(chosen, free_run=tried.near[chosen.effect].fit),
+            gain,
+            evidence,
+            chosen.p_value(below, looked_at, beyond),
+            [e for e, _ in alike],
+            [r for r in others if r not in alike],
             gains={e.effect_name: g for e, g in tried.rows},
-        )  # fmt: skip
+        )
         return _Found(step, below, tried, unsure)
     return _Found(None, below, tried, unsure)
 
@@ -223,7 +238,9 @@ def _in_turn(tried: Ranking) -> list[Row]:
     One of measuring takes no credit for what physics explains, too, which comes before it; nor one of an input for what
     a law explains as well by the criterion.
     """
-    as_good = [row for row in tried.rows if row is tried.rows[0] or tried.are_alike(tried.rows[0], row)]
+    as_good = [
+        row for row in tried.rows if row is tried.rows[0] or tried.are_alike(tried.rows[0], row)
+    ]
     most = max((gain for _, gain in as_good), default=0.0)
 
     def place(row: Row) -> tuple[bool, bool, bool, float]:
@@ -232,7 +249,10 @@ def _in_turn(tried: Ranking) -> list[Row]:
         return bool(effect.output), most - gain >= ALTERNATIVE, of_input, -gain
 
     others = [row for row in tried.rows if row not in as_good]
-    return [*sorted(as_good, key=place), *sorted(others, key=lambda row: bool(row[0].effect.output))]
+    return [
+        *sorted(as_good, key=place),
+        *sorted(others, key=lambda row: bool(row[0].effect.output)),
+    ]
 
 
 def loses_memory(below: FittedCandidate, richer: FittedCandidate) -> bool:
@@ -249,7 +269,10 @@ def loses_memory(below: FittedCandidate, richer: FittedCandidate) -> bool:
 def _memory(fitted: FittedCandidate) -> dict[str, float]:
     """Mean square of a residual over that of its innovations, by output."""
     fit = fitted.fit
-    return {o: power(fit.residual[o]) / (power(fit.innovation[o]) * n.deviation**2) for o, n in fit.noise.items()}
+    return {
+        o: power(fit.residual[o]) / (power(fit.innovation[o]) * n.deviation**2)
+        for o, n in fit.noise.items()
+    }
 
 
 def _is_sure(selection: Selection, below: FittedCandidate, chosen: FittedCandidate) -> bool:
@@ -263,7 +286,10 @@ def _is_sure(selection: Selection, below: FittedCandidate, chosen: FittedCandida
 def _is_shape_of(effect: type[Effect], selection: Selection) -> bool:
     """Whether an effect is another shape of a cause that was named, and so no other cause."""
     named = [step.chosen.effect for step in selection.steps]
-    return any(interchangeable(effect, one) and bool(effect.layout.states) == bool(one.layout.states) for one in named)
+    return any(
+        interchangeable(effect, one) and bool(effect.layout.states) == bool(one.layout.states)
+        for one in named
+    )
 
 
 def takes_enough(base: FittedCandidate, below: FittedCandidate, richer: FittedCandidate) -> bool:
@@ -291,6 +317,8 @@ def interchangeable(one: type[Effect], other: type[Effect]) -> bool:
 
 def _distance(one: FittedCandidate, other: FittedCandidate) -> float:
     """How far apart two models are in the parameters that both have."""
-    shared = [n for n in one.problem.names if n in other.problem.names]  # in order: a sum must not hang on hashes
+    shared = [
+        n for n in one.problem.names if n in other.problem.names
+    ]  # in order: a sum must not hang on hashes
     pairs = [(e.fit.q[e.problem.names.index(n)] for e in (one, other)) for n in shared]
     return float(sum((a - b) ** 2 for a, b in pairs))

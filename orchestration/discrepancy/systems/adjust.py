@@ -38,7 +38,10 @@ class AdjustmentResult:
 
 
 def adjust(
-    simulation: MemberSimulation, simulated: Mapping[str, Array], most: int, interpolation: bool = True
+    simulation: MemberSimulation,
+    simulated: Mapping[str, Array],
+    most: int,
+    interpolation: bool = True,
 ) -> AdjustmentResult:
     """Adjust the few parameters that help most.
 

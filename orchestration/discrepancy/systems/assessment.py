@@ -20,7 +20,9 @@ from orchestration.identify.noise.model import estimate, noise_std
 from orchestration.system.check import interface
 
 Array = NDArray[np.float64]
-_NOT_ASSESSABLE = 0.5  # of the variation of an output: if that much is uncertain, nothing can be said of it
+_NOT_ASSESSABLE = (
+    0.5  # of the variation of an output: if that much is uncertain, nothing can be said of it
+)
 _MATTERS = 0.5  # noise widths that a fault must leave
 # by which the input uncertainty, which is no more than an estimate, must be exceeded: to look, to blame
 SUSPECT_FACTOR, WRONG_FACTOR = 0.5, 2.0
@@ -98,14 +100,20 @@ class OutputAssessment:
 
     def _exceeds(self, factor: float) -> bool:
         matters = np.hypot(_MATTERS * self.noise_std, factor * self.input_uncertainty)
-        explained = any(test.significant and test.rms > matters for test in (self.regression, self.random_walk))
+        explained = any(
+            test.significant and test.rms > matters for test in (self.regression, self.random_walk)
+        )
         # a residual that is large and no mere noise, though no regression follows it
         structured = self.most_telling is not None
-        large = self.rms > (1.0 + factor / WRONG_FACTOR) * np.hypot(self.noise_std, self.input_uncertainty)
+        large = self.rms > (1.0 + factor / WRONG_FACTOR) * np.hypot(
+            self.noise_std, self.input_uncertainty
+        )
         return not self.not_assessable and bool(explained or (structured and large))
 
 
-def assess_outputs(simulation: MemberSimulation, values: Mapping[str, float]) -> dict[str, OutputAssessment]:
+def assess_outputs(
+    simulation: MemberSimulation, values: Mapping[str, float]
+) -> dict[str, OutputAssessment]:
     """Simulate a member and assess every output that was measured.
 
     Parameters
@@ -128,11 +136,15 @@ def assess_outputs(simulation: MemberSimulation, values: Mapping[str, float]) ->
     simulated = simulation.simulate(values)
     uncertainty = simulation.input_uncertainty(simulated, values)
     isolated = simulation.isolated
-    inputs = {n: source.values for n, source in isolated.inputs.items() if source.values is not None}
+    inputs = {
+        n: source.values for n, source in isolated.inputs.items() if source.values is not None
+    }
     model = interface(isolated.member)
     units = {n: s.unit for n, s in (*model.inputs.items(), *model.outputs.items())}
     signals = regressors(simulation.time, inputs, simulated, simulated, units)
-    plain = [s for s in signals if s.kind is not RegressorKind.SQUARE]  # a regression takes powers itself
+    plain = [
+        s for s in signals if s.kind is not RegressorKind.SQUARE
+    ]  # a regression takes powers itself
     step = float(np.median(np.diff(simulation.time)))
     assessments = {}
     for output, y in isolated.outputs.items():
@@ -140,7 +152,9 @@ def assess_outputs(simulation: MemberSimulation, values: Mapping[str, float]) ->
         residual = (y - simulated[output])[present]
         noise = estimate(residual, present)
         innovations = innovations_of(residual, present, noise, simulated[output])
-        correlations, feedback = cross_correlations(output, innovations, noise, signals, step, list(inputs))
+        correlations, feedback = cross_correlations(
+            output, innovations, noise, signals, step, list(inputs)
+        )
         assessments[output] = OutputAssessment(
             y,
             simulated[output],

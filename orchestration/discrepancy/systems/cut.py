@@ -114,24 +114,36 @@ def _isolated(
     for name, signal in model.inputs.items():
         port = Port(member.name, name)
         connection = arriving.get(port)
-        default = None if connection is not None or port in outer else float(member.parameters.get(name, signal.start))
+        default = (
+            None
+            if connection is not None or port in outer
+            else float(member.parameters.get(name, signal.start))
+        )
         source = _source(port, signal, connection, measured, given.get(port), default)
         if source is None:
             wanted = str(connection.source) if connection else outer[port]
             missing[name] = Reason(ReasonCode.INPUT_NOT_MEASURED, {"input": name, "signal": wanted})
         elif source.values is not None and not np.isfinite(source.values).all():
-            missing[name] = Reason(ReasonCode.INPUT_WITH_GAPS, {"input": name, "signal": str(source.signal)})
+            missing[name] = Reason(
+                ReasonCode.INPUT_WITH_GAPS, {"input": name, "signal": str(source.signal)}
+            )
         else:
             inputs[name] = source
     real = [name for name, signal in model.outputs.items() if signal.type == "real"]
     outputs = {name: measured[p] for name in real if (p := Port(member.name, name)) in measured}
-    return IsolatedMember(member, inputs, {n: y for n, y in outputs.items() if np.isfinite(y).any()}, missing)
+    return IsolatedMember(
+        member, inputs, {n: y for n, y in outputs.items() if np.isfinite(y).any()}, missing
+    )
 
 
 def _source(
-    port: Port, signal: Signal, connection: Connection | None, measured: Mapping[Port, Array], given: float | None,
+    port: Port,
+    signal: Signal,
+    connection: Connection | None,
+    measured: Mapping[Port, Array],
+    given: float | None,
     default: float | None,
-) -> InputSource | None:  # fmt: skip
+) -> InputSource | None:
     """The best that is known of an input; None if nothing is."""
     continuous = signal.type == "real"
     if port in measured:

@@ -21,7 +21,11 @@ from orchestration.discrepancy.systems.cut import IsolatedMember, isolated_membe
 from orchestration.discrepancy.systems.in_loop import LoopSimulation
 from orchestration.discrepancy.systems.member import MemberSimulation, opened
 from orchestration.discrepancy.systems.member_diagnosis import Effort, diagnose_member, not_assessed
-from orchestration.discrepancy.systems.partners import connections_between, loop_members, partners_of
+from orchestration.discrepancy.systems.partners import (
+    connections_between,
+    loop_members,
+    partners_of,
+)
 from orchestration.discrepancy.systems.reason import Reason, ReasonCode
 from orchestration.discrepancy.systems.system_record import columns_of, read_system_record
 from orchestration.discrepancy.systems.verdict import MemberDiagnosis, SystemDiagnosis
@@ -30,8 +34,12 @@ from orchestration.system import Port, System, ssp
 from orchestration.system.check import check, interface
 
 Array = NDArray[np.float64]
-_LOOP_STEP = 5.0  # communication steps of the system that are made at once while two members hold each other
-_LOOP_SIMULATIONS = 120  # at most: they take several times as long; a foot has 48 parameters to look at
+_LOOP_STEP = (
+    5.0  # communication steps of the system that are made at once while two members hold each other
+)
+_LOOP_SIMULATIONS = (
+    120  # at most: they take several times as long; a foot has 48 parameters to look at
+)
 _SHORTEST = 100  # samples
 
 
@@ -72,7 +80,9 @@ def diagnose_system(
         renamed = parse_mapping(mapping)
         record, measured = read_system_record(record_path, system, renamed)
         if record.time.size < _SHORTEST:
-            raise UserError(f"{record_path}: {record.time.size} samples are too few; {_SHORTEST} are the least")
+            raise UserError(
+                f"{record_path}: {record.time.size} samples are too few; {_SHORTEST} are the least"
+            )
         members = _Members(system, record.time, effort or Effort(), progress)
         diagnosed = members.diagnosed(isolated_members(system, measured, given))
         return SystemDiagnosis(system.name, record, diagnosed, columns_of(system, record, renamed))
@@ -89,7 +99,9 @@ def _configured(system: System, settings: Sequence[str]) -> tuple[System, dict[P
             given[port] = float(value)
             continue
         members = [
-            replace(m, parameters={**m.parameters, port.variable: value}) if m.name == port.member else m
+            replace(m, parameters={**m.parameters, port.variable: value})
+            if m.name == port.member
+            else m
             for m in system.members
         ]
         system = replace(system, members=tuple(members))
@@ -133,7 +145,9 @@ class _Members:
                         opened(isolated, self.time, self.effort.simulations, self._counter(name))
                     )
                     in_loop = bool(loop_members(self.system, name))
-                    self.diagnoses[name] = diagnose_member(self.simulations[name], self.effort, defer_fit=in_loop)
+                    self.diagnoses[name] = diagnose_member(
+                        self.simulations[name], self.effort, defer_fit=in_loop
+                    )
                 except UserError as error:
                     reason = Reason(ReasonCode.SIMULATION_FAILED, {"message": str(error)})
                     self.diagnoses[name] = not_assessed(isolated, [reason])
@@ -151,12 +165,17 @@ class _Members:
         spacing = float(np.median(np.diff(self.time))) / (2.0 * _LOOP_STEP * self.system.step)
         try:
             loop = LoopSimulation(
-                simulation.isolated, self.time, simulation.folder, min(self.effort.simulations, _LOOP_SIMULATIONS),
+                simulation.isolated,
+                self.time,
+                simulation.folder,
+                min(self.effort.simulations, _LOOP_SIMULATIONS),
                 self._counter(f"{name} in its loop"),
                 partners=partners,
-                connections=connections_between(self.system, name, [p.simulation.name for p in partners]),
+                connections=connections_between(
+                    self.system, name, [p.simulation.name for p in partners]
+                ),
                 parts=2 * max(1, round(spacing)),
-            )  # fmt: skip
+            )
             return diagnose_member(loop, self.effort, revisit_interpolation=False)
         except UserError as error:
             alone = self.diagnoses[name]
@@ -165,4 +184,6 @@ class _Members:
 
     def _counter(self, what: str) -> Callable[[int], None]:
         """Tell of every tenth simulation."""
-        return lambda used: self.progress(f"judging {what}: {used} simulations") if used % 10 == 1 else None
+        return lambda used: (
+            self.progress(f"judging {what}: {used} simulations") if used % 10 == 1 else None
+        )

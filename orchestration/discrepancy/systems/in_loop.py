@@ -63,34 +63,51 @@ class LoopSimulation(MemberSimulation):
             simulated = partner.simulation.simulate(partner.values)
             for c in self.connections:
                 if c.source.member == partner.simulation.name and c.target.member == self.name:
-                    residual = partner.simulation.isolated.outputs[c.source.variable] - simulated[c.source.variable]
+                    residual = (
+                        partner.simulation.isolated.outputs[c.source.variable]
+                        - simulated[c.source.variable]
+                    )
                     self._corrections[c] = c.factor * residual
 
-    def input_uncertainty(self, simulated: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, float]:
+    def input_uncertainty(
+        self, simulated: Mapping[str, Array], values: Mapping[str, float]
+    ) -> dict[str, float]:
         """How uncertain outputs are, see `MemberSimulation`; here also because partners exchange values in steps."""
         of_inputs = super().input_uncertainty(simulated, values)
         self.parts //= 2
         coarse = self.simulate(values)
         self.parts *= 2
-        return {o: float(np.hypot(u, np.sqrt(np.mean((coarse[o] - simulated[o]) ** 2)))) for o, u in of_inputs.items()}
+        return {
+            o: float(np.hypot(u, np.sqrt(np.mean((coarse[o] - simulated[o]) ** 2))))
+            for o, u in of_inputs.items()
+        }
 
-    def _run(self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None) -> dict[str, Array]:
+    def _run(
+        self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None
+    ) -> dict[str, Array]:
         """Real outputs at the samples, (n,) each; the corrections are what is thinned out and disturbed."""
         each = [(self, values), *((p.simulation, p.values) for p in self.partners)]
         connected = {c.target for c in self.connections}
         members, inputs = [], dict[str, Array]()
         for one, own in each:
-            start = {n: v for n, v in one.start_values(own).items() if Port(one.name, n) not in connected}
+            start = {
+                n: v for n, v in one.start_values(own).items() if Port(one.name, n) not in connected
+            }
             members.append(replace(one.isolated.member, parameters=start))
             for name, column in zip(one.inputs.names, one.inputs.columns.T, strict=True):
                 if Port(one.name, name) not in connected:
                     inputs[f"{one.name}.{name}"] = self._between(column, name in one.inputs.linear)
         loop = System("loop", tuple(members), tuple(self.connections))
         read = [f"{self.name}.{output}" for output in self.outputs]
-        found = run(loop, self._between(self.time), inputs, self._disturbances(thinning, noise), record=read)
+        found = run(
+            loop, self._between(self.time), inputs, self._disturbances(thinning, noise), record=read
+        )
         if not found.complete:
             raise KeyboardInterrupt  # nothing else leaves it incomplete
-        return {output: found.signals[name][:: self.parts] for output, name in zip(self.outputs, read, strict=True)}
+        return {
+            output: found.signals[name][:: self.parts]
+            for output, name in zip(self.outputs, read, strict=True)
+        }
 
     def _disturbances(self, thinning: int, noise: np.random.Generator | None) -> dict[str, Array]:
         """What is added to connected inputs: what the partner by itself leaves of its record."""
@@ -105,4 +122,8 @@ class LoopSimulation(MemberSimulation):
     def _between(self, values: Array, linear: bool = True) -> Array:
         """Values at all steps, on straight lines from sample to sample, or held."""
         place = np.arange((values.size - 1) * self.parts + 1) / self.parts
-        return np.interp(place, np.arange(values.size), values) if linear else values[place.astype(int)]
+        return (
+            np.interp(place, np.arange(values.size), values)
+            if linear
+            else values[place.astype(int)]
+        )

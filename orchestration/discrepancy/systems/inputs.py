@@ -35,10 +35,16 @@ class MemberInputs:
     """
 
     def __init__(self, sources: Mapping[str, InputSource], time: Array):
-        measured = {name: source.values for name, source in sources.items() if source.values is not None}
-        self.constant = {name: source.value for name, source in sources.items() if source.value is not None}
+        measured = {
+            name: source.values for name, source in sources.items() if source.values is not None
+        }
+        self.constant = {
+            name: source.value for name, source in sources.items() if source.value is not None
+        }
         self.names = list(measured)
-        self.columns = np.column_stack([np.zeros(time.size), *measured.values()])[:, 1:]  # there may be none
+        self.columns = np.column_stack([np.zeros(time.size), *measured.values()])[
+            :, 1:
+        ]  # there may be none
         self.continuous = [name for name in measured if sources[name].continuous]
         self.held: set[str] = set()
         self._time = time

@@ -27,7 +27,9 @@ def choose_interpolation(simulation: MemberSimulation, values: Mapping[str, floa
     for name in inputs.linear:
         inputs.held.add(name)
         held = _roughness(simulation, values)
-        if held < best + _NO_DIFFERENCE:  # where it makes no difference, nothing happens between samples
+        if (
+            held < best + _NO_DIFFERENCE
+        ):  # where it makes no difference, nothing happens between samples
             best = min(best, held)
         else:
             inputs.held.discard(name)

@@ -68,14 +68,26 @@ class MemberSimulation:
     @property
     def outputs(self) -> list[str]:
         """Outputs that are read: all that are real, for what was not measured may tell what a residual is due to."""
-        return [n for n, signal in interface(self.isolated.member).outputs.items() if signal.type == "real"]
+        return [
+            n
+            for n, signal in interface(self.isolated.member).outputs.items()
+            if signal.type == "real"
+        ]
 
     def start_values(self, values: Mapping[str, float]) -> dict[str, Value]:
         """Parameters and inputs of the FMU at the first sample; `values` go before parameters of the system."""
-        return {**self.isolated.member.parameters, **self.inputs.constant, **values, **self.inputs.first}
+        return {
+            **self.isolated.member.parameters,
+            **self.inputs.constant,
+            **values,
+            **self.inputs.first,
+        }
 
     def simulate(
-        self, values: Mapping[str, float], thinning: int = 1, noise: np.random.Generator | None = None
+        self,
+        values: Mapping[str, float],
+        thinning: int = 1,
+        noise: np.random.Generator | None = None,
     ) -> dict[str, Array]:
         """Simulate.
 
@@ -110,16 +122,22 @@ class MemberSimulation:
                 raise UserError(f"{self.name}: {output} is not a finite number")
         return simulated
 
-    def _run(self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None) -> dict[str, Array]:
+    def _run(
+        self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None
+    ) -> dict[str, Array]:
         """Real outputs at the samples, (n,) each."""
         columns = self.inputs.at_samples(thinning, noise).T
         inputs, linear = dict(zip(self.inputs.names, columns, strict=True)), self.inputs.linear
         with Fmu(self.isolated.member.fmu, self.start_values(values), folder=self.folder) as fmu:
             fmu.start(float(self.time[0]), float(self.time[-1]))
             exact = not linear or fmu.description.coSimulation.canInterpolateInputs
-            return simulate_instance(fmu, self.time, inputs, self.outputs, linear=linear, parts=1 if exact else PARTS)
+            return simulate_instance(
+                fmu, self.time, inputs, self.outputs, linear=linear, parts=1 if exact else PARTS
+            )
 
-    def input_uncertainty(self, simulated: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, float]:
+    def input_uncertainty(
+        self, simulated: Mapping[str, Array], values: Mapping[str, float]
+    ) -> dict[str, float]:
         """How uncertain measured outputs are because inputs are noisy and known at the samples only.
 
         Parameters
@@ -137,10 +155,15 @@ class MemberSimulation:
         random = np.random.default_rng(0)
         draws = [self.simulate(values, noise=random) for _ in range(_DRAWS)]
         measured = [o for o in simulated if o in self.isolated.outputs]
-        power = {o: float(np.mean([np.mean((draw[o] - simulated[o]) ** 2) for draw in draws])) for o in measured}
+        power = {
+            o: float(np.mean([np.mean((draw[o] - simulated[o]) ** 2) for draw in draws]))
+            for o in measured
+        }
         if self.inputs.linear:
             coarse = self.simulate(values, thinning=2)
-            power = {o: p + float(np.mean((coarse[o] - simulated[o]) ** 2)) for o, p in power.items()}
+            power = {
+                o: p + float(np.mean((coarse[o] - simulated[o]) ** 2)) for o, p in power.items()
+            }
         return {o: float(np.sqrt(p)) for o, p in power.items()}
 
 

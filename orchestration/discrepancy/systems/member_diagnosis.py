@@ -11,7 +11,12 @@ from orchestration.discrepancy.systems.cut import IsolatedMember
 from orchestration.discrepancy.systems.interpolation import choose_interpolation
 from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.discrepancy.systems.reason import Reason
-from orchestration.discrepancy.systems.verdict import AdjustedParameter, MemberDiagnosis, MemberVerdict, verdict_of
+from orchestration.discrepancy.systems.verdict import (
+    AdjustedParameter,
+    MemberDiagnosis,
+    MemberVerdict,
+    verdict_of,
+)
 from orchestration.fmu.archive import read_description
 from orchestration.identify.estimate import significantly_different
 from orchestration.system.check import interface
@@ -36,7 +41,10 @@ class Effort:
 
 
 def diagnose_member(
-    simulation: MemberSimulation, effort: Effort, defer_fit: bool = False, revisit_interpolation: bool = True
+    simulation: MemberSimulation,
+    effort: Effort,
+    defer_fit: bool = False,
+    revisit_interpolation: bool = True,
 ) -> MemberDiagnosis:
     """Judge a member.
 
@@ -73,9 +81,15 @@ def diagnose_member(
     parameters = _parameters(simulation.isolated, adjusted) if adjusted else {}
     verdict, reasons = verdict_of(after or before, parameters, adjusted)
     return replace(
-        not_assessed(simulation.isolated, reasons), verdict=verdict, inputs=simulation.isolated.inputs,
-        linear=simulation.inputs.linear, before=before, after=after, parameters=parameters, simulations=simulation.used,
-    )  # fmt: skip
+        not_assessed(simulation.isolated, reasons),
+        verdict=verdict,
+        inputs=simulation.isolated.inputs,
+        linear=simulation.inputs.linear,
+        before=before,
+        after=after,
+        parameters=parameters,
+        simulations=simulation.used,
+    )
 
 
 def not_assessed(isolated: IsolatedMember, reasons: Sequence[Reason]) -> MemberDiagnosis:
@@ -86,10 +100,14 @@ def not_assessed(isolated: IsolatedMember, reasons: Sequence[Reason]) -> MemberD
     return MemberDiagnosis(member.name, member.fmu.name, model, verdict, list(reasons), settings)
 
 
-def _parameters(isolated: IsolatedMember, adjusted: AdjustmentResult) -> dict[str, AdjustedParameter]:
+def _parameters(
+    isolated: IsolatedMember, adjusted: AdjustmentResult
+) -> dict[str, AdjustedParameter]:
     declared = interface(isolated.member).parameters
     parameters = {}
     for name, value in adjusted.values.items():
         differs = significantly_different(adjusted.change[name], adjusted.standard_error[name])
-        parameters[name] = AdjustedParameter(value, adjusted.nominal[name], declared[name].unit, differs)
+        parameters[name] = AdjustedParameter(
+            value, adjusted.nominal[name], declared[name].unit, differs
+        )
     return parameters

@@ -21,12 +21,12 @@ from orchestration.identify.problem import Scale
 
 Array = NDArray[np.float64]
 _DIFFERENCE_STEP = 1e-2  # of a searched coordinate, to see what it does
-_PRIOR_STD = 1.0  # in searched coordinates, of what is assumed of a parameter before the record is seen
+_PRIOR_STD = (
+    1.0  # in searched coordinates, of what is assumed of a parameter before the record is seen
+)
 _TOLERANCE = 1e-4  # relative fall of the cost that ends a search
 _TRIALS = 12
-_MIN_IMPROVEMENT = (
-    20.0  # by which the cost, in squared widths of the residual, must fall for a parameter to be adjusted
-)
+_MIN_IMPROVEMENT = 20.0  # by which the cost, in squared widths of the residual, must fall for a parameter to be adjusted
 _COLLINEAR = 1e-6  # share of the effect of a parameter that remains when others have theirs
 
 
@@ -83,9 +83,14 @@ class ParameterSearch:
         described = read_description(member.fmu).modelVariables
         variables = [v for v in described if v.causality == "parameter" and v.type == "Real"]
         signals = {v.name: read_signal(v) for v in variables}
-        self.declared = {n: replace(s, start=float(member.parameters.get(n, s.start))) for n, s in signals.items()}
+        self.declared = {
+            n: replace(s, start=float(member.parameters.get(n, s.start)))
+            for n, s in signals.items()
+        }
         size = {v.name: abs(self.declared[v.name].start) or _nominal(v) for v in variables}
-        self._scales = {n: Scale(p.min >= 0.0 and p.start > 0.0, size[n]) for n, p in self.declared.items()}
+        self._scales = {
+            n: Scale(p.min >= 0.0 and p.start > 0.0, size[n]) for n, p in self.declared.items()
+        }
         self.names: list[str] = []
         self._weigh(simulated)
         self.best = Point(np.inf, np.empty(0))
@@ -93,7 +98,9 @@ class ParameterSearch:
         self._newest: tuple[bytes, Array] | None = None
 
     def _coordinates(self, attribute: str) -> Array:
-        return np.array([self._scales[n].position(getattr(self.declared[n], attribute)) for n in self.names])
+        return np.array(
+            [self._scales[n].position(getattr(self.declared[n], attribute)) for n in self.names]
+        )
 
     @property
     def start(self) -> Array:
@@ -185,7 +192,8 @@ class ParameterSearch:
             return np.full(self.best.q.size, np.inf)
         ends = np.cumsum([present.sum() for present in self._present.values()])[:-1]
         noise = [
-            estimate(e, present) for e, present in zip(np.split(residual, ends), self._present.values(), strict=True)
+            estimate(e, present)
+            for e, present in zip(np.split(residual, ends), self._present.values(), strict=True)
         ]
         bread = covariance(jacobian.T @ jacobian, _PRIOR_STD**-2)
         return sandwich(bread, np.split(jacobian, ends), noise).standard_errors
@@ -195,7 +203,10 @@ def _greedy(residual: Array, columns: dict[str, Array], most: int) -> list[str]:
     """Names of the columns that take most off a residual, one after another, by orthogonal matching pursuit."""
     size, chosen = {n: float(c @ c) for n, c in columns.items()}, list[str]()
     while columns and len(chosen) < most:
-        gains = {n: float(c @ residual) ** 2 / float(c @ c + 1.0 / _PRIOR_STD**2) for n, c in columns.items()}
+        gains = {
+            n: float(c @ residual) ** 2 / float(c @ c + 1.0 / _PRIOR_STD**2)
+            for n, c in columns.items()
+        }
         name = max(gains, key=lambda n: gains[n])
         if gains[name] < _MIN_IMPROVEMENT:
             break

@@ -33,7 +33,10 @@ def connections_between(system: System, name: str, others: Sequence[str]) -> lis
 
 
 def partners_of(
-    system: System, name: str, simulations: Mapping[str, MemberSimulation], diagnoses: Mapping[str, MemberDiagnosis]
+    system: System,
+    name: str,
+    simulations: Mapping[str, MemberSimulation],
+    diagnoses: Mapping[str, MemberDiagnosis],
 ) -> list[Partner]:
     """Partners of a member, if all of them follow what they are fed and were measured without gaps where they feed it.
 
@@ -57,7 +60,16 @@ def partners_of(
         if other not in simulations or not diagnoses[other].assessable:
             return []
         measured = simulations[other].isolated.outputs
-        sources = {c.source.variable for c in system.connections if (c.source.member, c.target.member) == (other, name)}
-        if not all(source in measured and np.isfinite(measured[source]).all() for source in sources):
+        sources = {
+            c.source.variable
+            for c in system.connections
+            if (c.source.member, c.target.member) == (other, name)
+        }
+        if not all(
+            source in measured and np.isfinite(measured[source]).all() for source in sources
+        ):
             return []
-    return [Partner(simulations[n], {p: a.value for p, a in diagnoses[n].parameters.items()}) for n in others]
+    return [
+        Partner(simulations[n], {p: a.value for p, a in diagnoses[n].parameters.items()})
+        for n in others
+    ]

@@ -57,7 +57,9 @@ def _nets(system: System) -> dict[Port, str]:
     return nets
 
 
-def read_system_record(path: Path, system: System, mapping: Mapping[str, str]) -> tuple[Record, dict[Port, Array]]:
+def read_system_record(
+    path: Path, system: System, mapping: Mapping[str, str]
+) -> tuple[Record, dict[Port, Array]]:
     """Read a record of a system.
 
     Parameters
@@ -79,16 +81,22 @@ def read_system_record(path: Path, system: System, mapping: Mapping[str, str]) -
         If the file is refused, or two columns are one signal.
     """
     known = signal_names(system)
-    record = read_record(path, {name: _unit(system, port) for name, port in known.items()}, mapping=mapping)
+    record = read_record(
+        path, {name: _unit(system, port) for name, port in known.items()}, mapping=mapping
+    )
     measured: dict[Port, Array] = {}
     for name, values in record.signals.items():
         if known[name] in measured:
-            raise UserError(f"{path}: {name} is {known[name]}, and another column is too; leave out one of them")
+            raise UserError(
+                f"{path}: {name} is {known[name]}, and another column is too; leave out one of them"
+            )
         measured[known[name]] = values
     return record, measured
 
 
-def columns_of(system: System, record: Record, mapping: Mapping[str, str]) -> dict[Port, tuple[str, str]]:
+def columns_of(
+    system: System, record: Record, mapping: Mapping[str, str]
+) -> dict[Port, tuple[str, str]]:
     """Which column of the file every port can be read from.
 
     Parameters
@@ -110,7 +118,9 @@ def columns_of(system: System, record: Record, mapping: Mapping[str, str]) -> di
         name, unit = split_header_cell(target)
         if name in known:
             columns[known[name]] = column, f"[{unit}]" if unit else ""
-    same = [(c.source, c.target) for c in system.connections if c.passes_on] + list(system.inputs.values())
+    same = [(c.source, c.target) for c in system.connections if c.passes_on] + list(
+        system.inputs.values()
+    )
     for ports in same:
         there = [columns[port] for port in ports if port in columns]
         columns |= {port: there[0] for port in ports if port not in columns and there}

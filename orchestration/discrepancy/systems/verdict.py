@@ -93,7 +93,9 @@ class MemberDiagnosis:
     @property
     def measured(self) -> dict[str, Port]:
         """Measured inputs and outputs of the FMU, and where in the system each was measured."""
-        fed = {name: source.signal for name, source in self.inputs.items() if source.signal is not None}
+        fed = {
+            name: source.signal for name, source in self.inputs.items() if source.signal is not None
+        }
         return fed | {output: Port(self.name, output) for output in self.before}
 
     @property
@@ -172,8 +174,13 @@ def verdict_of(
         return MemberVerdict.WRONG, [Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, facts), *aside]
     changed = {name: parameter for name, parameter in parameters.items() if parameter.differs}
     if changed:
-        return MemberVerdict.RECALIBRATE, [Reason(ReasonCode.PARAMETERS_CHANGED, {"parameters": changed}), *aside]
-    unmoved = _about(ReasonCode.OUTPUTS_UNMOVED, [o for o, assessment in final.items() if assessment.unmoved])
+        return MemberVerdict.RECALIBRATE, [
+            Reason(ReasonCode.PARAMETERS_CHANGED, {"parameters": changed}),
+            *aside,
+        ]
+    unmoved = _about(
+        ReasonCode.OUTPUTS_UNMOVED, [o for o, assessment in final.items() if assessment.unmoved]
+    )
     return MemberVerdict.CONSISTENT, [Reason(ReasonCode.RESIDUAL_IS_NOISE), *aside, *unmoved]
 
 

@@ -55,7 +55,11 @@ class Confirmation:
             return Outcome.CONFIRMED
         surely_worse = score.gain < -_SURE * score.standard_error
         powerful = score.expected > score.expected_error
-        return Outcome.REFUTED if surely_worse or (score.gain < 0.0 and powerful) else Outcome.NOT_POSSIBLE
+        return (
+            Outcome.REFUTED
+            if surely_worse or (score.gain < 0.0 and powerful)
+            else Outcome.NOT_POSSIBLE
+        )
 
     @property
     def idle(self) -> bool:
@@ -95,7 +99,9 @@ def confirmed(selection: Selection, validation: ValidationData) -> Confirmed:
             subject = ", ".join(s.chosen.effect_name for s in selection.steps[k:])
             facts = {"score": found.score.gain, "expected": found.score.expected}
             kept = replace(selection, steps=selection.steps[:k])
-            return Confirmed(kept, predictions, confirmations, [Note(NoteCode.NOT_VALIDATED, subject, facts)])
+            return Confirmed(
+                kept, predictions, confirmations, [Note(NoteCode.NOT_VALIDATED, subject, facts)]
+            )
         predictions.append(prediction)
         confirmations[step.chosen.effect_name] = found
     return Confirmed(selection, predictions, confirmations, [])
@@ -108,9 +114,16 @@ def score(validation: ValidationData, before: Prediction, after: Prediction) -> 
     """
     noise = after.model.fit.noise
     (r0, j0), (r1, j1) = (judged_innovations(validation, p, noise) for p in (before, after))
-    judged = {o: np.flatnonzero(np.isfinite(y) & validation.judged) for o, y in validation.data.measured.items()}
-    nearest = np.split(np.minimum(np.abs(r0), np.abs(r1)), np.cumsum([len(at) for at in judged.values()])[:-1])
-    root = np.sqrt(np.concatenate([noise[o].weights(r) for o, r in zip(judged, nearest, strict=True)]))
+    judged = {
+        o: np.flatnonzero(np.isfinite(y) & validation.judged)
+        for o, y in validation.data.measured.items()
+    }
+    nearest = np.split(
+        np.minimum(np.abs(r0), np.abs(r1)), np.cumsum([len(at) for at in judged.values()])[:-1]
+    )
+    root = np.sqrt(
+        np.concatenate([noise[o].weights(r) for o, r in zip(judged, nearest, strict=True)])
+    )
     simpler, richer = (
         Innovations(r * root, j * root[:, np.newaxis], p.model.fit.covariance.matrix)
         for r, j, p in ((r0, j0, before), (r1, j1, after))

@@ -89,7 +89,12 @@ def assess(search: Search, base: FittedCandidate) -> InputNoise:
     except UserError:
         return replace(nothing(base), deviation=noise)
     bias = steps.mean(axis=0)
-    return replace(nothing(base), deviation=noise, bias=bias, spread=(steps - bias).T @ (steps - bias) / (REPLICAS - 1))
+    return replace(
+        nothing(base),
+        deviation=noise,
+        bias=bias,
+        spread=(steps - bias).T @ (steps - bias) / (REPLICAS - 1),
+    )
 
 
 def _step(search: Search, base: FittedCandidate, noise: Mapping[str, float], seed: int) -> Array:
@@ -108,7 +113,9 @@ def _step(search: Search, base: FittedCandidate, noise: Mapping[str, float], see
     return np.asarray(-known.matrix @ (slopes.T @ np.concatenate([piece[0] for piece in pieces])))
 
 
-def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple[Selection, list[Note]]:
+def defensible(
+    selection: Selection, search: Search, noise: InputNoise
+) -> tuple[Selection, list[Note]]:
     """Keep the effects for which there is more evidence than noise of the inputs makes by itself.
 
     The model without an effect is simulated as if it were true with the inputs freed of their noise, noise is laid over
@@ -124,9 +131,14 @@ def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple
         return selection, []
     below, inputs = selection.base, tuple(noise.deviation)
     for k, step in enumerate(selection.steps):
-        kept, names = replace(selection, steps=selection.steps[:k]), [s.chosen.effect_name for s in selection.steps[k:]]
+        kept, names = (
+            replace(selection, steps=selection.steps[:k]),
+            [s.chosen.effect_name for s in selection.steps[k:]],
+        )
         for seed in range(REPLICAS):
-            by_noise = _gain(_replica(search, below, noise.deviation, seed), below, step.chosen, selection.tried)
+            by_noise = _gain(
+                _replica(search, below, noise.deviation, seed), below, step.chosen, selection.tried
+            )
             if search.budget.spent():  # what could not be held against noise is not claimed
                 search.budget.leave(names)
                 return kept, []
@@ -141,7 +153,10 @@ def defensible(selection: Selection, search: Search, noise: InputNoise) -> tuple
 
 
 def excused(
-    residuals: Mapping[str, ResidualAnalysis], selection: Selection, search: Search, noise: InputNoise
+    residuals: Mapping[str, ResidualAnalysis],
+    selection: Selection,
+    search: Search,
+    noise: InputNoise,
 ) -> frozenset[tuple[str, type]]:
     """Kinds of structure, by output, that noise of the inputs puts into residuals by itself.
 
@@ -167,7 +182,11 @@ def excused(
             for kind, evidence in _evidence(analysis).items():
                 most[output, kind] = max(most.get((output, kind), 0.0), evidence)
     usual = -float(np.log(ALPHA))  # which is meant for records without such noise
-    return frozenset(key for key, evidence in asked.items() if evidence < _BEYOND * max(most.get(key, 0.0), usual))
+    return frozenset(
+        key
+        for key, evidence in asked.items()
+        if evidence < _BEYOND * max(most.get(key, 0.0), usual)
+    )
 
 
 def _evidence(analysis: ResidualAnalysis) -> dict[type, float]:
@@ -180,7 +199,9 @@ def _evidence(analysis: ResidualAnalysis) -> dict[type, float]:
     return found
 
 
-def _replica(search: Search, base: FittedCandidate, noise: Mapping[str, float], seed: int) -> Search:
+def _replica(
+    search: Search, base: FittedCandidate, noise: Mapping[str, float], seed: int
+) -> Search:
     """Search over a record in which nothing is wrong but noise on inputs and outputs, together as large as there."""
     calm = {n: smoothed(search.data.inputs[n], s, _PASSES) for n, s in noise.items()}
     data = replace(search.data, inputs={**search.data.inputs, **calm})
@@ -197,10 +218,14 @@ def _replica(search: Search, base: FittedCandidate, noise: Mapping[str, float], 
         white = own * model.deviation * random.standard_normal(len(search.data.time))
         values = truth[output] + lfilter([1.0], [1.0, *-model.coefficients], white)
         measured[output] = np.where(base.problem.present[output], values, np.nan)
-    return replace(search, data=replace(noisy, measured=measured), not_assessed={}, progress=lambda text: None)
+    return replace(
+        search, data=replace(noisy, measured=measured), not_assessed={}, progress=lambda text: None
+    )
 
 
-def _gain(replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int) -> float | None:
+def _gain(
+    replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int
+) -> float | None:
     """Evidence for an effect in a record that does not have it, looked for where the record at hand has it.
 
     None where the model cannot be simulated with other noise: such a claim cannot be defended.
@@ -225,18 +250,28 @@ def remarks(noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array
         return []
     problem, fit = base.problem, base.fit
     errors = np.sqrt(fit.covariance.standard_errors**2 + np.diag(noise.spread))
-    physical = [i for i, n in enumerate(noise.names) if not problem.declared[n].starts and np.isfinite(errors[i])]
+    physical = [
+        i
+        for i, n in enumerate(noise.names)
+        if not problem.declared[n].starts and np.isfinite(errors[i])
+    ]
     if not physical:
         return []
     ranges = {n: float(np.ptp(inputs[n])) for n in noise.deviation}
     most = max(physical, key=lambda i: abs(noise.bias[i]) / errors[i])
     name = noise.names[most]
     off = (
-        problem.scales[most].value(fit.q[most] + noise.bias[most]) / fit.values[name] - 1.0 if fit.values[name] else 0.0
+        problem.scales[most].value(fit.q[most] + noise.bias[most]) / fit.values[name] - 1.0
+        if fit.values[name]
+        else 0.0
     )
     matters = abs(noise.bias[most]) > _MATTERS * errors[most]
     return [
-        Note(NoteCode.INPUT_NOISE, n, {"share": s / ranges[n], "deviation": s, "parameter": name, "bias": float(off)})
+        Note(
+            NoteCode.INPUT_NOISE,
+            n,
+            {"share": s / ranges[n], "deviation": s, "parameter": name, "bias": float(off)},
+        )
         for n, s in noise.deviation.items()
         if matters or s > _TOLD * ranges[n]
     ]

@@ -59,14 +59,20 @@ def not_followed(validation: ValidationData, prediction: Prediction) -> list[Not
             misses = measured - simulated
             expected = size * _grown(misses, np.column_stack([simulated, slopes]), residual[output])
             open_left = float(np.sqrt(uncertain[output][there].mean()))
-            ratios[output][run.label] = rms(_without_single(misses)) / float(np.hypot(expected, open_left))
-    beyond = {o: {label: r for label, r in by_run.items() if r > _BEYOND} for o, by_run in ratios.items()}
+            ratios[output][run.label] = rms(_without_single(misses)) / float(
+                np.hypot(expected, open_left)
+            )
+    beyond = {
+        o: {label: r for label, r in by_run.items() if r > _BEYOND} for o, by_run in ratios.items()
+    }
     astray = {o: max(by_run.values()) for o, by_run in beyond.items() if by_run}
     if not astray:
         return []
     if validation.continued:
         return [Note(NoteCode.END_NOT_FOLLOWED, "", {"errors": astray})]
-    records = tuple(run.label for run in data.runs if run.label and any(run.label in b for b in beyond.values()))
+    records = tuple(
+        run.label for run in data.runs if run.label and any(run.label in b for b in beyond.values())
+    )
     return [Note(NoteCode.NOT_FOLLOWED, "", {"errors": astray, "records": records})]
 
 
@@ -88,7 +94,9 @@ def _grown(misses: Array, modelled: Array, fitted: Array) -> float:
     return max(1.0, min(by_course, rms(_without_single(alone)) / rms(_without_single(fitted))))
 
 
-def _open(validation: ValidationData, prediction: Prediction, run: Run, left: dict[str, float]) -> dict[str, Array]:
+def _open(
+    validation: ValidationData, prediction: Prediction, run: Run, left: dict[str, float]
+) -> dict[str, Array]:
     """Variance (m,) of what is simulated in a run, as far as the parameters are uncertain, by output.
 
     What a record of its own has for itself was estimated on its first samples, by whatever the others are: along with
@@ -107,15 +115,25 @@ def _open(validation: ValidationData, prediction: Prediction, run: Run, left: di
     shared = [n for n in model.problem.names if n in names and base_name(n) not in own]
     at = [model.problem.names.index(n) for n in shared]
     by = np.array([model.problem.scales[i].slope(model.fit.q[i]) for i in at])
-    columns = [names.index(n) for n in shared], [k for k, n in enumerate(names) if base_name(n) in own]
+    columns = (
+        [names.index(n) for n in shared],
+        [k for k, n in enumerate(names) if base_name(n) in own],
+    )
     common = {o: ran.sensitivities[o][:, columns[0]] * by for o in left}
     single = {o: ran.sensitivities[o][:, columns[1]] for o in left}
-    before = {o: ~validation.judged[run.samples] & np.isfinite(data.measured[o][run.samples]) for o in left}
-    s, j = (np.vstack([m[o][before[o]] / size for o, size in left.items()]) for m in (single, common))
+    before = {
+        o: ~validation.judged[run.samples] & np.isfinite(data.measured[o][run.samples])
+        for o in left
+    }
+    s, j = (
+        np.vstack([m[o][before[o]] / size for o, size in left.items()]) for m in (single, common)
+    )
     known = covariance(s.T @ s).matrix
     along = known @ s.T @ j
     return {
-        o: _variance(common[o] - single[o] @ along, spread[np.ix_(at, at)]) + _variance(single[o], known) for o in left
+        o: _variance(common[o] - single[o] @ along, spread[np.ix_(at, at)])
+        + _variance(single[o], known)
+        for o in left
     }
 
 

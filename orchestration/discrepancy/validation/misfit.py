@@ -36,13 +36,18 @@ def misfit_spread(model: FittedCandidate) -> Array:
     residual = np.concatenate([errors[o] / scales[o] for o in errors])
     samples = np.concatenate([np.flatnonzero(problem.present[o]) for o in errors])
     stretches = samples * _STRETCHES // (int(samples.max()) + 1)
-    found = clustered(covariance(jacobian.T @ jacobian, fit.prior_precision), jacobian, residual, stretches)
+    found = clustered(
+        covariance(jacobian.T @ jacobian, fit.prior_precision), jacobian, residual, stretches
+    )
     beyond = np.diag(found.matrix) - np.diag(fit.covariance.matrix)
     return np.asarray(np.sqrt(np.maximum(beyond, 0.0)))
 
 
 def spread_beside(
-    model: FittedCandidate, known: Iterable[Array], selection: Selection, residuals: Mapping[str, ResidualAnalysis]
+    model: FittedCandidate,
+    known: Iterable[Array],
+    selection: Selection,
+    residuals: Mapping[str, ResidualAnalysis],
 ) -> Array:
     """Deviation of the searched coordinates beside that of the fit, from all that it cannot know of, shape (p,).
 

@@ -55,16 +55,30 @@ def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[st
     if not own:
         return values
     problem = Problem(
-        model.candidate.cls, before.time, before.inputs, before.measured, names_in(before.runs, own, own), values,
-        before.linear or (), runs=before.several,
-    )  # fmt: skip
+        model.candidate.cls,
+        before.time,
+        before.inputs,
+        before.measured,
+        names_in(before.runs, own, own),
+        values,
+        before.linear or (),
+        runs=before.several,
+    )
     low, high = problem.bounds()
 
     def weighted(which: int, q: Array) -> Array:
         parts = problem.evaluate(q)[which]
-        return np.concatenate([model.fit.noise[o].from_rest(parts[o], problem.present[o]) for o in parts])
+        return np.concatenate(
+            [model.fit.noise[o].from_rest(parts[o], problem.present[o]) for o in parts]
+        )
 
-    best = minimise(lambda q: weighted(0, q), lambda q: weighted(1, q), problem.position(problem.start), low, high)
+    best = minimise(
+        lambda q: weighted(0, q),
+        lambda q: weighted(1, q),
+        problem.position(problem.start),
+        low,
+        high,
+    )
     return values | problem.values(best.q)
 
 
@@ -72,7 +86,9 @@ def own_of_each(model: FittedCandidate) -> list[str]:
     """Parameters of a fitted model that every record has for itself: where states start, and what else is asked to."""
     layout = model.candidate.cls.layout
     starts = [layout.start_of[state.name] for state in layout.states]
-    return [*dict.fromkeys([*starts, *(base_name(n) for n in model.problem.names if base_name(n) != n)])]
+    return [
+        *dict.fromkeys([*starts, *(base_name(n) for n in model.problem.names if base_name(n) != n)])
+    ]
 
 
 def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
@@ -101,9 +117,13 @@ def judged_innovations(
     """
     residuals, slopes = [], []
     declared = prediction.model.problem.declared
-    granted = np.array([validation.continued or not declared[n].starts for n in prediction.model.problem.names])
+    granted = np.array(
+        [validation.continued or not declared[n].starts for n in prediction.model.problem.names]
+    )
     for output, y in validation.data.measured.items():
         present = np.isfinite(y) & validation.judged
         residuals.append(noise[output].whiten((y - prediction.simulated[output])[present], present))
-        slopes.append(noise[output].whiten(-prediction.sensitivities[output][present] * granted, present))
+        slopes.append(
+            noise[output].whiten(-prediction.sensitivities[output][present] * granted, present)
+        )
     return np.concatenate(residuals), np.concatenate(slopes)

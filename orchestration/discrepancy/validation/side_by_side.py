@@ -17,7 +17,9 @@ from orchestration.identify.prediction_error import FitResult
 Errors = dict[str, dict[str, float]]  # by model and output
 
 
-def errors_side_by_side(predictions: Sequence[Prediction], validation: ValidationData) -> tuple[Errors, Errors]:
+def errors_side_by_side(
+    predictions: Sequence[Prediction], validation: ValidationData
+) -> tuple[Errors, Errors]:
     """Normalised RMS errors of free runs, where was fitted and where nothing was.
 
     Parameters
@@ -43,7 +45,9 @@ def errors_side_by_side(predictions: Sequence[Prediction], validation: Validatio
             judged[name] = predict(validation, model).errors
         except UserError:  # it stands for estimation data alone
             continue
-    made = {"refitted": predictions[0]} | ({"extended": predictions[-1]} if len(predictions) > 1 else {})
+    made = {"refitted": predictions[0]} | (
+        {"extended": predictions[-1]} if len(predictions) > 1 else {}
+    )
     fitted |= {name: _fitted_errors(prediction.model) for name, prediction in made.items()}
     judged |= {name: prediction.errors for name, prediction in made.items()}
     return fitted, judged

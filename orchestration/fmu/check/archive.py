@@ -40,7 +40,11 @@ def _form(archive: Archive) -> Iterator[Finding]:
         if name.endswith("/"):
             continue
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            yield Finding(10, "warning", f"{name!r} is compressed by a method many hosts lack; deflate is for all")
+            yield Finding(
+                10,
+                "warning",
+                f"{name!r} is compressed by a method many hosts lack; deflate is for all",
+            )
         mode = entry.external_attr >> 16
         if stat.S_ISLNK(mode):
             yield Finding(10, "error", f"{name!r} is a symbolic link: it may lead anywhere")
@@ -58,7 +62,11 @@ def _identity(archive: Archive) -> Iterator[Finding]:
         yield Finding(3, "note", f"the GUID {guid!r} has not the form of a UUID")
     elif (version := uuid.UUID(guid).version) in (1, 4, 6, 7):
         origin = "at random" if version == 4 else "from the clock"
-        yield Finding(3, "warning", f"the GUID {guid} is made {origin}, not from the contents: no two builds agree")
+        yield Finding(
+            3,
+            "warning",
+            f"the GUID {guid} is made {origin}, not from the contents: no two builds agree",
+        )
     times = sorted({entry.date_time for entry in archive.entries()})
     made = archive.description.get("generationDateAndTime", "")
     if made and _same_day(made, times[-1]):
@@ -68,8 +76,14 @@ def _identity(archive: Archive) -> Iterator[Finding]:
             f"generationDateAndTime is {made}, when the archive was packed: no two builds are the same bytes",
         )
     if len(times) > 1:
-        first, last = ("{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time) for time in (times[0], times[-1]))
-        yield Finding(3, "warning", f"files carry times from {first} to {last}: no two builds are the same bytes")
+        first, last = (
+            "{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time) for time in (times[0], times[-1])
+        )
+        yield Finding(
+            3,
+            "warning",
+            f"files carry times from {first} to {last}: no two builds are the same bytes",
+        )
 
 
 def _same_day(date: str, packed: tuple[int, ...]) -> bool:
@@ -91,22 +105,37 @@ def _documents(archive: Archive) -> Iterator[Finding]:
         yield Finding(10, "warning", "no licence (documentation/licenses/)")
     if not any(name.startswith("extra/org.fmi-standard.fmi-ls-ref/") for name in names):
         yield Finding(10, "note", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)")
-    documents = names & {"documentation/externalDependencies.txt", "documentation/externalDependencies.html"}
-    needed = any(element.get("needsExecutionTool") in ("true", "1") for element in archive.interfaces())
+    documents = names & {
+        "documentation/externalDependencies.txt",
+        "documentation/externalDependencies.html",
+    }
+    needed = any(
+        element.get("needsExecutionTool") in ("true", "1") for element in archive.interfaces()
+    )
     if needed and not documents:
         yield Finding(
-            10, "warning", "needsExecutionTool is true, but documentation/externalDependencies.txt does not say which"
+            10,
+            "warning",
+            "needsExecutionTool is true, but documentation/externalDependencies.txt does not say which",
         )
     if documents and not needed:
-        yield Finding(10, "warning", f"needsExecutionTool is false, but there is {sorted(documents)[0]}")
+        yield Finding(
+            10, "warning", f"needsExecutionTool is false, but there is {sorted(documents)[0]}"
+        )
 
 
 def _sources(archive: Archive) -> Iterator[Finding]:
     for element in archive.interfaces():
         files = [node.get("name", "") for node in element.iterfind("SourceFiles/File")]
         if absent := [name for name in files if f"sources/{name}" not in archive.names]:
-            yield Finding(10, "error", f"{element.tag}: source files listed but not in sources/: {listed(absent)}")
-    if any(name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names) and not any(
-        element.find("SourceFiles") is not None for element in archive.interfaces()
-    ):
-        yield Finding(10, "warning", "there are sources/, but SourceFiles lists none: nobody can compile them")
+            yield Finding(
+                10,
+                "error",
+                f"{element.tag}: source files listed but not in sources/: {listed(absent)}",
+            )
+    if any(
+        name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names
+    ) and not any(element.find("SourceFiles") is not None for element in archive.interfaces()):
+        yield Finding(
+            10, "warning", "there are sources/, but SourceFiles lists none: nobody can compile them"
+        )

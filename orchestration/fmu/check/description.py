@@ -45,17 +45,27 @@ def _fmpy_problems(path: Path) -> list[str]:
 
 def _variables(root: Element) -> Iterator[tuple[Element, Element, dict[str, str]]]:
     """Yield every variable, its type element, and the attributes of that with those of its declared type."""
-    types = {node.get("name", ""): node[0] for node in root.iterfind("TypeDefinitions/SimpleType") if len(node)}
+    types = {
+        node.get("name", ""): node[0]
+        for node in root.iterfind("TypeDefinitions/SimpleType")
+        if len(node)
+    }
     for variable in root.iterfind("ModelVariables/ScalarVariable"):
         for node in variable:
             if node.tag in _TYPES:
                 declared = types.get(node.get("declaredType", ""))
-                yield variable, node, ({} if declared is None else dict(declared.attrib)) | dict(node.attrib)
+                yield (
+                    variable,
+                    node,
+                    ({} if declared is None else dict(declared.attrib)) | dict(node.attrib),
+                )
                 break
 
 
 def _structure(root: Element) -> Iterator[Finding]:
-    names = [variable.get("name", "") for variable in root.iterfind("ModelVariables/ScalarVariable")]
+    names = [
+        variable.get("name", "") for variable in root.iterfind("ModelVariables/ScalarVariable")
+    ]
     for section in ("Outputs", "Derivatives", "InitialUnknowns"):
         silent = [
             _named(names, unknown)
@@ -64,9 +74,10 @@ def _structure(root: Element) -> Iterator[Finding]:
         ]
         if silent:
             yield Finding(
-                1, "warning",
+                1,
+                "warning",
                 f"ModelStructure/{section}: no dependencies, so hosts must assume all, for {listed(silent)}",
-            )  # fmt: skip
+            )
 
 
 def _named(names: list[str], unknown: Element) -> str:
@@ -98,7 +109,9 @@ def _units(root: Element) -> Iterator[Finding]:
         for attribute in _BASE_UNITS:
             if not re.fullmatch(r"\s*[+-]?\d+\s*", base.get(attribute, "0")):
                 yield Finding(
-                    2, "error", f"unit {name!r}: exponent {attribute}={base.get(attribute)!r}, expected an integer"
+                    2,
+                    "error",
+                    f"unit {name!r}: exponent {attribute}={base.get(attribute)!r}, expected an integer",
                 )
         for node, label in [(base, f"unit {name!r}")] + [
             (display, f"display unit {display.get('name', '')!r} of {name!r}")
@@ -106,12 +119,20 @@ def _units(root: Element) -> Iterator[Finding]:
         ]:
             factor, offset = _number(node, "factor", 1.0), _number(node, "offset", 0.0)
             if factor is None or factor == 0.0 or not math.isfinite(factor):
-                yield Finding(2, "error", f"{label}: factor={node.get('factor')!r}, expected a finite number but 0")
+                yield Finding(
+                    2,
+                    "error",
+                    f"{label}: factor={node.get('factor')!r}, expected a finite number but 0",
+                )
             if offset is None or not math.isfinite(offset):
-                yield Finding(2, "error", f"{label}: offset={node.get('offset')!r}, expected a finite number")
+                yield Finding(
+                    2, "error", f"{label}: offset={node.get('offset')!r}, expected a finite number"
+                )
 
 
-def _number(node: Element | Mapping[str, str], attribute: str, default: float | None = None) -> float | None:
+def _number(
+    node: Element | Mapping[str, str], attribute: str, default: float | None = None
+) -> float | None:
     """Value of an attribute; None if it is no number."""
     text = node.get(attribute)
     if text is None:
@@ -150,10 +171,16 @@ def _ranges(root: Element) -> Iterator[Finding]:
                 yield Finding(2, "error", f"{name}: start = {start} is not finite")
             elif (low is not None and start < low) or (high is not None and start > high):
                 limits = f"{'-inf' if low is None else f'{low:g}'} to {'inf' if high is None else f'{high:g}'}"
-                yield Finding(2, "error", f"{name}: start = {start:g} is outside of its range, {limits}")
+                yield Finding(
+                    2, "error", f"{name}: start = {start:g} is outside of its range, {limits}"
+                )
         if nominal is not None and not 0.0 < nominal < math.inf:
             yield Finding(2, "error", f"{name}: nominal = {nominal:g}, expected a positive number")
-        if variable.get("causality") == "parameter" and node.tag in ("Real", "Integer") and low is high is None:
+        if (
+            variable.get("causality") == "parameter"
+            and node.tag in ("Real", "Integer")
+            and low is high is None
+        ):
             unlimited.append(name)
     if unlimited:
         yield Finding(2, "note", f"no range (min, max) for the parameters {listed(unlimited)}")
@@ -176,14 +203,26 @@ def _capabilities(root: Element) -> Iterator[Finding]:
 
     for name in ("canGetAndSetFMUstate", "canSerializeFMUstate"):
         if not can(name):
-            yield Finding(5, "warning", f"{name} is false: hosts cannot repeat a step or store the state")
+            yield Finding(
+                5, "warning", f"{name} is false: hosts cannot repeat a step or store the state"
+            )
     if can("canBeInstantiatedOnlyOncePerProcess"):
-        yield Finding(6, "warning", "canBeInstantiatedOnlyOncePerProcess is true: no two instances in one process")
+        yield Finding(
+            6,
+            "warning",
+            "canBeInstantiatedOnlyOncePerProcess is true: no two instances in one process",
+        )
     if not can("canHandleVariableCommunicationStepSize"):
-        yield Finding(8, "warning", "canHandleVariableCommunicationStepSize is false: steps must be of one size")
+        yield Finding(
+            8,
+            "warning",
+            "canHandleVariableCommunicationStepSize is false: steps must be of one size",
+        )
     if not can("needsExecutionTool") and not can("providesDirectionalDerivative"):
         yield Finding(11, "note", "providesDirectionalDerivative is false")
     if root.find("LogCategories") is None:
         yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
     if root.find("DefaultExperiment") is None:
-        yield Finding(10, "note", "there is no DefaultExperiment: users must guess stop time and step size")
+        yield Finding(
+            10, "note", "there is no DefaultExperiment: users must guess stop time and step size"
+        )

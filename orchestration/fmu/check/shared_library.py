@@ -57,7 +57,13 @@ def read_library(contents: bytes) -> Library:
     LibraryError
         If the format is unknown, it is a program or an object file, or its tables point outside of it.
     """
-    readers = {b"\x7fELF": _elf, b"MZ": _pe, _UNIVERSAL: _universal, _MACH_64: _mach, _MACH_32: _mach}
+    readers = {
+        b"\x7fELF": _elf,
+        b"MZ": _pe,
+        _UNIVERSAL: _universal,
+        _MACH_64: _mach,
+        _MACH_32: _mach,
+    }
     for magic, reader in readers.items():
         if contents.startswith(magic):
             try:
@@ -88,7 +94,15 @@ def _rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tupl
 
 _ELF_MACHINES = {0x3: "x86", 0x3E: "x86_64", 0xB7: "arm64"}
 _SHARED_OBJECT, _LOADABLE, _DYNAMIC = 3, 1, 2
-_END, _NEEDED, _STRINGS, _VERSIONS, _SYSV_HASH, _GNU_HASH, _SYMBOLS = 0, 1, 5, 0x6FFFFFF0, 4, 0x6FFFFEF5, 6
+_END, _NEEDED, _STRINGS, _VERSIONS, _SYSV_HASH, _GNU_HASH, _SYMBOLS = (
+    0,
+    1,
+    5,
+    0x6FFFFFF0,
+    4,
+    0x6FFFFEF5,
+    6,
+)
 
 
 def _elf(contents: bytes) -> Library:
@@ -131,7 +145,9 @@ def _elf(contents: bytes) -> Library:
             tables[tag] = value
     strings = place(tables[_STRINGS])
     symbols = place(tables[_SYMBOLS])
-    total = _elf_symbol_count(contents, order, wide, {tag: place(tables[tag]) for tag in _HASHES & tables.keys()})
+    total = _elf_symbol_count(
+        contents, order, wide, {tag: place(tables[tag]) for tag in _HASHES & tables.keys()}
+    )
     layout = order + ("IBBHQQ" if wide else "IIIBBH")
     exports, unsupplied = set(), []
     for k, row in enumerate(_rows(contents, layout, symbols, total * struct.calcsize(layout))):
@@ -144,12 +160,18 @@ def _elf(contents: bytes) -> Library:
         elif info >> 4 == 1:
             version = 1
             if _VERSIONS in tables:
-                version = struct.unpack_from(order + "H", contents, place(tables[_VERSIONS]) + 2 * k)[0]
+                version = struct.unpack_from(
+                    order + "H", contents, place(tables[_VERSIONS]) + 2 * k
+                )[0]
             if version & 0x7FFF <= 1:
                 unsupplied.append(name)
     needs = tuple(_text(contents, strings + at) for at in needed)
     return Library(
-        "ELF", (_ELF_MACHINES.get(machine, hex(machine)),), needs, frozenset(exports), tuple(sorted(unsupplied))
+        "ELF",
+        (_ELF_MACHINES.get(machine, hex(machine)),),
+        needs,
+        frozenset(exports),
+        tuple(sorted(unsupplied)),
     )
 
 
@@ -190,7 +212,9 @@ def _pe(contents: bytes) -> Library:
     directories = header + (112 if wide else 96)
     table = [
         (address, max(size, raw), offset)
-        for size, address, raw, offset in _rows(contents, "<8xIIII16x", header + optional, 40 * sections)
+        for size, address, raw, offset in _rows(
+            contents, "<8xIIII16x", header + optional, 40 * sections
+        )
     ]
 
     def place(address: int) -> int:
@@ -210,7 +234,9 @@ def _pe(contents: bytes) -> Library:
     while entry and (name := struct.unpack_from("<IIIII", contents, entry)[3]):
         needs.append(_text(contents, place(name)))
         entry += 20
-    return Library("PE", (_PE_MACHINES.get(machine, hex(machine)),), tuple(needs), frozenset(exports))
+    return Library(
+        "PE", (_PE_MACHINES.get(machine, hex(machine)),), tuple(needs), frozenset(exports)
+    )
 
 
 # --- Mach-O ---------------------------------------------------------------------------------------------------------
@@ -251,11 +277,15 @@ def _mach(contents: bytes) -> Library:
         elif command == _SYMBOL_TABLE:
             symbols, total, strings, _ = struct.unpack_from("<IIII", contents, at + 8)
             layout = "<IBBHQ" if wide else "<IBBHI"
-            for name, flags, *_ in _rows(contents, layout, symbols, total * struct.calcsize(layout)):
+            for name, flags, *_ in _rows(
+                contents, layout, symbols, total * struct.calcsize(layout)
+            ):
                 # defined in a section, external, neither private nor for debuggers
                 if flags & 0x0E == 0x0E and flags & 0x01 and not flags & 0xF0:
                     exports.add(_text(contents, strings + name).removeprefix("_"))
         if size < 8:
             raise ValueError(size)
         at += size
-    return Library("Mach-O", (_MACH_MACHINES.get(machine, hex(machine)),), tuple(needs), frozenset(exports))
+    return Library(
+        "Mach-O", (_MACH_MACHINES.get(machine, hex(machine)),), tuple(needs), frozenset(exports)
+    )

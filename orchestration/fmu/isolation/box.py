@@ -29,9 +29,12 @@ class _Head(ctypes.Structure):
     """What stands before the runs of the kernel."""
 
     _fields_ = (
-        ("beat", ctypes.c_int64), ("point", ctypes.c_int64), ("length", ctypes.c_int32), ("slot", ctypes.c_int32),
+        ("beat", ctypes.c_int64),
+        ("point", ctypes.c_int64),
+        ("length", ctypes.c_int32),
+        ("slot", ctypes.c_int32),
         ("text", ctypes.c_char * _TEXT),
-    )  # fmt: skip
+    )
 
 
 class State(NamedTuple):
@@ -84,7 +87,9 @@ class Box:
             path.write_bytes(bytes(size))
         with path.open("r+b") as file:
             self._memory = mmap.mmap(file.fileno(), size)
-        if hasattr(mmap, "MADV_DONTFORK"):  # a copy of the process that an FMU makes would count in it, too
+        if hasattr(
+            mmap, "MADV_DONTFORK"
+        ):  # a copy of the process that an FMU makes would count in it, too
             self._memory.madvise(mmap.MADV_DONTFORK)
         self._head = _Head.from_buffer(self._memory)
         self._runs = (Progress * _SLOTS).from_buffer(self._memory, ctypes.sizeof(_Head))
@@ -145,7 +150,9 @@ class Box:
         """As the function of that name."""
         path = self.folder / name
         array: Array = (
-            np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape) if 0 not in shape else np.empty(shape)
+            np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape)
+            if 0 not in shape
+            else np.empty(shape)
         )
         return array
 
@@ -154,7 +161,10 @@ class Box:
     def state(self) -> State:
         """Where the process is; an FMU that writes where it should not may have been in this memory too."""
         head = self._head
-        doing, slot = head.text[: max(0, head.length)].decode(errors="replace"), head.slot  # it goes on meanwhile
+        doing, slot = (
+            head.text[: max(0, head.length)].decode(errors="replace"),
+            head.slot,
+        )  # it goes on meanwhile
         if not 0 <= slot < _SLOTS:
             return State(doing, head.point, 0, (head.beat, 0, 0))
         run = self._runs[slot]
@@ -162,9 +172,13 @@ class Box:
             legend = pickle.loads((self.folder / f"{_LEGEND}{slot}").read_bytes())
         except Exception:  # it is gone, or damaged
             legend = [("an FMU", False)]
-        operation, step = legend[max(0, min(run.position, len(legend) - 1))] if legend else ("", False)
+        operation, step = (
+            legend[max(0, min(run.position, len(legend) - 1))] if legend else ("", False)
+        )
         beat = (head.beat, run.point, run.position)
-        return State(doing or operation, run.point, run.row, beat, bool(operation and not doing), step)
+        return State(
+            doing or operation, run.point, run.row, beat, bool(operation and not doing), step
+        )
 
     def about(self) -> Any:
         """What was kept; None without, or where it is damaged."""
@@ -196,7 +210,9 @@ def rows(shape: tuple[int, int], name: str = _ROWS) -> Array:
     try:
         return current.rows(shape, name)
     except OSError as error:
-        raise UserError(f"{current.folder}: cannot be written ({error.strerror or error})") from error
+        raise UserError(
+            f"{current.folder}: cannot be written ({error.strerror or error})"
+        ) from error
 
 
 class doing:  # in place of a generator, which takes as long as some calls do

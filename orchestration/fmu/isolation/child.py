@@ -24,7 +24,9 @@ def main() -> None:
     """Serve until standard input ends; the folder and the limit of memory in bytes are the arguments."""
     folder, memory = Path(sys.argv[1]), int(sys.argv[2])
     asked, answers = _own_channel()
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever it was for whoever started this
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # whatever it was for whoever started this
     _limit(memory)
     tempfile.tempdir = str(folder)
     box.current = box.Box(folder)

@@ -38,9 +38,14 @@ class Pool:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
-        if kind is not None:  # an interrupt, or nobody wants more: they are in the middle of something
+        if (
+            kind is not None
+        ):  # an interrupt, or nobody wants more: they are in the middle of something
             for process in [*self._all]:
                 process.kill()
         self._threads.shutdown(cancel_futures=True)
@@ -68,7 +73,9 @@ class Pool:
         try:
             return process.call(function, *arguments)
         finally:
-            if process.asked:  # it has ended, or is still at it: the next answer would be of this question
+            if (
+                process.asked
+            ):  # it has ended, or is still at it: the next answer would be of this question
                 process.__exit__(Ended, None, None)
             else:
                 self._idle.put(process)

@@ -74,17 +74,24 @@ class Process:
         program = f"import sys; sys.path[:] = {sys.path!r}; from orchestration.fmu.isolation.child import main; main()"
         self._process = subprocess.Popen(
             [sys.executable, "-c", program, str(folder), str(self._limits.bytes)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
         buffered: Any = self._process.stdout
-        self._stream: FileIO = buffered.detach()  # a buffer has a lock, and a reader that stays would keep it
+        self._stream: FileIO = (
+            buffered.detach()
+        )  # a buffer has a lock, and a reader that stays would keep it
         self._answers: SimpleQueue[Any] = SimpleQueue()
         self._reader = threading.Thread(target=self._listen, daemon=True)
         self._reader.start()
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         process = self._process
         assert process.stdin is not None
@@ -113,13 +120,18 @@ class Process:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def _listen(self) -> None:
-        with suppress(Exception):  # FMUs may write anything to any file, and then there is no telling what follows
+        with suppress(
+            Exception
+        ):  # FMUs may write anything to any file, and then there is no telling what follows
             while (answer := receive(self._stream)) is not None:
                 self._answers.put(answer)
         self._answers.put(None)
 
     def call(
-        self, function: Callable[..., Any], *arguments: Any, told: dict[str, Callable[..., None]] | None = None
+        self,
+        function: Callable[..., Any],
+        *arguments: Any,
+        told: dict[str, Callable[..., None]] | None = None,
     ) -> Any:
         """Call a function there.
 
@@ -163,7 +175,9 @@ class Process:
                 elif now - since > self._limits.step_timeout:
                     raise self._end(f"no answer within {self._limits.step_timeout:g} s") from None
                 if interrupted and now - interrupted > _GRACE:
-                    raise self._end("interrupted, for it did not answer", interrupted=True) from None
+                    raise self._end(
+                        "interrupted, for it did not answer", interrupted=True
+                    ) from None
                 self._look_at_memory()
                 continue
             except KeyboardInterrupt:
@@ -219,4 +233,6 @@ class Process:
         allowed = self._limits.bytes
         if not allowed or self._memory < _MUCH * allowed:
             return ""
-        return f", with {self._memory / 1e9:.2g} GB of memory, and {allowed / 1e9:.2g} GB are allowed"
+        return (
+            f", with {self._memory / 1e9:.2g} GB of memory, and {allowed / 1e9:.2g} GB are allowed"
+        )

@@ -13,8 +13,23 @@ from fmus.kit.build.library_cache import library, load
 from fmus.kit.errors import UserError
 
 # What an operation does, and why the kernel came back, as `kernel.c` has them.
-(STEP, SET_REAL, GET_REAL, SET_INTEGER, SET_BOOLEAN, GET_WHOLE, SET_SLOPES, PASS, SCALE, DRIVE, DISTURB, KEEP, CALL,
- BEGIN, SPENT) = range(15)  # fmt: skip
+(
+    STEP,
+    SET_REAL,
+    GET_REAL,
+    SET_INTEGER,
+    SET_BOOLEAN,
+    GET_WHOLE,
+    SET_SLOPES,
+    PASS,
+    SCALE,
+    DRIVE,
+    DISTURB,
+    KEEP,
+    CALL,
+    BEGIN,
+    SPENT,
+) = range(15)
 DONE, PAUSED, FAILED, NO_NUMBER, NOT_OF_TYPE, CALLING = range(6)
 _SOURCE = "kernel.c"
 
@@ -23,31 +38,49 @@ class Link(ctypes.Structure):
     """A value that is passed on."""
 
     _fields_ = (
-        ("target", ctypes.c_void_p), ("source", ctypes.c_void_p), ("stride", ctypes.c_size_t),
-        ("factor", ctypes.c_double), ("offset", ctypes.c_double),
-    )  # fmt: skip
+        ("target", ctypes.c_void_p),
+        ("source", ctypes.c_void_p),
+        ("stride", ctypes.c_size_t),
+        ("factor", ctypes.c_double),
+        ("offset", ctypes.c_double),
+    )
 
 
 class Operation(ctypes.Structure):
     """One thing to do at every point."""
 
     _fields_ = (
-        ("kind", ctypes.c_int), ("owner", ctypes.c_int), ("function", ctypes.c_void_p), ("component", ctypes.c_void_p),
-        ("references", ctypes.c_void_p), ("count", ctypes.c_size_t), ("values", ctypes.c_void_p),
-        ("stride", ctypes.c_size_t), ("ends", ctypes.c_void_p), ("integers", ctypes.c_void_p),
-        ("places", ctypes.c_void_p), ("links", ctypes.c_void_p),
-    )  # fmt: skip
+        ("kind", ctypes.c_int),
+        ("owner", ctypes.c_int),
+        ("function", ctypes.c_void_p),
+        ("component", ctypes.c_void_p),
+        ("references", ctypes.c_void_p),
+        ("count", ctypes.c_size_t),
+        ("values", ctypes.c_void_p),
+        ("stride", ctypes.c_size_t),
+        ("ends", ctypes.c_void_p),
+        ("integers", ctypes.c_void_p),
+        ("places", ctypes.c_void_p),
+        ("links", ctypes.c_void_p),
+    )
 
 
 class Progress(ctypes.Structure):
     """Where a run stands; ``run`` in `kernel.c`."""
 
     _fields_ = (
-        ("program", ctypes.c_void_p), ("length", ctypes.c_size_t), ("point", ctypes.c_size_t),
-        ("position", ctypes.c_size_t), ("row", ctypes.c_size_t), ("status", ctypes.c_int), ("index", ctypes.c_int),
-        ("interrupted", ctypes.c_int), ("then", ctypes.c_double), ("seconds", ctypes.c_void_p),
+        ("program", ctypes.c_void_p),
+        ("length", ctypes.c_size_t),
+        ("point", ctypes.c_size_t),
+        ("position", ctypes.c_size_t),
+        ("row", ctypes.c_size_t),
+        ("status", ctypes.c_int),
+        ("index", ctypes.c_int),
+        ("interrupted", ctypes.c_int),
+        ("then", ctypes.c_double),
+        ("seconds", ctypes.c_void_p),
         ("warnings", ctypes.c_void_p),
-    )  # fmt: skip
+    )
 
 
 @functools.cache

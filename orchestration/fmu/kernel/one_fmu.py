@@ -14,7 +14,14 @@ from orchestration.fmu.course import Course, Part
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.isolation.box import keep
 from orchestration.fmu.kernel import library
-from orchestration.fmu.kernel.program import WHOLE_NUMBERS, Execution, Handler, Program, Return, in_array
+from orchestration.fmu.kernel.program import (
+    WHOLE_NUMBERS,
+    Execution,
+    Handler,
+    Program,
+    Return,
+    in_array,
+)
 from orchestration.fmu.kernel.pulse import Pulse
 from orchestration.fmu.signal import type_of
 from orchestration.fmu.stepping import Failed
@@ -38,8 +45,13 @@ class Prepared:
     """
 
     def __init__(
-        self, fmu: Fmu, course: Course, outputs: Sequence[str], result: Array, pulse: Pulse | None = None
-    ):  # fmt: skip
+        self,
+        fmu: Fmu,
+        course: Course,
+        outputs: Sequence[str],
+        result: Array,
+        pulse: Pulse | None = None,
+    ):
         self._fmu, self._time, self._result = fmu, course.time, result
         self._program = Program(owners=[fmu.label])
         for part in course.parts:
@@ -53,7 +65,12 @@ class Prepared:
         self._program.hold(course)  # whose times it points to
         self._execution = Execution(self._program, skipped=before_first, pulse=pulse)
 
-    def run(self, progress: Callable[[int], None] = lambda done: None, every: int = 0, longest: float = np.inf) -> None:
+    def run(
+        self,
+        progress: Callable[[int], None] = lambda done: None,
+        every: int = 0,
+        longest: float = np.inf,
+    ) -> None:
         """Carry it out with the instance as it was started.
 
         Parameters
@@ -95,7 +112,12 @@ class Prepared:
 
 
 def stepped(
-    fmu: Fmu, course: Course, outputs: Sequence[str], result: Array, progress: Callable[[int], None], every: int
+    fmu: Fmu,
+    course: Course,
+    outputs: Sequence[str],
+    result: Array,
+    progress: Callable[[int], None],
+    every: int,
 ) -> None:
     """Step a started instance along its course; as :func:`orchestration.fmu.stepping.stepped`, with the same bits."""
     keep([outputs[k] for k in _reals_first(fmu, outputs)])
@@ -127,14 +149,18 @@ def _add_part(program: Program, fmu: Fmu, course: Course, part: Part) -> None:
     program.step(fmu.bound("fmi2DoStep"), begins, ends, step_failed)
 
 
-def _add_setting(program: Program, fmu: Fmu, names: Sequence[str], table: Array, handler: Handler) -> None:
+def _add_setting(
+    program: Program, fmu: Fmu, names: Sequence[str], table: Array, handler: Handler
+) -> None:
     columns = _reals_first(fmu, names)
     ordered = table if columns == sorted(columns) else np.ascontiguousarray(table[:, columns])
     program.hold(ordered)
     _add_moves(program, fmu, "Set", names, ordered, handler)
 
 
-def _add_moves(program: Program, fmu: Fmu, verb: str, names: Sequence[str], table: Array, handler: Handler) -> None:
+def _add_moves(
+    program: Program, fmu: Fmu, verb: str, names: Sequence[str], table: Array, handler: Handler
+) -> None:
     """Add one call for each type among variables, whose values are in the columns of a table, the reals first."""
     columns = _reals_first(fmu, names)
     kinds: dict[str, list[int]] = {}  # in the order in which they are called
@@ -148,14 +174,22 @@ def _add_moves(program: Program, fmu: Fmu, verb: str, names: Sequence[str], tabl
             program.real(what, call, references, in_array(table), handler)
         else:
             what = WHOLE_NUMBERS[kind] if verb == "Set" else library.GET_WHOLE
-            program.whole(what, call, references, in_array(table), [columns.index(k) for k in own], handler)
+            program.whole(
+                what, call, references, in_array(table), [columns.index(k) for k in own], handler
+            )
 
 
 class _Failures:
     """Puts into words what fails where values are moved."""
 
     def __init__(self, fmu: Fmu, time: Array, inputs: Sequence[str], table: Array, at_point: bool):
-        self._fmu, self._time, self._inputs, self._table, self._at_point = fmu, time, inputs, table, at_point
+        self._fmu, self._time, self._inputs, self._table, self._at_point = (
+            fmu,
+            time,
+            inputs,
+            table,
+            at_point,
+        )
 
     def setting(self, why: Return) -> None:
         """Of inputs; a value that its type cannot hold is named by who sets them in Python."""

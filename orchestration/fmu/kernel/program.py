@@ -21,9 +21,11 @@ Array = NDArray[np.float64]
 DOUBLE = ctypes.sizeof(ctypes.c_double)
 WHOLE_NUMBERS = {"integer": library.SET_INTEGER, "boolean": library.SET_BOOLEAN}
 _SETTING = (library.SET_REAL, library.SET_INTEGER, library.SET_BOOLEAN, library.SET_SLOPES)
-_ASKED = {library.STEP: "step", library.GET_REAL: "reading", library.GET_WHOLE: "reading"} | dict.fromkeys(
-    _SETTING, "setting"
-)
+_ASKED = {
+    library.STEP: "step",
+    library.GET_REAL: "reading",
+    library.GET_WHOLE: "reading",
+} | dict.fromkeys(_SETTING, "setting")
 
 
 class Return(NamedTuple):
@@ -85,34 +87,80 @@ class Program:
     _kept: list[object] = field(default_factory=list, init=False)  # memory that operations point to
 
     def step(
-        self, call: partial[int], begins: Values, ends: Values, handler: Handler, owner: int = 0, final: bool = True
+        self,
+        call: partial[int],
+        begins: Values,
+        ends: Values,
+        handler: Handler,
+        owner: int = 0,
+        final: bool = True,
     ) -> None:
         """Add a step of an FMU from `begins` to `ends`, in s; `final` if no state before it will be set again."""
-        self._add(handler, library.STEP, call, owner, values=begins.address, stride=begins.stride,
-                  ends=ends.address, integers=self._keep(ctypes.c_int(final)))  # fmt: skip
+        self._add(
+            handler,
+            library.STEP,
+            call,
+            owner,
+            values=begins.address,
+            stride=begins.stride,
+            ends=ends.address,
+            integers=self._keep(ctypes.c_int(final)),
+        )
 
     def real(
-        self, kind: int, call: partial[int], references: Sequence[int], values: Values, handler: Handler, owner: int = 0
+        self,
+        kind: int,
+        call: partial[int],
+        references: Sequence[int],
+        values: Values,
+        handler: Handler,
+        owner: int = 0,
     ) -> None:
         """Add setting or getting reals, or the slopes of inputs, whose values stand together."""
         orders = self._keep((ctypes.c_int * len(references))(*[1] * len(references)))
-        self._add(handler, kind, call, owner, references=self._references(references), count=len(references),
-                  values=values.address, stride=values.stride, integers=orders)  # fmt: skip
+        self._add(
+            handler,
+            kind,
+            call,
+            owner,
+            references=self._references(references),
+            count=len(references),
+            values=values.address,
+            stride=values.stride,
+            integers=orders,
+        )
 
     def whole(
-        self, kind: int, call: partial[int], references: Sequence[int], values: Values, places: Sequence[int],
-        handler: Handler, owner: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        kind: int,
+        call: partial[int],
+        references: Sequence[int],
+        values: Values,
+        places: Sequence[int],
+        handler: Handler,
+        owner: int = 0,
+    ) -> None:
         """Add setting or getting integers or booleans, which are at these places among the values."""
         count = len(references)
-        self._add(handler, kind, call, owner, references=self._references(references), count=count,
-                  values=values.address, stride=values.stride, integers=self._keep((ctypes.c_int * count)()),
-                  places=self._keep((ctypes.c_size_t * count)(*places)))  # fmt: skip
+        self._add(
+            handler,
+            kind,
+            call,
+            owner,
+            references=self._references(references),
+            count=count,
+            values=values.address,
+            stride=values.stride,
+            integers=self._keep((ctypes.c_int * count)()),
+            places=self._keep((ctypes.c_size_t * count)(*places)),
+        )
 
     def links(self, kind: int, links: Sequence[Link], handler: Handler) -> None:
         """Add passing values on, if there are any."""
         if links:
-            self._add(handler, kind, count=len(links), links=self._keep((Link * len(links))(*links)))
+            self._add(
+                handler, kind, count=len(links), links=self._keep((Link * len(links))(*links))
+            )
 
     def keep(self, source: int, count: int, rows: Array) -> None:
         """Add copying a row of numbers into the next of `rows`."""
@@ -136,7 +184,12 @@ class Program:
         self._add(_goes_on, library.SPENT, owner=owner)
 
     def _add(
-        self, handler: Handler, kind: int, call: partial[int] | None = None, owner: int = 0, **fields: int
+        self,
+        handler: Handler,
+        kind: int,
+        call: partial[int] | None = None,
+        owner: int = 0,
+        **fields: int,
     ) -> None:
         operation = Operation(kind=kind, owner=owner, **fields)
         if call is not None:
@@ -157,14 +210,20 @@ class Program:
     def legend(self) -> list[tuple[str, bool]]:
         """What is asked of whom in each operation, empty where it is no FMU, and whether that is a step."""
         return [
-            (f"{self.owners[o.owner]}: {_ASKED[o.kind]}" if o.kind in _ASKED and self.owners else "",
-             o.kind == library.STEP)
+            (
+                f"{self.owners[o.owner]}: {_ASKED[o.kind]}"
+                if o.kind in _ASKED and self.owners
+                else "",
+                o.kind == library.STEP,
+            )
             for o in self.operations
-        ]  # fmt: skip
+        ]
 
 
 def _goes_on(why: Return) -> None:
-    raise RuntimeError(f"the stepping kernel came back for nothing: {why}")  # such an operation cannot fail
+    raise RuntimeError(
+        f"the stepping kernel came back for nothing: {why}"
+    )  # such an operation cannot fail
 
 
 class Execution:
@@ -188,17 +247,29 @@ class Execution:
         Time in s and calls that ended with a warning, by owner.
     """
 
-    def __init__(self, program: Program, owners: int = 1, first: int = 0, skipped: int = 0, pulse: Pulse | None = None):
+    def __init__(
+        self,
+        program: Program,
+        owners: int = 1,
+        first: int = 0,
+        skipped: int = 0,
+        pulse: Pulse | None = None,
+    ):
         self._program = program
         self._operations = (Operation * len(program.operations))(*program.operations)
         self.seconds, self.warnings = np.zeros(owners), np.zeros(owners, dtype=np.int64)
         self._box = box.current
         self._progress = self._box.run(program.legend()) if self._box else library.Progress()
         for name, value in {
-            "program": ctypes.addressof(self._operations), "length": len(program.operations), "point": first,
-            "position": skipped, "row": 0, "interrupted": 0, "seconds": self.seconds.ctypes.data,
+            "program": ctypes.addressof(self._operations),
+            "length": len(program.operations),
+            "point": first,
+            "position": skipped,
+            "row": 0,
+            "interrupted": 0,
+            "seconds": self.seconds.ctypes.data,
             "warnings": self.warnings.ctypes.data,
-        }.items():  # fmt: skip
+        }.items():
             setattr(self._progress, name, value)
         run = library.stepper()
         if run is None:
@@ -272,6 +343,10 @@ class Execution:
             if reason == library.PAUSED:
                 progress.interrupted = 0
                 return False
-            position = progress.position - (reason == library.CALLING)  # a call is behind it when it comes back
-            self._program.handlers[position](Return(reason, progress.status, progress.index, progress.point))
+            position = progress.position - (
+                reason == library.CALLING
+            )  # a call is behind it when it comes back
+            self._program.handlers[position](
+                Return(reason, progress.status, progress.index, progress.point)
+            )
         return True

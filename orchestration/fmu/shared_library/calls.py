@@ -16,20 +16,26 @@ class Transfer(NamedTuple):
     call: Callable[..., int]
     kind: str
     names: list[str]
-    row: slice | list[int]  # where the values are in the row; a slice, if they stand together, costs a fifth
+    row: (
+        slice | list[int]
+    )  # where the values are in the row; a slice, if they stand together, costs a fifth
     references: Any
     values: Any
 
 
 def bind(library: Any, name: str, *arguments: Any) -> Callable[..., int]:
     """Return an FMI function; its first argument, the component, goes without saying."""
-    function: Callable[..., int] = library[name]  # a new object each time, so that argtypes are ours
+    function: Callable[..., int] = library[
+        name
+    ]  # a new object each time, so that argtypes are ours
     function.argtypes = [ctypes.c_void_p, *arguments]  # type: ignore[attr-defined]
     function.restype = ctypes.c_int  # type: ignore[attr-defined]
     return function
 
 
-def transfers(library: Any, verb: str, names: Sequence[str], variables: Mapping[str, Any]) -> list[Transfer]:
+def transfers(
+    library: Any, verb: str, names: Sequence[str], variables: Mapping[str, Any]
+) -> list[Transfer]:
     """Prepare setting or getting variables, one call for each type among them.
 
     Parameters
@@ -57,10 +63,14 @@ def transfers(library: Any, verb: str, names: Sequence[str], variables: Mapping[
     prepared = []
     for kind, positions in kinds.items():
         count, number = len(positions), ctypes.c_double if kind == "real" else ctypes.c_int
-        references = (ctypes.c_uint * count)(*(variables[names[p]].valueReference for p in positions))
+        references = (ctypes.c_uint * count)(
+            *(variables[names[p]].valueReference for p in positions)
+        )
         name, array = f"fmi2{verb}{kind.capitalize()}", number * count
         call = bind(library, name, ctypes.c_uint * count, ctypes.c_size_t, array)
         together = slice(positions[0], positions[0] + count)
         row = together if positions == list(range(len(names))[together]) else positions
-        prepared.append(Transfer(call, kind, [names[p] for p in positions], row, references, array()))
+        prepared.append(
+            Transfer(call, kind, [names[p] for p in positions], row, references, array())
+        )
     return prepared

@@ -32,7 +32,9 @@ def closed(label: str) -> None:
 
 def _tell() -> None:
     names = ", ".join(sorted(+_open))
-    _words.value = f"error: {names}: the FMU has ended this process; give --isolate\n".encode()[: _ROOM - 1]
+    _words.value = f"error: {names}: the FMU has ended this process; give --isolate\n".encode()[
+        : _ROOM - 1
+    ]
     _count.value = _open.total()
 
 

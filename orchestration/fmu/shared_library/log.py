@@ -16,7 +16,10 @@ import fmpy.fmi2 as fmi2
 from fmpy.fmi1 import printLogMessage
 from fmpy.logging import addLoggerProxy
 
-_KEPT, _LONGEST = 3, 1000  # messages, and characters of one: an FMU may have something to say at every step
+_KEPT, _LONGEST = (
+    3,
+    1000,
+)  # messages, and characters of one: an FMU may have something to say at every step
 
 
 class MessageLog:

@@ -84,20 +84,29 @@ class OpenedFmu:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
     def _instantiate(self) -> None:
         try:
             self._slave = fmi2.FMU2Slave(
-                guid=self.description.guid, unzipDirectory=self._folder, instanceName=self.name,
+                guid=self.description.guid,
+                unzipDirectory=self._folder,
+                instanceName=self.name,
                 modelIdentifier=self.description.coSimulation.modelIdentifier,
-            )  # fmt: skip
+            )
         finally:
-            os.chdir(self._here)  # where loading fails, fmpy leaves the process in the unzipped folder
+            os.chdir(
+                self._here
+            )  # where loading fails, fmpy leaves the process in the unzipped folder
         self._slave.instantiate(callbacks=self._log.callbacks)
-        self._setters: dict[str, Callable[[Array], None]] = {}  # to make one costs ten times what setting a value does
+        self._setters: dict[
+            str, Callable[[Array], None]
+        ] = {}  # to make one costs ten times what setting a value does
         step = bind(self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int)
         self._do_step = noted(step, self.label, "step")
 
@@ -125,13 +134,19 @@ class OpenedFmu:
         try:
             bound = self._slave.dll[function]  # a new object each time, without types to convert to
         except AttributeError as error:
-            raise UserError(f"{self.path.name}: its library lacks the function {function}") from error
-        return noted(partial(bound, ctypes.c_void_p(self._slave.component), *arguments), self.label, function)
+            raise UserError(
+                f"{self.path.name}: its library lacks the function {function}"
+            ) from error
+        return noted(
+            partial(bound, ctypes.c_void_p(self._slave.component), *arguments), self.label, function
+        )
 
     def variable(self, name: str) -> Any:
         """Scalar variable of a name; UserError if there is none."""
         if name not in self.variables:
-            raise UserError(f"{self.path.name}: no variable named {name!r}{suggestion(name, self.variables)}")
+            raise UserError(
+                f"{self.path.name}: no variable named {name!r}{suggestion(name, self.variables)}"
+            )
         return self.variables[name]
 
     def _checked(self, what: str, call: Callable[..., Any], *arguments: Any) -> Any:
@@ -163,7 +178,9 @@ class OpenedFmu:
         """
         self.corrupted |= status == fmi2.fmi2Fatal
         returned = dict(enumerate(_STATUS)).get(status, f"status {status}")
-        return UserError(f"{self.path.name}: {what} failed ({returned}{remark}): {self._log.last('no message')}")
+        return UserError(
+            f"{self.path.name}: {what} failed ({returned}{remark}): {self._log.last('no message')}"
+        )
 
     def close(self) -> None:
         """Free the instance, unless it is corrupted, and remove the unzipped folder."""

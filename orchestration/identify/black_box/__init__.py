@@ -8,7 +8,11 @@ from orchestration.identify.black_box.models.state_space import StateSpaceModel
 from orchestration.identify.black_box.order_search import OrderSearch, Row, search_orders
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import s_plane
-from orchestration.identify.black_box.residual_tests import CrossCorrelation, ResidualTests, residual_tests
+from orchestration.identify.black_box.residual_tests import (
+    CrossCorrelation,
+    ResidualTests,
+    residual_tests,
+)
 from orchestration.identify.black_box.result import Identification, Parameter
 from orchestration.identify.black_box.structures import armax, arx, box_jenkins, output_error
 from orchestration.identify.black_box.subspace import state_space

@@ -48,7 +48,9 @@ class InputOutputData:
         """
         kept = slice(start, stop)
         if not len(self.output[kept]):
-            raise UserError(f"part from sample {start} to {stop}: there are none, of {len(self)} samples")
+            raise UserError(
+                f"part from sample {start} to {stop}: there are none, of {len(self)} samples"
+            )
         return replace(self, inputs=self.inputs[kept], output=self.output[kept])
 
     def split(self, share: float = 0.5) -> tuple[InputOutputData, InputOutputData]:
@@ -73,9 +75,12 @@ class InputOutputData:
 
 
 def input_output_data(
-    inputs: ArrayLike, output: ArrayLike, step: float,
-    input_names: Sequence[str] | None = None, output_name: str = "y",
-) -> InputOutputData:  # fmt: skip
+    inputs: ArrayLike,
+    output: ArrayLike,
+    step: float,
+    input_names: Sequence[str] | None = None,
+    output_name: str = "y",
+) -> InputOutputData:
     """Make input-output data, and check them.
 
     Parameters
@@ -106,14 +111,21 @@ def input_output_data(
         )
     if not (np.isfinite(step) and step > 0.0):
         raise UserError(f"step = {step:g} s: must be a finite number above 0")
-    names = tuple(f"u{i + 1}" for i in range(u.shape[1])) if input_names is None else tuple(input_names)
+    names = (
+        tuple(f"u{i + 1}" for i in range(u.shape[1])) if input_names is None else tuple(input_names)
+    )
     if len(names) != u.shape[1]:
-        raise UserError(f"input names {', '.join(names)}: there are {len(names)}, for {u.shape[1]} inputs")
+        raise UserError(
+            f"input names {', '.join(names)}: there are {len(names)}, for {u.shape[1]} inputs"
+        )
     if output_name in names:
         raise UserError(f"{output_name} is an input and the output: name it once")
     if twice := [name for k, name in enumerate(names) if name in names[:k]]:
         raise UserError(f"{twice[0]} is an input twice: name it once")
-    for kind, name, values in [*(("input", n, c) for n, c in zip(names, u.T, strict=True)), ("output", output_name, y)]:
+    for kind, name, values in [
+        *(("input", n, c) for n, c in zip(names, u.T, strict=True)),
+        ("output", output_name, y),
+    ]:
         if (bad := np.flatnonzero(~np.isfinite(values))).size:
             at, value = bad[0], values[bad[0]]
             raise UserError(
@@ -144,7 +156,9 @@ def check_varies(data: InputOutputData) -> None:
                 "an input must vary for its dynamics to be identified; leave it out"
             )
     if np.ptp(data.output) == 0.0:
-        raise UserError(f"output {data.output_name} is constant ({data.output[0]:g} in all {len(data)} samples)")
+        raise UserError(
+            f"output {data.output_name} is constant ({data.output[0]:g} in all {len(data)} samples)"
+        )
 
 
 def input_index(names: Sequence[str], which: int | str) -> int:

@@ -24,7 +24,9 @@ _HOPELESS = 10.0  # times what BIC grants an offset: if a linear estimate costs 
 _INTEGRATES = 1e-9  # of its coefficients: an A whose sum is less has a root at one
 
 
-def identify(data: InputOutputData, structure: str, wanted: Orders, first: int = 0) -> Identification:
+def identify(
+    data: InputOutputData, structure: str, wanted: Orders, first: int = 0
+) -> Identification:
     """Identify a polynomial model.
 
     Signals are taken as deviations from their means, and a constant is estimated with the parameters, because the mean
@@ -86,12 +88,18 @@ def _refined(problem: PredictionError, theta: Array) -> Minimum:
 def _search(problem: PredictionError) -> Minimum:
     if _is_linear(problem.orders):
         return _refined(problem, np.zeros(problem.size))
-    return min((minimise(problem, start) for start in starts(problem)), key=lambda found: found.cost)
+    return min(
+        (minimise(problem, start) for start in starts(problem)), key=lambda found: found.cost
+    )
 
 
 def _result(
-    data: InputOutputData, structure: str, problem: PredictionError, found: Minimum, messages: tuple[str, ...]
-) -> Identification:  # fmt: skip
+    data: InputOutputData,
+    structure: str,
+    problem: PredictionError,
+    found: Minimum,
+    messages: tuple[str, ...],
+) -> Identification:
     wanted, p = problem.orders, problem.orders.parameters
     variance = found.cost / max(problem.samples - problem.size, 1)
     jacobian = problem.jacobian(found.theta)
@@ -100,13 +108,20 @@ def _result(
     model = _model(data, structure, problem, problem.coefficients(found.theta), variance)
     values = zip(wanted.names(), found.theta, spread.standard_errors, strict=False)
     return Identification(
-        model, data, tuple(Parameter(name, float(x), float(s)) for name, x, s in values),
-        spread.matrix[:p, :p], p + problem.offset, residual, found.converged,
+        model,
+        data,
+        tuple(Parameter(name, float(x), float(s)) for name, x, s in values),
+        spread.matrix[:p, :p],
+        p + problem.offset,
+        residual,
+        found.converged,
         (_offset(model, problem.offset), *messages, *_doubts(model, found)),
-    )  # fmt: skip
+    )
 
 
-def _spread(problem: PredictionError, jacobian: Array, residual: Array, variance: float) -> Covariance:
+def _spread(
+    problem: PredictionError, jacobian: Array, residual: Array, variance: float
+) -> Covariance:
     """Covariance of the estimates (Ljung, section 9.4); where no noise is modelled, of noise as coloured as is left."""
     bread, n = covariance(jacobian.T @ jacobian), problem.orders
     if n.na or n.nc or n.nd:
@@ -116,28 +131,51 @@ def _spread(problem: PredictionError, jacobian: Array, residual: Array, variance
 
 
 def _model(
-    data: InputOutputData, structure: str, problem: PredictionError, parts: Coefficients, variance: float
-) -> PolynomialModel:  # fmt: skip
+    data: InputOutputData,
+    structure: str,
+    problem: PredictionError,
+    parts: Coefficients,
+    variance: float,
+) -> PolynomialModel:
     delays = problem.orders.nk
     b = tuple(np.concatenate([np.zeros(k), b]) for b, k in zip(parts.b, delays, strict=True))
     named = structure, data.step, data.input_names, data.output_name
     mean = data.inputs.mean(axis=0)
-    model = PolynomialModel(*named, mean, 0.0, variance, problem.orders, parts.a, b, parts.c, parts.d, parts.f)
+    model = PolynomialModel(
+        *named, mean, 0.0, variance, problem.orders, parts.a, b, parts.c, parts.d, parts.f
+    )
     if problem.offset:
         # the constant is that of the whole equation; the output's is what A makes of it
         gain = parts.a.sum()
         integrates = abs(gain) <= _INTEGRATES * np.abs(parts.a).sum()
-        return replace(model, output_offset=float(data.output.mean()) + (0.0 if integrates else parts.offset / gain))
+        return replace(
+            model,
+            output_offset=float(data.output.mean()) + (0.0 if integrates else parts.offset / gain),
+        )
     level = model.static_output(mean)
-    return replace(model, output_offset=level) if np.isfinite(level) else replace(model, input_offsets=0.0 * mean)
+    return (
+        replace(model, output_offset=level)
+        if np.isfinite(level)
+        else replace(model, input_offsets=0.0 * mean)
+    )
 
 
 def _offset(model: PolynomialModel, estimated: bool) -> str:
-    at = ", ".join(f"{name} = {x:.6g}" for name, x in zip(model.input_names, model.input_offsets, strict=True))
+    at = ", ".join(
+        f"{name} = {x:.6g}" for name, x in zip(model.input_names, model.input_offsets, strict=True)
+    )
     said = f"offset: the model is about {model.output_name} = {model.output_offset:.6g} at {at}"
     return said if estimated else f"{said}, and zero where all inputs are, as far as the data tell"
 
 
 def _doubts(model: PolynomialModel, found: Minimum) -> list[str]:
-    doubts = [] if model.is_stable() else ["the model is unstable: a free run will not stay near the record"]
-    return doubts if found.converged else [*doubts, "the search used up its iterations; a lower order may do"]
+    doubts = (
+        []
+        if model.is_stable()
+        else ["the model is unstable: a free run will not stay near the record"]
+    )
+    return (
+        doubts
+        if found.converged
+        else [*doubts, "the search used up its iterations; a lower order may do"]
+    )

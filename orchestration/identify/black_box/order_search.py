@@ -85,7 +85,9 @@ class OrderSearch:
     @property
     def best(self) -> tuple[Row, ...]:
         """The row that the criterion prefers of every structure."""
-        kept = [[row for row in self.rows if row.structure == structure] for structure in STRUCTURES]
+        kept = [
+            [row for row in self.rows if row.structure == structure] for structure in STRUCTURES
+        ]
         return tuple(min(rows, key=self._value) for rows in kept if rows)
 
     def table(self, rows: Sequence[Row] | None = None) -> str:
@@ -106,20 +108,34 @@ class OrderSearch:
         head = ["Model type", "% fit ID data", "% fit validation data", "AIC", "BIC"]
         lines = [[*head, *(f"{name} model order" for name in inputs), "Noise model order"]]
         for row in shown:
-            figures = [f"{row.fit:.1f}", f"{row.validation_fit:.1f}", f"{row.aic:.2f}", f"{row.bic:.2f}"]
-            paths = [str(order) for order in row.path_orders] + [""] * (len(inputs) - len(row.path_orders))
+            figures = [
+                f"{row.fit:.1f}",
+                f"{row.validation_fit:.1f}",
+                f"{row.aic:.2f}",
+                f"{row.bic:.2f}",
+            ]
+            paths = [str(order) for order in row.path_orders] + [""] * (
+                len(inputs) - len(row.path_orders)
+            )
             noise = "constant" if row.noise_order is None else str(row.noise_order)
             lines.append([row.structure, *figures, *paths, noise])
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        aligned = [[cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines]
+        aligned = [
+            [cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines
+        ]
         return "\n".join("  ".join(line) for line in aligned)
 
 
 def search_orders(
-    estimation: InputOutputData, validation: InputOutputData, structures: Sequence[str] = STRUCTURES,
-    path_orders: Sequence[int] = (1, 2, 3), noise_orders: Sequence[int] = (1, 2, 3), nk: Count = 1,
-    criterion: str = "BIC", progress: Callable[[int, int], None] = lambda done, whole: None,
-) -> OrderSearch:  # fmt: skip
+    estimation: InputOutputData,
+    validation: InputOutputData,
+    structures: Sequence[str] = STRUCTURES,
+    path_orders: Sequence[int] = (1, 2, 3),
+    noise_orders: Sequence[int] = (1, 2, 3),
+    nk: Count = 1,
+    criterion: str = "BIC",
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+) -> OrderSearch:
     """Identify every structure with every combination of orders, and compare the models.
 
     Every path has as many coefficients in its numerator as it has poles, and one more where its delay is zero. The
@@ -149,7 +165,10 @@ def search_orders(
     UserError
         If there is no such structure or criterion, or none of the models can be identified.
     """
-    for kind, names, known in (("structure", structures, STRUCTURES), ("criterion", [criterion], CRITERIA)):
+    for kind, names, known in (
+        ("structure", structures, STRUCTURES),
+        ("criterion", [criterion], CRITERIA),
+    ):
         for name in names:
             if name not in known:
                 raise UserError(f"{kind} {name}: there is none{suggestion(name, known)}")
@@ -160,7 +179,9 @@ def search_orders(
         )
     inputs = len(estimation.input_names)
     if isinstance(nk, Sequence) and len(nk) != inputs:
-        raise UserError(f"delays {list(nk)}: must be one number, or one for each of {inputs} inputs")
+        raise UserError(
+            f"delays {list(nk)}: must be one number, or one for each of {inputs} inputs"
+        )
     planned: list[tuple[_Trial, Orders]] = []
     rows, left_out = [], []
     for trial in _grid(inputs, structures, path_orders, noise_orders):
@@ -204,8 +225,12 @@ def _orders(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
 
 
 def _row(
-    estimation: InputOutputData, validation: InputOutputData, trial: _Trial, wanted: Orders, first: int
-) -> Row:  # fmt: skip
+    estimation: InputOutputData,
+    validation: InputOutputData,
+    trial: _Trial,
+    wanted: Orders,
+    first: int,
+) -> Row:
     if trial.structure == "SS":
         found = state_space(estimation, trial.path_orders[0], wanted.nk, first)
     else:

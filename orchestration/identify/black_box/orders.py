@@ -67,7 +67,11 @@ class Orders:
     def __str__(self) -> str:
         """Say those that are not zero, as ``na = 2, nb = 2 1, nk = 1 1``."""
         named = {"na": (self.na,), "nb": self.nb, "nf": self.nf, "nc": (self.nc,), "nd": (self.nd,)}
-        said = [f"{name} = {' '.join(map(str, values))}" for name, values in named.items() if any(values)]
+        said = [
+            f"{name} = {' '.join(map(str, values))}"
+            for name, values in named.items()
+            if any(values)
+        ]
         return ", ".join([*said, f"nk = {' '.join(map(str, self.nk))}"])
 
 
@@ -76,8 +80,14 @@ def _numbered(letter: str, count: int) -> list[str]:
 
 
 def orders(
-    data: InputOutputData, nb: Count, nk: Count = 1, na: int = 0, nf: Count = 0, nc: int = 0, nd: int = 0,
-) -> Orders:  # fmt: skip
+    data: InputOutputData,
+    nb: Count,
+    nk: Count = 1,
+    na: int = 0,
+    nf: Count = 0,
+    nc: int = 0,
+    nd: int = 0,
+) -> Orders:
     """Make orders for data, one number standing for all inputs alike, and check them.
 
     Parameters
@@ -98,9 +108,13 @@ def orders(
     """
     inputs = len(data.input_names)
     made = Orders(
-        whole("na", na, 0), _each("nb", nb, inputs, 1), whole("nc", nc, 0), whole("nd", nd, 0),
-        _each("nf", nf, inputs, 0), _each("nk", nk, inputs, 0),
-    )  # fmt: skip
+        whole("na", na, 0),
+        _each("nb", nb, inputs, 1),
+        whole("nc", nc, 0),
+        whole("nd", nd, 0),
+        _each("nf", nf, inputs, 0),
+        _each("nk", nk, inputs, 0),
+    )
     needed = made.first + _EQUATIONS * (made.parameters + sum(made.nf) + 1)
     if len(data) < needed:
         raise UserError(
@@ -113,7 +127,9 @@ def orders(
 def _each(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
     values = tuple(value) if isinstance(value, Sequence) else (value,) * inputs
     if len(values) != inputs:
-        raise UserError(f"{name} = {list(values)}: must be one number, or one for each of {inputs} inputs")
+        raise UserError(
+            f"{name} = {list(values)}: must be one number, or one for each of {inputs} inputs"
+        )
     return tuple(whole(f"{name}[{i}]", v, least) for i, v in enumerate(values))
 
 

@@ -27,7 +27,9 @@ def roots(polynomial: Array) -> Roots:
 
 def is_stable(polynomial: Array) -> bool:
     """Whether all roots are within the unit circle."""
-    return bool(np.isfinite(polynomial).all() and np.abs(roots(polynomial)).max(initial=0.0) < _INSIDE)
+    return bool(
+        np.isfinite(polynomial).all() and np.abs(roots(polynomial)).max(initial=0.0) < _INSIDE
+    )
 
 
 def stabilised(polynomial: Array, within: float = 0.995) -> Array:

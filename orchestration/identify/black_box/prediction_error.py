@@ -64,7 +64,9 @@ class PredictionError:
         Whether the offset is estimated; else it is zero.
     """
 
-    def __init__(self, inputs: Array, output: Array, orders: Orders, first: int = 0, offset: bool = True):
+    def __init__(
+        self, inputs: Array, output: Array, orders: Orders, first: int = 0, offset: bool = True
+    ):
         self.inputs, self.output, self.orders, self.offset = inputs, output, orders, offset
         self.first = max(first, orders.first)
         self.samples = len(output) - self.first
@@ -99,7 +101,11 @@ class PredictionError:
 
         a = monic(take(n.na))
         paths = [(take(b), monic(take(f))) for b, f in zip(n.nb, n.nf, strict=True)]
-        c, d, offset = monic(take(n.nc)), monic(take(n.nd)), float(take(1)[0]) if self.offset else 0.0
+        c, d, offset = (
+            monic(take(n.nc)),
+            monic(take(n.nd)),
+            float(take(1)[0]) if self.offset else 0.0,
+        )
         b, f = tuple(p[0] for p in paths), tuple(p[1] for p in paths)
         return Coefficients(a, b, f, c, d, offset, tuple(take(count) for count in n.nf))
 
@@ -107,7 +113,9 @@ class PredictionError:
         """Put polynomials together to a vector of parameters (p,)."""
         paths = [x for b, f in zip(parts.b, parts.f, strict=True) for x in (b, f[1:])]
         offset = np.full(int(self.offset), parts.offset)
-        return np.concatenate([parts.a[1:], *paths, parts.c[1:], parts.d[1:], offset, *parts.transient])
+        return np.concatenate(
+            [parts.a[1:], *paths, parts.c[1:], parts.d[1:], offset, *parts.transient]
+        )
 
     def admissible(self, theta: Array) -> bool:
         """Whether the predictor and the noise model are stable."""
@@ -124,7 +132,12 @@ class PredictionError:
         return found
 
     def _disturbance(self, parts: Coefficients, paths: list[Array]) -> Array:
-        return self._past(self.output, 0) + self.past_outputs() @ parts.a[1:] - sum(paths) - parts.offset
+        return (
+            self._past(self.output, 0)
+            + self.past_outputs() @ parts.a[1:]
+            - sum(paths)
+            - parts.offset
+        )
 
     def disturbance(self, theta: Array) -> Array:
         """Return v (samples,): what inputs do not explain."""
@@ -147,7 +160,10 @@ class PredictionError:
         columns, free = [filtered(parts.d, parts.c, self.past_outputs())], []
         for i, (f, w) in enumerate(zip(parts.f, paths, strict=True)):
             both = np.convolve(parts.c, f)
-            columns += [-filtered(parts.d, both, self.past_inputs(i)), _lags(filtered(parts.d, both, w), len(f) - 1)]
+            columns += [
+                -filtered(parts.d, both, self.past_inputs(i)),
+                _lags(filtered(parts.d, both, w), len(f) - 1),
+            ]
             free.append(-_lags(filtered(parts.d, both, impulse), len(f) - 1, 0))
         columns.append(-_lags(filtered(np.ones(1), parts.c, e), self.orders.nc))
         columns.append(_lags(filtered(np.ones(1), parts.c, v), self.orders.nd))

@@ -14,7 +14,9 @@ from fmus.kit.errors import UserError
 from orchestration.identify.metrics import Whiteness, whiteness
 
 Array = NDArray[np.float64]
-_SINGULAR = 1e-9  # of the largest eigenvalue of a correlation matrix, below which a direction says nothing
+_SINGULAR = (
+    1e-9  # of the largest eigenvalue of a correlation matrix, below which a direction says nothing
+)
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class ResidualTests:
 
 def residual_tests(
     residual: ArrayLike, inputs: ArrayLike, lags: int = 25, significance: float = 0.01
-) -> ResidualTests:  # fmt: skip
+) -> ResidualTests:
     """Test a residual for whiteness and independence.
 
     The limits for cross-correlations allow for the colour of both signals, ``P = sum_k R_e(k) R_u(k)`` (Ljung, section
@@ -104,7 +106,9 @@ def residual_tests(
     e, u = np.asarray(residual, dtype=np.float64), np.asarray(inputs, dtype=np.float64)
     u = u[:, np.newaxis] if u.ndim == 1 else u
     if e.ndim != 1 or u.ndim != 2 or len(u) != len(e):
-        raise UserError(f"residual of shape {e.shape} and inputs of {u.shape}: must be (n,) and (n, m)")
+        raise UserError(
+            f"residual of shape {e.shape} and inputs of {u.shape}: must be (n,) and (n, m)"
+        )
     if not 0.0 < significance < 1.0:
         raise UserError(f"significance = {significance:g}: must be between 0 and 1")
     if not 1 <= lags <= len(e) // 4:

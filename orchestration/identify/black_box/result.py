@@ -77,9 +77,9 @@ class Identification:
     @property
     def bic(self) -> float:
         """Schwarz's criterion per sample, ``log V + d log(N) / N`` (Ljung, section 16.4)."""
-        return float(np.log(max(self.loss, _LEAST))) + self.count * float(np.log(len(self.residual))) / len(
-            self.residual
-        )
+        return float(np.log(max(self.loss, _LEAST))) + self.count * float(
+            np.log(len(self.residual))
+        ) / len(self.residual)
 
     @property
     def fit(self) -> float:

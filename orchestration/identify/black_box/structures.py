@@ -81,7 +81,7 @@ def output_error(data: InputOutputData, nb: Count, nf: Count, nk: Count = 1) -> 
 
 def box_jenkins(
     data: InputOutputData, nb: Count, nf: Count, nc: int, nd: int, nk: Count = 1
-) -> Identification:  # fmt: skip
+) -> Identification:
     """Identify ``y = sum_i B_i/F_i u_i + C/D e``, every path with a denominator of its own (thesis, eq. 3.14).
 
     Parameters

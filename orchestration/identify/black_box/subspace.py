@@ -17,7 +17,11 @@ from scipy.linalg import block_diag
 from fmus.kit.errors import UserError
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
-from orchestration.identify.black_box.models.state_space import StateSpaceModel, free_responses, states
+from orchestration.identify.black_box.models.state_space import (
+    StateSpaceModel,
+    free_responses,
+    states,
+)
 from orchestration.identify.black_box.orders import Count, orders, whole
 from orchestration.identify.black_box.polynomials import solved
 from orchestration.identify.black_box.result import Identification
@@ -75,7 +79,10 @@ def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0
     variance = float(residual @ residual) / max(len(residual) - count, 1)
     model = replace(model, noise_variance=variance)
     at = ", ".join(f"{name} = {x:.6g}" for name, x in zip(model.input_names, about, strict=True))
-    messages = [f"offset: the model is about {model.output_name} = {model.output_offset:.6g} at {at}", *weak]
+    messages = [
+        f"offset: the model is about {model.output_name} = {model.output_offset:.6g} at {at}",
+        *weak,
+    ]
     if not model.is_stable():
         messages.append("the model is unstable: a free run will not stay near the record")
     return Identification(model, data, (), np.empty((0, 0)), count, residual, True, tuple(messages))
@@ -83,7 +90,10 @@ def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0
 
 def _delayed(u: Array, lags: list[int]) -> Array:
     """Every input so many samples later, held at its first value before."""
-    held = [np.concatenate([np.full(lag, column[0]), column])[: len(u)] for column, lag in zip(u.T, lags, strict=True)]
+    held = [
+        np.concatenate([np.full(lag, column[0]), column])[: len(u)]
+        for column, lag in zip(u.T, lags, strict=True)
+    ]
     return np.stack(held, axis=1)
 
 
@@ -106,7 +116,9 @@ def _observability(u: Array, y: Array, order: int, horizon: int) -> Array:
     """
     inputs = np.stack([sliding_window_view(column, 2 * horizon) for column in u.T], axis=1)
     outputs = sliding_window_view(y, 2 * horizon)
-    future, past = (part.reshape(len(outputs), -1) for part in (inputs[:, :, horizon:], inputs[:, :, :horizon]))
+    future, past = (
+        part.reshape(len(outputs), -1) for part in (inputs[:, :, horizon:], inputs[:, :, :horizon])
+    )
     # with the ones goes what is constant: the mean of a record that is under way is no operating point
     rows = [np.ones((len(outputs), 1)), future, past, outputs]
     triangle = np.asarray(np.linalg.qr(np.hstack(rows), mode="r")).T
@@ -118,7 +130,7 @@ def _observability(u: Array, y: Array, order: int, horizon: int) -> Array:
 
 def _matrices(
     u: Array, y: Array, order: int, horizon: int, direct: list[bool]
-) -> tuple[Matrices, float]:  # fmt: skip
+) -> tuple[Matrices, float]:
     """A, B, C, D and K, and the offset of the output."""
     gamma = _observability(u, y, order, horizon)
     a, c = solved(gamma[:-1], gamma[1:]), gamma[0]

@@ -59,7 +59,10 @@ class Circuit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON; None where there is no circuit."""
-        return {name: getattr(self, name).to_dict() | {"value": number(self.values[name])} for name in UNITS}
+        return {
+            name: getattr(self, name).to_dict() | {"value": number(self.values[name])}
+            for name in UNITS
+        }
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,9 @@ class CircuitReading:
             lines.append(f"{window.start:g} s to {window.end:g} s")
             for by, circuit in window.estimators.items():
                 lines.append(f"  by {by}:" + ("" if circuit.exists else " no circuit behaves so"))
-                lines += [f"    {name} = {getattr(circuit, name)}" for name in UNITS if circuit.exists]
+                lines += [
+                    f"    {name} = {getattr(circuit, name)}" for name in UNITS if circuit.exists
+                ]
         noted = f"least squares is biased by the noise of {1e3 * self.noise:.3g} mV on the voltage (errata, row 9)"
         return "\n".join([*lines, noted, *(f"warning: {text}" for text in self.warnings)])
 
@@ -120,13 +125,17 @@ class CircuitReading:
         """Return the figures, ready for JSON."""
         return {
             "windows": [
-                {"start": w.start, "end": w.end, "least_squares": w.least_squares.to_dict(),
-                 "output_error": w.output_error.to_dict()}
+                {
+                    "start": w.start,
+                    "end": w.end,
+                    "least_squares": w.least_squares.to_dict(),
+                    "output_error": w.output_error.to_dict(),
+                }
                 for w in self.windows
             ],
             "noise": {"value": self.noise, "unit": "V"},
             "warnings": [*self.warnings],
-        }  # fmt: skip
+        }
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw R1, R2 and C over the windows, with their intervals.
@@ -145,14 +154,31 @@ class CircuitReading:
 
         figure, axes = pictures.panels(len(UNITS), "circuit, with 95 % intervals")
         for axis, (name, unit) in zip(axes, UNITS.items(), strict=True):
-            for by, colour, at in (("output error", pictures.MODEL, 0.45), ("least squares", pictures.MEASURED, 0.55)):
+            for by, colour, at in (
+                ("output error", pictures.MODEL, 0.45),
+                ("least squares", pictures.MEASURED, 0.55),
+            ):
                 found: list[Quantity] = [getattr(w.estimators[by], name) for w in self.windows]
-                value, ends = np.array([q.value for q in found]), np.array([q.interval for q in found]).T
+                value, ends = (
+                    np.array([q.value for q in found]),
+                    np.array([q.interval for q in found]).T,
+                )
                 times = [w.start + at * (w.end - w.start) for w in self.windows]
                 label = by if by == "output error" else f"{by}, biased by noise"
-                axis.errorbar(times, value, np.abs(ends - value), fmt="o", ms=4, capsize=3, color=colour, label=label)
+                axis.errorbar(
+                    times,
+                    value,
+                    np.abs(ends - value),
+                    fmt="o",
+                    ms=4,
+                    capsize=3,
+                    color=colour,
+                    label=label,
+                )
             pictures.label(axis, name, unit)
-        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+        axes[0].legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
+        )
         axes[-1].set_xlim(self.windows[0].start, self.windows[-1].end)
         if path is not None:
             pictures.save(figure, Path(path))
@@ -160,9 +186,12 @@ class CircuitReading:
 
 
 def read_circuit(
-    time: ArrayLike, current: ArrayLike, voltage: ArrayLike, window: float | None = None,
+    time: ArrayLike,
+    current: ArrayLike,
+    voltage: ArrayLike,
+    window: float | None = None,
     conversion: Conversion = zero_order_hold,
-) -> CircuitReading:  # fmt: skip
+) -> CircuitReading:
     """Read R1, R2 and C off a record, with 95 % intervals.
 
     Parameters
@@ -190,31 +219,47 @@ def read_circuit(
     step = float((t[-1] - t[0]) / (t.size - 1))
     off = np.abs(t - t[0] - step * np.arange(t.size)) / step
     if off.max() > _UNEVEN:
-        raise UserError(f"time: sample {np.argmax(off)} is not where equal steps of {step:g} s have it")
+        raise UserError(
+            f"time: sample {np.argmax(off)} is not where equal steps of {step:g} s have it"
+        )
     span = t.size * step if window is None else float(window)
     if not 0.0 < span < np.inf:
-        raise UserError(f"a window of {span:g} s: write a finite length above 0, {_FEWEST * step:g} s at least")
+        raise UserError(
+            f"a window of {span:g} s: write a finite length above 0, {_FEWEST * step:g} s at least"
+        )
     length = int(np.floor(span / step * (1.0 + _ROUNDING)))
     if length < _FEWEST:
-        raise UserError(f"a window of {span:g} s has {length} samples of {step:g} s: it needs {_FEWEST} at least")
+        raise UserError(
+            f"a window of {span:g} s has {length} samples of {step:g} s: it needs {_FEWEST} at least"
+        )
     if length > t.size:
         raise UserError(f"record of {t.size * step:g} s: shorter than a window of {span:g} s")
     data = input_output_data(i, v, step, ("current",), "voltage")
     found, warnings = [], []
     for start in range(0, t.size - length + 1, length):
-        part, ends = data.part(start, start + length), (float(t[start]), float(t[start] + length * step))
+        part, ends = (
+            data.part(start, start + length),
+            (float(t[start]), float(t[start] + length * step)),
+        )
         try:
             both = arx(part, 1, 2, 0), output_error(part, 2, 1, 0)
         except UserError as error:
             raise UserError(f"window from {ends[0]:g} s to {ends[1]:g} s: {error}") from None
-        read = Window(*ends, *(_circuit(m, part, names, conversion) for m, names in zip(both, _NAMES, strict=True)))
+        read = Window(
+            *ends,
+            *(_circuit(m, part, names, conversion) for m, names in zip(both, _NAMES, strict=True)),
+        )
         lacking = [by for by, circuit in read.estimators.items() if not circuit.exists]
-        warnings += [f"{ends[0]:g} s to {ends[1]:g} s: no circuit behaves as {by} has it" for by in lacking]
+        warnings += [
+            f"{ends[0]:g} s to {ends[1]:g} s: no circuit behaves as {by} has it" for by in lacking
+        ]
         found.append(read)
     return CircuitReading(tuple(found), float(np.sqrt(both[1].loss)), tuple(warnings))
 
 
-def _circuit(model: Identification, data: InputOutputData, names: tuple[str, ...], conversion: Conversion) -> Circuit:
+def _circuit(
+    model: Identification, data: InputOutputData, names: tuple[str, ...], conversion: Conversion
+) -> Circuit:
     """Convert b0, b1 and a, and their covariance."""
     places = [[p.name for p in model.parameters].index(name) for name in names]
     theta = np.array([model.parameters[k].value for k in places])
@@ -232,7 +277,11 @@ def _circuit(model: Identification, data: InputOutputData, names: tuple[str, ...
 
 def _degenerate(b0: float, b1: float, a: float) -> bool:
     """Whether a circuit is but rounding: no pole, one that does not decay, or one that a zero cancels."""
-    return abs(a) < _STEP or abs(1.0 - abs(a)) < _STEP or abs(b1 - a * b0) < _STEP * max(abs(b0), abs(b1))
+    return (
+        abs(a) < _STEP
+        or abs(1.0 - abs(a)) < _STEP
+        or abs(b1 - a * b0) < _STEP * max(abs(b0), abs(b1))
+    )
 
 
 def _logarithm(conversion: Conversion, period: float) -> Callable[[Array], Array]:

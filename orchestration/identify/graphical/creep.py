@@ -22,7 +22,9 @@ _ONCE = 0.01  # of it, from which the elongation at once is read
 _FEWEST = 3  # samples that a line is drawn through
 _STEADY = 0.05  # of the step, which a load may vary by before and after it
 _ROUNDING = 1e-9  # of the largest elongation: what is below is zero but for rounding
-_SETTLED = 4.0  # time constants that have to pass before a creep is steady: 2 % of the transient are left
+_SETTLED = (
+    4.0  # time constants that have to pass before a creep is steady: 2 % of the transient are left
+)
 
 
 @dataclass(frozen=True)
@@ -91,19 +93,30 @@ def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> Cr
     first, tail = since <= _ONCE * held, since >= (1.0 - _TAIL) * held
     first[:_FEWEST] = True
     if first.sum() + tail.sum() > since.size:
-        raise UserError(f"record of {since.size} samples under load: too few to tell creep from what is at once")
+        raise UserError(
+            f"record of {since.size} samples under load: too few to tell creep from what is at once"
+        )
     at_once = float(np.polyfit(since[first], rise[first], 1)[1])  # eq. 3.2
     flow, drawn_back = (float(c) for c in np.polyfit(since[tail], rise[tail], 1))  # eq. 3.3
     delayed = drawn_back - at_once
     least = _ROUNDING * float(np.abs(rise).max())
-    for name, length in (("does not elongate at once", at_once), ("does not flow in the end", flow * held),
-                         ("does not creep towards its flow", delayed)):  # fmt: skip
+    for name, length in (
+        ("does not elongate at once", at_once),
+        ("does not flow in the end", flow * held),
+        ("does not creep towards its flow", delayed),
+    ):
         if not length > least:
-            raise UserError(f"displacement: {name} under the step of {load:g} N at {t[step]:g} s; a Burgers body would")
-    missing = drawn_back + flow * since - rise  # F0/k2 exp(-t/tau): its integral is F0/k2 tau, whatever the noise
+            raise UserError(
+                f"displacement: {name} under the step of {load:g} N at {t[step]:g} s; a Burgers body would"
+            )
+    missing = (
+        drawn_back + flow * since - rise
+    )  # F0/k2 exp(-t/tau): its integral is F0/k2 tau, whatever the noise
     time_constant = float(np.trapezoid(missing, since)) / delayed
     if not time_constant > 0.0:
-        raise UserError(f"displacement: does not creep ever slower after the step of {load:g} N at {t[step]:g} s")
+        raise UserError(
+            f"displacement: does not creep ever slower after the step of {load:g} N at {t[step]:g} s"
+        )
     k2 = load / delayed
     settled = (1.0 - _TAIL) * held / time_constant
     unsettled = (
@@ -111,9 +124,15 @@ def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> Cr
         f"after {_SETTLED:g}: creep that would end counts as flow, and b1 is too small"
     )
     return CreepReading(
-        load / at_once, load / flow, k2, time_constant * k2, time_constant, load, held,
+        load / at_once,
+        load / flow,
+        k2,
+        time_constant * k2,
+        time_constant,
+        load,
+        held,
         (unsettled,) if settled < _SETTLED else (),
-    )  # fmt: skip
+    )
 
 
 def _step(force: Array) -> tuple[int, float]:

@@ -106,10 +106,15 @@ def loops(
     counted = np.bincount(cycle[inside], minlength=count)
     if counted.min() < _FEWEST:
         scarce = int(np.argmin(counted))
-        raise UserError(f"cycle {scarce + 1} has {counted[scarce]} samples: at least {_FEWEST} enclose an area")
+        raise UserError(
+            f"cycle {scarce + 1} has {counted[scarce]} samples: at least {_FEWEST} enclose an area"
+        )
     if np.ptp(across[inside]) == 0.0:
         raise UserError("x does not change: there is no slope over it")
-    lines = [_line(across[inside], up[inside], t[inside], cycle[inside], zero, drift) for zero in (False, True)]
+    lines = [
+        _line(across[inside], up[inside], t[inside], cycle[inside], zero, drift)
+        for zero in (False, True)
+    ]
     up = up - lines[0].rate * t
     enclosed, gaps = zip(*(_cycle(t, across, up, k, period) for k in range(count)), strict=True)
     of_x, of_y = units
@@ -131,7 +136,10 @@ def area(x: ArrayLike, y: ArrayLike) -> float:
         In the unit of x times that of y.
     """
     across, up = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    across, up = across - across.mean(), up - up.mean()  # far from the origin the products would lose digits
+    across, up = (
+        across - across.mean(),
+        up - up.mean(),
+    )  # far from the origin the products would lose digits
     return float(0.5 * np.sum(across * np.roll(up, -1) - np.roll(across, -1) * up))
 
 
@@ -139,7 +147,10 @@ def _cycle(t: Array, x: Array, y: Array, number: int, period: float) -> tuple[fl
     """Area of a cycle and its gap; its two ends are interpolated."""
     ends = number * period, (number + 1) * period
     within = (t > ends[0]) & (t < ends[1])
-    path = [np.concatenate([[np.interp(ends[0], t, s)], s[within], [np.interp(ends[1], t, s)]]) for s in (x, y)]
+    path = [
+        np.concatenate([[np.interp(ends[0], t, s)], s[within], [np.interp(ends[1], t, s)]])
+        for s in (x, y)
+    ]
     return area(*path), float(path[1][-1] - path[1][0])
 
 
@@ -153,10 +164,18 @@ class _Line(NamedTuple):
 
 def _line(x: Array, y: Array, t: Array, cycle: NDArray[np.intp], zero: bool, drift: bool) -> _Line:
     """Fit a line by least squares; its errors are from how far single cycles pull it."""
-    columns = {"slope": x} | ({} if zero else {"intercept": np.ones_like(x)}) | ({"rate": t} if drift else {})
+    columns = (
+        {"slope": x}
+        | ({} if zero else {"intercept": np.ones_like(x)})
+        | ({"rate": t} if drift else {})
+    )
     jacobian = np.column_stack(list(columns.values()))
     estimate = np.linalg.lstsq(jacobian, y)[0]
-    errors = clustered(covariance(jacobian.T @ jacobian), jacobian, y - jacobian @ estimate, cycle).standard_errors
-    found = {name: (float(v), float(e)) for name, v, e in zip(columns, estimate, errors, strict=True)}
+    errors = clustered(
+        covariance(jacobian.T @ jacobian), jacobian, y - jacobian @ estimate, cycle
+    ).standard_errors
+    found = {
+        name: (float(v), float(e)) for name, v, e in zip(columns, estimate, errors, strict=True)
+    }
     nothing = 0.0, 0.0
     return _Line(found["slope"], found.get("intercept", nothing), found.get("rate", nothing)[0])

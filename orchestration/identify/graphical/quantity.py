@@ -36,7 +36,11 @@ class Quantity:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON: ``value``, ``ci95`` (None for an open end) and ``unit``."""
-        return {"value": self.value, "ci95": [number(end) for end in self.interval], "unit": self.unit}
+        return {
+            "value": self.value,
+            "ci95": [number(end) for end in self.interval],
+            "unit": self.unit,
+        }
 
 
 def quantity(value: float, standard_error: float, repetitions: int, unit: str) -> Quantity:
@@ -58,5 +62,9 @@ def quantity(value: float, standard_error: float, repetitions: int, unit: str) -
 def mean(values: ArrayLike, unit: str) -> Quantity:
     """Return the mean of repeated measurements, (n,), with Student's interval."""
     repeated = np.asarray(values, dtype=float)
-    error = float(np.std(repeated, ddof=1) / np.sqrt(repeated.size)) if repeated.size > 1 else float("inf")
+    error = (
+        float(np.std(repeated, ddof=1) / np.sqrt(repeated.size))
+        if repeated.size > 1
+        else float("inf")
+    )
     return quantity(float(np.mean(repeated)), error, repeated.size, unit)

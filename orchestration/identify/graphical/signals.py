@@ -30,13 +30,19 @@ def over_time(time: ArrayLike, **signals: ArrayLike) -> tuple[Array, ...]:
     UserError
         If they are no vectors of one length, not finite, or time does not increase.
     """
-    given = {"time": np.asarray(time, dtype=float)} | {n: np.asarray(s, dtype=float) for n, s in signals.items()}
+    given = {"time": np.asarray(time, dtype=float)} | {
+        n: np.asarray(s, dtype=float) for n, s in signals.items()
+    }
     t = given["time"]
     for name, values in given.items():
         if values.ndim != 1 or values.shape != t.shape or values.size < 2:
-            raise UserError(f"{name} has the shape {values.shape}: time and signals must be vectors of one length")
+            raise UserError(
+                f"{name} has the shape {values.shape}: time and signals must be vectors of one length"
+            )
         if (bad := np.flatnonzero(~np.isfinite(values))).size:
-            raise UserError(f"{name}: sample {bad[0]} is {values[bad[0]]:g}, and must be a finite number")
+            raise UserError(
+                f"{name}: sample {bad[0]} is {values[bad[0]]:g}, and must be a finite number"
+            )
     if (late := np.flatnonzero(np.diff(t) <= 0.0)).size:
         raise UserError(f"time: must increase, and does not after sample {late[0]}")
     return tuple(given.values())

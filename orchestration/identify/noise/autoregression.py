@@ -48,7 +48,10 @@ def colour_of(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -
         return np.empty(0)
     ends, n = segments(present), len(residual)
     lags = range(min(order, max(n // 10, 0)) + 1)
-    covariance = [sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k) for k in lags]
+    covariance = [
+        sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k)
+        for k in lags
+    ]
     return yule_walker(np.array(covariance) / n, n)[0]
 
 

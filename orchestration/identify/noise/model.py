@@ -82,7 +82,10 @@ class Noise:
         What a simulation gets wrong grows from where it starts, so that the first samples tell most of the start.
         """
         whole = [1.0, *-self.coefficients]
-        pieces = [lfilter(whole, [1.0], values[a:b], axis=0) / self.deviation for a, b in segments(present)]
+        pieces = [
+            lfilter(whole, [1.0], values[a:b], axis=0) / self.deviation
+            for a, b in segments(present)
+        ]
         return np.concatenate(pieces) if pieces else values[:0]
 
     def weights(self, innovation: Array) -> Array:
@@ -112,7 +115,9 @@ class Noise:
         if self.freedom == inf:
             shape = float(innovation @ innovation)
         else:
-            shape = -float(2.0 * student.logpdf(innovation, self.freedom).sum()) - n * float(np.log(2.0 * np.pi))
+            shape = -float(2.0 * student.logpdf(innovation, self.freedom).sum()) - n * float(
+                np.log(2.0 * np.pi)
+            )
         first = 0.0  # the first samples scatter more than innovations do
         if p := len(self.coefficients):
             spread = np.log(np.diag(self._start))
@@ -133,7 +138,9 @@ class Noise:
         -------
         ndarray, shape (m, p)
         """
-        return np.asarray(lfilter([self.deviation], [1.0, *-self.coefficients], values[::-1], axis=0)[::-1])
+        return np.asarray(
+            lfilter([self.deviation], [1.0, *-self.coefficients], values[::-1], axis=0)[::-1]
+        )
 
     @cached_property
     def _start(self) -> Array:
@@ -145,7 +152,9 @@ class Noise:
         companion *= min(1.0, _STATIONARY / max(radius, _STATIONARY))
         drive = np.zeros((p, p))
         drive[0, 0] = 1.0
-        return np.asarray(np.linalg.cholesky(solve_discrete_lyapunov(companion, drive)), dtype=np.float64)
+        return np.asarray(
+            np.linalg.cholesky(solve_discrete_lyapunov(companion, drive)), dtype=np.float64
+        )
 
     def _filtered(self, piece: Array) -> Array:
         n, p = len(piece), len(self.coefficients)
@@ -178,10 +187,17 @@ class Whitening:
 
     @classmethod
     def of(
-        cls, noise: Mapping[str, Noise], residual: Mapping[str, Array], present: Mapping[str, NDArray[np.bool_]]
+        cls,
+        noise: Mapping[str, Noise],
+        residual: Mapping[str, Array],
+        present: Mapping[str, NDArray[np.bool_]],
     ) -> Whitening:
         """Weigh innovations by how likely the noise makes those of a residual."""
-        return cls(noise, present, {o: n.weights(n.whiten(residual[o], present[o])) for o, n in noise.items()})
+        return cls(
+            noise,
+            present,
+            {o: n.weights(n.whiten(residual[o], present[o])) for o, n in noise.items()},
+        )
 
     def __call__(self, values: Mapping[str, Array]) -> Array:
         """Stack residuals (m,), or Jacobians (m, p), of all outputs."""
@@ -197,13 +213,20 @@ class Whitening:
 
 def white(residual: Mapping[str, Array]) -> dict[str, Noise]:
     """White Gaussian noise of the size of residuals, (m,) by output."""
-    return {o: Noise(np.empty(0), max(float(np.sqrt(np.mean(e**2))), _LEAST)) for o, e in residual.items()}
+    return {
+        o: Noise(np.empty(0), max(float(np.sqrt(np.mean(e**2))), _LEAST))
+        for o, e in residual.items()
+    }
 
 
 def estimate(
-    residual: Array, present: NDArray[np.bool_], order: int = ORDER, calm: NDArray[np.bool_] | None = None,
-    freedom: float | None = None, colour: Array | None = None,
-) -> Noise:  # fmt: skip
+    residual: Array,
+    present: NDArray[np.bool_],
+    order: int = ORDER,
+    calm: NDArray[np.bool_] | None = None,
+    freedom: float | None = None,
+    colour: Array | None = None,
+) -> Noise:
     """Noise of a residual; its order is chosen by BIC, and so are heavy tails.
 
     Parameters
@@ -242,7 +265,9 @@ def estimate(
     return Noise(noise.coefficients, max(noise.deviation * scale, _LEAST), freedom)
 
 
-def _gaussian(residual: Array, present: NDArray[np.bool_], order: int, colour: Array | None) -> Noise:
+def _gaussian(
+    residual: Array, present: NDArray[np.bool_], order: int, colour: Array | None
+) -> Noise:
     coefficients = colour_of(residual, present, order) if colour is None else colour
     innovation = Noise(coefficients, 1.0).whiten(residual, present)
     return Noise(coefficients, max(float(np.sqrt(np.mean(innovation**2))), _LEAST))

@@ -48,7 +48,11 @@ def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float,
 
 def weights(innovation: Array, freedom: float) -> Array:
     """How much every innovation (m,) counts in a sum of squares with the slope of minus the log likelihood."""
-    return np.ones_like(innovation) if freedom == inf else np.asarray((freedom + 1.0) / (freedom + innovation**2))
+    return (
+        np.ones_like(innovation)
+        if freedom == inf
+        else np.asarray((freedom + 1.0) / (freedom + innovation**2))
+    )
 
 
 def rooted(innovation: Array, freedom: float) -> tuple[Array, Array]:
@@ -60,7 +64,9 @@ def rooted(innovation: Array, freedom: float) -> tuple[Array, Array]:
         return innovation, np.ones_like(innovation)
     root = np.sign(innovation) * np.sqrt((freedom + 1.0) * np.log1p(innovation**2 / freedom))
     steepest = np.full_like(root, np.sqrt((freedom + 1.0) / freedom))  # at zero
-    return root, np.divide(weights(innovation, freedom) * innovation, root, out=steepest, where=root != 0.0)
+    return root, np.divide(
+        weights(innovation, freedom) * innovation, root, out=steepest, where=root != 0.0
+    )
 
 
 def curvature(innovation: Array, freedom: float) -> Array:
@@ -99,7 +105,11 @@ def _freedom(innovation: Array) -> float:
 def _scaled(innovation: Array, freedom: float) -> tuple[float, float]:
     """Return the highest likelihood at so much freedom, and the scale that gives it."""
     square = innovation**2
-    scale = float(np.median(np.abs(innovation))) / float(norm.ppf(0.75)) or float(np.sqrt(square.mean()))
+    scale = float(np.median(np.abs(innovation))) / float(norm.ppf(0.75)) or float(
+        np.sqrt(square.mean())
+    )
     for _ in range(_ROUNDS):
         scale = float(np.sqrt(np.mean(weights(innovation / scale, freedom) * square)))
-    return float(t.logpdf(innovation / scale, freedom).sum()) - len(square) * float(np.log(scale)), scale
+    return float(t.logpdf(innovation / scale, freedom).sum()) - len(square) * float(
+        np.log(scale)
+    ), scale

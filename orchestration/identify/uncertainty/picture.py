@@ -67,19 +67,29 @@ def _draw(profile: Profile, axis: Axes) -> None:
             label="parabola of the ellipse",
         )
     values = np.union1d(values, profile.values)
-    axis.plot(in_unit(values), _between(profile, values), color=pictures.FITTED, lw=1.5, label="profile")
+    axis.plot(
+        in_unit(values), _between(profile, values), color=pictures.FITTED, lw=1.5, label="profile"
+    )
     axis.plot(in_unit(profile.values), profile.deviance, ".", color=pictures.FITTED)
     axis.axhline(LEVEL, color="black", lw=0.8, ls=":", label=f"95 % of chi-square, {LEVEL:.2f}")
     axis.plot(in_unit(profile.estimate), 0.0, "k^", ms=6, clip_on=False, label="estimate")
     for interval, name, colour, height in (
-        (profile.ellipse, "ellipse", pictures.MODEL, 1.12), (profile.interval, "profile", pictures.FITTED, 1.28)
-    ):  # fmt: skip
+        (profile.ellipse, "ellipse", pictures.MODEL, 1.12),
+        (profile.interval, "profile", pictures.FITTED, 1.28),
+    ):
         bar = [in_unit(float(np.clip(end, low, high))) for end in interval]
         of = f"95 % interval of the {name}"
         axis.plot(bar, [height * LEVEL] * 2, color=colour, lw=3, solid_capstyle="butt", label=of)
         for end, marker in ((interval[0], "<"), (interval[1], ">")):
             if not low <= end <= high:
-                axis.plot(in_unit(np.clip(end, low, high)), height * LEVEL, marker, color=colour, ms=7, clip_on=False)
+                axis.plot(
+                    in_unit(np.clip(end, low, high)),
+                    height * LEVEL,
+                    marker,
+                    color=colour,
+                    ms=7,
+                    clip_on=False,
+                )
     if wide:
         axis.set_xscale("log")
     axis.set_xlim(in_unit(low), in_unit(high))

@@ -82,7 +82,9 @@ class Profile:
         return np.asarray((away / self.standard_error) ** 2)
 
     def __str__(self) -> str:
-        return f"{self.name} = {shown(self.estimate, self.declared)}, 95 % by profile: {self.written}"
+        return (
+            f"{self.name} = {shown(self.estimate, self.declared)}, 95 % by profile: {self.written}"
+        )
 
     @property
     def written(self) -> str:
@@ -155,33 +157,53 @@ def profile(name: str, declared: Described, refit: Refit, q: Array, along: Coord
     wide = _WIDTHS * half if np.isfinite(half) else 0.0
     far = _FARTHEST if along.logarithmic else max(_SIZES, wide)
     ends = max(along.low, q[i] - far), min(along.high, q[i] + far)
-    sides = [trace(refit, q, i, along.tangent, sign * step, end) for sign, end in zip((-1.0, 1.0), ends, strict=True)]
+    sides = [
+        trace(refit, q, i, along.tangent, sign * step, end)
+        for sign, end in zip((-1.0, 1.0), ends, strict=True)
+    ]
     at = np.array([point[i] for side in sides for point in side.points])
-    order, deviance = np.unique(at, return_index=True)[1], np.concatenate([side.deviance for side in sides])
+    order, deviance = (
+        np.unique(at, return_index=True)[1],
+        np.concatenate([side.deviance for side in sides]),
+    )
     values = np.array([along.value(x) for x in at])
     low, high = (s.crossing if s.crossing is None else along.value(s.crossing) for s in sides)
     value = along.value(q[i])
     size = 1.0 if along.logarithmic else along.value(q[i] + 1.0) - value
     return Profile(
-        name, value, values[order], LEVEL * deviance[order],
-        (declared.min if low is None else low, declared.max if high is None else high), (low is None, high is None),
-        (along.value(q[i] - half), along.value(q[i] + half)), size * along.standard_error, along.logarithmic, declared,
+        name,
+        value,
+        values[order],
+        LEVEL * deviance[order],
+        (declared.min if low is None else low, declared.max if high is None else high),
+        (low is None, high is None),
+        (along.value(q[i] - half), along.value(q[i] + half)),
+        size * along.standard_error,
+        along.logarithmic,
+        declared,
         sum(side.fits for side in sides),
         tuple(_warnings(name, declared, sides, values, deviance, ends, at)),
-    )  # fmt: skip
+    )
 
 
 def _warnings(
-    name: str, declared: Described, sides: list[Side], values: Array, deviance: Array, ends: tuple[float, float],
+    name: str,
+    declared: Described,
+    sides: list[Side],
+    values: Array,
+    deviance: Array,
+    ends: tuple[float, float],
     at: Array,
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """What is to be known of a profile."""
     found = []
 
     def at_point(x: float) -> str:
         return shown(float(values[np.flatnonzero(at == x)[0]]), declared)
 
-    for word, side, farthest, end in zip(("below", "above"), sides, (at.min(), at.max()), ends, strict=True):
+    for word, side, farthest, end in zip(
+        ("below", "above"), sides, (at.min(), at.max()), ends, strict=True
+    ):
         to = at_point(farthest)
         if side.between is not None:
             inner, outer = map(at_point, side.between)
@@ -189,11 +211,15 @@ def _warnings(
                 f"the end {word} of {name} is interpolated between {inner} and {outer}: no fit could be made there"
             )
         elif side.crossing is None and side.failed:
-            found.append(f"the profile of {name} ends {word} at {to}: the model cannot be simulated farther on")
+            found.append(
+                f"the profile of {name} ends {word} at {to}: the model cannot be simulated farther on"
+            )
         elif side.crossing is None and farthest != end:
             found.append(f"the profile of {name} ends {word} at {to}, after {side.fits} fits")
         elif side.crossing is None:
-            found.append(f"this record does not bound {name} {word}: its profile stays below the level as far as {to}")
+            found.append(
+                f"this record does not bound {name} {word}: its profile stays below the level as far as {to}"
+            )
     if (least := float(LEVEL * deviance.min())) < -_BETTER:
         there = shown(float(values[int(np.argmin(deviance))]), declared)
         found.append(

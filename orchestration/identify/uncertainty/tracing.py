@@ -117,7 +117,10 @@ def _cross(refit: Refit, side: Side, near: Array, far: Array, i: int) -> None:
     Where no fit can be made that the search asks for, or no more are to be made, a straight line leads from the nearest
     point below to the nearest above.
     """
-    known = {float(near[i]): _root(side.deviance[-2]) - 1.0, float(far[i]): _root(side.deviance[-1]) - 1.0}
+    known = {
+        float(near[i]): _root(side.deviance[-2]) - 1.0,
+        float(far[i]): _root(side.deviance[-1]) - 1.0,
+    }
 
     def above(x: float) -> float:
         if x not in known:
@@ -131,7 +134,9 @@ def _cross(refit: Refit, side: Side, near: Array, far: Array, i: int) -> None:
         side.crossing = float(brentq(above, near[i], far[i], xtol=_PRECISE * abs(far[i] - near[i])))
     except UserError:
         # what is tried lies between the nearest two, so that these are the last of either kind
-        inner, outer = ([x for x in known if (known[x] < 0.0) == below][-1] for below in (True, False))
+        inner, outer = (
+            [x for x in known if (known[x] < 0.0) == below][-1] for below in (True, False)
+        )
         side.crossing = inner - known[inner] * (outer - inner) / (known[outer] - known[inner])
         side.between = inner, outer
 

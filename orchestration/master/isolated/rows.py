@@ -24,14 +24,18 @@ class Rows:
     """
 
     def __init__(self) -> None:
-        self._file = None if box.current is None else (box.current.folder / _FILE).open("w+b", buffering=0)
+        self._file = (
+            None if box.current is None else (box.current.folder / _FILE).open("w+b", buffering=0)
+        )
         self._memory = BytesIO()
         self.write = (self._file or self._memory).write
 
     def array(self, count: int, width: int) -> Array:
         """The first of them, shape (count, width)."""
         if self._file is None:
-            return np.frombuffer(self._memory.getbuffer(), count=count * width).reshape(count, width)
+            return np.frombuffer(self._memory.getbuffer(), count=count * width).reshape(
+                count, width
+            )
         return left(Path(self._file.name).parent, width)[:count]
 
 
@@ -39,4 +43,6 @@ def left(folder: Path, width: int) -> Array:
     """Rows that a process has left in its folder, shape (n, width)."""
     path = folder / _FILE
     numbers = np.fromfile(path) if path.exists() else np.empty(0)
-    return numbers[: numbers.size // width * width].reshape(-1, width) if width else np.empty((0, 0))
+    return (
+        numbers[: numbers.size // width * width].reshape(-1, width) if width else np.empty((0, 0))
+    )

@@ -43,9 +43,13 @@ class Recorded:
 
 
 def run_beside(
-    limits: Limits, run: Callable[..., Run], system: System, *arguments: Any, progress: Callable[[int], None],
+    limits: Limits,
+    run: Callable[..., Run],
+    system: System,
+    *arguments: Any,
+    progress: Callable[[int], None],
     options: Mapping[str, Any],
-) -> Run:  # fmt: skip
+) -> Run:
     """Make a run in a process of its own.
 
     Parameters
@@ -75,18 +79,29 @@ def run_beside(
     with Process(limits) as process:
         try:
             message, done = process.call(
-                _run, run, replace(system, members=members), arguments, dict(options), told={"progress": progress}
+                _run,
+                run,
+                replace(system, members=members),
+                arguments,
+                dict(options),
+                told={"progress": progress},
             )
         except Ended as end:
             recorded = process.box.about()
-            words = f"{end.state.words(recorded.points if recorded else (), system.name)}: {end.reason}"
+            words = (
+                f"{end.state.words(recorded.points if recorded else (), system.name)}: {end.reason}"
+            )
             done = _partial(process.box, recorded, end.state.row, words)
             if end.interrupted:
                 return done
             raise Stopped(words, done) from end
-        except OSError as error:  # FMUs may take away from their process what it needs, such as files
+        except (
+            OSError
+        ) as error:  # FMUs may take away from their process what it needs, such as files
             words = f"{system.name}: {error.strerror or error}"
-            raise Stopped(words, _partial(process.box, process.box.about(), process.box.state().row, words)) from error
+            raise Stopped(
+                words, _partial(process.box, process.box.about(), process.box.state().row, words)
+            ) from error
     if message is not None:
         raise Stopped(message, done)
     found: Run = done
@@ -94,9 +109,12 @@ def run_beside(
 
 
 def _run(
-    run: Callable[..., Run], system: System, arguments: tuple[Any, ...], options: Mapping[str, Any],
+    run: Callable[..., Run],
+    system: System,
+    arguments: tuple[Any, ...],
+    options: Mapping[str, Any],
     progress: Callable[[int], None],
-) -> tuple[str | None, Run]:  # fmt: skip
+) -> tuple[str | None, Run]:
     try:
         return None, run(system, *arguments, **options, progress=progress)
     except Stopped as stopped:

@@ -32,7 +32,9 @@ class KernelRun:
     def __init__(self, executor: Executor, points: Sequence[float], most: int):
         self._executor = executor
         self._rows = rows((most, len(executor.outputs.at)))
-        self._execution = Execution(translated(executor, points, self._rows), len(executor.members), first=1)
+        self._execution = Execution(
+            translated(executor, points, self._rows), len(executor.members), first=1
+        )
 
     def __enter__(self) -> KernelRun:
         self._execution.__enter__()
@@ -41,7 +43,9 @@ class KernelRun:
     def __exit__(self, *error: Any) -> None:
         self._execution.__exit__(*error)
         execution, executor = self._execution, self._executor
-        executor.complete.count += execution.point - 1 + execution.inside  # a step that failed was begun
+        executor.complete.count += (
+            execution.point - 1 + execution.inside
+        )  # a step that failed was begun
         for k, member in enumerate(executor.members):
             member.fmu.warnings += int(execution.warnings[k])
             executor.seconds[k] += float(execution.seconds[k])

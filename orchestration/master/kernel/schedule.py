@@ -67,10 +67,20 @@ class _Translation:
         """Add an exchange of values; before the step (`lag` 1) those from outside are of the point before."""
         inputs, outputs = self._executor.inputs, self._executor.outputs
         copies = [_link(inputs, target, _place(outputs, source)) for target, source in stage.copies]
-        scaled = [_link(inputs, c.target, _place(outputs, c.source), c.factor, c.offset) for c in stage.scaled]
-        self.program.links(library.PASS, copies, self._no_number([source for _, source in stage.copies], lag))
-        self.program.links(library.SCALE, scaled, self._no_number([c.source for c in stage.scaled], lag))
-        for kind, columns in ((library.DISTURB, stage.disturbances), (library.DRIVE, stage.external)):
+        scaled = [
+            _link(inputs, c.target, _place(outputs, c.source), c.factor, c.offset)
+            for c in stage.scaled
+        ]
+        self.program.links(
+            library.PASS, copies, self._no_number([source for _, source in stage.copies], lag)
+        )
+        self.program.links(
+            library.SCALE, scaled, self._no_number([c.source for c in stage.scaled], lag)
+        )
+        for kind, columns in (
+            (library.DISTURB, stage.disturbances),
+            (library.DRIVE, stage.external),
+        ):
             links = []
             for target, column in columns:
                 values = np.array(column)
@@ -134,5 +144,9 @@ def _place(buffer: Buffer, place: int) -> Values:
     return Values(ctypes.addressof(buffer.cells)).shifted(place)
 
 
-def _link(inputs: Buffer, target: int, source: Values, factor: float = 1.0, offset: float = 0.0) -> library.Link:
-    return library.Link(_place(inputs, target).address, source.address, source.stride, factor, offset)
+def _link(
+    inputs: Buffer, target: int, source: Values, factor: float = 1.0, offset: float = 0.0
+) -> library.Link:
+    return library.Link(
+        _place(inputs, target).address, source.address, source.stride, factor, offset
+    )

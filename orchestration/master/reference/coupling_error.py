@@ -138,7 +138,9 @@ def coupling_error(
     for step in steps:
         count = round(stop / step)
         if abs(count * step - stop) > 1e-9 * step:
-            raise UserError(f"stop time {stop:g} s is no multiple of the communication step {step:g} s")
+            raise UserError(
+                f"stop time {stop:g} s is no multiple of the communication step {step:g} s"
+            )
         time = np.linspace(0.0, stop, count + 1)
         fed = {name: function(time) for name, function in inputs.items()}
         done = run(system, time, fed, **options)
@@ -149,7 +151,9 @@ def coupling_error(
         window = time >= since
         for name, values in coupled.items():
             scale = np.abs(exact[name][window]).max() or 1.0
-            errors.setdefault(name, []).append(float(np.abs(values - exact[name])[window].max() / scale))
+            errors.setdefault(name, []).append(
+                float(np.abs(values - exact[name])[window].max() / scale)
+            )
         for name, made in imbalance(couplings, coupled, options.get("extrapolation", 0)).items():
             imbalances.setdefault(name, []).append(made.relative)
     return CouplingError(

@@ -20,7 +20,14 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import Declaration, DiscreteDeclaration, InputDeclaration, ParameterDeclaration, named, starting
+from fmus.kit.declare import (
+    Declaration,
+    DiscreteDeclaration,
+    InputDeclaration,
+    ParameterDeclaration,
+    named,
+    starting,
+)
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic.trace import Graph, trace
@@ -49,20 +56,28 @@ def fuse(system: System) -> Graph:
     """
     check(system)
     parts = [_part(system, member) for member in system.members]
-    layout = Layout(*(
-        tuple(v for part in parts for v in getattr(part.layout, group))
-        for group in ("parameters", "inputs", "states", "discretes", "outputs")
-    ))  # fmt: skip
+    layout = Layout(
+        *(
+            tuple(v for part in parts for v in getattr(part.layout, group))
+            for group in ("parameters", "inputs", "states", "discretes", "outputs")
+        )
+    )
     symbols = {v.name: s for part in parts for v, s in _values(part.layout.inputs, part.inputs)}
     values = {
         v.name: value
         for part in parts
-        for group, vector in (("states", part.states), ("discretes", part.discretes), ("outputs", part.outputs))
+        for group, vector in (
+            ("states", part.states),
+            ("discretes", part.discretes),
+            ("outputs", part.outputs),
+        )
         for v, value in _values(getattr(part.layout, group), vector)
     }
     outer = {name: ca.SX.sym(name) for name in system.inputs}
     given = {str(port): outer[name] for name, ports in system.inputs.items() for port in ports}
-    given |= {str(c.target): c.factor * values[str(c.source)] + c.offset for c in system.connections}
+    given |= {
+        str(c.target): c.factor * values[str(c.source)] + c.offset for c in system.connections
+    }
 
     def joined(vectors: Sequence[ca.SX]) -> ca.SX:
         return ca.vertcat(ca.SX(0, 1), *vectors)
@@ -72,7 +87,11 @@ def fuse(system: System) -> Graph:
         for sampled in parts
         for update in sampled.updates
     ]
-    expressions = [joined([part.rates for part in parts]), joined([part.outputs for part in parts]), *updates]
+    expressions = [
+        joined([part.rates for part in parts]),
+        joined([part.outputs for part in parts]),
+        *updates,
+    ]
     order = _order(system, symbols, given)
     time = ca.SX.sym("time")
     _, flat = ca.substitute_inplace(
@@ -117,23 +136,35 @@ def _part(system: System, member: Member) -> Graph:
     def own(v: Any) -> Any:
         start = {"start": member.parameters[v.name]} if v.name in member.parameters else {}
         renamed = named(replace(v, **start), f"{member.name}.{v.name}")
-        return starting(renamed, f"{member.name}.{state}") if (state := getattr(v, "starts", None)) else renamed
+        return (
+            starting(renamed, f"{member.name}.{state}")
+            if (state := getattr(v, "starts", None))
+            else renamed
+        )
 
     layout = graph.layout
     # literal periods become parameters: members that happen to have the same one are not sampled as one group
-    names = {d.period: d.period if isinstance(d.period, str) else f"period({d.period})" for d in layout.discretes}
+    names = {
+        d.period: d.period if isinstance(d.period, str) else f"period({d.period})"
+        for d in layout.discretes
+    }
     literal = {name: period for period, name in names.items() if not isinstance(period, str)}
     about = f"a sample period of {member.name}"
 
     def sampled(d: DiscreteDeclaration) -> DiscreteDeclaration:
-        return named(replace(own(d), period=f"{member.name}.{names[d.period]}"), f"{member.name}.{d.name}")
+        return named(
+            replace(own(d), period=f"{member.name}.{names[d.period]}"), f"{member.name}.{d.name}"
+        )
 
     return replace(
         graph,
         layout=Layout(
             parameters=(
                 *map(own, layout.parameters),
-                *(own(named(ParameterDeclaration(start=p, unit="s", doc=about), name)) for name, p in literal.items()),
+                *(
+                    own(named(ParameterDeclaration(start=p, unit="s", doc=about), name))
+                    for name, p in literal.items()
+                ),
             ),
             inputs=tuple(map(own, layout.inputs)),
             states=tuple(map(own, layout.states)),
@@ -148,11 +179,17 @@ def _order(system: System, symbols: Mapping[str, ca.SX], given: Mapping[str, ca.
     """Connected inputs, each after those that what it receives depends on."""
     by_symbol = {symbols[name].element_hash(): name for name in given}
     needed = {
-        name: [by_symbol[s.element_hash()] for s in ca.symvar(expression) if s.element_hash() in by_symbol]
+        name: [
+            by_symbol[s.element_hash()]
+            for s in ca.symvar(expression)
+            if s.element_hash() in by_symbol
+        ]
         for name, expression in given.items()
     }
     try:
         return list(TopologicalSorter(needed).static_order())
     except CycleError as error:
         loop = error.args[1]
-        raise UserError(f"system {system.name}: an algebraic loop cannot be fused: {' -> '.join(loop)}") from None
+        raise UserError(
+            f"system {system.name}: an algebraic loop cannot be fused: {' -> '.join(loop)}"
+        ) from None

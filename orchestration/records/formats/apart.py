@@ -16,7 +16,10 @@ from orchestration.records.table import Reader, Table
 
 _SECONDS = 60.0  # that a file may take at least: a busy machine with a cold disk is long at starting Python
 _RATE = 1e7  # bytes that a reader gets through in a second
-_MEMORY, _GROWTH = 2**30, 8  # bytes that a process needs at least, and besides for a byte of the file
+_MEMORY, _GROWTH = (
+    2**30,
+    8,
+)  # bytes that a process needs at least, and besides for a byte of the file
 
 
 def apart(reader: Reader) -> Reader:
@@ -34,13 +37,27 @@ def apart(reader: Reader) -> Reader:
     """
 
     def read(path: Path, content: bytes) -> Table:
-        command = [sys.executable, "-P", "-m", __name__, reader.__module__, reader.__name__, str(path)]
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            __name__,
+            reader.__module__,
+            reader.__name__,
+            str(path),
+        ]
         seconds = _SECONDS + len(content) / _RATE
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # memory is reserved for each thread
+        environment = os.environ | {
+            "OPENBLAS_NUM_THREADS": "1"
+        }  # memory is reserved for each thread
         try:
-            done = subprocess.run(command, input=content, capture_output=True, timeout=seconds, env=environment)
+            done = subprocess.run(
+                command, input=content, capture_output=True, timeout=seconds, env=environment
+            )
         except subprocess.TimeoutExpired:
-            raise refuse(path, f"the file is damaged: to read it takes longer than {seconds:.0f} s") from None
+            raise refuse(
+                path, f"the file is damaged: to read it takes longer than {seconds:.0f} s"
+            ) from None
         if done.returncode != 0:
             raise refuse(path, f"the file is damaged: its reader ended, {_how(done)}")
         answer = pickle.loads(done.stdout)
@@ -83,10 +100,16 @@ def _main(module: str, name: str, path: str) -> None:
     except UserError as error:
         answer = str(error)
     except MemoryError:
-        answer = str(refuse(Path(path), "the file is damaged: it asks for more memory than it can hold values"))
+        answer = str(
+            refuse(
+                Path(path), "the file is damaged: it asks for more memory than it can hold values"
+            )
+        )
     with os.fdopen(answers, "wb") as file:
         file.write(pickle.dumps(answer))
-    os._exit(0)  # a native library may abort when its threads are taken down, which is no fault of the file
+    os._exit(
+        0
+    )  # a native library may abort when its threads are taken down, which is no fault of the file
 
 
 if __name__ == "__main__":

@@ -18,7 +18,9 @@ def read_parquet(path: Path, content: bytes) -> Table:
     try:
         import pyarrow.parquet as parquet
     except ImportError:
-        raise refuse(path, "reading Parquet needs pyarrow: pip install 'ppy-rig[records]'") from None
+        raise refuse(
+            path, "reading Parquet needs pyarrow: pip install 'ppy-rig[records]'"
+        ) from None
     try:
         arrow = parquet.read_table(io.BytesIO(content))
         columns = []
@@ -29,7 +31,9 @@ def read_parquet(path: Path, content: bytes) -> Table:
             stated = "s" if values.dtype.kind in "Mm" else stated
             columns.append(Column(name, unit or stated or None, as_numbers(values)))
     except Exception as error:  # the library raises whatever a damaged file trips
-        raise refuse(path, f"the Parquet file is damaged: {type(error).__name__}: {error}") from error
+        raise refuse(
+            path, f"the Parquet file is damaged: {type(error).__name__}: {error}"
+        ) from error
     if not columns or arrow.num_rows == 0:
         raise refuse(path, "the Parquet file holds no rows")
     return Table(path, columns, np.arange(1, arrow.num_rows + 1))
@@ -48,10 +52,13 @@ def read_netcdf(path: Path, content: bytes) -> Table:
             first = next(iter(file.dimensions), None)
             columns = [
                 Column(name, getattr(v, "units", b"").decode() or None, as_numbers(np.array(v[:])))
-                for name, v in file.variables.items() if v.dimensions == (first,)
-            ]  # fmt: skip
+                for name, v in file.variables.items()
+                if v.dimensions == (first,)
+            ]
     except Exception as error:  # the library raises whatever a damaged file trips
-        raise refuse(path, f"the NetCDF file is damaged: {type(error).__name__}: {error}") from error
+        raise refuse(
+            path, f"the NetCDF file is damaged: {type(error).__name__}: {error}"
+        ) from error
     if not columns or not len(columns[0].cells):
         raise refuse(path, "the NetCDF file holds no vectors")
     return Table(path, columns, np.arange(1, len(columns[0].cells) + 1))
@@ -70,22 +77,32 @@ def read_mat(path: Path, content: bytes) -> Table:
     except NotImplementedError:
         raise refuse(path, "this is a MATLAB 7.3 file (HDF5); save it with -v7") from None
     except Exception as error:  # the library raises whatever a damaged file trips
-        raise refuse(path, f"the MATLAB file is damaged: {type(error).__name__}: {error}") from error
+        raise refuse(
+            path, f"the MATLAB file is damaged: {type(error).__name__}: {error}"
+        ) from error
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}
     units = _mat_units(path, variables.pop("units", None))
     columns: list[Column] = []
     unread = []
     for name, value in variables.items():
         array = np.asarray(value)
-        if array.dtype.kind in "biuf" and array.ndim <= 2 and array.size > 1 and array.size == max(array.shape):
+        if (
+            array.dtype.kind in "biuf"
+            and array.ndim <= 2
+            and array.size > 1
+            and array.size == max(array.shape)
+        ):
             columns.append(Column(name, units.get(name), array.ravel().astype(float)))
         else:
             unread.append(name)
     if not columns:
         raise refuse(
-            path, f"no numeric vector among the variables {sorted(variables)} (structs and matrices are not read)"
+            path,
+            f"no numeric vector among the variables {sorted(variables)} (structs and matrices are not read)",
         )
-    reference = next((column for column in columns if column.name.lower() in ("time", "t")), columns[0])
+    reference = next(
+        (column for column in columns if column.name.lower() in ("time", "t")), columns[0]
+    )
     for column in columns:
         if len(column.cells) != len(reference.cells):
             raise refuse(
@@ -96,7 +113,11 @@ def read_mat(path: Path, content: bytes) -> Table:
             )
     repairs = []
     if unread:
-        repairs.append(Repair("ignored columns", f"not numeric vectors, so not read: {', '.join(sorted(unread))}"))
+        repairs.append(
+            Repair(
+                "ignored columns", f"not numeric vectors, so not read: {', '.join(sorted(unread))}"
+            )
+        )
     return Table(path, columns, np.arange(1, len(reference.cells) + 1), repairs)
 
 
@@ -113,7 +134,8 @@ def _mat_units(path: Path, value: object) -> dict[str, str]:
         name, unit = split_header_cell(_mat_text(item))
         if not name or unit is None:
             raise refuse(
-                path, f"variable units: '{_mat_text(item)}' is not of the form 'name [unit]' (or make units a struct)"
+                path,
+                f"variable units: '{_mat_text(item)}' is not of the form 'name [unit]' (or make units a struct)",
             )
         units[name] = unit
     return units

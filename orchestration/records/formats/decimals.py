@@ -54,5 +54,10 @@ def replace_decimal_commas(table: Table) -> None:
             "decimal comma or decimal point? Use one of them throughout",
         )
     for column in changed:
-        column.cells = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in column.cells]
-    table.repairs.append(Repair("decimal comma", f"decimal commas read as points (first in row {comma_at[0]})"))
+        column.cells = [
+            cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
+            for cell in column.cells
+        ]
+    table.repairs.append(
+        Repair("decimal comma", f"decimal commas read as points (first in row {comma_at[0]})")
+    )

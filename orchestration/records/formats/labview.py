@@ -27,7 +27,10 @@ def read_lvm(path: Path, content: bytes) -> Table:
     ends = [index for index, line in enumerate(lines) if line.strip().startswith(_END)]
     if not ends:
         raise refuse(path, f"LabVIEW text without a line {_END}")
-    separator = next((line for line in lines[: ends[0]] if line.lower().startswith("separator")), "Separator\tTab")
+    separator = next(
+        (line for line in lines[: ends[0]] if line.lower().startswith("separator")),
+        "Separator\tTab",
+    )
     word = separator[len("separator") :].strip(" \t,;").lower() or "tab"
     if word not in _DELIMITERS:
         raise refuse(path, f"Separator '{word}' is not known (allowed: Tab, Comma)")
@@ -47,13 +50,17 @@ def read_lvm(path: Path, content: bytes) -> Table:
         cells = [cell.strip() for cell in split_line(path, row, line, delimiter)]
         fields[cells[0]] = cells[1:]
     if [cell.lower() for cell in fields.get("X_Columns", ["One"])][:1] == ["multi"]:
-        raise refuse(path, "every channel has its own X column (X_Columns Multi); save it with one X column")
+        raise refuse(
+            path, "every channel has its own X column (X_Columns Multi); save it with one X column"
+        )
     dimension = (fields.get("X_Dimension") or ["Time"])[0]
     if dimension not in ("", "Time"):
         raise refuse(path, f"X_Dimension is '{dimension}' (allowed: Time)")
     header = [cell.strip() for cell in split_line(path, start + 1, lines[start], delimiter)]
     if header[0] != "X_Value":
-        raise refuse(path, f"row {start + 1}: '{header[0]}' where X_Value should be the first column")
+        raise refuse(
+            path, f"row {start + 1}: '{header[0]}' where X_Value should be the first column"
+        )
     commented = header[-1] == "Comment"
     table = tabulate(path, lines, start, header, delimiter, ended, repairs, optional_last=commented)
     if (
@@ -72,16 +79,23 @@ def read_lvm(path: Path, content: bytes) -> Table:
     return table
 
 
-def _clock_from_header(path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]) -> np.ndarray:
+def _clock_from_header(
+    path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]
+) -> np.ndarray:
     """Make the time column from the header's X0 and Delta_X, as ``X_Columns No`` asks for."""
     try:
         origin, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError):
-        raise refuse(path, "no X values, and no X0 and Delta_X in the header to make them from") from None
+        raise refuse(
+            path, "no X values, and no X0 and Delta_X in the header to make them from"
+        ) from None
     if not step > 0:
         raise refuse(path, f"Delta_X is {step:g} s (allowed: above 0)")
     repairs.append(
-        Repair("clock from header", f"no X values: time is {origin:g} s + k × {step:g} s, from X0 and Delta_X")
+        Repair(
+            "clock from header",
+            f"no X values: time is {origin:g} s + k × {step:g} s, from X0 and Delta_X",
+        )
     )
     return origin + step * np.arange(count)
 
@@ -132,11 +146,15 @@ def read_tdms(path: Path, content: bytes) -> Table:
             )
         columns.append(Column(name, unit, as_numbers(values)))
     if not any(column.name.lower() in ("time", "t") for column in columns):
-        columns[:0] = _waveform_clock(path, [channel.properties for channel in channels], data[0].size, repairs)
+        columns[:0] = _waveform_clock(
+            path, [channel.properties for channel in channels], data[0].size, repairs
+        )
     return Table(path, columns, np.arange(1, data[0].size + 1), repairs)
 
 
-def _waveform_clock(path: Path, properties: list[Mapping[str, Any]], count: int, repairs: list[Repair]) -> list[Column]:
+def _waveform_clock(
+    path: Path, properties: list[Mapping[str, Any]], count: int, repairs: list[Repair]
+) -> list[Column]:
     """Make the time column from waveform properties; none if there are none."""
     steps = {
         (float(given.get("wf_start_offset", 0.0)), float(given["wf_increment"]))
@@ -145,13 +163,16 @@ def _waveform_clock(path: Path, properties: list[Mapping[str, Any]], count: int,
     }
     if len(steps) > 1:
         raise refuse(
-            path, f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save one per file"
+            path,
+            f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save one per file",
         )
     columns = []
     for offset, step in steps:
         if not step > 0:
             raise refuse(path, f"wf_increment is {step:g} s (allowed: above 0)")
-        columns.append(Column("time", "s", np.asarray(offset + step * np.arange(count), dtype=np.float64)))
+        columns.append(
+            Column("time", "s", np.asarray(offset + step * np.arange(count), dtype=np.float64))
+        )
         message = f"time is {offset:g} s + k × {step:g} s, from the waveform properties"
         repairs.append(Repair("clock from header", message))
     return columns
@@ -159,7 +180,9 @@ def _waveform_clock(path: Path, properties: list[Mapping[str, Any]], count: int,
 
 def _ends_inside_segment(content: bytes) -> bool:
     """Tell whether a TDMS file was cut off, from the segment lengths its lead-ins state."""
-    lead_in = struct.Struct("<4sIIQQ")  # tag, contents, version, bytes to the next segment, bytes to the raw data
+    lead_in = struct.Struct(
+        "<4sIIQQ"
+    )  # tag, contents, version, bytes to the next segment, bytes to the raw data
     position = 0
     while position + lead_in.size <= len(content):
         position += lead_in.size + lead_in.unpack_from(content, position)[3]

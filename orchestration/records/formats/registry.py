@@ -60,7 +60,11 @@ def read_table(path: Path) -> Table:
     if content.startswith(b"MATLAB 7.3") or (extension == ".mat" and b"\x00" in content[:20]):
         return apart(read_mat)(path, content)  # version 4 has no signature
     if extension in _BINARY_EXTENSIONS:
-        raise refuse(path, f"this is not {_BINARY_EXTENSIONS[extension]} file, whatever its name says")
+        raise refuse(
+            path, f"this is not {_BINARY_EXTENSIONS[extension]} file, whatever its name says"
+        )
     if content.startswith((b"PK\x03\x04", b"\x1f\x8b")):
-        raise refuse(path, "this is a compressed file or a spreadsheet; unpack it, or save it as CSV")
+        raise refuse(
+            path, "this is a compressed file or a spreadsheet; unpack it, or save it as CSV"
+        )
     return read_text(path, content)

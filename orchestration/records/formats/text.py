@@ -43,7 +43,9 @@ def decode(path: Path, content: bytes) -> tuple[list[str], bool, list[Repair]]:
         text = content.decode("latin-1" if b"\x00" in content else "cp1252", errors="replace")
         repairs.append(Repair("encoding", "the file is not UTF-8; it was read as Windows-1252"))
     if _CONTROL.search(text) or "\ufffd" in text:
-        raise refuse(path, f"this is not a text file, and no binary format that is known; {EXPECTED}")
+        raise refuse(
+            path, f"this is not a text file, and no binary format that is known; {EXPECTED}"
+        )
     lines = _LINE_END.split(text)
     ended = lines[-1].strip() == ""
     while lines and not lines[-1].strip():
@@ -96,19 +98,24 @@ def read_text(path: Path, content: bytes) -> Table:
     """
     lines, ended, repairs = decode(path, content)
     start = 0
-    while start < len(lines) and (not lines[start].strip() or lines[start].lstrip().startswith("#")):
+    while start < len(lines) and (
+        not lines[start].strip() or lines[start].lstrip().startswith("#")
+    ):
         start += 1
     if start == len(lines):
         raise refuse(path, f"the file holds nothing but comments and blank lines; {EXPECTED}")
     delimiter = _sniff_delimiter(lines[start])
     if delimiter is None:
         raise refuse(
-            path, f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns; {EXPECTED}"
+            path,
+            f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns; {EXPECTED}",
         )
     header = split_line(path, start + 1, lines[start], delimiter)
     if all(parse_cell(cell) is not None for cell in header):
         commented = " (a header behind '#' is a comment: remove the '#')" if start else ""
-        raise refuse(path, f"row {start + 1}: numbers where the header should be{commented}; {EXPECTED}")
+        raise refuse(
+            path, f"row {start + 1}: numbers where the header should be{commented}; {EXPECTED}"
+        )
     return tabulate(path, lines, start, header, delimiter, ended, repairs)
 
 
@@ -174,17 +181,35 @@ def tabulate(
         if optional_last and len(cells) == width - 1:
             cells.append("")
         if _is_partial(cells, header, index == last, ended):
-            repairs.append(Repair("partial line", f"row {index + 1}, the last, is cut off: dropped", (index + 1,)))
+            repairs.append(
+                Repair(
+                    "partial line", f"row {index + 1}, the last, is cut off: dropped", (index + 1,)
+                )
+            )
             continue
         if len(cells) != width:
-            hint = " (a decimal comma needs ';' between the columns)" if delimiter == "," and len(cells) > width else ""
-            raise refuse(path, f"row {index + 1}: {len(cells)} cells where the header has {width}{hint}")
+            hint = (
+                " (a decimal comma needs ';' between the columns)"
+                if delimiter == "," and len(cells) > width
+                else ""
+            )
+            raise refuse(
+                path, f"row {index + 1}: {len(cells)} cells where the header has {width}{hint}"
+            )
         records.append(cells)
         rows.append(index + 1)
     if not records:
-        raise refuse(path, f"there is a header (row {start + 1}) but no complete row of data below it")
+        raise refuse(
+            path, f"there is a header (row {start + 1}) but no complete row of data below it"
+        )
     if blank:
-        repairs.append(Repair("blank lines", f"{len(blank)} blank lines skipped ({list_rows(blank)})", tuple(blank)))
+        repairs.append(
+            Repair(
+                "blank lines",
+                f"{len(blank)} blank lines skipped ({list_rows(blank)})",
+                tuple(blank),
+            )
+        )
     if not ended and rows[-1] == len(lines):
         message = f"row {rows[-1]}, the last, has no line end: its last number may be cut short; it was kept"
         repairs.append(Repair("no line end", message, (rows[-1],)))
@@ -203,7 +228,13 @@ def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool)
         return True
     torn = re.fullmatch(r"\s*[+-]?(\d*\.?\d*([eE][+-]?)?)?\s*", cells[-1]) is not None
     complete = cells[-1].strip() != "" and parse_cell(cells[-1].replace(",", ".")) is not None
-    return not ended and len(cells) == len(header) and header[-1].strip() != "" and torn and not complete
+    return (
+        not ended
+        and len(cells) == len(header)
+        and header[-1].strip() != ""
+        and torn
+        and not complete
+    )
 
 
 def _make_columns(header: list[str], records: list[list[str]]) -> list[Column]:

@@ -14,7 +14,15 @@ from orchestration.rig.emulator.stepping.noise import DEVIATIONS, Noise
 from orchestration.rig.emulator.stepping.plants import ForceDriven, LengthDriven, Plant
 from orchestration.rig.emulator.stepping.rig import SteppedRig
 from orchestration.rig.emulator.variations import DISPLACEMENT, VOLTAGE
-from orchestration.rig.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, integer, one_of, passed
+from orchestration.rig.signals import (
+    KNOWN_LIMITS,
+    SIGNALS,
+    UNITS,
+    commands,
+    integer,
+    one_of,
+    passed,
+)
 
 _TICK = 1e-4  # s; real time passes in whole ticks, whose transitions come again
 _LONGEST = 60.0  # s, of one step
@@ -50,14 +58,20 @@ class Emulator(Steppable):
     """
 
     def __init__(
-        self, signals: str = "force-driven", seed: str = "0", hidden: str = "none", noise: str = "on",
+        self,
+        signals: str = "force-driven",
+        seed: str = "0",
+        hidden: str = "none",
+        noise: str = "on",
         specimen: str = "nominal",
-    ) -> None:  # fmt: skip
+    ) -> None:
         chosen, number = SIGNALS[one_of("signals", signals, SIGNALS)], integer("seed", seed)
         self.inputs = {name: UNITS[name] for name in chosen.inputs}
         self.outputs = {name: UNITS[name] for name in chosen.outputs}
         self.limits: Mapping[str, Limit] = {
-            name: KNOWN_LIMITS[name] for name in (*chosen.inputs, *chosen.outputs) if name in KNOWN_LIMITS
+            name: KNOWN_LIMITS[name]
+            for name in (*chosen.inputs, *chosen.outputs)
+            if name in KNOWN_LIMITS
         }
         one_of("noise", noise, ("on", "off"))
         drawn = one_of("specimen", specimen, ("nominal", "drawn")) == "drawn"
@@ -66,11 +80,17 @@ class Emulator(Steppable):
             self._hidden = hidden_effect(hidden, number, sensed)
         except ValueError as error:
             raise UserError(f"option hidden: {error}") from error
-        physics = self._hidden.physics(RigParameters.scattered(number) if drawn else RigParameters())
+        physics = self._hidden.physics(
+            RigParameters.scattered(number) if drawn else RigParameters()
+        )
         deviations = {name: width for name, width in DEVIATIONS.items() if name in self.outputs}
         plant: Plant = _PLANTS[signals](physics)
-        self._rig = SteppedRig(plant, chosen.outputs, Noise(deviations, number) if noise == "on" else None)
-        self._ticks: int | None = None  # ticks of the clock that have been taken; None while time is not real
+        self._rig = SteppedRig(
+            plant, chosen.outputs, Noise(deviations, number) if noise == "on" else None
+        )
+        self._ticks: int | None = (
+            None  # ticks of the clock that have been taken; None while time is not real
+        )
         self._stepped = False
 
     def tell(self) -> str:

@@ -70,7 +70,11 @@ class NiDaqmx(Backend):
     """
 
     def __init__(
-        self, calibration: str = "thesis", device: str = "Dev1", timing: str = "auto", timeout: str = "1"
+        self,
+        calibration: str = "thesis",
+        device: str = "Dev1",
+        timing: str = "auto",
+        timeout: str = "1",
     ) -> None:
         self._calibration = read_calibration(calibration)
         self._ins, self._outs = self._calibration.inputs, self._calibration.outputs
@@ -81,9 +85,13 @@ class NiDaqmx(Backend):
         self.limits: Mapping[str, Limit] = self._calibration.limits
         for channel in (*self._ins.values(), *self._outs.values()):
             if channel.command:
-                raise UserError(f"{calibration}: {channel.name} is a signal of an instrument, not of this device")
+                raise UserError(
+                    f"{calibration}: {channel.name} is a signal of an instrument, not of this device"
+                )
         if not device or "/" in device:
-            raise UserError(f"option device = {device!r}: the name of a device is wanted, such as Dev1")
+            raise UserError(
+                f"option device = {device!r}: the name of a device is wanted, such as Dev1"
+            )
         self._name = device
         self._tasks: list[nidaqmx.Task] = []
         self._guard: WatchdogTask | None = None
@@ -94,7 +102,9 @@ class NiDaqmx(Backend):
         try:
             with _told(f"{device} cannot be opened"):
                 self._device = Device(device)
-                self.watchdog = self._open_watchdog()  # before other tasks, which keep it from being reserved
+                self.watchdog = (
+                    self._open_watchdog()
+                )  # before other tasks, which keep it from being reserved
                 self._open_outputs()
                 self.timing = self._open_inputs(timing)
         except BaseException:
@@ -110,7 +120,9 @@ class NiDaqmx(Backend):
             return "none: there are no outputs to guard"
         after = _LATER * self._calibration.watchdog
         states = [
-            AOExpirationState(self._place(channel), channel.volts(channel.safe), WatchdogAOExpirState.VOLTAGE)
+            AOExpirationState(
+                self._place(channel), channel.volts(channel.safe), WatchdogAOExpirState.VOLTAGE
+            )
             for channel in self._ins.values()
         ]
         try:
@@ -119,9 +131,7 @@ class NiDaqmx(Backend):
             self._guard.control(TaskMode.TASK_VERIFY)  # what the device cannot do, it says now
         except DaqError as error:
             self._close_guard()
-            return (
-                f"none: {self._name} refuses one ({_line(error)}); its outputs stay as they are if this computer stops"
-            )
+            return f"none: {self._name} refuses one ({_line(error)}); its outputs stay as they are if this computer stops"
         return f"{self._name} takes its outputs to their safe volts after {after:g} s without a command"
 
     def _open_outputs(self) -> None:
@@ -129,7 +139,9 @@ class NiDaqmx(Backend):
             return
         task = self._task()
         for channel in self._ins.values():
-            task.ao_channels.add_ao_voltage_chan(self._place(channel), min_val=channel.low, max_val=channel.high)
+            task.ao_channels.add_ao_voltage_chan(
+                self._place(channel), min_val=channel.low, max_val=channel.high
+            )
         self._writer = AnalogMultiChannelWriter(task.out_stream, auto_start=True)
 
     def _open_inputs(self, timing: str) -> str:
@@ -138,9 +150,11 @@ class NiDaqmx(Backend):
         task = self._task()
         for channel in self._outs.values():
             task.ai_channels.add_ai_voltage_chan(
-                self._place(channel), terminal_config=_TERMINALS[channel.terminal], min_val=channel.low,
+                self._place(channel),
+                terminal_config=_TERMINALS[channel.terminal],
+                min_val=channel.low,
                 max_val=channel.high,
-            )  # fmt: skip
+            )
         self._reader = AnalogMultiChannelReader(task.in_stream)
         if timing == "auto":
             clocked = AcquisitionType.CONTINUOUS in self._device.ai_samp_modes
@@ -148,7 +162,9 @@ class NiDaqmx(Backend):
         if timing == "hardware":
             rate = self._calibration.rate
             task.timing.cfg_samp_clk_timing(
-                rate, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=max(round(10 * rate), 1000)
+                rate,
+                sample_mode=AcquisitionType.CONTINUOUS,
+                samps_per_chan=max(round(10 * rate), 1000),
             )
             task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
             task.in_stream.relative_to = ReadRelativeTo.MOST_RECENT_SAMPLE
@@ -179,7 +195,9 @@ class NiDaqmx(Backend):
             self._reader.read_one_sample(self._samples, self._timeout)
         return {
             name: channel.measured(volts)
-            for (name, channel), volts in zip(self._outs.items(), self._samples.tolist(), strict=True)
+            for (name, channel), volts in zip(
+                self._outs.items(), self._samples.tolist(), strict=True
+            )
         }
 
     def write(self, values: Mapping[str, float]) -> None:
@@ -195,7 +213,9 @@ class NiDaqmx(Backend):
         volts = [channel.volts(checked[name]) for name, channel in self._ins.items()]
         if self._writer is None:
             if self._ins:
-                raise UserError(f"{self._name} cannot be written: it is closed, or was reset to reach a safe state")
+                raise UserError(
+                    f"{self._name} cannot be written: it is closed, or was reset to reach a safe state"
+                )
             return
         with _told(f"{self._name} cannot be written"):
             if self._guard is not None:
@@ -225,7 +245,9 @@ class NiDaqmx(Backend):
             self.close()
             with _told(f"{self._name} cannot be brought to its safe state"):
                 self._device.reset_device()
-            raise UserError(f"{self._name} was reset, because it did not take safe values: {_line(error)}") from error
+            raise UserError(
+                f"{self._name} was reset, because it did not take safe values: {_line(error)}"
+            ) from error
 
     def _disarm(self) -> None:
         """Stop the device's timer: what it guards against is over, and an expired one refuses values."""

@@ -46,7 +46,9 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
     known = _options(cls)
     for name in options:
         if name not in known:
-            raise UserError(f"backend {spec}: no option {name!r}{suggestion(name, list(known)) or ' (it has none)'}")
+            raise UserError(
+                f"backend {spec}: no option {name!r}{suggestion(name, list(known)) or ' (it has none)'}"
+            )
     for name, parameter in known.items():
         if parameter.default is parameter.empty and name not in options:
             raise UserError(f"backend {spec}: option {name} is missing; write {name}=...")
@@ -55,7 +57,9 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
     except UserError as error:
         raise UserError(f"backend {spec}: {error}") from error
     except Exception as error:  # whatever a backend of somebody else, or a driver, raises
-        raise UserError(f"backend {spec}: cannot be opened: {type(error).__name__}: {_line(error)}") from error
+        raise UserError(
+            f"backend {spec}: cannot be opened: {type(error).__name__}: {_line(error)}"
+        ) from error
     try:
         _check(spec, backend)
     except BaseException:
@@ -84,7 +88,9 @@ def backend_class(spec: str) -> type[Backend]:
             raise UserError(f"{path}: {name} is no backend yet: it lacks {missing}")
         return cls
     if spec not in BACKENDS:
-        raise UserError(f"no backend {spec!r}{suggestion(spec, [*BACKENDS, 'path/to/file.py:Class'])}")
+        raise UserError(
+            f"no backend {spec!r}{suggestion(spec, [*BACKENDS, 'path/to/file.py:Class'])}"
+        )
     module, name = BACKENDS[spec].split(":")
     try:
         loaded: type[Backend] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
@@ -111,10 +117,14 @@ def _check(spec: str, backend: Backend) -> None:
     """Refuse a backend that does not say what it is, before anybody relies on it."""
     for attribute in ("inputs", "outputs", "limits"):
         if not isinstance(getattr(backend, attribute, None), Mapping):
-            raise UserError(f"backend {spec}: has no {attribute}; a mapping by name of the signal is wanted")
+            raise UserError(
+                f"backend {spec}: has no {attribute}; a mapping by name of the signal is wanted"
+            )
     for name in backend.limits:
         if name not in backend.inputs and name not in backend.outputs:
-            raise UserError(f"backend {spec}: limits of {name}, which is neither an input nor an output")
+            raise UserError(
+                f"backend {spec}: limits of {name}, which is neither an input nor an output"
+            )
 
 
 def _line(error: BaseException) -> str:

@@ -44,19 +44,28 @@ class Replay(Steppable):
     """
 
     def __init__(
-        self, file: str, signals: str = "force-driven", inputs: str = "", outputs: str = "", at_end: str = "hold",
+        self,
+        file: str,
+        signals: str = "force-driven",
+        inputs: str = "",
+        outputs: str = "",
+        at_end: str = "hold",
         map: str = "",
-    ) -> None:  # fmt: skip
+    ) -> None:
         chosen = SIGNALS[one_of("signals", signals, SIGNALS)]
         self._at_end = one_of("at_end", at_end, ("hold", "loop", "fail"))
         self.inputs = _named("inputs", inputs or ",".join(chosen.inputs))
         wanted = _named("outputs", outputs or ",".join(chosen.outputs))
         columns = parse_mapping([part for part in map.split(",") if part.strip()])
-        record = read_record(file, self.inputs | wanted, mapping=columns, required=list(wanted) if outputs else ())
+        record = read_record(
+            file, self.inputs | wanted, mapping=columns, required=list(wanted) if outputs else ()
+        )
         self.outputs = {name: unit for name, unit in wanted.items() if name in record.signals}
         if not self.outputs:
             raise UserError(f"{file}: has none of the outputs {', '.join(wanted)}")
-        self.limits: Mapping[str, Limit] = {n: KNOWN_LIMITS[n] for n in self.inputs if n in KNOWN_LIMITS}
+        self.limits: Mapping[str, Limit] = {
+            n: KNOWN_LIMITS[n] for n in self.inputs if n in KNOWN_LIMITS
+        }
         self._file = file
         self._times = record.time - record.time[0]
         self._values = {name: record.signals[name] for name in self.outputs}
@@ -83,7 +92,9 @@ class Replay(Steppable):
         at = self._time
         if at >= self._length:
             if self._at_end == "fail":
-                raise UserError(f"{self._file}: the record is at its end after {self._length:.6g} s")
+                raise UserError(
+                    f"{self._file}: the record is at its end after {self._length:.6g} s"
+                )
             at = math.fmod(at, self._length) if self._at_end == "loop" else at
         # rounding of many steps must not show the row before
         row = max(int(np.searchsorted(self._times, at + 1e-9, side="right")) - 1, 0)
@@ -132,7 +143,9 @@ def _named(option: str, text: str) -> dict[str, str]:
         name, unit = name.strip(), unit.removesuffix("]").strip()
         if not bracket:
             if name not in UNITS:
-                raise UserError(f"option {option}: {name} is not known by name; write its SI unit: {name}[K]")
+                raise UserError(
+                    f"option {option}: {name} is not known by name; write its SI unit: {name}[K]"
+                )
             unit = UNITS[name]
         parse(unit)
         found[name] = unit

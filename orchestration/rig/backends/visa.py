@@ -39,7 +39,9 @@ class Visa(Backend):
         self._ins, self._outs = self._calibration.inputs, self._calibration.outputs
         for channel in (*self._ins.values(), *self._outs.values()):
             if not channel.command:
-                raise UserError(f"{calibration}: {channel.name} is a channel of a device, not of an instrument")
+                raise UserError(
+                    f"{calibration}: {channel.name} is a channel of a device, not of an instrument"
+                )
         self.inputs = {name: channel.unit for name, channel in self._ins.items()}
         self.outputs = {name: channel.unit for name, channel in self._outs.items()}
         self.limits: Mapping[str, Limit] = self._calibration.limits
@@ -48,8 +50,12 @@ class Visa(Backend):
         self._manager: pyvisa.ResourceManager | None = None
         try:
             self._manager = pyvisa.ResourceManager(library)
-        except Exception as error:  # pyvisa raises ValueError, OSError or its own, depending on what is missing
-            raise UserError(f"no VISA library: {_line(error)}; install one, or write library=@py") from error
+        except (
+            Exception
+        ) as error:  # pyvisa raises ValueError, OSError or its own, depending on what is missing
+            raise UserError(
+                f"no VISA library: {_line(error)}; install one, or write library=@py"
+            ) from error
         try:
             for instrument in self._calibration.instruments.values():
                 self._open(instrument, self._manager)
@@ -61,11 +67,16 @@ class Visa(Backend):
         wait = round(1000 * instrument.timeout)
         try:
             session = manager.open_resource(
-                instrument.resource, open_timeout=wait, timeout=wait,
-                read_termination=instrument.termination, write_termination=instrument.termination,
-            )  # fmt: skip
+                instrument.resource,
+                open_timeout=wait,
+                timeout=wait,
+                read_termination=instrument.termination,
+                write_termination=instrument.termination,
+            )
         except Exception as error:  # of pyvisa, or of whichever library it uses
-            raise UserError(f"{instrument.name} ({instrument.resource}) cannot be opened: {_line(error)}") from error
+            raise UserError(
+                f"{instrument.name} ({instrument.resource}) cannot be opened: {_line(error)}"
+            ) from error
         if not isinstance(session, MessageBasedResource):
             session.close()
             raise UserError(f"{instrument.name} ({instrument.resource}): understands no messages")
@@ -109,7 +120,9 @@ class Visa(Backend):
         """
         checked = commands(values, self.inputs)
         messages = {name: _message(channel, checked[name]) for name, channel in self._ins.items()}
-        self._deliver({name: text for name, text in messages.items() if self._sent.get(name) != text})
+        self._deliver(
+            {name: text for name, text in messages.items() if self._sent.get(name) != text}
+        )
 
     def _deliver(self, messages: Mapping[str, str]) -> None:
         for name, message in messages.items():

@@ -31,9 +31,15 @@ class Bench:
 
     @classmethod
     def drawn(
-        cls, random: np.random.Generator, duration: float, rate: float, outputs: tuple[str, ...], at_rest: bool,
-        changed: Mapping[str, float], spread: float,
-    ) -> Bench:  # fmt: skip
+        cls,
+        random: np.random.Generator,
+        duration: float,
+        rate: float,
+        outputs: tuple[str, ...],
+        at_rest: bool,
+        changed: Mapping[str, float],
+        spread: float,
+    ) -> Bench:
         """Draw a bench: multilevel current within 1.3 A, steps of force between a bias and 3 N, both at rest at first.
 
         The parameters in `changed` are these factors of their nominal values, the others lie within the `spread`.
@@ -46,14 +52,26 @@ class Bench:
         peak, dwell = random.uniform(0.8, 1.3), random.uniform(1.0, 3.0)
         levels = peak * np.array([-1.0, *random.uniform(-0.9, 0.9, 4), 1.0])
         current = multilevel(
-            time, levels.tolist(), (dwell, dwell * random.uniform(3.0, 6.0)), int(random.integers(2**31))
+            time,
+            levels.tolist(),
+            (dwell, dwell * random.uniform(3.0, 6.0)),
+            int(random.integers(2**31)),
         )
         bias, top = random.uniform(0.3, 0.5), random.uniform(2.5, 3.0)
         loads = [bias, *random.uniform(bias, top, 5), top]
         hold = random.uniform(6.0, 15.0)
-        force = multilevel(time, loads, (hold, hold * random.uniform(2.0, 4.0)), int(random.integers(2**31)))
+        force = multilevel(
+            time, loads, (hold, hold * random.uniform(2.0, 4.0)), int(random.integers(2**31))
+        )
         quiet = time < time[0] + random.uniform(2.0, 5.0)
-        return cls(parameters, time, np.where(quiet, 0.0, current), np.where(quiet, bias, force), lead, outputs)
+        return cls(
+            parameters,
+            time,
+            np.where(quiet, 0.0, current),
+            np.where(quiet, bias, force),
+            lead,
+            outputs,
+        )
 
     def noise_free(self, physics: Callable[[RigParameters], Physics]) -> dict[str, Array]:
         """Return the measured outputs (n,) of the record, without noise."""
@@ -64,5 +82,9 @@ class Bench:
     def widths(self, outputs: Mapping[str, Array]) -> dict[str, float]:
         """Return the rms of the residual of a refitted base over the noise, for every noise-free output (n,)."""
         current, force = self.current[self.lead :], self.force[self.lead :]
-        residuals = refit_residuals(self.time[1] - self.time[0], current, force, outputs, NOISE, self.parameters)
-        return {output: float(np.sqrt(np.mean(r**2)) / NOISE[output]) for output, r in residuals.items()}
+        residuals = refit_residuals(
+            self.time[1] - self.time[0], current, force, outputs, NOISE, self.parameters
+        )
+        return {
+            output: float(np.sqrt(np.mean(r**2)) / NOISE[output]) for output, r in residuals.items()
+        }

@@ -59,7 +59,12 @@ class EmulatedRig:
     def __post_init__(self) -> None:
         if not -1 < self.noise_colour < 1:
             raise ValueError(f"noise_colour = {self.noise_colour!r}: must lie between -1 and 1")
-        for name in ("voltage_noise", "displacement_noise", "voltage_resolution", "displacement_resolution"):
+        for name in (
+            "voltage_noise",
+            "displacement_noise",
+            "voltage_resolution",
+            "displacement_resolution",
+        ):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"{name} = {getattr(self, name)!r}: must be finite and at least 0")
         self.physics = (self.hidden or Physics)(self.parameters)
@@ -90,8 +95,13 @@ class EmulatedRig:
         if t.ndim != 1 or t.size == 0 or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
             raise ValueError("time must be a finite, strictly increasing, non-empty vector (s)")
         signals = [np.asarray(signal, dtype=float) for signal in (current, force)]
-        if any(signal.shape not in ((), t.shape) or not np.all(np.isfinite(signal)) for signal in signals):
-            raise ValueError(f"current (A) and force (N) must be finite, each a scalar or as long as time ({t.size})")
+        if any(
+            signal.shape not in ((), t.shape) or not np.all(np.isfinite(signal))
+            for signal in signals
+        ):
+            raise ValueError(
+                f"current (A) and force (N) must be finite, each a scalar or as long as time ({t.size})"
+            )
         inputs = np.array([np.broadcast_to(signal, t.shape) for signal in signals])
         start = np.zeros(self.physics.order)
         start[0] = self.initial_charge
@@ -103,7 +113,9 @@ class EmulatedRig:
             "mechanical_displacement": self.physics.mechanical_length(run.state, inputs[1]),
         }
         return {
-            "voltage": self._measure(self.truth["voltage"], self.voltage_noise, self.voltage_resolution),
+            "voltage": self._measure(
+                self.truth["voltage"], self.voltage_noise, self.voltage_resolution
+            ),
             "displacement": self._measure(
                 self.truth["displacement"], self.displacement_noise, self.displacement_resolution
             ),
@@ -112,7 +124,9 @@ class EmulatedRig:
     def _measure(self, signal: Array, deviation: float, resolution: float) -> Array:
         """Add stationary AR(1) noise, then round to whole converter counts."""
         white = self._random.standard_normal(signal.size)
-        white[1:] *= np.sqrt(1 - self.noise_colour**2)  # the first draw already has the stationary spread
+        white[1:] *= np.sqrt(
+            1 - self.noise_colour**2
+        )  # the first draw already has the stationary spread
         noisy = signal + deviation * self._coloured(white)
         return np.round(noisy / resolution) * resolution if resolution > 0 else noisy
 

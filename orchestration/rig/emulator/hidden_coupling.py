@@ -47,7 +47,9 @@ class SaturatingStrain(Physics):
 
     def electrochemical_length(self, charge: Any) -> Any:
         """Level off as 1/(1 + |Q/Qs|^3)^(1/3), deliberately none of the usual sigmoids."""
-        return super().electrochemical_length(charge) / np.cbrt(1 + np.abs(self.saturation * charge) ** 3)
+        return super().electrochemical_length(charge) / np.cbrt(
+            1 + np.abs(self.saturation * charge) ** 3
+        )
 
 
 @dataclass
@@ -66,8 +68,14 @@ class LaggingStrain(Physics):
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append the rates of both stages."""
         first, second = self.own(LaggingStrain, state)
-        early, late = (max(self.lag * share, _SHORTEST) for share in (1 - self.late_share, self.late_share))
-        return [*super().rates(state, current, force), (state[0] - first) / early, (first - second) / late]
+        early, late = (
+            max(self.lag * share, _SHORTEST) for share in (1 - self.late_share, self.late_share)
+        )
+        return [
+            *super().rates(state, current, force),
+            (state[0] - first) / early,
+            (first - second) / late,
+        ]
 
 
 @dataclass
@@ -79,7 +87,9 @@ class PlayingStrain(Physics):
 
     def electrochemical_length(self, charge: Any) -> Any:
         """Replace a share of the charge by the mean of Prandtl's play operators, all relaxed at the start."""
-        return super().electrochemical_length(charge + self.playing_share * (self.play(charge) - charge))
+        return super().electrochemical_length(
+            charge + self.playing_share * (self.play(charge) - charge)
+        )
 
     def play(self, charge: Array) -> Array:
         """Return the mean of the play operators over a record of charge (n,)."""

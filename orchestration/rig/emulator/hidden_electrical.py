@@ -29,7 +29,9 @@ class DoubleLayer(Physics):
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append the rate at which the current that does not cross charges the layer."""
         rates = super().rates(state, current, force)
-        crossing = self.bending_voltage * np.sinh(self.own(DoubleLayer, state)[0] / self.bending_voltage)
+        crossing = self.bending_voltage * np.sinh(
+            self.own(DoubleLayer, state)[0] / self.bending_voltage
+        )
         return [*rates, (self.transfer_resistance * rates[0] - crossing) / self.layer_time]
 
 
@@ -51,7 +53,11 @@ class DiffusionLayer(Physics):
 
     def capacitor_voltage(self, state: Array, force: Any) -> Any:
         """Add the voltage of the first cell."""
-        across = self.diffusing_share * super().series_resistance(state) * self.own(DiffusionLayer, state)[0]
+        across = (
+            self.diffusing_share
+            * super().series_resistance(state)
+            * self.own(DiffusionLayer, state)[0]
+        )
         return super().capacitor_voltage(state, force) + across
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
@@ -85,7 +91,9 @@ class ChargeDependentCapacitance(Physics):
     """The inverse capacitance rises with the charge, from one level to another."""
 
     linear: ClassVar[bool] = False
-    stiffening: float = 0.1  # 1/C, relative rise of the inverse capacitance, per charge and about zero
+    stiffening: float = (
+        0.1  # 1/C, relative rise of the inverse capacitance, per charge and about zero
+    )
     levelling_charge: float = 3.0  # C
 
     def film_voltage(self, state: Array) -> Any:
@@ -107,7 +115,9 @@ class GrowingResistance(Physics):
     def series_resistance(self, state: Array) -> Any:
         """Grow by a fraction that saturates with the throughput, as sites for damage are used up."""
         throughput = self.own(GrowingResistance, state)[0]
-        return super().series_resistance(state) * (1 + self.growth * throughput / (self.endurance + throughput))
+        return super().series_resistance(state) * (
+            1 + self.growth * throughput / (self.endurance + throughput)
+        )
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append the rate of the throughput."""
@@ -155,6 +165,9 @@ class SelfHeating(Physics):
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append the heat balance: what is supplied and not stored, less what convection carries away."""
         rates, rise = super().rates(state, current, force), self.own(SelfHeating, state)[0]
-        heat = self.terminal_voltage(state, current, force) * current - self.film_voltage(state) * rates[0]
+        heat = (
+            self.terminal_voltage(state, current, force) * current
+            - self.film_voltage(state) * rates[0]
+        )
         cooling = rise * (1 + (abs(rise) / _BREEZE) ** 1.25)
         return [*rates, (self.heat_resistance * heat - cooling) / self.heat_time]

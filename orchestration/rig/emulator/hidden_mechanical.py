@@ -23,13 +23,19 @@ class CreepSpectrum(Physics):
     def mechanical_length(self, state: Array, force: Any) -> Any:
         """Add the three elongations."""
         early, middle, late = self.own(CreepSpectrum, state)
-        return super().mechanical_length(state, force) + self.spectral_compliance * (early + 2 * middle + late) / 4
+        return (
+            super().mechanical_length(state, force)
+            + self.spectral_compliance * (early + 2 * middle + late) / 4
+        )
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append how the force moves from the dashpots to the springs."""
         times = self.middle_time * self.time_ratio ** np.array([-1, 0, 1])
         forces = zip(self.own(CreepSpectrum, state), times, strict=True)
-        return [*super().rates(state, current, force), *((force - spring) / time for spring, time in forces)]
+        return [
+            *super().rates(state, current, force),
+            *((force - spring) / time for spring, time in forces),
+        ]
 
 
 @dataclass

@@ -25,7 +25,9 @@ class SluggishSensor(Physics):
         knots = np.union1d(run.time, time)
         steps = np.diff(knots)
         value = super().sensed(run, knots)[self.lag_output]
-        slope = (super().sensed(run, knots[1:] - _BEFORE * steps)[self.lag_output] - value[:-1]) / steps
+        slope = (
+            super().sensed(run, knots[1:] - _BEFORE * steps)[self.lag_output] - value[:-1]
+        ) / steps
         rate = 2 / self.sensor_time
         system = np.array([[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
         durations, kind = np.unique(np.round(steps, 9), return_inverse=True)
@@ -86,5 +88,7 @@ class DriftingSensor(Physics):
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the drift."""
         signals = super().sensed(run, time)
-        drifted = -self.drift * self.warming_time * np.expm1(-np.maximum(time, 0.0) / self.warming_time)
+        drifted = (
+            -self.drift * self.warming_time * np.expm1(-np.maximum(time, 0.0) / self.warming_time)
+        )
         return signals | {self.drift_output: signals[self.drift_output] + drifted}

@@ -20,7 +20,10 @@ class Hum(Physics):
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the tone, even where sampling folds it."""
-        signals, angle = super().sensed(run, time), 2 * np.pi * self.hum_frequency * time + self.hum_phase
+        signals, angle = (
+            super().sensed(run, time),
+            2 * np.pi * self.hum_frequency * time + self.hum_phase,
+        )
         tone = self.hum_amplitude * (np.sin(angle) + 0.3 * np.sin(2 * angle + 1.0))
         return signals | {self.hum_output: signals[self.hum_output] + tone}
 
@@ -36,7 +39,10 @@ class SlippingClamp(Physics):
         """Add the slips so far."""
         random, signals = np.random.default_rng(self.slip_seed), super().sensed(run, time)
         count = int(random.integers(3, 9))
-        instants, lengths = random.uniform(0.05, 0.95, count) * run.time[-1], random.exponential(self.slip, count)
+        instants, lengths = (
+            random.uniform(0.05, 0.95, count) * run.time[-1],
+            random.exponential(self.slip, count),
+        )
         slipped = (time[:, np.newaxis] >= instants) @ lengths
         return signals | {"displacement": signals["displacement"] + slipped}
 
@@ -56,7 +62,9 @@ class RestlessAir(Physics):
         air = np.cumsum(random.normal(0.0, self.expansion * np.sqrt(_GRID / 60), grid.size))
         frame = np.zeros(grid.size)
         for k in range(1, grid.size):
-            frame[k] = frame[k - 1] - np.expm1(-_GRID / self.frame_time) * (air[k - 1] - frame[k - 1])
+            frame[k] = frame[k - 1] - np.expm1(-_GRID / self.frame_time) * (
+                air[k - 1] - frame[k - 1]
+            )
         return signals | {"displacement": signals["displacement"] + np.interp(time, grid, frame)}
 
 
@@ -89,4 +97,6 @@ class LooseFixture(Physics):
         """Add what the fixture yields."""
         signals, force = super().sensed(run, time), run.at(time)[1][1]
         loose = time >= self.loosening * run.time[-1]
-        return signals | {"displacement": signals["displacement"] + self.fixture_compliance * loose * force}
+        return signals | {
+            "displacement": signals["displacement"] + self.fixture_compliance * loose * force
+        }

@@ -20,7 +20,9 @@ from scipy.linalg import expm
 
 Array = NDArray[np.float64]
 Signals = dict[str, Array]
-_PROBES = np.array([-1e-6, 0.0, 1e-6])  # V, about the voltage at which the slope of the leakage is wanted
+_PROBES = np.array(
+    [-1e-6, 0.0, 1e-6]
+)  # V, about the voltage at which the slope of the leakage is wanted
 _LONGEST = 0.1  # s, step of physics that is not linear
 _SMALL = 1e-6  # states and inputs about zero between which the linear part is taken
 _SAME = 1e-10  # s, instants that are one
@@ -59,7 +61,9 @@ class Physics:
     stand the states of the variations, in the order in which their `rates` append them.
     """
 
-    linear: ClassVar[bool] = True  # the rates are linear in state and inputs; a variation that breaks this says False
+    linear: ClassVar[bool] = (
+        True  # the rates are linear in state and inputs; a variation that breaks this says False
+    )
     extra_states: ClassVar[int] = 0  # appended by a variation, zero at the start of a run
     parameters: RigParameters
 
@@ -67,7 +71,9 @@ class Physics:
         kinds = [cls for cls in reversed(type(self).__mro__) if issubclass(cls, Physics)]
         lineage = [cls for cls in kinds if "extra_states" in vars(cls)]
         ends = np.cumsum([3, *(cls.extra_states for cls in lineage)]).tolist()
-        self._place = {cls: slice(a, b) for cls, a, b in zip(lineage, ends[:-1], ends[1:], strict=True)}
+        self._place = {
+            cls: slice(a, b) for cls, a, b in zip(lineage, ends[:-1], ends[1:], strict=True)
+        }
         self.order: int = ends[-1]
         self.is_linear = all(vars(cls).get("linear", True) for cls in kinds)
         self._plain_leakage = type(self).leakage_current is Physics.leakage_current
@@ -112,7 +118,9 @@ class Physics:
             voltage = voltage - correction
             if np.max(np.abs(correction) - 1e-13 * (1 + np.abs(voltage))) <= 0:
                 return voltage
-        raise RuntimeError(f"no terminal voltage balances the currents: still moving {np.max(np.abs(correction))} V")
+        raise RuntimeError(
+            f"no terminal voltage balances the currents: still moving {np.max(np.abs(correction))} V"
+        )
 
     # --- coupling ---------------------------------------------------------------------------------------------------
 
@@ -157,7 +165,9 @@ class Physics:
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Return what sensors without noise measure at increasing instants (s): voltage (V), displacement (m)."""
         state, (current, force) = run.at(time)
-        elongation = self.mechanical_length(state, force) + self.electrochemical_length(self.active_charge(state))
+        elongation = self.mechanical_length(state, force) + self.electrochemical_length(
+            self.active_charge(state)
+        )
         return {"voltage": self.terminal_voltage(state, current, force), "displacement": elongation}
 
 
@@ -189,14 +199,21 @@ class Transition:
         h = duration / self.pieces
         at_zero = np.array(physics.rates(np.zeros(n), 0.0, 0.0))
         units = _SMALL * np.eye(n + 2)
-        columns = [(np.array(physics.rates(unit[:n], unit[n], unit[n + 1])) - at_zero) / _SMALL for unit in units]
+        columns = [
+            (np.array(physics.rates(unit[:n], unit[n], unit[n + 1])) - at_zero) / _SMALL
+            for unit in units
+        ]
         self.system = np.array(columns).T
         square = np.pad(self.system, ((0, 2), (0, 0)))
         self.whole, self.half = expm(h * square)[:n], expm(h / 2 * square)[:n]
         if not physics.is_linear:
             one, two, three = _phi(h * self.system[:, :n])
             self.half_gain = h / 2 * _phi(h / 2 * self.system[:, :n])[0]
-            self.gains = h * (one - 3 * two + 4 * three), 2 * h * (two - 2 * three), h * (4 * three - two)
+            self.gains = (
+                h * (one - 3 * two + 4 * three),
+                2 * h * (two - 2 * three),
+                h * (4 * three - two),
+            )
 
     def __call__(self, state: Array, inputs: Array) -> Array:
         """Return the states a duration later."""
@@ -208,10 +225,17 @@ class Transition:
             drift, nonlinear = self.half @ both, self._nonlinear(both)
             a = drift + self.half_gain @ nonlinear
             nonlinear_a = self._nonlinear(both_a := np.concatenate([a, inputs]))
-            nonlinear_b = self._nonlinear(np.concatenate([drift + self.half_gain @ nonlinear_a, inputs]))
+            nonlinear_b = self._nonlinear(
+                np.concatenate([drift + self.half_gain @ nonlinear_a, inputs])
+            )
             c = self.half @ both_a + self.half_gain @ (2 * nonlinear_b - nonlinear)
             nonlinear_c = self._nonlinear(np.concatenate([c, inputs]))
-            state = self.whole @ both + first @ nonlinear + middle @ (nonlinear_a + nonlinear_b) + last @ nonlinear_c
+            state = (
+                self.whole @ both
+                + first @ nonlinear
+                + middle @ (nonlinear_a + nonlinear_b)
+                + last @ nonlinear_c
+            )
         return state
 
     def _nonlinear(self, both: Array) -> Array:
@@ -268,5 +292,7 @@ def propagate(physics: Physics, time: Array, inputs: Array, start: Array) -> Tra
     for k, which in enumerate(kind.tolist()):
         state[k + 1] = transitions[which](state[k], held[k])
     if not np.all(np.isfinite(state)):
-        raise RuntimeError(f"the emulated rig failed after {time[np.argmin(np.isfinite(state).all(axis=1))]} s")
+        raise RuntimeError(
+            f"the emulated rig failed after {time[np.argmin(np.isfinite(state).all(axis=1))]} s"
+        )
     return Trajectory(physics, time, inputs, state.T)

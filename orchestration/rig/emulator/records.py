@@ -143,7 +143,19 @@ def draw(
     for name in ids:
         if name.partition(".")[0] not in VARIATIONS:
             raise ValueError(f"no hidden variation {name!r}; there are {', '.join(VARIATIONS)}")
-    make = partial(_draw, ids, seed, strength, noise_colour, duration, rate, outputs, at_rest, changed or {}, spread)
+    make = partial(
+        _draw,
+        ids,
+        seed,
+        strength,
+        noise_colour,
+        duration,
+        rate,
+        outputs,
+        at_rest,
+        changed or {},
+        spread,
+    )
     if cache is None:
         return make()
     file = entry(f"{_digest(repr(make.args))}.pickle", lambda: pickle.dumps(make()), cache)
@@ -157,13 +169,27 @@ def write(drawn: Drawn, path: str | Path) -> None:
 
 
 def _draw(
-    ids: tuple[str, ...], seed: int, strength: float, noise_colour: float, duration: float, rate: float,
-    outputs: tuple[str, ...], at_rest: bool, changed: Mapping[str, float], spread: float,
-) -> Drawn:  # fmt: skip
+    ids: tuple[str, ...],
+    seed: int,
+    strength: float,
+    noise_colour: float,
+    duration: float,
+    rate: float,
+    outputs: tuple[str, ...],
+    at_rest: bool,
+    changed: Mapping[str, float],
+    spread: float,
+) -> Drawn:
     for attempt in range(_TRIES):
         random = np.random.default_rng([seed, zlib.crc32(repr(ids).encode()), attempt])
-        specimen = {n: _between(random, *ends) for name in ids for n, ends in _variation(name)[0].specimen.items()}
-        bench = Bench.drawn(random, duration, rate, outputs, at_rest, specimen | dict(changed), spread)
+        specimen = {
+            n: _between(random, *ends)
+            for name in ids
+            for n, ends in _variation(name)[0].specimen.items()
+        }
+        bench = Bench.drawn(
+            random, duration, rate, outputs, at_rest, specimen | dict(changed), spread
+        )
         hidden: list[Hidden] = []
         for name in ids:
             sized = _sized(name, bench, strength, random)
@@ -172,7 +198,9 @@ def _draw(
             hidden.append(sized)
         else:
             return _measured(bench, hidden, noise_colour, int(random.integers(2**31)))
-    raise ValueError(f"{' and '.join(ids)}: leaves too little in {', '.join(outputs)} at any plausible size")
+    raise ValueError(
+        f"{' and '.join(ids)}: leaves too little in {', '.join(outputs)} at any plausible size"
+    )
 
 
 def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
@@ -181,8 +209,13 @@ def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int
     values = {name: value for h in hidden for name, value in h.parameters.items()}
     physics = partial(kind, **values)  # type: ignore[arg-type]
     rig = EmulatedRig(
-        bench.parameters, seed, NOISE["voltage"], NOISE["displacement"], noise_colour, hidden=physics
-    )  # fmt: skip
+        bench.parameters,
+        seed,
+        NOISE["voltage"],
+        NOISE["displacement"],
+        noise_colour,
+        hidden=physics,
+    )
     measured = rig.run(bench.time, bench.current, bench.force)
     part = slice(bench.lead, None)
     noise_free = {output: rig.truth[output][part] for output in bench.outputs}
@@ -209,7 +242,9 @@ def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator
     if not choices:
         return None
     output = str(random.choice(choices))
-    values: dict[str, float | str | int] = {n: _between(random, *ends) for n, ends in variation.ranges.items()}
+    values: dict[str, float | str | int] = {
+        n: _between(random, *ends) for n, ends in variation.ranges.items()
+    }
     values |= {variation.output: output} if variation.output else {}
     values |= {variation.seed: int(random.integers(2**31))} if variation.seed else {}
     sign = float(random.choice([-1.0, 1.0])) if variation.signed else 1.0
@@ -235,7 +270,9 @@ def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator
     return Hidden(name.partition(".")[0], output, values, wanted, widths(size), alike)
 
 
-def _search(widths: Callable[[float], float], wanted: float, limit: float, most: float) -> float | None:
+def _search(
+    widths: Callable[[float], float], wanted: float, limit: float, most: float
+) -> float | None:
     """Return a size that leaves the wanted widths closely, below the limit, which leaves the most; None if none does.
 
     The widths are nearly a power of the size: steps follow it, or halve the bracket in the logarithm.
@@ -258,7 +295,11 @@ def _search(widths: Callable[[float], float], wanted: float, limit: float, most:
 
 def _between(random: np.random.Generator, low: float, high: float) -> float:
     """Draw with equal chance per ratio, or per difference from zero."""
-    return float(np.exp(random.uniform(np.log(low), np.log(high)))) if low > 0 else float(random.uniform(low, high))
+    return (
+        float(np.exp(random.uniform(np.log(low), np.log(high))))
+        if low > 0
+        else float(random.uniform(low, high))
+    )
 
 
 def _digest(arguments: str) -> str:

@@ -44,7 +44,7 @@ def refit_residuals(
     Returns
     -------
     dict of str to ndarray, shape (n,)
-    """  # fmt: skip
+    """
     ages = period * np.arange(current.size)
     flow = period * np.concatenate([[0.0], np.cumsum(force[:-1])])
     start = np.log([(near.R1 + near.R2) * near.C, near.b2 / near.k2])
@@ -54,21 +54,37 @@ def refit_residuals(
         charge, fading = _relaxing(current, charging, period), np.exp(-ages / charging)
         explained = {
             "voltage": [current, charge, fading],
-            "displacement": [charge, fading, force, _relaxing(force, creep, period), flow, np.ones_like(ages),
-                             np.exp(-ages / creep)],
-        }  # fmt: skip
-        return {output: _project(np.column_stack(explained[output]), signal) for output, signal in outputs.items()}
+            "displacement": [
+                charge,
+                fading,
+                force,
+                _relaxing(force, creep, period),
+                flow,
+                np.ones_like(ages),
+                np.exp(-ages / creep),
+            ],
+        }
+        return {
+            output: _project(np.column_stack(explained[output]), signal)
+            for output, signal in outputs.items()
+        }
 
     def weighted(logarithms: Array, spread: Mapping[str, float]) -> Array:
         return np.concatenate([r / spread[output] for output, r in residuals(logarithms).items()])
 
-    low, high, nearest, spread = start - np.log(_FACTOR), start + np.log(_FACTOR), start, dict(noise)
+    low, high, nearest, spread = (
+        start - np.log(_FACTOR),
+        start + np.log(_FACTOR),
+        start,
+        dict(noise),
+    )
     for _ in range(_PASSES if len(outputs) > 1 else 1):
         nearest = least_squares(
             weighted, nearest, bounds=(low, high), x_scale=0.1, xtol=1e-6, ftol=1e-6, args=(spread,)
         ).x.clip(low + 1e-9, high - 1e-9)
         spread = {
-            output: float(np.hypot(noise[output], np.sqrt(np.mean(r**2)))) for output, r in residuals(nearest).items()
+            output: float(np.hypot(noise[output], np.sqrt(np.mean(r**2))))
+            for output, r in residuals(nearest).items()
         }
     return residuals(nearest)
 
@@ -82,4 +98,6 @@ def _relaxing(held: Array, time_constant: float, period: float) -> Array:
 def _project(columns: Array, signal: Array) -> Array:
     """Return the residual of the signal after regression on the columns."""
     scaled = columns / np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    return np.asarray(signal - scaled @ np.linalg.lstsq(scaled.T @ scaled, scaled.T @ signal, rcond=1e-13)[0])
+    return np.asarray(
+        signal - scaled @ np.linalg.lstsq(scaled.T @ scaled, scaled.T @ signal, rcond=1e-13)[0]
+    )

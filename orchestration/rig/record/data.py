@@ -26,7 +26,9 @@ def units(planned: Plan) -> dict[str, str]:
 
 def sketch(planned: Plan) -> xarray.Dataset:
     """Return a first point without values, to see whether a file's format can hold such a record."""
-    return results.dataset(planned.time[:1], {n: np.zeros(1) for n in units(planned)}, _signals(planned), (), {})
+    return results.dataset(
+        planned.time[:1], {n: np.zeros(1) for n in units(planned)}, _signals(planned), (), {}
+    )
 
 
 def dataset(planned: Plan, recorded: Recorded, where: str, endpoint: str) -> xarray.Dataset:
@@ -49,7 +51,11 @@ def dataset(planned: Plan, recorded: Recorded, where: str, endpoint: str) -> xar
     """
     count = len(recorded.inputs)
     columns = np.hstack([recorded.inputs, recorded.outputs, recorded.ages]).T
-    about = about_experiment(planned.experiment, where) | about_pace(recorded.pacing) | _about_rig(planned, endpoint)
+    about = (
+        about_experiment(planned.experiment, where)
+        | about_pace(recorded.pacing)
+        | _about_rig(planned, endpoint)
+    )
     about |= {
         "complete": int(count == planned.time.size and not recorded.failure),
         "over": about["over"] if about["over"] in units(planned) else "time",
@@ -58,19 +64,29 @@ def dataset(planned: Plan, recorded: Recorded, where: str, endpoint: str) -> xar
     if recorded.failure:
         about["failure"] = recorded.failure
     values = dict(zip(units(planned), columns, strict=True))
-    return results.dataset(planned.time[:count], values, _signals(planned), set(planned.inputs), about)
+    return results.dataset(
+        planned.time[:count], values, _signals(planned), set(planned.inputs), about
+    )
 
 
 def _about_rig(planned: Plan, endpoint: str) -> dict[str, Any]:
     limits: Mapping[str, Any] = planned.limits
     return {
-        "subject": f"the rig at {endpoint}", "period": planned.period, "watchdog": planned.watchdog,
-        "max_age": planned.max_age, "limits": json.dumps(limits), "guids": "{}", "parameters": "{}",
-    }  # fmt: skip
+        "subject": f"the rig at {endpoint}",
+        "period": planned.period,
+        "watchdog": planned.watchdog,
+        "max_age": planned.max_age,
+        "limits": json.dumps(limits),
+        "guids": "{}",
+        "parameters": "{}",
+    }
 
 
 def _signals(planned: Plan) -> dict[str, Signal]:
     described = dict.fromkeys(planned.inputs, "As applied to the rig")
     described |= dict.fromkeys(planned.outputs, "As measured at the rig")
     described |= {f"{name}_age": f"Age of {name} when the rig sent it" for name in planned.outputs}
-    return {n: Signal(n, "real", unit, unit, 0.0, -inf, inf, described[n]) for n, unit in units(planned).items()}
+    return {
+        n: Signal(n, "real", unit, unit, 0.0, -inf, inf, described[n])
+        for n, unit in units(planned).items()
+    }

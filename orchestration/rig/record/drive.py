@@ -135,7 +135,9 @@ def drive(
     finally:
         link.disconnect()
     cells = np.array(driving.rows).reshape(-1, len(planned.inputs) + 2 * len(planned.outputs))
-    inputs, outputs, ages = np.split(cells, np.cumsum([len(planned.inputs), len(planned.outputs)]), axis=1)
+    inputs, outputs, ages = np.split(
+        cells, np.cumsum([len(planned.inputs), len(planned.outputs)]), axis=1
+    )
     return Recorded(inputs, outputs, ages, failure, driving.pacing())
 
 
@@ -147,14 +149,21 @@ def _between_samples(accepted: Mapping[str, Any]) -> float:
 
 class _Drive:
     def __init__(
-        self, link: Link, planned: Plan, interrupt: Interrupt, add: Rows, look: Callable[[Moment], None],
+        self,
+        link: Link,
+        planned: Plan,
+        interrupt: Interrupt,
+        add: Rows,
+        look: Callable[[Moment], None],
         trouble: Callable[[], str],
-    ):  # fmt: skip
+    ):
         self._link, self._plan, self._interrupt = link, planned, interrupt
         self._add, self._look, self._trouble = add, look, trouble
         self._commands = planned.values.tolist()
         # the last exchange, after the last row, is there to fetch what was measured in its step
-        self._points = (np.arange(planned.time.size * planned.exchanges + 1) * planned.interval).tolist()
+        self._points = (
+            np.arange(planned.time.size * planned.exchanges + 1) * planned.interval
+        ).tolist()
         self._pacer = Pacer(RealTime(lag=_NEVER, watch=self._watch), self._points, interrupt)
         self._lag, self._missed, self._left_out = 0.0, 0, 0
         self._row: _Row | None = None
@@ -228,7 +237,11 @@ class _Drive:
                 for n, a in zip(self._plan.outputs, self._newest["ages"], strict=True)
             }
         time = self._plan.time
-        self._look(Moment(time[k], time[-1], self._lag, self._missed + self._left_out, link, self._trouble()))
+        self._look(
+            Moment(
+                time[k], time[-1], self._lag, self._missed + self._left_out, link, self._trouble()
+            )
+        )
         return _Row(k, commands, outputs)
 
     def _finish(self, row: _Row) -> None:
@@ -243,4 +256,6 @@ class _Drive:
     def pacing(self) -> Pacing:
         """How well real time was kept; what was left out is missed."""
         kept = self._pacer.statistics()
-        return replace(kept, deadlines=kept.deadlines + self._left_out, missed=kept.missed + self._left_out)
+        return replace(
+            kept, deadlines=kept.deadlines + self._left_out, missed=kept.missed + self._left_out
+        )

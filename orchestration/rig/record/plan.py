@@ -18,7 +18,9 @@ from orchestration.experiment.preparation import points, stimulus_values
 
 Array = NDArray[np.float64]
 _PER_WATCHDOG = 3  # exchanges in the time after which the rig stops without one
-_FASTER = 0.98  # of the rig's period: a step that was written with three digits is meant to be the rig's
+_FASTER = (
+    0.98  # of the rig's period: a step that was written with three digits is meant to be the rig's
+)
 _ROUNDING = 1e-9
 _OLD = 2  # steps, after which a value is too old unless the user says otherwise
 
@@ -103,30 +105,47 @@ def plan(
     _check_state(rig)
     step = _step(experiment, rig, where, rate)
     if experiment.duration is None:
-        raise UserError(f"{where}: duration is missing, and without a model there is no default (--set duration=20s)")
+        raise UserError(
+            f"{where}: duration is missing, and without a model there is no default (--set duration=20s)"
+        )
     experiment = experiment.model_copy(update={"step": step})
     time = points(experiment, where)
     _check_signals(experiment, rig, where)
     columns = {
-        name: stimulus_values(experiment, name, unit, time, where, note) for name, unit in rig["inputs"].items()
-    }  # fmt: skip
+        name: stimulus_values(experiment, name, unit, time, where, note)
+        for name, unit in rig["inputs"].items()
+    }
     exchanges = max(1, round(step / rig["period"]), ceil(_PER_WATCHDOG * step / rig["watchdog"]))
     for name, values in columns.items():
         limit = rig["limits"].get(name, {})
-        _check_limits(values, limit, step / exchanges, rig["inputs"][name], f"{where}: inputs.{name}")
+        _check_limits(
+            values, limit, step / exchanges, rig["inputs"][name], f"{where}: inputs.{name}"
+        )
     values = np.column_stack(list(columns.values()))
     old = _OLD * step if max_age is None else max_age
     return Plan(
-        experiment, rig["inputs"], _outputs(experiment, rig, where, note), time, values, exchanges,
-        rig["period"], rig["watchdog"], rig["limits"], old,
-    )  # fmt: skip
+        experiment,
+        rig["inputs"],
+        _outputs(experiment, rig, where, note),
+        time,
+        values,
+        exchanges,
+        rig["period"],
+        rig["watchdog"],
+        rig["limits"],
+        old,
+    )
 
 
 def _check_state(rig: Mapping[str, Any]) -> None:
     if rig["mode"] == LOCKSTEP:
-        raise UserError("the rig runs in lockstep, where time is the client's; a record needs one in real time")
+        raise UserError(
+            "the rig runs in lockstep, where time is the client's; a record needs one in real time"
+        )
     if rig["state"] == SAFE:
-        raise UserError(f"the rig is in its safe state: {rig['reason']} (ppy rig acknowledge releases it)")
+        raise UserError(
+            f"the rig is in its safe state: {rig['reason']} (ppy rig acknowledge releases it)"
+        )
     if rig["client"]:
         raise UserError(f"the rig has a client already: {rig['client']}")
     for what in ("period", "watchdog"):
@@ -139,7 +158,9 @@ def _check_state(rig: Mapping[str, Any]) -> None:
 def _step(experiment: Experiment, rig: Mapping[str, Any], where: str, rate: float | None) -> float:
     step = experiment.step if rate is None else 1.0 / rate
     if step is None:
-        raise UserError(f"{where}: step is missing, and without a model there is no default (--rate 10)")
+        raise UserError(
+            f"{where}: step is missing, and without a model there is no default (--rate 10)"
+        )
     if step < _FASTER * rig["period"]:
         fastest = 1.0 / rig["period"]
         raise UserError(
@@ -152,7 +173,9 @@ def _step(experiment: Experiment, rig: Mapping[str, Any], where: str, rate: floa
 def _check_signals(experiment: Experiment, rig: Mapping[str, Any], where: str) -> None:
     for name in experiment.inputs:
         if name not in rig["inputs"]:
-            raise UserError(f"{where}: inputs.{name}: the rig has no such input{suggestion(name, rig['inputs'])}")
+            raise UserError(
+                f"{where}: inputs.{name}: the rig has no such input{suggestion(name, rig['inputs'])}"
+            )
     for name, unit in rig["inputs"].items():
         if name not in experiment.inputs:
             raise UserError(
@@ -162,17 +185,23 @@ def _check_signals(experiment: Experiment, rig: Mapping[str, Any], where: str) -
     for name, unit in _declared(experiment).items():
         there = {**rig["outputs"], **rig["inputs"]}.get(name, unit)
         if there != unit:
-            raise UserError(f"{where}: {name} is in {unit} in {experiment.component}, and in {there} on the rig")
+            raise UserError(
+                f"{where}: {name} is in {unit} in {experiment.component}, and in {there} on the rig"
+            )
 
 
-def _outputs(experiment: Experiment, rig: Mapping[str, Any], where: str, note: Callable[[str], None]) -> dict[str, str]:
+def _outputs(
+    experiment: Experiment, rig: Mapping[str, Any], where: str, note: Callable[[str], None]
+) -> dict[str, str]:
     """Outputs that the experiment wants recorded and the rig measures; if it names none, all."""
     wanted = [name for name in experiment.record or rig["outputs"] if name not in rig["inputs"]]
     for name in [name for name in wanted if name not in rig["outputs"]]:
         note(f"the rig does not measure {name}; it is not recorded")
     found = {name: rig["outputs"][name] for name in wanted if name in rig["outputs"]}
     if not found:
-        raise UserError(f"{where}: record: the rig measures nothing of it; it measures {', '.join(rig['outputs'])}")
+        raise UserError(
+            f"{where}: record: the rig measures nothing of it; it measures {', '.join(rig['outputs'])}"
+        )
     return found
 
 
@@ -184,12 +213,18 @@ def _declared(experiment: Experiment) -> dict[str, str]:
     return {variable.name: variable.unit for variable in (*layout.inputs, *layout.outputs)}
 
 
-def _check_limits(values: Array, limit: Mapping[str, float | None], interval: float, unit: str, where: str) -> None:
+def _check_limits(
+    values: Array, limit: Mapping[str, float | None], interval: float, unit: str, where: str
+) -> None:
     low, high, rate = (limit.get(key) for key in ("min", "max", "rate"))
     if low is not None and values.min() < low:
-        raise UserError(f"{where}: goes down to {values.min():.6g} {unit}; the rig's limit is {low:g} {unit}")
+        raise UserError(
+            f"{where}: goes down to {values.min():.6g} {unit}; the rig's limit is {low:g} {unit}"
+        )
     if high is not None and values.max() > high:
-        raise UserError(f"{where}: goes up to {values.max():.6g} {unit}; the rig's limit is {high:g} {unit}")
+        raise UserError(
+            f"{where}: goes up to {values.max():.6g} {unit}; the rig's limit is {high:g} {unit}"
+        )
     changes = np.diff(values, prepend=0.0)  # from rest
     largest = int(np.argmax(np.abs(changes)))
     if rate is not None and abs(changes[largest]) > rate * interval * (1.0 + _ROUNDING):

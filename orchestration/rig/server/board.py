@@ -148,7 +148,9 @@ class Slot(Generic[Record]):
         """
         for _ in range(_ATTEMPTS):
             found = self._valid()
-            if len(found) == 1:  # the other is being written; and this one may have been, since it was copied
+            if (
+                len(found) == 1
+            ):  # the other is being written; and this one may have been, since it was copied
                 before, found = found, self._valid()
                 if len(found) == 1 and found != before:
                     continue
@@ -199,7 +201,15 @@ class Board:
         self.description = Slot(view, next(starts), Description)
 
 
-_KINDS = (Command, Watch, Trip, Beat, Sample, Trip, Description)  # in the order of the slots of a board
+_KINDS = (
+    Command,
+    Watch,
+    Trip,
+    Beat,
+    Sample,
+    Trip,
+    Description,
+)  # in the order of the slots of a board
 
 
 def _starts() -> list[int]:

@@ -62,7 +62,9 @@ def bounded(seconds: float) -> Iterator[None]:
     seconds : float
     """
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)  # a thread in C: it needs no lock of Python
+        faulthandler.dump_traceback_later(
+            seconds, exit=True, file=nowhere
+        )  # a thread in C: it needs no lock of Python
         try:
             yield
         finally:
@@ -122,21 +124,31 @@ class Signals:
         BackendError
             If it is not what :class:`~orchestration.rig.backends.backend.Backend` promises.
         """
-        inputs, outputs, limits = call("the backend's description", lambda: (
-            dict(backend.inputs), dict(backend.outputs), dict(backend.limits)))  # fmt: skip
+        inputs, outputs, limits = call(
+            "the backend's description",
+            lambda: (dict(backend.inputs), dict(backend.outputs), dict(backend.limits)),
+        )
         for what, units in (("inputs", inputs), ("outputs", outputs)):
             if not all(isinstance(text, str) for pair in units.items() for text in pair):
                 raise BackendError(f"{what} of the backend must be names and units, both texts")
             if len(units) > SIGNALS:
                 raise BackendError(f"the backend has {len(units)} {what}; {SIGNALS} can be served")
         if both := sorted(inputs.keys() & outputs.keys()):
-            raise BackendError(f"the backend both commands and measures {', '.join(both)}; a signal is one of them")
+            raise BackendError(
+                f"the backend both commands and measures {', '.join(both)}; a signal is one of them"
+            )
         for name, limit in limits.items():
             if name not in inputs and name not in outputs:
-                raise BackendError(f"the backend has limits of {name!r}, which it neither commands nor measures")
+                raise BackendError(
+                    f"the backend has limits of {name!r}, which it neither commands nor measures"
+                )
             if not _are_limits(limit):
-                raise BackendError(f"limits of {name} are no limits: {limit.min} to {limit.max}, {limit.rate}/s")
-        return cls(inputs, outputs, {name: Limit(li.min, li.max, li.rate) for name, li in limits.items()})
+                raise BackendError(
+                    f"limits of {name} are no limits: {limit.min} to {limit.max}, {limit.rate}/s"
+                )
+        return cls(
+            inputs, outputs, {name: Limit(li.min, li.max, li.rate) for name, li in limits.items()}
+        )
 
     def record(self) -> Description:
         """Write it for the board.
@@ -153,14 +165,18 @@ class Signals:
         limits = {name: (limit.min, limit.max, limit.rate) for name, limit in self.limits.items()}
         text = json.dumps([self.inputs, self.outputs, limits, self.notes]).encode()
         if len(text) > 16384:
-            raise BackendError("names and units of the backend's signals are longer than 16384 bytes")
+            raise BackendError(
+                "names and units of the backend's signals are longer than 16384 bytes"
+            )
         return Description(text)
 
     @classmethod
     def read(cls, record: Description) -> Signals:
         """Read it from the board."""
         inputs, outputs, limits, notes = json.loads(record.text.rstrip(b"\0"))
-        return cls(inputs, outputs, {name: Limit(*bounds) for name, bounds in limits.items()}, notes)
+        return cls(
+            inputs, outputs, {name: Limit(*bounds) for name, bounds in limits.items()}, notes
+        )
 
 
 def _are_limits(limit: Limit) -> bool:
@@ -192,4 +208,6 @@ def reading(backend: Backend, signals: Signals) -> dict[str, float]:
     try:
         return {name: float(values[name]) for name in signals.outputs}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise BackendError(f"read() did not return numbers for {', '.join(signals.outputs)}: {error}") from error
+        raise BackendError(
+            f"read() did not return numbers for {', '.join(signals.outputs)}: {error}"
+        ) from error

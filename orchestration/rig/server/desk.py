@@ -43,11 +43,17 @@ class Desk:
         self._since = ""
         self._opening = False  # the latch is to be opened as soon as the rig can be used
         self._refused: list[str] = []
-        self.counts = dict.fromkeys(("malformed", "late", "repeated", "stale", "refused", "turned away", "missed"), 0)
+        self.counts = dict.fromkeys(
+            ("malformed", "late", "repeated", "stale", "refused", "turned away", "missed"), 0
+        )
         self._answers: dict[str, Callable[[bytes, Mapping[str, Any]], bytes | None]] = {
-            "connect": self._connect, "exchange": self._exchange, "disconnect": self._disconnect,
-            "stop": self._stop, "acknowledge": self._acknowledge, "status": lambda peer, message: self._status(),
-        }  # fmt: skip
+            "connect": self._connect,
+            "exchange": self._exchange,
+            "disconnect": self._disconnect,
+            "stop": self._stop,
+            "acknowledge": self._acknowledge,
+            "status": lambda peer, message: self._status(),
+        }
 
     # -- messages ----------------------------------------------------------------------------------------------------
 
@@ -68,9 +74,13 @@ class Desk:
         if message["type"] != "exchange" or session is None or message["session"] != session.key:
             return
         if len(message["values"]) != len(session.commanded):
-            raise ProtocolError(f"an exchange with {len(message['values'])} values; it takes {len(session.commanded)}")
+            raise ProtocolError(
+                f"an exchange with {len(message['values'])} values; it takes {len(session.commanded)}"
+            )
         if self._rig.mode == LOCKSTEP and not 0 <= message["step"] <= _LONGEST_STEP:
-            raise ProtocolError(f"an exchange with step {message['step']:g} s; allowed are 0 to {_LONGEST_STEP:g} s")
+            raise ProtocolError(
+                f"an exchange with step {message['step']:g} s; allowed are 0 to {_LONGEST_STEP:g} s"
+            )
 
     def answer(self, peer: bytes, message: Mapping[str, Any]) -> bytes | None:
         """Do what a message asks for.
@@ -102,7 +112,11 @@ class Desk:
         reason = misfit(message, self._rig.signals)
         if self._reason:
             reason = f"the rig is in its safe state since {self._since}: {self._reason}"
-        elif session is not None and session.peer != peer and not self._gives_way(session, message["client"], now):
+        elif (
+            session is not None
+            and session.peer != peer
+            and not self._gives_way(session, message["client"], now)
+        ):
             reason = f"the rig serves {session.client[:_LONGEST_NAME]}; one client at a time"
         if reason:
             self._log.tell(f"client {name} refused: {reason}", "client refused")
@@ -112,7 +126,11 @@ class Desk:
             self._session = session = session_of(message, self._rig.signals, peer, now)
             self._log.tell(f"client connected: {name}")
         return encode(
-            "accepted", session=session.key, clock=self._rig.clock(), **self._constants(), **self._sample(session)
+            "accepted",
+            session=session.key,
+            clock=self._rig.clock(),
+            **self._constants(),
+            **self._sample(session),
         )
 
     def _gives_way(self, session: Session, client: str, now: float) -> bool:
@@ -123,7 +141,10 @@ class Desk:
     def _exchange(self, peer: bytes, message: Mapping[str, Any]) -> bytes | None:
         session = self._session
         if session is None or message["session"] != session.key:
-            return encode("refused", reason="this session is over, or of a server before this one; connect again")
+            return encode(
+                "refused",
+                reason="this session is over, or of a server before this one; connect again",
+            )
         if session.repeats(message, self.counts):
             return None
         session.sequence, session.peer, session.heard = message["sequence"], peer, monotonic()
@@ -132,9 +153,16 @@ class Desk:
             self._rig.advance(message["step"])
             self._supervise()
         return encode(
-            "sample", session=session.key, sequence=session.sequence, sent=message["sent"], clock=self._rig.clock(),
-            state=SAFE if self._reason else RUNNING, reason=self._reason, refused=refused, **self._sample(session),
-        )  # fmt: skip
+            "sample",
+            session=session.key,
+            sequence=session.sequence,
+            sent=message["sent"],
+            clock=self._rig.clock(),
+            state=SAFE if self._reason else RUNNING,
+            reason=self._reason,
+            refused=refused,
+            **self._sample(session),
+        )
 
     def _command(self, session: Session, message: Mapping[str, Any]) -> list[str]:
         """Carry out what a fresh exchange commands, unless a value is refused; say why it was not."""
@@ -194,7 +222,12 @@ class Desk:
         """See what the rig has done by itself, and whose time is over."""
         self._supervise()
         session = self._session
-        if session is not None and self._rig.mode != LOCKSTEP and not self._reason and session.never_began(monotonic()):
+        if (
+            session is not None
+            and self._rig.mode != LOCKSTEP
+            and not self._reason
+            and session.never_began(monotonic())
+        ):
             self._end_session("has commanded nothing, its session is over")
 
     def _supervise(self) -> None:
@@ -233,17 +266,30 @@ class Desk:
             name: {key: bound if isfinite(bound) else None for key, bound in vars(limit).items()}
             for name, limit in self._rig.signals.limits.items()
         }
-        return {"mode": self._rig.mode, "period": self._period, "watchdog": self._rig.watchdog, "limits": limits}
+        return {
+            "mode": self._rig.mode,
+            "period": self._period,
+            "watchdog": self._rig.watchdog,
+            "limits": limits,
+        }
 
     def _sample(self, session: Session) -> dict[str, Any]:
         state = self._rig.state()
         ages = state.ages(self._rig.clock())
-        return {"values": [state.values[k] for k in session.wanted], "ages": [ages[k] for k in session.wanted]}
+        return {
+            "values": [state.values[k] for k in session.wanted],
+            "ages": [ages[k] for k in session.wanted],
+        }
 
     def _who(self) -> dict[str, Any]:
         state = SAFE if self._reason else IDLE if self._session is None else RUNNING
         client = "" if self._session is None else self._session.client
-        return {"state": state, "reason": self._reason, "clock": self._rig.clock(), "client": client}
+        return {
+            "state": state,
+            "reason": self._reason,
+            "clock": self._rig.clock(),
+            "client": client,
+        }
 
     def _status(self) -> bytes:
         self.counts["missed"] = self._rig.state().missed
@@ -262,8 +308,11 @@ class Desk:
         accepted = None if self._session is None else self._session.accepted
         refused, self._refused = self._refused, []
         return encode(
-            "telemetry", **self._who(), inputs=dict(zip(signals.inputs, state.applied, strict=True)),
+            "telemetry",
+            **self._who(),
+            inputs=dict(zip(signals.inputs, state.applied, strict=True)),
             outputs=dict(zip(signals.outputs, state.values, strict=True)),
             ages=dict(zip(signals.outputs, state.ages(now), strict=True)),
-            command_age=None if accepted is None else now - accepted, refused=refused,
-        )  # fmt: skip
+            command_age=None if accepted is None else now - accepted,
+            refused=refused,
+        )

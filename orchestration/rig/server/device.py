@@ -18,14 +18,27 @@ from typing import Any
 
 from orchestration.rig.backends.registry import open_backend
 from orchestration.rig.safety import MeasurementMonitor, expired
-from orchestration.rig.server.board import END, RUN, Beat, Board, Command, Sample, Trip, pack, unpack, write_text
+from orchestration.rig.server.board import (
+    END,
+    RUN,
+    Beat,
+    Board,
+    Command,
+    Sample,
+    Trip,
+    pack,
+    unpack,
+    write_text,
+)
 from orchestration.rig.server.calls import BackendError, Signals, bounded, call, leave, reading
 from orchestration.rig.server.scheduling import Collector, Deadlines, prefer
 from orchestration.rig.server.settings import Settings
 
 _LOOK = 0.01  # s: while the device waits for its deadline it looks this often whether it is to go safe or to end
 SLEEP, ENDED = "sleep", "ended"  # what a beat says beside the call of the backend that it is in
-_LONGEST_END = 5.0  # s that the last calls of the backend may take if nobody is left to kill this process
+_LONGEST_END = (
+    5.0  # s that the last calls of the backend may take if nobody is left to kill this process
+)
 _ALONE = Command(END)  # what holds when nothing can be read, which does not happen
 
 
@@ -38,7 +51,9 @@ def main(settings: Settings, memory: Any) -> None:
     memory : ctypes array
         Of the board.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal, to all at once; the front tells us when to end
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # of a terminal, to all at once; the front tells us when to end
     device = Device(settings, Board(memory))
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, device.end)
@@ -109,7 +124,9 @@ class Device:
         self._signals = Signals.of(self._backend)
         self._signals.notes.extend(notes)
         self._rest()
-        self._monitor = MeasurementMonitor(self._signals.outputs, self._signals.limits, settings.watchdog)
+        self._monitor = MeasurementMonitor(
+            self._signals.outputs, self._signals.limits, settings.watchdog
+        )
         self._values = [0.0] * len(self._signals.outputs)
         self._taken = [0.0] * len(self._signals.outputs)
         self._applied = (0.0,) * len(self._signals.inputs)
@@ -141,10 +158,14 @@ class Device:
 
     def _command(self) -> Command:
         now = monotonic()
-        if now - self._looked > _LOOK:  # a look takes some 20 microseconds, a thousand periods a second have not that
+        if (
+            now - self._looked > _LOOK
+        ):  # a look takes some 20 microseconds, a thousand periods a second have not that
             self._looked = now
             parent, watch = parent_process(), self._board.watch.read()
-            if (parent is not None and wait([parent.sentinel], 0)) or (watch is not None and watch.ending):
+            if (parent is not None and wait([parent.sentinel], 0)) or (
+                watch is not None and watch.ending
+            ):
                 self._told_to_end = True
         return _ALONE if self._told_to_end else self._board.command.read() or _ALONE
 
@@ -168,7 +189,9 @@ class Device:
 
     def _write(self, values: tuple[float, ...]) -> None:
         self._safe = False
-        self._call("write()", self._backend.write, dict(zip(self._signals.inputs, values, strict=True)))
+        self._call(
+            "write()", self._backend.write, dict(zip(self._signals.inputs, values, strict=True))
+        )
         self._applied = values
 
     def _rest(self) -> None:

@@ -94,7 +94,9 @@ class Front:
         collector = Collector()
         while not self._signals.ending:
             self._take_messages()
-            if self._signals.ending:  # the same signal may have ended the guard, which is no trouble then
+            if (
+                self._signals.ending
+            ):  # the same signal may have ended the guard, which is no trouble then
                 break
             now = monotonic()
             if self._signals.stopping:
@@ -125,7 +127,9 @@ class Front:
                 continue
             if waiting is not None:
                 before = waiting[1]
-                if message["sequence"] <= before["sequence"] and self._desk.supersedes(before, message):
+                if message["sequence"] <= before["sequence"] and self._desk.supersedes(
+                    before, message
+                ):
                     continue
                 if not self._desk.supersedes(message, before):
                     self._answer(*waiting)
@@ -165,7 +169,10 @@ class Front:
         number = self._sockets.turned_away()
         if number:
             self._desk.counts["turned away"] += number
-            self._log.tell("a peer was turned away: it has no key, a wrong one, or speaks no ZeroMQ", "turned away")
+            self._log.tell(
+                "a peer was turned away: it has no key, a wrong one, or speaks no ZeroMQ",
+                "turned away",
+            )
 
 
 @contextmanager
@@ -185,7 +192,9 @@ def heeded() -> Iterator[Signals]:
         signals.stopping = signal.Signals(number).name
 
     wanted = {"SIGINT": end, "SIGTERM": end, "SIGBREAK": end, "SIGHUP": end, "SIGUSR1": stop}
-    there = {getattr(signal, name): handler for name, handler in wanted.items() if hasattr(signal, name)}
+    there = {
+        getattr(signal, name): handler for name, handler in wanted.items() if hasattr(signal, name)
+    }
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # nohup
         del there[signal.SIGHUP]
     before = {number: signal.signal(number, handler) for number, handler in there.items()}
@@ -204,7 +213,10 @@ def _ready(settings: Settings, sockets: Sockets, rig: Rig) -> str:
         pace = f"real time at {settings.rate:g} Hz, watchdog {rig.watchdog:g} s"
 
     def listed(units: dict[str, str]) -> str:
-        return ", ".join(f"{name} [{unit}]{_limits(rig, name)}" for name, unit in units.items()) or "nothing"
+        return (
+            ", ".join(f"{name} [{unit}]{_limits(rig, name)}" for name, unit in units.items())
+            or "nothing"
+        )
 
     return (
         f"ready: {sockets.endpoint} (telemetry {sockets.telemetry_endpoint}), {settings.backend}, {pace}; "

@@ -16,7 +16,7 @@ from typing import Any
 
 from orchestration.rig.backends.registry import backend_class, open_backend
 from orchestration.rig.server import device
-from orchestration.rig.server.board import (  # fmt: skip
+from orchestration.rig.server.board import (
     END,
     GONE,
     OPENING,
@@ -35,7 +35,9 @@ from orchestration.rig.server.settings import Settings
 
 LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to hang
 ATTEMPTS = 5  # at the safe state, when the backend raises
-LONGEST_ATTEMPT = 5.0  # s; a guard that hangs for longer in the backend ends itself, and the front starts another
+LONGEST_ATTEMPT = (
+    5.0  # s; a guard that hangs for longer in the backend ends itself, and the front starts another
+)
 _PAUSE = 0.2  # s between two attempts
 _LONGEST_DYING = 0.5  # s that a killed process may take to end
 _SHARE = 0.75  # of the watchdog time, that a driver call may take: what is left is for finding out and for the rescue
@@ -142,24 +144,34 @@ class Guard:
         return self._board.command.read() or Command()
 
     def _is_to_end(self, parent: Any) -> bool:
-        return self._told_to_end or self._command().order == END or (parent is not None and not parent.is_alive())
+        return (
+            self._told_to_end
+            or self._command().order == END
+            or (parent is not None and not parent.is_alive())
+        )
 
     def _start(self) -> None:
-        self._device = self._context.Process(target=device.main, args=(self._settings, self._memory), name="device")
+        self._device = self._context.Process(
+            target=device.main, args=(self._settings, self._memory), name="device"
+        )
         self._started = monotonic()
         self._device.start()
         self._tell(OPENING)
 
     def _look(self) -> None:
         """See whether the device is well; if not, take its place."""
-        command = self._command()  # before all else: what an operator acknowledges was on the board before
+        command = (
+            self._command()
+        )  # before all else: what an operator acknowledges was on the board before
         trip, beat, now = self._board.trip.read(), self._board.beat.read(), monotonic()
         if self._device is None:
             if command.acknowledged != self._acknowledged:
                 self._acknowledged = command.acknowledged
                 self._start()
             return
-        if not self._is_of_the_end(trip):  # else the acknowledgement, if there is one, asks for another device
+        if not self._is_of_the_end(
+            trip
+        ):  # else the acknowledgement, if there is one, asks for another device
             self._acknowledged = command.acknowledged
         if not self._device.is_alive():
             self._look_after_the_end()
@@ -180,7 +192,9 @@ class Guard:
         trip = self._board.trip.read()
         if trip is None or not self._is_of_the_end(trip):
             self._take_over(f"the device process has ended, exit status {self._device.exitcode}")
-        elif not trip.reached and self._board.description.read() is not None:  # else the backend was never open
+        elif (
+            not trip.reached and self._board.description.read() is not None
+        ):  # else the backend was never open
             self._take_over(read_text(trip.reason))
         else:
             self._device = None
@@ -192,7 +206,9 @@ class Guard:
         self._report(f"{reason}; the guard brings it to the safe state", begun)
         if self._device.is_alive():
             self._device.kill()
-            self._device.join(_LONGEST_DYING)  # a call inside the kernel may hold it for longer; that must not hold us
+            self._device.join(
+                _LONGEST_DYING
+            )  # a call inside the kernel may hold it for longer; that must not hold us
         self._device = None
         self._reach(reason, begun)
 
@@ -245,7 +261,9 @@ class Guard:
         beat = self._board.beat.read()
         if beat is None or not beat.opened or self._has_ended():
             return ""
-        return fault_of(beat, self._command(), monotonic(), self._settings.watchdog, self._settings.period)
+        return fault_of(
+            beat, self._command(), monotonic(), self._settings.watchdog, self._settings.period
+        )
 
     def _was_open(self) -> bool:
         beat = self._board.beat.read()

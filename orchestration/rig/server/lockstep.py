@@ -33,7 +33,9 @@ class LockstepRig:
 
     def __init__(self, settings: Settings) -> None:
         if not issubclass(backend_class(settings.backend), Steppable):
-            raise UserError(f"--lockstep: the time of {settings.backend} is its own; emulator and replay can wait")
+            raise UserError(
+                f"--lockstep: the time of {settings.backend} is its own; emulator and replay can wait"
+            )
         self._settings = settings
         self._troubles: list[str] = []
         self._clock = 0.0
@@ -44,11 +46,15 @@ class LockstepRig:
             raise cannot_open(settings, str(error)) from error
 
     def _open(self) -> None:
-        self._backend: Backend = call("opening", open_backend, self._settings.backend, self._settings.options)
+        self._backend: Backend = call(
+            "opening", open_backend, self._settings.backend, self._settings.options
+        )
         self._failed = self._resting = False
         self.signals = Signals.of(self._backend)
         self._measured = dict.fromkeys(self.signals.outputs, nan)
-        self._monitor = MeasurementMonitor(self.signals.outputs, self.signals.limits, self._settings.watchdog)
+        self._monitor = MeasurementMonitor(
+            self.signals.outputs, self.signals.limits, self._settings.watchdog
+        )
         self._values: list[float | None] = [None] * len(self.signals.outputs)
         self._taken = [0.0] * len(self.signals.outputs)
         self._applied = (0.0,) * len(self.signals.inputs)
@@ -62,7 +68,11 @@ class LockstepRig:
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input."""
         self._applied, self._resting = tuple(values), False
-        self._guarded(lambda: call("write()", self._backend.write, dict(zip(self.signals.inputs, values, strict=True))))
+        self._guarded(
+            lambda: call(
+                "write()", self._backend.write, dict(zip(self.signals.inputs, values, strict=True))
+            )
+        )
 
     def advance(self, step: float) -> None:
         """Let time pass with the commands held, then read.

@@ -47,7 +47,11 @@ class EventLog:
                 file = path.open("a", encoding="utf-8")
             except OSError as error:
                 raise UserError(f"--log {path}: {error.strerror}") from error
-            self._places.append(_Place(file, lambda error: self.tell(f"--log {path} is not written any more: {error}")))
+            self._places.append(
+                _Place(
+                    file, lambda error: self.tell(f"--log {path} is not written any more: {error}")
+                )
+            )
 
     def tell(self, text: str, kind: str = "") -> None:
         """Write a line.
@@ -84,7 +88,9 @@ class EventLog:
 class _Place:
     """Where lines go to, until that fails."""
 
-    def __init__(self, stream: TextIO, failed: Callable[[Exception], None] = lambda error: None) -> None:
+    def __init__(
+        self, stream: TextIO, failed: Callable[[Exception], None] = lambda error: None
+    ) -> None:
         self._stream, self._failed = stream, failed
         self._lines: Queue[str | None] = Queue(_LONGEST_QUEUE)
         self._closing = False

@@ -11,7 +11,7 @@ from typing import Any
 
 from fmus.rig_proxy.protocol import REAL_TIME
 from orchestration.rig.server import guard
-from orchestration.rig.server.board import (  # fmt: skip
+from orchestration.rig.server.board import (
     END,
     REST,
     RUN,
@@ -120,7 +120,11 @@ class RealTimeRig:
     def opening(self) -> str:
         """Why the rig cannot be used: its device is being opened, or is gone."""
         watch = self._board.watch.read()
-        if watch is not None and watch.device == SERVING and watch.acknowledged == self._command.acknowledged:
+        if (
+            watch is not None
+            and watch.device == SERVING
+            and watch.acknowledged == self._command.acknowledged
+        ):
             return ""
         return "the device is being opened"
 
@@ -146,7 +150,11 @@ class RealTimeRig:
         self._rescues += 1
         rescue = self._board.rescue.read()
         hung = rescue is not None and not rescue.reached
-        reason = "THE SAFE STATE WAS NOT REACHED: the backend hangs" if hung else "the guard process has ended"
+        reason = (
+            "THE SAFE STATE WAS NOT REACHED: the backend hangs"
+            if hung
+            else "the guard process has ended"
+        )
         if self._rescues > _GUARDS:
             return [f"{reason}; given up after {_GUARDS} processes"]
         self._guard = self._start_guard(reason)
@@ -159,19 +167,25 @@ class RealTimeRig:
         if sample is None:
             return State(0, (0.0,) * inputs, (None,) * outputs, (0.0,) * outputs, 0)
         taken = unpack(sample.taken, outputs)
-        values = tuple(v if t else None for v, t in zip(unpack(sample.values, outputs), taken, strict=True))
+        values = tuple(
+            v if t else None for v, t in zip(unpack(sample.values, outputs), taken, strict=True)
+        )
         return State(sample.number, unpack(sample.applied, inputs), values, taken, sample.missed)
 
     def close(self) -> str:
         """End device and guard, the rig in its safe state."""
         ordered = monotonic()
         self._order(self._command._replace(order=END))
-        self._guard.join(self.watchdog + self._settings.period + 1.0 + guard.LONGEST_ATTEMPT + _SPARE)
+        self._guard.join(
+            self.watchdog + self._settings.period + 1.0 + guard.LONGEST_ATTEMPT + _SPARE
+        )
         if self._guard.is_alive():
             self._guard.kill()
             self._guard.join(1.0)
         rescue = self._board.rescue.read()
-        if self._guard.exitcode == 0 or (rescue is not None and rescue.reached and rescue.time > ordered):
+        if self._guard.exitcode == 0 or (
+            rescue is not None and rescue.reached and rescue.time > ordered
+        ):
             return ""  # a guard that reached it may hang in the driver afterwards
         return "the guard does not end" if rescue is None else read_text(rescue.reason)
 

@@ -51,7 +51,7 @@ class State:
         return [
             None if value is None else max(0.0, now - then)
             for value, then in zip(self.values, self.taken, strict=True)
-        ]  # fmt: skip
+        ]
 
 
 class Rig(Protocol):

@@ -87,7 +87,9 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
         except AttributeError:
-            notes.append(f"--device-priority {priority}: this system has no such thing; it goes on without")
+            notes.append(
+                f"--device-priority {priority}: this system has no such thing; it goes on without"
+            )
         except OSError as error:
             notes.append(f"--device-priority {priority}: {error.strerror}; it goes on without")
     if cpu is not None:

@@ -11,7 +11,9 @@ from fmus.kit.errors import suggestion
 from orchestration.rig.server.calls import Signals
 
 _FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
-_SILENCE = 2.0  # s, in lockstep, after which another client may take the place of one that says nothing
+_SILENCE = (
+    2.0  # s, in lockstep, after which another client may take the place of one that says nothing
+)
 
 
 @dataclass
@@ -91,7 +93,11 @@ def misfit(message: Mapping[str, Any], signals: Signals) -> str:
             if unit != offered[name]:
                 return f"{name} is in {offered[name]!r} on the rig, not in {unit!r}"
     missing = [name for name in signals.inputs if name not in message["inputs"]]
-    return f"the client must command every input of the rig; {', '.join(missing)} is missing" if missing else ""
+    return (
+        f"the client must command every input of the rig; {', '.join(missing)} is missing"
+        if missing
+        else ""
+    )
 
 
 def session_of(message: Mapping[str, Any], signals: Signals, peer: bytes, now: float) -> Session:
@@ -112,6 +118,9 @@ def session_of(message: Mapping[str, Any], signals: Signals, peer: bytes, now: f
     """
     names, outputs = list(message["inputs"]), list(signals.outputs)
     return Session(
-        message["client"], peer, [names.index(name) for name in signals.inputs],
-        [outputs.index(name) for name in message["outputs"]], now,
-    )  # fmt: skip
+        message["client"],
+        peer,
+        [names.index(name) for name in signals.inputs],
+        [outputs.index(name) for name in message["outputs"]],
+        now,
+    )

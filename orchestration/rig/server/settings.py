@@ -66,7 +66,9 @@ class Settings:
         _check_range("--rate", self.rate, *RATES, "Hz")
         _check_range("--watchdog", self.watchdog, *WATCHDOGS, "s")
         if not 0 <= self.port <= 65534:
-            raise UserError(f"--port {self.port}: allowed are 1 to 65534, and 0 for any that is free")
+            raise UserError(
+                f"--port {self.port}: allowed are 1 to 65534, and 0 for any that is free"
+            )
         if self.priority is not None and not 1 <= self.priority <= 99:
             raise UserError(f"--device-priority {self.priority}: allowed are 1 to 99")
         if self.cpu is not None and self.cpu < 0:

@@ -18,11 +18,15 @@ from orchestration.rig.server.settings import Settings
 
 _LONGEST_QUEUE = 100  # messages in each direction, of each peer
 _HANDSHAKE = 2000  # ms that a peer has to say who it is
-_LARGEST = 16 * MAX_FRAME  # bytes; what is larger ends its connection, what is smaller is counted and told
+_LARGEST = (
+    16 * MAX_FRAME
+)  # bytes; what is larger ends its connection, what is smaller is counted and told
 _TRIES = 20  # for two free ports that are neighbours
 _FAILED = (
-    zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
-)  # fmt: skip
+    zmq.EVENT_HANDSHAKE_FAILED_AUTH
+    | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+    | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+)
 
 
 @dataclass
@@ -63,7 +67,9 @@ class _Allowed:
 
 
 @contextmanager
-def opened(settings: Settings, warn: Callable[[str], None] = lambda text: None) -> Iterator[Sockets]:
+def opened(
+    settings: Settings, warn: Callable[[str], None] = lambda text: None
+) -> Iterator[Sockets]:
     """Bind both sockets, and close them in the end, whatever is still in them.
 
     Parameters
@@ -93,7 +99,9 @@ def opened(settings: Settings, warn: Callable[[str], None] = lambda text: None) 
         monitor = requests.get_monitor_socket(_FAILED)
         made.append(monitor)
         host = settings.host
-        yield Sockets(requests, made[1], f"tcp://{host}:{port}", f"tcp://{host}:{port + 1}", monitor)
+        yield Sockets(
+            requests, made[1], f"tcp://{host}:{port}", f"tcp://{host}:{port + 1}", monitor
+        )
         requests.disable_monitor()
     finally:
         door.stop()
@@ -103,7 +111,10 @@ def opened(settings: Settings, warn: Callable[[str], None] = lambda text: None) 
 
 
 def _bound(
-    context: zmq.Context[zmq.Socket[bytes]], settings: Settings, keys: ServerKeys | None, made: list[zmq.Socket[bytes]]
+    context: zmq.Context[zmq.Socket[bytes]],
+    settings: Settings,
+    keys: ServerKeys | None,
+    made: list[zmq.Socket[bytes]],
 ) -> tuple[zmq.Socket[bytes], int]:
     """Bind requests to the port and telemetry to the next; any two neighbours if the port is 0."""
     for _ in range(_TRIES):

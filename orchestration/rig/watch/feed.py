@@ -42,10 +42,13 @@ class Feed:
     def status(self, message: Mapping[str, Any]) -> None:
         """Take what the server answered: what the rig is, and its state."""
         rig = {
-            "mode": _text(message["mode"]), "period": message["period"], "watchdog": message["watchdog"],
-            "inputs": _texts(message["inputs"]), "outputs": _texts(message["outputs"]),
+            "mode": _text(message["mode"]),
+            "period": message["period"],
+            "watchdog": message["watchdog"],
+            "inputs": _texts(message["inputs"]),
+            "outputs": _texts(message["outputs"]),
             "limits": {_text(name): _numbers(limit) for name, limit in _few(message["limits"])},
-        }  # fmt: skip
+        }
         with self._changed:
             self._heard = monotonic()
             if rig != self._rig:
@@ -59,10 +62,13 @@ class Feed:
         now = monotonic()
         refused = [_text(line) for line in message["refused"][:_MOST]]
         sample = {
-            "kind": "sample", "at": now, "inputs": _numbers(message["inputs"]),
-            "outputs": _numbers(message["outputs"]), "ages": _numbers(message["ages"]),
+            "kind": "sample",
+            "at": now,
+            "inputs": _numbers(message["inputs"]),
+            "outputs": _numbers(message["outputs"]),
+            "ages": _numbers(message["ages"]),
             "command_age": _number(message.get("command_age")),
-        }  # fmt: skip
+        }
         with self._changed:
             self._heard = self._sampled = now
             self._samples.append(sample)
@@ -91,7 +97,9 @@ class Feed:
             items = [{"kind": "rig", **self._rig}] if self._rig else []
             items += [{"kind": "contact", **self._contact}, *self._events]
             items += [self._state_item(*self._state)] if self._state else []
-            return self._serial, items + [sample for sample in self._samples if sample["at"] >= first]
+            return self._serial, items + [
+                sample for sample in self._samples if sample["at"] >= first
+            ]
 
     def since(self, serial: int, timeout: float) -> tuple[int, list[dict[str, Any]]]:
         """Wait for items that are newer than a number.
@@ -132,7 +140,10 @@ class Feed:
             self._state = state
             self._add(self._state_item(*state))
             name, reason, client = state
-            self._event(name, " · ".join(part for part in (name, reason, client and f"client {client}") if part))
+            self._event(
+                name,
+                " · ".join(part for part in (name, reason, client and f"client {client}") if part),
+            )
 
     @staticmethod
     def _state_item(state: str, reason: str, client: str) -> dict[str, Any]:
@@ -141,7 +152,9 @@ class Feed:
     def _judge(self) -> None:
         now = monotonic()
         patience = SILENCE
-        if self._rig.get("mode") == REAL_TIME:  # in lockstep there are samples when the client wants them
+        if (
+            self._rig.get("mode") == REAL_TIME
+        ):  # in lockstep there are samples when the client wants them
             patience = max(SILENCE, _PERIODS * self._rig["period"])
         samples = now - self._sampled < patience or self._rig.get("mode", REAL_TIME) != REAL_TIME
         contact = {"server": now - self._heard < SILENCE, "samples": samples}
@@ -150,9 +163,14 @@ class Feed:
         was, self._contact = self._contact, contact
         self._add({"kind": "contact", **contact})
         if contact["server"] != was["server"]:
-            self._event("contact", "contact with the rig's server" if contact["server"] else "contact lost")
+            self._event(
+                "contact", "contact with the rig's server" if contact["server"] else "contact lost"
+            )
         elif contact["server"]:
-            self._event("contact", "samples arrive" if samples else "the server answers, but no samples arrive")
+            self._event(
+                "contact",
+                "samples arrive" if samples else "the server answers, but no samples arrive",
+            )
 
 
 def _text(value: Any) -> str:

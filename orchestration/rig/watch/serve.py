@@ -109,7 +109,9 @@ class _Handler(BaseHTTPRequestHandler):
             return
         with suppress(ValueError):
             self.rfile.read(min(max(int(self.headers.get("Content-Length", 0)), 0), _LARGEST))
-        if not hmac.compare_digest(self.headers.get("X-Rig-Token", "").encode(), self.server.token.encode()):
+        if not hmac.compare_digest(
+            self.headers.get("X-Rig-Token", "").encode(), self.server.token.encode()
+        ):
             self._send(HTTPStatus.FORBIDDEN, "text/plain", "not from this page")
         elif self.path != "/stop":
             self._send(HTTPStatus.NOT_FOUND, "text/plain", "there is nothing to command but stop")

@@ -51,7 +51,9 @@ def check_picture(path: Path, design: str, keep: Sequence[str]) -> None:
     if design == bands.KIND and TRACE not in keep:
         raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
     if design != bands.KIND and not {*keep} - {TRACE}:
-        raise UserError(f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none")
+        raise UserError(
+            f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none"
+        )
 
 
 def together(data: xarray.Dataset, analysed: xarray.Dataset) -> xarray.Dataset:

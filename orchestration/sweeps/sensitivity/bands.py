@@ -62,7 +62,12 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.
             f"bands are of a sweep of the designs {', '.join(_EVEN)}, not {found.attrs.get('design', 'none')}"
         )
     levels = np.asarray(quantiles, dtype=float)
-    if levels.ndim != 1 or not levels.size or not ((levels >= 0) & (levels <= 1)).all() or (np.diff(levels) <= 0).any():
+    if (
+        levels.ndim != 1
+        or not levels.size
+        or not ((levels >= 0) & (levels <= 1)).all()
+        or (np.diff(levels) <= 0).any()
+    ):
         raise UserError(f"quantiles {[*quantiles]}: between 0 and 1, and rising")
     complete(found, "bands")
     values: dict[str, object] = {}
@@ -94,7 +99,10 @@ def table(found: xarray.Dataset) -> Table:
         places = [("", band)]
         if "time" in band.dims:
             widest, end = int(np.argmax(np.ptp(band.values, axis=0))), found.sizes["time"] - 1
-            places = [(f"{float(found['time'][at]):g} s", band.isel(time=at)) for at in sorted({widest, end})]
+            places = [
+                (f"{float(found['time'][at]):g} s", band.isel(time=at))
+                for at in sorted({widest, end})
+            ]
         for at, here in places:
             made.add_row(output, at, *(f"{value:.6g}" for value in here.values), band.units)
     return made
@@ -111,18 +119,29 @@ def draw(found: xarray.Dataset, path: Path) -> None:
     names = drawn([str(name) for name, band in found.items() if "time" in band.dims])
     if not names:
         raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
-    figure, panels = pictures.panels(2 * len(names), f"{found.attrs['model']}: quantiles over cases")
+    figure, panels = pictures.panels(
+        2 * len(names), f"{found.attrs['model']}: quantiles over cases"
+    )
     levels = [f"{100.0 * level:g} %" for level in found["quantile"].values]
     for over, below, name in zip(panels[::2], panels[1::2], names, strict=True):
         band, unit = found[name].values, found[name].units
         middle = len(band) // 2
         for panel, values in ((over, band), (below, band - band[middle])):
-            panel.fill_between(found["time"].values, values[0], values[-1], color=pictures.MODEL, alpha=0.25, lw=0.0,
-                               label=f"{levels[0]} to {levels[-1]}")  # fmt: skip
+            panel.fill_between(
+                found["time"].values,
+                values[0],
+                values[-1],
+                color=pictures.MODEL,
+                alpha=0.25,
+                lw=0.0,
+                label=f"{levels[0]} to {levels[-1]}",
+            )
             for level, line in zip(levels[1:-1], values[1:-1], strict=True):
                 panel.plot(found["time"].values, line, color=pictures.MODEL, label=level)
         pictures.label(over, name.removesuffix("_band"), unit)
         pictures.label(below, f"from {levels[middle]}", unit)
     pictures.logarithmic(panels, found["time"].values)
-    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+    panels[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
+    )
     pictures.save(figure, path)

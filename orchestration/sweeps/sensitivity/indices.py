@@ -12,7 +12,13 @@ from rich.table import Table
 from fmus.kit.errors import UserError
 from orchestration.reporting import pictures
 from orchestration.reporting.console import plain_table
-from orchestration.sweeps.sensitivity.numbers import complete, designed, drawn, numbers, parameters_of
+from orchestration.sweeps.sensitivity.numbers import (
+    complete,
+    designed,
+    drawn,
+    numbers,
+    parameters_of,
+)
 
 Array = NDArray[np.float64]
 KIND = "sobol-indices"
@@ -39,11 +45,17 @@ def sampled(count: int, samples: int, seed: int) -> Array:
     """
     from SALib.sample import sobol
 
-    return np.asarray(sobol.sample(_problem(count), samples, calc_second_order=False, seed=seed), dtype=float)
+    return np.asarray(
+        sobol.sample(_problem(count), samples, calc_second_order=False, seed=seed), dtype=float
+    )
 
 
 def _problem(count: int) -> dict[str, object]:
-    return {"num_vars": count, "names": [f"x{k}" for k in range(count)], "bounds": [[0.0, 1.0]] * count}
+    return {
+        "num_vars": count,
+        "names": [f"x{k}" for k in range(count)],
+        "bounds": [[0.0, 1.0]] * count,
+    }
 
 
 def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) -> xarray.Dataset:
@@ -94,42 +106,70 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
     for name in numbers(found):
         index, half = _analysed(found[name].values, len(parameters), level, seed)
         about = {"units": "1", "long_name": f"Sobol indices of {name}"}
-        ends = {"units": "1", "long_name": f"{100.0 * level:g} % confidence interval of {name}_index, by bootstrap"}
+        ends = {
+            "units": "1",
+            "long_name": f"{100.0 * level:g} % confidence interval of {name}_index, by bootstrap",
+        }
         values[f"{name}_index"] = (("index", "parameter"), index, about)
         values[f"{name}_index_interval"] = (
-            ("index", "parameter", "end"), np.stack([index - half, index + half], axis=-1), ends,
-        )  # fmt: skip
+            ("index", "parameter", "end"),
+            np.stack([index - half, index + half], axis=-1),
+            ends,
+        )
     coordinates = {"index": list(ORDERS), "parameter": parameters, "end": ["lower", "upper"]}
-    return xarray.Dataset(values, coordinates, {"model": found.attrs["model"], "design": KIND, "level": level})
+    return xarray.Dataset(
+        values, coordinates, {"model": found.attrs["model"], "design": KIND, "level": level}
+    )
 
 
 def _analysed(values: Array, count: int, level: float, seed: int) -> tuple[Array, Array]:
     """Indices (2, p) of values (n,), and half of their intervals."""
     from SALib.analyze import sobol
 
-    if np.ptp(values) <= 1e-12 * np.abs(values).max():  # nothing but rounding has a variance to be shared
+    if (
+        np.ptp(values) <= 1e-12 * np.abs(values).max()
+    ):  # nothing but rounding has a variance to be shared
         return np.full((2, count), np.nan), np.full((2, count), np.nan)
     resamples = int(np.clip(_LARGEST * (count + 2) // len(values), 100, _RESAMPLES))
     found = sobol.analyze(
-        _problem(count), values, calc_second_order=False, conf_level=level, num_resamples=resamples,
+        _problem(count),
+        values,
+        calc_second_order=False,
+        conf_level=level,
+        num_resamples=resamples,
         seed=seed + 1,  # SALib takes zero for none
-    )  # fmt: skip
+    )
     return np.array([found["S1"], found["ST"]]), np.array([found["S1_conf"], found["ST_conf"]])
 
 
 def table(indices: xarray.Dataset) -> Table:
     """Return indices as they are printed, parameters with the largest total first."""
     interval = f"{100.0 * indices.attrs['level']:g} % interval"
-    made = plain_table(None, "variance of", "from", "first order", interval, "total", interval,
-                       right=("first order", interval, "total"))  # fmt: skip
+    made = plain_table(
+        None,
+        "variance of",
+        "from",
+        "first order",
+        interval,
+        "total",
+        interval,
+        right=("first order", interval, "total"),
+    )
     for name in _of(indices):
         for parameter in _ranked(indices[f"{name}_index"]):
             cells = []
             for order in ORDERS:
                 at = {"index": order, "parameter": parameter}
-                value, ends = indices[f"{name}_index"].sel(at), indices[f"{name}_index_interval"].sel(at)
+                value, ends = (
+                    indices[f"{name}_index"].sel(at),
+                    indices[f"{name}_index_interval"].sel(at),
+                )
                 lower, upper = ends.values
-                cells += [f"{float(value):.3f}", f"{lower:.3f} … {upper:.3f}"] if np.isfinite(value) else ["none", ""]
+                cells += (
+                    [f"{float(value):.3f}", f"{lower:.3f} … {upper:.3f}"]
+                    if np.isfinite(value)
+                    else ["none", ""]
+                )
             made.add_row(name, parameter, *cells)
     return made
 
@@ -143,19 +183,33 @@ def draw(indices: xarray.Dataset, path: Path) -> None:
         If the file cannot be written.
     """
     names = drawn(_of(indices))
-    figure, panels = pictures.panels(len(names), f"{indices.attrs['model']}: shares of the variance")
+    figure, panels = pictures.panels(
+        len(names), f"{indices.attrs['model']}: shares of the variance"
+    )
     parameters = [str(p) for p in indices["parameter"].values]
     at = np.arange(len(parameters))
     for panel, name in zip(panels, names, strict=True):
-        for k, (order, colour) in enumerate(zip(ORDERS, (pictures.MODEL, pictures.MEASURED), strict=True)):
+        for k, (order, colour) in enumerate(
+            zip(ORDERS, (pictures.MODEL, pictures.MEASURED), strict=True)
+        ):
             value = indices[f"{name}_index"].sel(index=order).values
             upper = indices[f"{name}_index_interval"].sel(index=order, end="upper").values
-            panel.bar(at + 0.38 * (k - 0.5), value, 0.36, yerr=upper - value, capsize=2.5, color=colour,
-                      error_kw={"lw": 1.0}, label="first order" if order == "first" else "total")  # fmt: skip
+            panel.bar(
+                at + 0.38 * (k - 0.5),
+                value,
+                0.36,
+                yerr=upper - value,
+                capsize=2.5,
+                color=colour,
+                error_kw={"lw": 1.0},
+                label="first order" if order == "first" else "total",
+            )
         panel.set_axisbelow(True)
         panel.set_ylim(min(0.0, panel.get_ylim()[0]), max(1.0, panel.get_ylim()[1]))
         pictures.label(panel, name, "1")
-    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+    panels[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
+    )
     panels[-1].set_xticks(at, parameters)
     panels[-1].set_xlabel("parameter")
     pictures.save(figure, path)

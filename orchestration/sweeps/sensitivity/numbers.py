@@ -21,7 +21,9 @@ def designed(found: xarray.Dataset, kind: str) -> None:
     """
     if found.attrs.get("design") != kind or "case" not in found.dims:
         other = found.attrs.get("design", "no sweep")
-        raise UserError(f"this is of a sweep of the design {kind}, not {other}: sweep(..., kind={kind!r})")
+        raise UserError(
+            f"this is of a sweep of the design {kind}, not {other}: sweep(..., kind={kind!r})"
+        )
 
 
 def parameters_of(found: xarray.Dataset) -> list[str]:
@@ -31,7 +33,9 @@ def parameters_of(found: xarray.Dataset) -> list[str]:
 
 def numbers(found: xarray.Dataset) -> list[str]:
     """Names of the numbers that a sweep left of each case."""
-    names = [str(name) for name, value in found.items() if value.dims == ("case",) and name != "failure"]
+    names = [
+        str(name) for name, value in found.items() if value.dims == ("case",) and name != "failure"
+    ]
     if not names:
         raise UserError("the sweep kept no numbers, such as --keep last")
     return names
@@ -44,7 +48,11 @@ def drawn(names: Sequence[str]) -> list[str]:
 
 def failures(found: xarray.Dataset) -> list[str]:
     """Why cases left nothing."""
-    return [str(reason) for reason in found["failure"].values.ravel() if reason] if "failure" in found else []
+    return (
+        [str(reason) for reason in found["failure"].values.ravel() if reason]
+        if "failure" in found
+        else []
+    )
 
 
 def complete(found: xarray.Dataset, what: str) -> None:
@@ -66,7 +74,13 @@ def complete(found: xarray.Dataset, what: str) -> None:
             f"no {what}: {len(failed)} of {found.sizes['case']:,} cases failed, and nothing stands in for them; the "
             f"first: {failed[0]}"
         )
-    whole = {name: value for name, value in found.items() if value.dims == ("case",) and name != "failure"}
-    endless = next((name for name, value in whole.items() if not np.isfinite(value.values).all()), None)
+    whole = {
+        name: value
+        for name, value in found.items()
+        if value.dims == ("case",) and name != "failure"
+    }
+    endless = next(
+        (name for name, value in whole.items() if not np.isfinite(value.values).all()), None
+    )
     if endless is not None:
         raise UserError(f"no {what}: {endless} is no finite number in a case")

@@ -14,7 +14,13 @@ from fmus.kit.errors import UserError
 from orchestration.reporting import pictures
 from orchestration.reporting.console import plain_table
 from orchestration.sweeps.ranges import Range
-from orchestration.sweeps.sensitivity.numbers import complete, designed, drawn, numbers, parameters_of
+from orchestration.sweeps.sensitivity.numbers import (
+    complete,
+    designed,
+    drawn,
+    numbers,
+    parameters_of,
+)
 
 Array = NDArray[np.float64]
 KIND = "tornado"
@@ -91,13 +97,21 @@ def tornado(found: xarray.Dataset) -> xarray.Dataset:
     values: dict[str, object] = {}
     for name in numbers(found):
         value = found[name]
-        values[f"{name}_tornado"] = (("parameter", "end"), value.values[1:].reshape(-1, 2), value.attrs)
+        values[f"{name}_tornado"] = (
+            ("parameter", "end"),
+            value.values[1:].reshape(-1, 2),
+            value.attrs,
+        )
         values[f"{name}_start"] = ((), value.values[0], value.attrs)
     ends = [found[p].values[2 * k + 1 : 2 * k + 3] for k, p in enumerate(parameters)]
     coordinates: dict[str, object] = {
         "parameter": parameters,
         "end": list(ENDS),
-        "ends": (("parameter", "end"), np.array(ends), {"long_name": "ends of the ranges, in the parameters' units"}),
+        "ends": (
+            ("parameter", "end"),
+            np.array(ends),
+            {"long_name": "ends of the ranges, in the parameters' units"},
+        ),
         "parameter_units": ("parameter", [str(found[p].units) for p in parameters]),
     }
     return xarray.Dataset(values, coordinates, {"model": found.attrs["model"], "design": KIND})
@@ -113,7 +127,10 @@ def table(moved: xarray.Dataset) -> Table:
             at = moved.sel(parameter=parameter)
             told = f" {one}" if (one := str(at["parameter_units"].item())) != "1" else ""
             ends = [f"{end:.6g}{told}" for end in at["ends"].values]
-            reached = [f"{value:.6g}" if np.isfinite(value) else "failed" for value in at[f"{name}_tornado"].values]
+            reached = [
+                f"{value:.6g}" if np.isfinite(value) else "failed"
+                for value in at[f"{name}_tornado"].values
+            ]
             made.add_row(name, parameter, *ends, f"{start:.6g}", *reached, unit)
     return made
 
@@ -128,16 +145,29 @@ def draw(moved: xarray.Dataset, path: Path) -> None:
     """
     names, count = drawn(_of(moved)), moved.sizes["parameter"]
     figure, panels = pictures.panels(
-        len(names), f"{moved.attrs['model']}: one parameter at a time", "", 0.9 + 0.3 * count, shared=False
+        len(names),
+        f"{moved.attrs['model']}: one parameter at a time",
+        "",
+        0.9 + 0.3 * count,
+        shared=False,
     )
     for panel, name in zip(panels, names, strict=True):
         start = float(moved[f"{name}_start"])
         ranked = _ranked(moved, name)[::-1]  # the largest at the top
         for row, parameter in enumerate(ranked):
             reached = moved[f"{name}_tornado"].sel(parameter=parameter).values
-            for value, end, colour in zip(reached, ENDS, (pictures.MEASURED, pictures.MODEL), strict=True):
-                panel.barh(row, value - start, 0.7, start, color=colour, alpha=0.85,
-                           label=_WORDS[end] if row == 0 else None)  # fmt: skip
+            for value, end, colour in zip(
+                reached, ENDS, (pictures.MEASURED, pictures.MODEL), strict=True
+            ):
+                panel.barh(
+                    row,
+                    value - start,
+                    0.7,
+                    start,
+                    color=colour,
+                    alpha=0.85,
+                    label=_WORDS[end] if row == 0 else None,
+                )
         panel.set_axisbelow(True)
         panel.axvline(start, color="black", lw=0.8)
         panel.set_yticks(range(count), [_called(moved, parameter) for parameter in ranked])
@@ -162,5 +192,7 @@ def _of(moved: xarray.Dataset) -> list[str]:
 def _ranked(moved: xarray.Dataset, name: str) -> list[str]:
     """Parameters, what moves a number most first; those of failed cases last."""
     reached = moved[f"{name}_tornado"].values
-    swing = np.nan_to_num(np.ptp(np.column_stack([reached, np.full(len(reached), moved[f"{name}_start"])]), axis=1))
+    swing = np.nan_to_num(
+        np.ptp(np.column_stack([reached, np.full(len(reached), moved[f"{name}_start"])]), axis=1)
+    )
     return [str(p) for p in moved["parameter"].values[np.argsort(-swing, kind="stable")]]

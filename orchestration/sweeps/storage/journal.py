@@ -19,7 +19,13 @@ from orchestration.sweeps.storage.traces import TraceFile, opened, reserve
 from orchestration.sweeps.task import Outcomes, Task, failed
 
 Array = NDArray[np.float64]
-_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = "sweep.json", "done.npy", "numbers.npy", "traces.npy", "failures.jsonl"
+_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = (
+    "sweep.json",
+    "done.npy",
+    "numbers.npy",
+    "traces.npy",
+    "failures.jsonl",
+)
 _KNOWN = (_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES, lock.NAME)
 
 
@@ -57,7 +63,9 @@ def _within(folder: Path) -> list[Path]:
 
 def _own(path: Path) -> bool:
     """Whether something is a file of a journal, or what was left of one that was not written to its end."""
-    parts = path.name.endswith(".part") and any(path.name.startswith(f"{known}.") for known in _KNOWN)
+    parts = path.name.endswith(".part") and any(
+        path.name.startswith(f"{known}.") for known in _KNOWN
+    )
     return (path.name in _KNOWN or parts) and path.is_file() and not path.is_symlink()
 
 
@@ -91,14 +99,20 @@ class Journal:
                 (folder / _FAILURES).unlink(missing_ok=True)
                 mode = "w+"
             self._done = _array(folder / _DONE, mode, (len(cases),), "u1")
-            self.numbers = _array(folder / _NUMBERS, mode, (len(cases), *nothing.numbers.shape[1:]), "f8")
+            self.numbers = _array(
+                folder / _NUMBERS, mode, (len(cases), *nothing.numbers.shape[1:]), "f8"
+            )
             self._traces = self._open_traces(mode, len(cases), nothing)
             if mode == "w+":  # last: a folder without it is begun anew
                 files.write(folder / _ABOUT, json.dumps(about).encode())
             self.failures = _failures(folder / _FAILURES, self._done)
         except OSError as error:
             if mode == "w+":
-                for name in (_DONE, _NUMBERS, _TRACES):  # what has no room is not left in the way of others
+                for name in (
+                    _DONE,
+                    _NUMBERS,
+                    _TRACES,
+                ):  # what has no room is not left in the way of others
                     (folder / name).unlink(missing_ok=True)
             raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
         except (ValueError, TypeError, RecursionError) as error:
@@ -106,7 +120,11 @@ class Journal:
 
     def _open_traces(self, mode: str, cases: int, nothing: Outcomes) -> TraceFile | None:
         _, points, outputs = nothing.traces.shape
-        return TraceFile(self.folder / _TRACES, mode, (cases, outputs, points)) if nothing.traces.size else None
+        return (
+            TraceFile(self.folder / _TRACES, mode, (cases, outputs, points))
+            if nothing.traces.size
+            else None
+        )
 
     def traces(self, output: int, shape: tuple[int, ...]) -> Any:
         """Traces of one output over cases in a shape, and time, which are read when they are used."""
@@ -128,7 +146,9 @@ class Journal:
                 told = {rows[place]: reason for place, reason in found.failures.items()}
                 self.failures.update(told)
                 with (self.folder / _FAILURES).open("a", encoding="utf-8") as file:
-                    file.writelines(json.dumps([row, reason]) + "\n" for row, reason in told.items())
+                    file.writelines(
+                        json.dumps([row, reason]) + "\n" for row, reason in told.items()
+                    )
         except OSError as error:
             raise UserError(
                 f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
@@ -185,4 +205,6 @@ def _check(folder: Path, known: Any, about: Mapping[str, str]) -> None:
         raise ValueError(f"{_ABOUT} holds no table")
     other = [what for what, digest in about.items() if known.get(what) != digest]
     if other:
-        raise UserError(f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another --out")
+        raise UserError(
+            f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another --out"
+        )

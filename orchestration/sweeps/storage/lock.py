@@ -11,7 +11,9 @@ from pathlib import Path
 from fmus.kit.errors import UserError
 
 NAME = "lock"
-_ours: set[Path] = set()  # that this process holds: its number may be that of one that was killed, as in a container
+_ours: set[Path] = (
+    set()
+)  # that this process holds: its number may be that of one that was killed, as in a container
 
 
 @contextlib.contextmanager

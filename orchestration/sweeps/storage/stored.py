@@ -27,8 +27,12 @@ def check(path: Path) -> None:
     UserError
         If zarr is not installed, or there is anything else than a whole store of a sweep: it will not be overwritten.
     """
-    if not all(map(find_spec, ("zarr", "dask"))):  # they are imported after the sweep, and leave much to be cleared up
-        raise UserError(f"--out {path}: writing Zarr needs zarr and dask: pip install 'ppy-rig[zarr]'")
+    if not all(
+        map(find_spec, ("zarr", "dask"))
+    ):  # they are imported after the sweep, and leave much to be cleared up
+        raise UserError(
+            f"--out {path}: writing Zarr needs zarr and dask: pip install 'ppy-rig[zarr]'"
+        )
     if path.is_symlink():
         raise UserError(f"--out {path}: is a link; name the folder that it leads to")
     if path.exists():
@@ -44,14 +48,20 @@ def _check_ours(path: Path) -> None:
     except (OSError, ValueError, RecursionError):
         about = None
     if not isinstance(about, dict) or not {"design", "over"} <= {*about}:
-        raise UserError(f"--out {path}: is a Zarr store, but not of a sweep; it will not be overwritten")
+        raise UserError(
+            f"--out {path}: is a Zarr store, but not of a sweep; it will not be overwritten"
+        )
     for place, folders, names in os.walk(path):
         here = Path(place)
         for name in (*names, *folders):
-            known = (here / name / ".zarray").is_file() if name in folders else _OF_ZARR.fullmatch(name)
+            known = (
+                (here / name / ".zarray").is_file() if name in folders else _OF_ZARR.fullmatch(name)
+            )
             if not known or (here / name).is_symlink():
                 strange = (here / name).relative_to(path)
-                raise UserError(f"--out {path}: holds {strange}, which is not of a store; move it elsewhere")
+                raise UserError(
+                    f"--out {path}: holds {strange}, which is not of a store; move it elsewhere"
+                )
 
 
 def write(data: xarray.Dataset, path: Path) -> None:
@@ -83,9 +93,9 @@ def write(data: xarray.Dataset, path: Path) -> None:
         # one chunk after the other: several threads would have as many in memory
         with dask.config.set({"array.chunk-size": _CHUNK, "scheduler": "synchronous"}):
             # format 2 has a place in its specification for texts of one length, which format 3 has not yet
-            data.chunk({**dict.fromkeys(cases, "auto"), **({"time": -1} if "time" in data.dims else {})}).to_zarr(
-                new, mode="w-", zarr_format=2
-            )
+            data.chunk(
+                {**dict.fromkeys(cases, "auto"), **({"time": -1} if "time" in data.dims else {})}
+            ).to_zarr(new, mode="w-", zarr_format=2)
         if path.exists():
             path.rename(old)
         try:

@@ -59,17 +59,27 @@ class TraceFile:
     def of(self, output: int, shape: tuple[int, ...]) -> Any:
         """Return the traces of one output, the cases in a shape, as something that reads what is asked of it."""
         first = self._first + 8 * output * self.shape[2]
-        return indexing.LazilyIndexedArray(_Traces(self.path, first, self._bytes, (*shape, self.shape[2])))
+        return indexing.LazilyIndexedArray(
+            _Traces(self.path, first, self._bytes, (*shape, self.shape[2]))
+        )
 
 
 class _Traces(BackendArray):
     """Traces of one output in a file, read when they are used: those of the first case at a byte, of others later."""
 
     def __init__(self, path: Path, first: int, apart: int, shape: tuple[int, ...]):
-        self._path, self._first, self._apart, self.shape, self.dtype = path, first, apart, shape, np.dtype("f8")
+        self._path, self._first, self._apart, self.shape, self.dtype = (
+            path,
+            first,
+            apart,
+            shape,
+            np.dtype("f8"),
+        )
 
     def __getitem__(self, key: Any) -> Any:
-        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, self._read)
+        return indexing.explicit_indexing_adapter(
+            key, self.shape, indexing.IndexingSupport.BASIC, self._read
+        )
 
     def _read(self, key: tuple[Any, ...]) -> Array:
         """Read what a key of integers and slices asks for, and nothing else: mapped, it would count as memory."""

@@ -18,10 +18,14 @@ from orchestration.system.ssp.vocabulary import NAMESPACES, tag
 _TYPES = {
     tag(f"ssc:{name}"): type_
     for name, type_ in (
-        ("Real", "real"), ("Integer", "integer"), ("Enumeration", "integer"), ("Boolean", "boolean"),
-        ("String", "string"), ("Binary", "binary"),
+        ("Real", "real"),
+        ("Integer", "integer"),
+        ("Enumeration", "integer"),
+        ("Boolean", "boolean"),
+        ("String", "string"),
+        ("Binary", "binary"),
     )
-}  # fmt: skip
+}
 
 
 def check_connectors(element: Element, member: Member) -> None:
@@ -43,10 +47,14 @@ def check_connectors(element: Element, member: Member) -> None:
         name = connector.get("name", "")
         where = f"connector {name!r}"
         if name not in variables:
-            raise UserError(f"{where}: the FMU has no variable of this name{suggestion(name, variables)}")
+            raise UserError(
+                f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
+            )
         declared, actual = connector.get("kind", ""), variables[name].causality or "local"
         if declared != actual:
-            raise UserError(f"{where} is declared as {declared or 'no kind'}, but in the FMU it is {actual}")
+            raise UserError(
+                f"{where} is declared as {declared or 'no kind'}, but in the FMU it is {actual}"
+            )
         check_declared(connector, variables[name], where)
 
 
@@ -62,7 +70,9 @@ def check_declared(connector: Element, variable: Any, where: str) -> None:
         if node.tag not in _TYPES:
             continue
         if _TYPES[node.tag] != type_of(variable):
-            raise UserError(f"{where} is declared as {local(node)}, but in the FMU it is {variable.type}")
+            raise UserError(
+                f"{where} is declared as {local(node)}, but in the FMU it is {variable.type}"
+            )
         unit = node.get("unit")
         if unit is None:
             continue

@@ -29,7 +29,9 @@ _PASSED_OVER = (
     "ssd:Annotations ssc:Annotations ssv:Annotations ssd:ElementGeometry ssd:SystemGeometry ssd:ConnectorGeometry "
     "ssd:ConnectionGeometry ssd:GraphicalElements ssd:Units ssd:Enumerations ssv:Units ssv:Enumerations"
 )
-_ALLOWED = {tag(name): {tag(child) for child in children.split()} for name, children in _CONTENTS.items()}
+_ALLOWED = {
+    tag(name): {tag(child) for child in children.split()} for name, children in _CONTENTS.items()
+}
 _ALLOWED[OUTSIDE] = {tag("ssd:Connectors"), tag("ssd:Connections")}
 _SILENT = {tag(name) for name in _PASSED_OVER.split()}
 
@@ -51,7 +53,9 @@ def check_elements(element: Element) -> None:
         if node.tag in _SILENT:
             continue
         if element.tag in _ALLOWED and node.tag not in _ALLOWED[element.tag]:
-            raise UserError(f"{described(node)}, in {described(element)}, is not known to this program")
+            raise UserError(
+                f"{described(node)}, in {described(element)}, is not known to this program"
+            )
         check_elements(node)
 
 
@@ -62,5 +66,8 @@ def local(element: Element) -> str:
 
 def described(element: Element) -> str:
     """Name of an element, and what tells it from others of its kind."""
-    own = [element.get(key) for key in ("name", "startElement", "startConnector", "endElement", "endConnector")]
+    own = [
+        element.get(key)
+        for key in ("name", "startElement", "startConnector", "endElement", "endConnector")
+    ]
     return " ".join([local(element), *filter(None, own)])

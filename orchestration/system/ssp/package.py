@@ -32,7 +32,9 @@ class Package:
         self.path = path
         self._zip: zipfile.ZipFile | None = None
         if not path.is_file():
-            raise UserError(f"{path}: {'a folder, not a system' if path.is_dir() else 'no such file'}")
+            raise UserError(
+                f"{path}: {'a folder, not a system' if path.is_dir() else 'no such file'}"
+            )
         if path.suffix.lower() == ".ssd":
             self.description = path.name
             return
@@ -49,7 +51,10 @@ class Package:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self._zip is not None:
             self._zip.close()
@@ -73,7 +78,11 @@ class Package:
 
     def _read(self, name: str) -> bytes:
         try:
-            return (self.path.parent / name).read_bytes() if self._zip is None else self._zip.read(name)
+            return (
+                (self.path.parent / name).read_bytes()
+                if self._zip is None
+                else self._zip.read(name)
+            )
         except (KeyError, FileNotFoundError) as error:
             raise UserError(f"{self.path}: {name} is missing") from error
         except UNREADABLE as error:
@@ -111,7 +120,9 @@ def _opened(path: Path, label: str) -> zipfile.ZipFile:
     try:
         for entry in opened.infolist():
             if _leads_out(entry.filename):
-                raise UserError(f"{label}: {entry.filename!r} leads out of the archive; it is not opened")
+                raise UserError(
+                    f"{label}: {entry.filename!r} leads out of the archive; it is not opened"
+                )
             if stat.S_ISLNK(entry.external_attr >> 16):
                 raise UserError(f"{label}: {entry.filename!r} is a symbolic link; it is not opened")
     except UserError:
@@ -122,4 +133,11 @@ def _opened(path: Path, label: str) -> zipfile.ZipFile:
 
 def _leads_out(name: str) -> bool:
     """Whether a path is absolute anywhere, climbs, or names a drive."""
-    return not name or "\\" in name or ":" in name or "\0" in name or name.startswith("/") or ".." in name.split("/")
+    return (
+        not name
+        or "\\" in name
+        or ":" in name
+        or "\0" in name
+        or name.startswith("/")
+        or ".." in name.split("/")
+    )

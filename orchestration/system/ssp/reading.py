@@ -19,7 +19,9 @@ from orchestration.system.ssp.grammar import check_elements, local
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import CONNECTORS, FMU, NAMESPACES, OUTSIDE, STEP, tag
 
-_TYPES = {tag(f"ssv:{kind.capitalize()}"): kind for kind in ("real", "integer", "boolean", "string")}
+_TYPES = {
+    tag(f"ssv:{kind.capitalize()}"): kind for kind in ("real", "integer", "boolean", "string")
+}
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
@@ -48,12 +50,18 @@ def read(path: Path, folder: Path) -> System:
     with Package(path) as package:
         root = _parse(package, package.description)
         if root.tag != tag("ssd:SystemStructureDescription"):
-            raise UserError(f"{path}: {package.description} is a {local(root)}, not a SystemStructureDescription")
+            raise UserError(
+                f"{path}: {package.description} is a {local(root)}, not a SystemStructureDescription"
+            )
         if not (version := root.get("version", "")).startswith("1."):
-            raise UserError(f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0")
+            raise UserError(
+                f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0"
+            )
         tops = root.findall("ssd:System", NAMESPACES)
         if len(tops) != 1:
-            raise UserError(f"{path}: {'more than one' if tops else 'no'} System in {package.description}")
+            raise UserError(
+                f"{path}: {'more than one' if tops else 'no'} System in {package.description}"
+            )
         reader = _Reader(package, folder)
         reader.check_elements(root)
         return reader.system(root, tops[0])
@@ -103,24 +111,42 @@ class _Reader:
         for name, value in self._bindings(top, "system"):
             owner, dot, parameter = name.partition(".")
             if not dot or owner not in members:
-                raise self._wrong(f"parameter {name!r} of the system is not of the form member.parameter")
+                raise self._wrong(
+                    f"parameter {name!r} of the system is not of the form member.parameter"
+                )
             member = members[owner]
             given = {parameter: self._value(member, parameter, value)}
             members[owner] = replace(member, parameters={**member.parameters, **given})
         annotations = top.findall("ssd:Annotations/ssc:Annotation", NAMESPACES)
-        outside = [part for a in annotations if a.get("type") == CONNECTORS for part in a.findall(OUTSIDE)]
+        outside = [
+            part for a in annotations if a.get("type") == CONNECTORS for part in a.findall(OUTSIDE)
+        ]
         for part in outside:
             self.check_elements(part)
         own = [top, *outside]
-        connectors = [node for part in own for node in part.findall("ssd:Connectors/ssd:Connector", NAMESPACES)]
-        wires = [node for part in own for node in part.findall("ssd:Connections/ssd:Connection", NAMESPACES)]
+        connectors = [
+            node
+            for part in own
+            for node in part.findall("ssd:Connectors/ssd:Connector", NAMESPACES)
+        ]
+        wires = [
+            node
+            for part in own
+            for node in part.findall("ssd:Connections/ssd:Connection", NAMESPACES)
+        ]
         for connector in connectors:
             if (kind := self._get(connector, "kind")) not in ("input", "output"):
-                raise self._wrong(f"connector {connector.get('name')!r} of the system is {kind}; known: input, output")
-        inputs: dict[str, list[Port]] = {self._get(c, "name"): [] for c in connectors if c.get("kind") == "input"}
+                raise self._wrong(
+                    f"connector {connector.get('name')!r} of the system is {kind}; known: input, output"
+                )
+        inputs: dict[str, list[Port]] = {
+            self._get(c, "name"): [] for c in connectors if c.get("kind") == "input"
+        }
         outputs: dict[str, Port] = {}
         names = {self._get(c, "name") for c in connectors if c.get("kind") == "output"}
-        connections = [c for wire in wires if (c := self._connection(wire, members, inputs, names, outputs))]
+        connections = [
+            c for wire in wires if (c := self._connection(wire, members, inputs, names, outputs))
+        ]
         if lonely := names - set(outputs):
             raise self._wrong(f"system output {min(lonely)} is connected with nothing")
         for connector in connectors:
@@ -133,7 +159,11 @@ class _Reader:
             tuple(members.values()),
             tuple(connections),
             {name: tuple(ports) for name, ports in inputs.items()},
-            {self._get(c, "name"): outputs[self._get(c, "name")] for c in connectors if c.get("kind") == "output"},
+            {
+                self._get(c, "name"): outputs[self._get(c, "name")]
+                for c in connectors
+                if c.get("kind") == "output"
+            },
             top.get("description", ""),
             **({} if experiment is None else self._experiment(experiment)),
         )
@@ -143,14 +173,20 @@ class _Reader:
         if (variable := variables_of(member).get(port.variable)) is None:
             return
         try:
-            check_declared(connector, variable, f"connector {connector.get('name')!r} of the system, that is {port},")
+            check_declared(
+                connector,
+                variable,
+                f"connector {connector.get('name')!r} of the system, that is {port},",
+            )
         except UserError as error:
             raise self._wrong(str(error)) from error
 
     def _experiment(self, experiment: Element) -> dict[str, float]:
         times = {}
         if "stopTime" in experiment.attrib:
-            times["stop"] = self._number(experiment, "stopTime", "") - self._number(experiment, "startTime", "0")
+            times["stop"] = self._number(experiment, "stopTime", "") - self._number(
+                experiment, "startTime", "0"
+            )
         for annotation in experiment.findall("ssd:Annotations/ssc:Annotation", NAMESPACES):
             algorithm = annotation.find("osp:Algorithm/osp:FixedStepAlgorithm", NAMESPACES)
             if annotation.get("type") == STEP and algorithm is not None:
@@ -162,20 +198,29 @@ class _Reader:
     def _member(self, element: Element) -> Member:
         name = self._get(element, "name")
         if element.tag == tag("ssd:System"):
-            raise self._wrong(f"{name} is a system within the system; this program runs one level of members")
+            raise self._wrong(
+                f"{name} is a system within the system; this program runs one level of members"
+            )
         if element.tag != tag("ssd:Component"):
-            raise self._wrong(f"{name} is a {local(element)}; this program runs components that are FMUs")
+            raise self._wrong(
+                f"{name} is a {local(element)}; this program runs components that are FMUs"
+            )
         if (kind := element.get("type", FMU)) != FMU:
             raise self._wrong(f"member {name} is of type {kind}; this program runs FMUs")
         if element.get("implementation", "any") == "ModelExchange":
-            raise self._wrong(f"member {name} is to be run by model exchange; this program runs co-simulation")
+            raise self._wrong(
+                f"member {name} is to be run by model exchange; this program runs co-simulation"
+            )
         try:
             member = Member(name, self._package.fmu(self._get(element, "source"), self._folder))
             check_connectors(element, member)
         except UserError as error:
             text = str(error).removeprefix(f"{self._package.path}: ")
             raise self._wrong(f"member {name}: {text}") from error
-        given = {key: self._value(member, key, value) for key, value in self._bindings(element, f"member {name}")}
+        given = {
+            key: self._value(member, key, value)
+            for key, value in self._bindings(element, f"member {name}")
+        }
         return replace(member, parameters=given)
 
     def _bindings(self, element: Element, where: str) -> Iterator[tuple[str, Element]]:
@@ -184,13 +229,17 @@ class _Reader:
             if binding.find("ssd:ParameterMapping", NAMESPACES) is not None:
                 raise self._wrong(f"{where}: parameter mappings are not known to this program")
             if binding.get("sourceBase", "SSD") != "SSD":
-                raise self._wrong(f"{where}: parameters inside of an FMU are not known to this program")
+                raise self._wrong(
+                    f"{where}: parameters inside of an FMU are not known to this program"
+                )
             sets = binding.findall("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
             if (source := binding.get("source")) is not None:
                 sets.append(_parse(self._package, source))
                 self.check_elements(sets[-1])
                 if sets[-1].tag != tag("ssv:ParameterSet"):
-                    raise self._wrong(f"{where}: {source} is a {local(sets[-1])}, not a ParameterSet")
+                    raise self._wrong(
+                        f"{where}: {source} is a {local(sets[-1])}, not a ParameterSet"
+                    )
             for parameters in sets:
                 for parameter in parameters.findall("ssv:Parameters/ssv:Parameter", NAMESPACES):
                     name = binding.get("prefix", "") + self._get(parameter, "name")
@@ -206,7 +255,11 @@ class _Reader:
             signal = variable(member, name)
         except UserError as error:
             raise self._wrong(str(error)) from error
-        where, kind, text = f"member {member.name}: {name}", _TYPES[element.tag], element.get("value", "")
+        where, kind, text = (
+            f"member {member.name}: {name}",
+            _TYPES[element.tag],
+            element.get("value", ""),
+        )
         if kind != signal.type:
             raise self._wrong(f"{where}: given as {kind}, but the FMU has it as {signal.type}")
         if kind == "string":
@@ -234,8 +287,14 @@ class _Reader:
         outputs: dict[str, Port],
     ) -> Connection | None:
         """Connection between members; None of one to a connector of the system, which is noted there."""
-        ends = [(wire.get(f"{end}Element"), self._get(wire, f"{end}Connector")) for end in ("start", "end")]
-        where = " -> ".join(connector if element is None else f"{element}.{connector}" for element, connector in ends)
+        ends = [
+            (wire.get(f"{end}Element"), self._get(wire, f"{end}Connector"))
+            for end in ("start", "end")
+        ]
+        where = " -> ".join(
+            connector if element is None else f"{element}.{connector}"
+            for element, connector in ends
+        )
         (start, source), (end, target) = ends
         for element in (start, end):
             if element is not None and element not in members:
@@ -247,15 +306,21 @@ class _Reader:
                 self._check_conversion(connection, members, where)
             return connection
         if (factor, offset) != (1.0, 0.0):
-            raise self._wrong(f"connection {where}: a transformation at a connector of the system is not known")
+            raise self._wrong(
+                f"connection {where}: a transformation at a connector of the system is not known"
+            )
         if start is None and end is not None and source in inputs:
             inputs[source].append(Port(end, target))
         elif start is not None and end is None and target in names and target not in outputs:
             outputs[target] = Port(start, source)
         elif target in outputs:
-            raise self._wrong(f"connection {where}: system output {target} has two sources, {outputs[target]} is one")
+            raise self._wrong(
+                f"connection {where}: system output {target} has two sources, {outputs[target]} is one"
+            )
         else:
-            raise self._wrong(f"connection {where}: leads from no input of the system, nor to an output of it")
+            raise self._wrong(
+                f"connection {where}: leads from no input of the system, nor to an output of it"
+            )
         return None
 
     def _transformation(self, wire: Element) -> tuple[float, float]:
@@ -264,7 +329,9 @@ class _Reader:
             return 1.0, 0.0
         return self._number(linear, "factor", "1"), self._number(linear, "offset", "0")
 
-    def _check_conversion(self, connection: Connection, members: dict[str, Member], where: str) -> None:
+    def _check_conversion(
+        self, connection: Connection, members: dict[str, Member], where: str
+    ) -> None:
         """Refuse a factor where tools differ: in SSP it may follow a conversion of units, in others not."""
         if connection.passes_on:
             return

@@ -13,7 +13,9 @@ ENDINGS = (".ssp", ".ssd")  # an archive, and a bare description
 DESCRIPTION = "SystemStructure.ssd"
 FMU = "application/x-fmu-sharedlibrary"
 PARAMETERS = "application/x-ssp-parameter-set"
-PARAMETER_SET = "start"  # name of every member's set: Ecos applies the sets of the name that it is given
+PARAMETER_SET = (
+    "start"  # name of every member's set: Ecos applies the sets of the name that it is given
+)
 STEP = "com.opensimulationplatform"  # annotation of libcosim with the communication step, for which SSP has no word
 MASTER = "org.openmodelica"  # annotation of OMSimulator with its master, without which it refuses a system
 # Annotation with the inputs and outputs of the system, in SSP's own elements, and the element that they are in.

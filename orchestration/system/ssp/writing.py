@@ -86,7 +86,9 @@ def _resources(system: System) -> tuple[dict[str, _Places], dict[str, bytes]]:
     places = {}
     for member in system.members:
         fmu = _store(files, member.fmu.stem, ".fmu", member.fmu.read_bytes())
-        given = _store(files, member.name, ".ssv", _parameters(member)) if member.parameters else None
+        given = (
+            _store(files, member.name, ".ssv", _parameters(member)) if member.parameters else None
+        )
         places[member.name] = _Places(fmu, given)
     return places, files
 
@@ -96,7 +98,10 @@ def _store(files: dict[str, bytes], name: str, ending: str, contents: bytes) -> 
     plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
     place, number = f"resources/{plain}{ending}", 1
     taken = {other.casefold(): other for other in files}  # some file systems know no case
-    while (other := taken.get(place.casefold())) is not None and (other, files[other]) != (place, contents):
+    while (other := taken.get(place.casefold())) is not None and (other, files[other]) != (
+        place,
+        contents,
+    ):
         number += 1
         place = f"resources/{plain}_{number}{ending}"
     files[place] = contents
@@ -104,7 +109,11 @@ def _store(files: dict[str, bytes], name: str, ending: str, contents: bytes) -> 
 
 
 def _parameters(member: Member) -> bytes:
-    return to_ssv(PARAMETER_SET, member.parameters, {name: _told(variable(member, name)) for name in member.parameters})
+    return to_ssv(
+        PARAMETER_SET,
+        member.parameters,
+        {name: _told(variable(member, name)) for name in member.parameters},
+    )
 
 
 def _told(signal: Signal) -> Signal:
@@ -144,10 +153,16 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
     annotations.append(_master(system.step))  # OMSimulator looks at the first one only
     if len(outer) and not connectors:
         annotation = SubElement(annotations, tag("ssc:Annotation"), type=CONNECTORS)
-        SubElement(annotation, OUTSIDE).extend([outer, outer_wires])  # an annotation has one element
+        SubElement(annotation, OUTSIDE).extend(
+            [outer, outer_wires]
+        )  # an annotation has one element
     define_units(root, SSD, used)
-    experiment = SubElement(root, tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop)))
-    annotation = SubElement(SubElement(experiment, tag("ssd:Annotations")), tag("ssc:Annotation"), type=STEP)
+    experiment = SubElement(
+        root, tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop))
+    )
+    annotation = SubElement(
+        SubElement(experiment, tag("ssd:Annotations")), tag("ssc:Annotation"), type=STEP
+    )
     algorithm = SubElement(annotation, tag("osp:Algorithm"))
     SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(float(system.step)))
     indent(root)
@@ -160,42 +175,67 @@ def _master(step: float) -> Element:
     The tolerances are its own defaults; FMUs are handed one, and ours are never less exact than they are without.
     """
     annotation = Element(tag("ssc:Annotation"), type=MASTER)
-    simulation = SubElement(SubElement(annotation, tag("oms:Annotations")), tag("oms:SimulationInformation"))
+    simulation = SubElement(
+        SubElement(annotation, tag("oms:Annotations")), tag("oms:SimulationInformation")
+    )
     values = {"stepSize": step, "absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
-    written = {name: np.format_float_positional(value, trim="0") for name, value in values.items()}  # xs:decimal
+    written = {
+        name: np.format_float_positional(value, trim="0") for name, value in values.items()
+    }  # xs:decimal
     SubElement(simulation, tag("oms:FixedStepMaster"), {"description": "oms-ma"} | written)
     return annotation
 
 
-def _outside(system: System, models: Mapping[str, Model], used: set[str]) -> tuple[Element, Element]:
+def _outside(
+    system: System, models: Mapping[str, Model], used: set[str]
+) -> tuple[Element, Element]:
     """Connectors of the system, and their connections to its members."""
     connectors, wires = Element(tag("ssd:Connectors")), Element(tag("ssd:Connections"))
     for name, ports in system.inputs.items():
         connectors.append(
-            _connector(name, "input", models[ports[0].member].inputs[ports[0].variable] if ports else None, used)
+            _connector(
+                name,
+                "input",
+                models[ports[0].member].inputs[ports[0].variable] if ports else None,
+                used,
+            )
         )
         for port in ports:
-            ends = {"startConnector": name, "endElement": port.member, "endConnector": port.variable}
+            ends = {
+                "startConnector": name,
+                "endElement": port.member,
+                "endConnector": port.variable,
+            }
             SubElement(wires, tag("ssd:Connection"), ends)
     for name, port in system.outputs.items():
-        connectors.append(_connector(name, "output", models[port.member].outputs[port.variable], used))
+        connectors.append(
+            _connector(name, "output", models[port.member].outputs[port.variable], used)
+        )
         ends = {"startElement": port.member, "startConnector": port.variable, "endConnector": name}
         SubElement(wires, tag("ssd:Connection"), ends)
     return connectors, wires
 
 
-def _component(member: Member, model: Model, inputs: Sequence[str], places: _Places, used: set[str]) -> Element:
+def _component(
+    member: Member, model: Model, inputs: Sequence[str], places: _Places, used: set[str]
+) -> Element:
     """Describe a member with its outputs, and those inputs that something is connected to.
 
     fmpy fails on an input connector without a connection, so the others are omitted; they can be set all the same.
     """
     component = Element(
-        tag("ssd:Component"), name=member.name, type=FMU, source=places.fmu, implementation="CoSimulation"
+        tag("ssd:Component"),
+        name=member.name,
+        type=FMU,
+        source=places.fmu,
+        implementation="CoSimulation",
     )
     if inputs or model.outputs:
         connectors = SubElement(component, tag("ssd:Connectors"))
         connectors.extend(_connector(name, "input", model.inputs[name], used) for name in inputs)
-        connectors.extend(_connector(name, "output", signal, used) for name, signal in model.outputs.items())
+        connectors.extend(
+            _connector(name, "output", signal, used) for name, signal in model.outputs.items()
+        )
     if places.parameters is not None:
         bindings = SubElement(component, tag("ssd:ParameterBindings"))
         SubElement(bindings, tag("ssd:ParameterBinding"), type=PARAMETERS, source=places.parameters)
@@ -217,12 +257,17 @@ def _wire(connection: Connection) -> Element:
     wire = Element(
         tag("ssd:Connection"),
         {
-            "startElement": source.member, "startConnector": source.variable,
-            "endElement": target.member, "endConnector": target.variable,
+            "startElement": source.member,
+            "startConnector": source.variable,
+            "endElement": target.member,
+            "endConnector": target.variable,
         },
-    )  # fmt: skip
+    )
     if not connection.passes_on:
         wire.set("suppressUnitConversion", "true")  # the factor is all that is done
-        values = {"factor": repr(float(connection.factor)), "offset": repr(float(connection.offset))}
+        values = {
+            "factor": repr(float(connection.factor)),
+            "offset": repr(float(connection.offset)),
+        }
         SubElement(wire, tag("ssc:LinearTransformation"), values)
     return wire

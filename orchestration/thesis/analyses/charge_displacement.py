@@ -25,8 +25,13 @@ Array = NDArray[np.float64]
 AMPLITUDE, DURATION = 0.9, 60.0  # A and s, those of fig. 3-4 are assumed
 LOAD = 0.2 * 9.80665  # N, 200 g
 FIGURES = {"fig. 3-10": 0.2, "fig. 3-11": 0.1}  # Hz
-LAG, SATURATION = 0.3, 2.5  # s and C, chosen: what lags and levels off in the figures is not printed
-RESOLUTION = 3e-6  # m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
+LAG, SATURATION = (
+    0.3,
+    2.5,
+)  # s and C, chosen: what lags and levels off in the figures is not printed
+RESOLUTION = (
+    3e-6  # m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
+)
 _TEST = "thesis/analyses/test_charge_displacement"
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
@@ -42,7 +47,9 @@ def entries() -> Iterator[Entry]:
 
 
 @cache
-def record(frequency: float, creeping: bool = True, lagging: bool = False) -> tuple[Array, Array, Array]:
+def record(
+    frequency: float, creeping: bool = True, lagging: bool = False
+) -> tuple[Array, Array, Array]:
     """Time (s), charge (C, from the current by eq. 3.5) and displacement (m, with noise) of a square wave from rest.
 
     Parameters
@@ -67,7 +74,9 @@ def record(frequency: float, creeping: bool = True, lagging: bool = False) -> tu
 
 
 @cache
-def read(frequency: float, creeping: bool = True, lagging: bool = False, drift: bool = False) -> Loops:
+def read(
+    frequency: float, creeping: bool = True, lagging: bool = False, drift: bool = False
+) -> Loops:
     """Loops of :func:`record`.
 
     Parameters
@@ -91,25 +100,39 @@ def _slopes() -> Iterator[Entry]:
             for crossing, slope in (("free", of.slope), ("forced", of.slope_through_zero)):
                 low, high = (1e3 * end for end in slope.interval)
                 yield Claim(
-                    f"{figure}, eq. 3.4", f"alpha, zero crossing {crossing}{how}", printed, 1e3 * slope.value, "mm/C",
+                    f"{figure}, eq. 3.4",
+                    f"alpha, zero crossing {crossing}{how}",
+                    printed,
+                    1e3 * slope.value,
+                    "mm/C",
                     f"{about}{'' if drift else '; the load flows on while the charge settles'}; interval {low:.4f} to "
-                    f"{high:.4f}", erratum=None if drift else 40, inferred=True,
-                )  # fmt: skip
+                    f"{high:.4f}",
+                    erratum=None if drift else 40,
+                    inferred=True,
+                )
     yield Claim(
-        "section 3.3.1, footnote 2", "speed of the mechanical displacement in its steady state", "0", 1e6 * flow,
-        "um/s", "eq. 3.7 has a free integrator: under 200 g the dashpot b1 flows for ever", erratum=40, inferred=True,
-    )  # fmt: skip
+        "section 3.3.1, footnote 2",
+        "speed of the mechanical displacement in its steady state",
+        "0",
+        1e6 * flow,
+        "um/s",
+        "eq. 3.7 has a free integrator: under 200 g the dashpot b1 flows for ever",
+        erratum=40,
+        inferred=True,
+    )
     first, along = read(0.2), read(0.2, drift=True)
     cycle, stroke = 1e6 * flow / 0.2, 1e6 * MODEL["alpha"] * _stroke(0.2)
     yield Erratum(
-        40, "section 3.3.1, footnote 2, against eq. 3.7",
+        40,
+        "section 3.3.1, footnote 2, against eq. 3.7",
         "the viscoelastic displacement reaches a steady state under the load, so that x_T is x_e",
         f"it has none: 200 g on b1 of fig. 3-9 flow by {1e6 * flow:.2f} µm/s for ever, {cycle:.1f} µm in a cycle of "
         f"0.2 Hz, whose stroke is {stroke:.0f} µm. Of {DURATION:g} s from rest, with α = {printed} mm/C, the line "
         f"through all points then has a slope of {1e3 * first.slope.value:.4f} mm/C and the one through zero "
         f"{1e3 * first.slope_through_zero.value:.4f} mm/C; with a steady flow fitted along they have "
-        f"{1e3 * along.slope.value:.4f} and {1e3 * along.slope_through_zero.value:.4f} mm/C", _TEST,
-    )  # fmt: skip
+        f"{1e3 * along.slope.value:.4f} and {1e3 * along.slope_through_zero.value:.4f} mm/C",
+        _TEST,
+    )
 
 
 def _stroke(frequency: float) -> float:
@@ -126,19 +149,26 @@ def _hysteresis() -> Iterator[Entry]:
     straight = areas["fig. 3-11", False]
     low, high = (1e3 * end for end in straight.interval)
     yield Claim(
-        "fig. 3-11", "whether loops of eq. 3.4 enclose an area", "yes", "no" if low <= 0.0 <= high else "yes", "",
+        "fig. 3-11",
+        "whether loops of eq. 3.4 enclose an area",
+        "yes",
+        "no" if low <= 0.0 <= high else "yes",
+        "",
         f"x_e is in step with the charge: {1e3 * straight.value:.1g} mm*C a cycle, interval {low:.1g} to {high:.1g}; "
-        "loops need a law of their own", erratum=41,
-    )  # fmt: skip
+        "loops need a law of their own",
+        erratum=41,
+    )
     slow, fast = (1e3 * areas[figure, True].value for figure in ("fig. 3-11", "fig. 3-10"))
     yield Erratum(
-        41, "section 3.3.1, figs. 3-10 to 3-12",
+        41,
+        "section 3.3.1, figs. 3-10 to 3-12",
         "hysteresis loops in figs. 3-11 and 3-12 suggest a time lag; the model is taken to be linear for simplicity",
         "fig. 3-12 is a record over time: 3-10 must be meant. The line of eq. 3.4 encloses no area, "
         f"{low:.1g} to {high:.1g} mm·C a cycle with noise of {1e6 * RESOLUTION:g} µm; a lag of {LAG:g} s (chosen) has "
         f"{fast:.3f} mm·C at 0.2 Hz and {slow:.3f} mm·C at 0.1 Hz, counterclockwise. The areas of the figures are not "
-        "printed", _TEST,
-    )  # fmt: skip
+        "printed",
+        _TEST,
+    )
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -166,15 +196,29 @@ def _loops(name: str, frequency: float) -> Figure:
     _, charge, displacement = record(frequency, lagging=True)
     last = slice(-round(2.0 / frequency / PERIOD) - 1, None)
     area = f"{1e3 * lagging.area.value:.3f} mm C a cycle"
-    axis.plot(charge[last], 1e3 * displacement[last], color=_GREY, lw=2, label=f"with lag and saturation, {area}")
+    axis.plot(
+        charge[last],
+        1e3 * displacement[last],
+        color=_GREY,
+        lw=2,
+        label=f"with lag and saturation, {area}",
+    )
     _, charge, displacement = record(frequency)
-    axis.plot(charge, 1e3 * displacement, ".", color=_BLUE, ms=3, label="eq. 3.4 and the flow of b1")
+    axis.plot(
+        charge, 1e3 * displacement, ".", color=_BLUE, ms=3, label="eq. 3.4 and the flow of b1"
+    )
     ends = np.array([charge.min(), charge.max()])
     for label, slope, intercept, style in (
         ("free", found.slope.value, found.intercept.value, "-"),
         ("through zero", found.slope_through_zero.value, 0.0, "--"),
     ):
-        axis.plot(ends, 1e3 * (slope * ends + intercept), style, color=_RED, label=f"{label}: {1e3 * slope:.4f} mm/C")
+        axis.plot(
+            ends,
+            1e3 * (slope * ends + intercept),
+            style,
+            color=_RED,
+            label=f"{label}: {1e3 * slope:.4f} mm/C",
+        )
     axis.legend(fontsize=8)
     axis.set_xlabel("charge [C]")
     pictures.label(axis, "displacement", "mm")

@@ -24,10 +24,21 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 NAMES = ("k1", "b1", "k2", "b2")
 ACTUATOR_106 = {name: MODEL[name] for name in NAMES}  # fig. 3-9
-ACTUATOR_114 = {"k1": 9100.0, "b1": 3.3e6, "k2": 1.0e4, "b2": 1.5e6}  # N/m, N s/m; appendix A4, in a comment
+ACTUATOR_114 = {
+    "k1": 9100.0,
+    "b1": 3.3e6,
+    "k2": 1.0e4,
+    "b2": 1.5e6,
+}  # N/m, N s/m; appendix A4, in a comment
 PRINTED = {"k1": "6300", "b1": "1.7e6", "k2": "1.0e4", "b2": "2.0e6"}
-RESOLUTION = 3e-6  # m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
-STEP, REST, HELD = 2.75, 5.0, 2400.0  # N; s before and under a load that is held until its creep is steady
+RESOLUTION = (
+    3e-6  # m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
+)
+STEP, REST, HELD = (
+    2.75,
+    5.0,
+    2400.0,
+)  # N; s before and under a load that is held until its creep is steady
 _TEST = "thesis/analyses/test_creep"
 _BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
 
@@ -87,7 +98,9 @@ def maxwell_of(chain: Mapping[str, float], period: float) -> tuple[float, float]
     force = force_staircase(time, period)
     force -= force.min()
     impulse = np.concatenate([[0.0], np.cumsum(force[:-1])])
-    solved = np.linalg.lstsq(np.column_stack([force, impulse]), np.sum(burgers(time, force, chain), axis=0))[0]
+    solved = np.linalg.lstsq(
+        np.column_stack([force, impulse]), np.sum(burgers(time, force, chain), axis=0)
+    )[0]
     return float(1.0 / solved[0]), float(1.0 / solved[1])
 
 
@@ -98,32 +111,51 @@ def _actuator_114() -> Iterator[Entry]:
     _, dashpot, kelvin = burgers(time, force, ACTUATOR_114)
     flow, at_once = 1e3 * dashpot[-1], 1e3 * (dashpot + kelvin)[unloaded]
     yield Claim(
-        "section 3.3.1, A4", "elongation that stays of actuator 114", "0.2", float(flow), "mm",
+        "section 3.3.1, A4",
+        "elongation that stays of actuator 114",
+        "0.2",
+        float(flow),
+        "mm",
         f"of the dashpot, loads of 30 s every 60 s; just after the last load {at_once:.2f} mm are there, and what the "
-        "Kelvin element has of them goes back. The period is not printed", erratum=38,
-    )  # fmt: skip
+        "Kelvin element has of them goes back. The period is not printed",
+        erratum=38,
+    )
     (k, b), (_, short) = maxwell_of(ACTUATOR_114, 60.0), maxwell_of(ACTUATOR_114, 40.0)
     other_k, other_b = maxwell_of(ACTUATOR_106, 60.0)
     about = "least squares on the response of the chain in A4's comment, loads of 30 s every 60 s"
     stiffness, damping = 1e3 * STIFFNESS, "1.7e6"
     yield Claim(
-        "fig. 5-7 against A4", "k of a Maxwell model of actuator 114", f"{stiffness:.0f}", k, "N/m",
-        f"{about}; k1 of that chain itself is {ACTUATOR_114['k1']:.0f} N/m", erratum=38, inferred=True,
-    )  # fmt: skip
+        "fig. 5-7 against A4",
+        "k of a Maxwell model of actuator 114",
+        f"{stiffness:.0f}",
+        k,
+        "N/m",
+        f"{about}; k1 of that chain itself is {ACTUATOR_114['k1']:.0f} N/m",
+        erratum=38,
+        inferred=True,
+    )
     yield Claim(
-        "fig. 5-7 against A4", "b of a Maxwell model of actuator 114", damping, b, "N*s/m",
-        f"{about}; every 40 s {_e(short)} N*s/m. The period is not printed", erratum=38, inferred=True,
-    )  # fmt: skip
+        "fig. 5-7 against A4",
+        "b of a Maxwell model of actuator 114",
+        damping,
+        b,
+        "N*s/m",
+        f"{about}; every 40 s {_e(short)} N*s/m. The period is not printed",
+        erratum=38,
+        inferred=True,
+    )
     yield Erratum(
-        38, "appendix A4 against figs. 3-7 and 5-7",
+        38,
+        "appendix A4 against figs. 3-7 and 5-7",
         "k1 = 9100, b1 = 3.3e6, k2 = 1e4, b2 = 1.5e6, without units, in a comment of the program that reads actuator "
         f"114; fig. 5-7 of a 12-layer actuator without number has k = {stiffness:.0f} N/m, b = {damping} N·s/m",
         "N/m and N·s/m, for the program multiplies by 1000 to plot mm, and the actuator of fig. 5-7: a Maxwell model "
         f"of that chain has k = {k:.0f} N/m and b = {_e(b)} N·s/m over loads of 30 s every 60 s ({_e(short)} N·s/m "
         f"every 40 s), one of the chain of fig. 3-9 {other_k:.0f} N/m and {_e(other_b)} N·s/m. The b of fig. 5-7 is "
         f"then not the b1 of fig. 3-9, though the number is the same. Of the 0.2 mm that stay, {flow:.2f} mm are its "
-        f"dashpot's; just after the last load it has {at_once:.2f} mm", _TEST,
-    )  # fmt: skip
+        f"dashpot's; just after the last load it has {at_once:.2f} mm",
+        _TEST,
+    )
 
 
 # --- eqs. 3.1 to 3.3 --------------------------------------------------------------------------------------------------
@@ -154,7 +186,10 @@ def readings() -> dict[str, CreepReading]:
     time, force, displacement = loads()
     largest = np.flatnonzero(force == force.max())
     seen = slice(2 * largest[0] - largest[-1] - 1, largest[-1] + 1)  # with as long a rest before it
-    return {"held": read_creep(*held_load()), "loads": read_creep(time[seen], force[seen], displacement[seen])}
+    return {
+        "held": read_creep(*held_load()),
+        "loads": read_creep(time[seen], force[seen], displacement[seen]),
+    }
 
 
 @cache
@@ -162,7 +197,9 @@ def fits() -> dict[str, Fit]:
     """Fits of the simulation error to the same records, begun where the readings end."""
     records = {"held": held_load(), "loads": loads()}
     return {
-        name: fit(PpyActuator, time, {"force": force}, {"displacement": x}, NAMES, readings()[name].values)
+        name: fit(
+            PpyActuator, time, {"force": force}, {"displacement": x}, NAMES, readings()[name].values
+        )
         for name, (time, force, x) in records.items()
     }
 
@@ -178,31 +215,50 @@ def _readings() -> Iterator[Entry]:
     for name, unit in zip(NAMES, ("N/m", "N*s/m", "N/m", "N*s/m"), strict=True):
         low, high = fits()["held"].intervals[name]
         yield Claim(
-            "eqs. 3.1 to 3.3", f"{name} of {STEP:g} N held for {HELD / 60:.0f} min", PRINTED[name],
-            found["held"].values[name], unit,
-            f"{about}; the fit that begins there has the interval {low:.5g} to {high:.5g}", inferred=True,
-        )  # fmt: skip
+            "eqs. 3.1 to 3.3",
+            f"{name} of {STEP:g} N held for {HELD / 60:.0f} min",
+            PRINTED[name],
+            found["held"].values[name],
+            unit,
+            f"{about}; the fit that begins there has the interval {low:.5g} to {high:.5g}",
+            inferred=True,
+        )
     read = found["loads"]
     yield Claim(
-        "eq. 3.3, fig. 3-6", f"b1 of the {read.load:g} N above the bias, 30 s", PRINTED["b1"], read.b1, "N*s/m",
-        f"{about}; b2/k2 = {tau:.0f} s, so that the Kelvin element still creeps and counts as flow", erratum=39,
+        "eq. 3.3, fig. 3-6",
+        f"b1 of the {read.load:g} N above the bias, 30 s",
+        PRINTED["b1"],
+        read.b1,
+        "N*s/m",
+        f"{about}; b2/k2 = {tau:.0f} s, so that the Kelvin element still creeps and counts as flow",
+        erratum=39,
         inferred=True,
-    )  # fmt: skip
-    for name, what in (("held", f"{STEP:g} N held for {HELD / 60:.0f} min"), ("loads", "the loads of fig. 3-6")):
+    )
+    for name, what in (
+        ("held", f"{STEP:g} N held for {HELD / 60:.0f} min"),
+        ("loads", "the loads of fig. 3-6"),
+    ):
         yield Claim(
-            "fig. 3-9", f"printed parameters in the intervals of the fit to {what}", "4",
-            float(contained(fits()[name])), "", f"simulation error, begun at the readings; {about}", inferred=True,
-        )  # fmt: skip
+            "fig. 3-9",
+            f"printed parameters in the intervals of the fit to {what}",
+            "4",
+            float(contained(fits()[name])),
+            "",
+            f"simulation error, begun at the readings; {about}",
+            inferred=True,
+        )
     chain = fits()["loads"].values
     yield Erratum(
-        39, "section 3.3.1; eqs. 3.1 to 3.3",
+        39,
+        "section 3.3.1; eqs. 3.1 to 3.3",
         "the parameters were obtained by fitting eqs. 3.1 to 3.3 to fig. 3-6, then tuned by hand",
         f"three equations for four parameters, and eq. 3.3 wants a load that is held for several b2/k2 = {tau:.0f} s. "
         f"Of the largest load of fig. 3-6, taken to last 30 s, it gives b1 = {_e(read.b1)} N·s/m for "
         f"{PRINTED['b1']}, and k2 = {_e(read.k2)} N/m for {PRINTED['k2']}: creep cannot be told from flow there. A fit "
         f"of the simulation error to all nine loads that begins with these values ends at k1 = {chain['k1']:.0f} and "
-        f"k2 = {_e(chain['k2'])} N/m, b1 = {_e(chain['b1'])} and b2 = {_e(chain['b2'])} N·s/m", _TEST,
-    )  # fmt: skip
+        f"k2 = {_e(chain['k2'])} N/m, b1 = {_e(chain['b1'])} and b2 = {_e(chain['b2'])} N·s/m",
+        _TEST,
+    )
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -238,7 +294,9 @@ def _held() -> Figure:
     since = time - REST
     line = read.load * (1.0 / read.k1 + 1.0 / read.k2 + since / read.b1)
     upper.plot(time, 1e3 * line, color=_RED, ls="--", label="steady creep, drawn back")
-    simulated, read_off = (np.sum(burgers(time, force, chain), axis=0) for chain in (fitted.values, read.values))
+    simulated, read_off = (
+        np.sum(burgers(time, force, chain), axis=0) for chain in (fitted.values, read.values)
+    )
     lower.plot(time, 1e6 * (displacement - simulated), color=_GREY, lw=0.8, label="record over fit")
     lower.plot(time, 1e6 * (read_off - simulated), color=_RED, label="reading over fit")
     for axis, name, unit in ((upper, "displacement", "mm"), (lower, "difference", "um")):
@@ -251,10 +309,22 @@ def _two_actuators() -> Figure:
     time, force, _ = loads()
     figure, (upper, lower) = pictures.panels(2, "Loads above the bias of 0.5 N")
     upper.step(time, force, where="post", color=_BLUE)
-    for name, chain, colour in (("106, fig. 3-9", ACTUATOR_106, _GREY), ("114, A4", ACTUATOR_114, _BLUE)):
-        lower.plot(time, 1e3 * np.sum(burgers(time, force, chain), axis=0), color=colour, label=name)
+    for name, chain, colour in (
+        ("106, fig. 3-9", ACTUATOR_106, _GREY),
+        ("114, A4", ACTUATOR_114, _BLUE),
+    ):
+        lower.plot(
+            time, 1e3 * np.sum(burgers(time, force, chain), axis=0), color=colour, label=name
+        )
     impulse = np.concatenate([[0.0], np.cumsum(force[:-1])])
-    lower.plot(time, force / STIFFNESS + impulse / DAMPING, color=_RED, ls="--", lw=1, label="Maxwell, fig. 5-7")
+    lower.plot(
+        time,
+        force / STIFFNESS + impulse / DAMPING,
+        color=_RED,
+        ls="--",
+        lw=1,
+        label="Maxwell, fig. 5-7",
+    )
     lower.legend(fontsize=8)
     pictures.label(upper, "force", "N")
     pictures.label(lower, "displacement", "mm")

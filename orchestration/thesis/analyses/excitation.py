@@ -34,33 +34,52 @@ def entries() -> Iterator[Entry]:
     highest, period = best_square()
     whole, larger = pexcit(_sampled(20), 1e-9), pexcit(_sampled(15), highest=500)
     yield Claim(
-        "section 3.3.2, fig. 3-12", "order of the current, square wave", "20", float(current), "",
+        "section 3.3.2, fig. 3-12",
+        "order of the current, square wave",
+        "20",
+        float(current),
+        "",
         f"0.9 A at 0.1 Hz and {1 / PERIOD:g} Hz are assumed. Harmonics 1, 3, 5, 7 and 9 are above the cut-off, each "
-        "makes 2", erratum=44,
-    )  # fmt: skip
+        "makes 2",
+        erratum=44,
+    )
     yield Claim(
-        "section 3.3.2, fig. 3-12", "order of the force, steps", "15", float(force), "",
+        "section 3.3.2, fig. 3-12",
+        "order of the force, steps",
+        "15",
+        float(force),
+        "",
         f"median of {len(SEEDS)} seeds, loads of {DWELL[0]:g} to {DWELL[1]:g} s are assumed, and levels; held for "
         f"{BRISK[0]:g} to {BRISK[1]:g} s they have {typical(BRISK)}. The times are not printed",
-    )  # fmt: skip
+    )
     yield Claim(
-        "section 3.3.2, eq. 3.16", "largest order of any square wave", "20", float(highest), "",
+        "section 3.3.2, eq. 3.16",
+        "largest order of any square wave",
+        "20",
+        float(highest),
+        "",
         f"cut-off {CUTOFF:g}, matrix of {SIZE}, periods of 2 to {LONGEST} samples; it is that of {period} samples",
-        erratum=44, inferred=True,
-    )  # fmt: skip
+        erratum=44,
+        inferred=True,
+    )
     least = min(pexcit(square(frequency)) for frequency in (0.2, 0.15, 0.1))
     yield Claim(
-        "section 3.1.4", "order of the square waves of table 3-1, for the 3 parameters of eq. 3.10", "≥3", float(least),
-    )  # fmt: skip
+        "section 3.1.4",
+        "order of the square waves of table 3-1, for the 3 parameters of eq. 3.10",
+        "≥3",
+        float(least),
+    )
     yield Erratum(
-        44, "section 3.3.2, eq. 3.16",
+        44,
+        "section 3.3.2, eq. 3.16",
         f"the current square wave excites to order 20, with a cut-off at {CUTOFF:g} of the singular values",
         "the singular values are the powers of its harmonics, which fall with the square of their number: 1, 3, 5, 7 "
         f"and 9 are above {CUTOFF:g}, which makes {current} orders, and coarse sampling raises that to {highest} at "
         f"most, with {period} samples in a period ({larger} by a matrix of 500, with 30). Where only rounding is cut "
         f"off, a period of 40 samples has order {whole}. A square wave whose frequency or amplitude changes can have "
-        "more; the record is lost", _TEST,
-    )  # fmt: skip
+        "more; the record is lost",
+        _TEST,
+    )
 
 
 def square(frequency: float) -> Array:
@@ -119,8 +138,17 @@ def _singular_values() -> Figure:
     ):
         singular = np.linalg.svd(autocovariance_matrix(values, SIZE), compute_uv=False)
         shares = 100.0 * singular / singular[0]
-        axis.semilogy(np.arange(1, SIZE + 1), shares, marker, ls="-", lw=0.8, ms=6, mfc="none", color=colour,
-                      label=f"{name}: order {pexcit(values)}")  # fmt: skip
+        axis.semilogy(
+            np.arange(1, SIZE + 1),
+            shares,
+            marker,
+            ls="-",
+            lw=0.8,
+            ms=6,
+            mfc="none",
+            color=colour,
+            label=f"{name}: order {pexcit(values)}",
+        )
     axis.axhline(100.0 * CUTOFF, color="black", ls="--", lw=1)
     axis.set_ylim(1e-3, 200.0)
     axis.legend(fontsize=8)

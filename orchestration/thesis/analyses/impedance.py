@@ -45,11 +45,14 @@ def entries() -> Iterator[Entry]:
             found: Quantity = getattr(circuit, name)
             low, high = found.interval
             yield Claim(
-                "section 3.1.4", f"{name} of table 3-1 within the 95 % interval by {by}, 20 mV of noise", "yes",
+                "section 3.1.4",
+                f"{name} of table 3-1 within the 95 % interval by {by}, 20 mV of noise",
+                "yes",
                 "yes" if low <= true <= high else "no",
                 reason=f"{found}; {WINDOWS * WINDOW:g} s of {AMPLITUDE:g} A at {FREQUENCY:g} Hz",
-                erratum=9 if biased else None, inferred=True,
-            )  # fmt: skip
+                erratum=9 if biased else None,
+                inferred=True,
+            )
 
 
 def illustrations() -> tuple[Illustration, ...]:

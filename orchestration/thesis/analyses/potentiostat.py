@@ -26,7 +26,9 @@ Array = NDArray[np.float64]
 RATE, FREQUENCY, AMPLITUDE = 15.0, 0.1, 0.6  # Hz, Hz, V: 1.2 V peak to peak
 FORGETTING, RESET = 0.985, 75  # samples of "approximately 5 seconds"
 DURATION, BEGIN = 160.0, 20.0  # s, the axes of the plot in appendix A3
-TOLERANCE = 3e-3  # V, of the voltage control (table 2-2), taken for the standard deviation of white noise
+TOLERANCE = (
+    3e-3  # V, of the voltage control (table 2-2), taken for the standard deviation of white noise
+)
 FIVE_LAYERS = (1.32, 2.72, 0.46)  # ohm, ohm, F, section 3.3.1
 AXES = ((1.0, 4.5), (0.5, 2.0), (0.0, 1.0))  # ohm, ohm, F, appendix A3
 _NAMES, _UNITS = ("R1", "R2", "C"), ("ohm", "ohm", "F")
@@ -64,7 +66,11 @@ def controlled(target: Array, limit: float, period: float = 1.0 / RATE) -> tuple
     """
     r1, r2, c = CIRCUIT
     conductance, slow = 1.0 / r1 + 1.0 / r2, (r1 + r2) * c
-    inner, current, voltage = 0.0, np.empty_like(target), np.empty_like(target)  # inner: of the capacitance, V
+    inner, current, voltage = (
+        0.0,
+        np.empty_like(target),
+        np.empty_like(target),
+    )  # inner: of the capacitance, V
     for k, wanted in enumerate(target.tolist()):
         current[k], voltage[k], left = conductance * wanted - inner / r1, wanted, period
         if abs(current[k]) > limit:
@@ -100,7 +106,11 @@ def batch(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> Estimates:
     """Least squares over every period of the voltage, by eqs. 4.3 to 4.5, from 20 s on."""
     _, current, voltage = record(limit, noise)
     windows = least_squares_windows(
-        current, voltage, 1.0 / RATE, round(RATE / FREQUENCY), angular_frequency=2.0 * pi * FREQUENCY
+        current,
+        voltage,
+        1.0 / RATE,
+        round(RATE / FREQUENCY),
+        angular_frequency=2.0 * pi * FREQUENCY,
     )
     shown = windows.end > BEGIN
     return Estimates(windows.end[shown], windows.circuit[shown], windows.impedance[shown])
@@ -111,7 +121,9 @@ def online(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> Estimates:
     """Recursive least squares with forgetting and resets, as appendix A3 has it, from 20 s on."""
     time, current, voltage = record(limit, noise)
     shown = time[1:] >= BEGIN
-    circuit = tustin(recursive(current, voltage, FORGETTING, FORGETTING, 1.0, RESET)[shown], 1.0 / RATE)
+    circuit = tustin(
+        recursive(current, voltage, FORGETTING, FORGETTING, 1.0, RESET)[shown], 1.0 / RATE
+    )
     return Estimates(time[1:][shown], circuit, magnitude(circuit, 2.0 * pi * FREQUENCY))
 
 
@@ -124,23 +136,39 @@ def _limited() -> Iterator[Entry]:
     _, held, _ = record(CURRENT_LIMIT, 0.0)
     share = 100.0 * float(np.mean(np.abs(held) >= CURRENT_LIMIT))
     yield Claim(
-        "fig. 4-8 against table 2-2", f"current that ±{AMPLITUDE:g} V take", f"≤{CURRENT_LIMIT:g}", most, "A",
-        "circuit of table 3-1, of 12 layers too; the actuator of fig. 4-8 is not printed", erratum=42, inferred=True,
-    )  # fmt: skip
+        "fig. 4-8 against table 2-2",
+        f"current that ±{AMPLITUDE:g} V take",
+        f"≤{CURRENT_LIMIT:g}",
+        most,
+        "A",
+        "circuit of table 3-1, of 12 layers too; the actuator of fig. 4-8 is not printed",
+        erratum=42,
+        inferred=True,
+    )
     yield Erratum(
-        42, "section 4.3, fig. 4-8, against table 2-2", "a square wave of 1.2 V peak to peak at 0.1 Hz",
+        42,
+        "section 4.3, fig. 4-8, against table 2-2",
+        "a square wave of 1.2 V peak to peak at 0.1 Hz",
         f"the circuit of table 3-1 takes {most:.1f} A when the voltage turns, for its capacitance has charged for "
         f"{half:g} s; the potentiostat gives {CURRENT_LIMIT:g} A. With that limit the voltage is no square wave: the "
-        f"current stands at its limit for {share:.0f} % of the time. The actuator of fig. 4-8 is not printed", _TEST,
-    )  # fmt: skip
+        f"current stands at its limit for {share:.0f} % of the time. The actuator of fig. 4-8 is not printed",
+        _TEST,
+    )
 
 
 def _without_noise() -> Iterator[Entry]:
-    for name, unit, printed, value in zip(_NAMES, _UNITS, MEANS[3:], batch(np.inf, 0.0).circuit[-1], strict=True):
+    for name, unit, printed, value in zip(
+        _NAMES, _UNITS, MEANS[3:], batch(np.inf, 0.0).circuit[-1], strict=True
+    ):
         yield Claim(
-            "fig. 4-8, eqs. 4.3 to 4.5", f"{name} of table 3-1 from held voltage at {RATE:g} Hz", printed, float(value),
-            unit, "Tustin's rule; no noise, no limit of the current", inferred=True,
-        )  # fmt: skip
+            "fig. 4-8, eqs. 4.3 to 4.5",
+            f"{name} of table 3-1 from held voltage at {RATE:g} Hz",
+            printed,
+            float(value),
+            unit,
+            "Tustin's rule; no noise, no limit of the current",
+            inferred=True,
+        )
 
 
 def _with_noise() -> Iterator[Entry]:
@@ -150,17 +178,25 @@ def _with_noise() -> Iterator[Entry]:
     for how, found in (("LS", batch()), ("RLS", online())):
         low, high = np.percentile(found.impedance, [5.0, 95.0])
         yield Claim(
-            "section 4.3", f"impedance at {FREQUENCY:g} Hz by {how} at {RATE:g} Hz, median", printed,
-            float(np.median(found.impedance)), "ohm", f"{about}; 90 % are in {low:.3f} to {high:.3f} ohm",
+            "section 4.3",
+            f"impedance at {FREQUENCY:g} Hz by {how} at {RATE:g} Hz, median",
+            printed,
+            float(np.median(found.impedance)),
+            "ohm",
+            f"{about}; 90 % are in {low:.3f} to {high:.3f} ohm",
             inferred=True,
-        )  # fmt: skip
+        )
         for part, (name, unit) in enumerate(zip(_NAMES, _UNITS, strict=True)):
             low, high = np.percentile(found.circuit[:, part], [5.0, 95.0])
             yield Claim(
-                "fig. 4-8", f"{name} by {how} at {RATE:g} Hz, median", MEANS[3 + part],
-                float(np.median(found.circuit[:, part])), unit, f"{about}; 90 % are in {low:.3f} to {high:.3f} {unit}",
+                "fig. 4-8",
+                f"{name} by {how} at {RATE:g} Hz, median",
+                MEANS[3 + part],
+                float(np.median(found.circuit[:, part])),
+                unit,
+                f"{about}; 90 % are in {low:.3f} to {high:.3f} {unit}",
                 inferred=True,
-            )  # fmt: skip
+            )
 
 
 def _axes() -> Iterator[Entry]:
@@ -169,16 +205,28 @@ def _axes() -> Iterator[Entry]:
         for layers, circuit in ((12, CIRCUIT), (5, FIVE_LAYERS))
     }
     yield Claim(
-        "appendix A3, RLS", "parameters of 12 layers on the axes of its plot", "3", float(inside[12]), "",
-        "its record is named after actuator 106, which has 12 layers in fig. 3-6", erratum=43, inferred=True,
-    )  # fmt: skip
-    shown = ", ".join(f"{n} {a:g} to {b:g} {u}" for n, u, (a, b) in zip(_NAMES, ("Ω", "Ω", "F"), AXES, strict=True))
+        "appendix A3, RLS",
+        "parameters of 12 layers on the axes of its plot",
+        "3",
+        float(inside[12]),
+        "",
+        "its record is named after actuator 106, which has 12 layers in fig. 3-6",
+        erratum=43,
+        inferred=True,
+    )
+    shown = ", ".join(
+        f"{n} {a:g} to {b:g} {u}"
+        for n, u, (a, b) in zip(_NAMES, ("Ω", "Ω", "F"), AXES, strict=True)
+    )
     yield Erratum(
-        43, "appendix A3, recursive least squares", f"the record is of actuator 106; axes {shown}",
+        43,
+        "appendix A3, recursive least squares",
+        f"the record is of actuator 106; axes {shown}",
         f"of a circuit of 12 layers, as actuator 106 has in fig. 3-6, {inside[12]} of 3 parameters of table 3-1 are on "
         f"these axes; of the 5-layer actuator of section 3.3.1 ({FIVE_LAYERS[0]:g} Ω, {FIVE_LAYERS[1]:g} Ω, "
-        f"{FIVE_LAYERS[2]:g} F, under 150 g as the name of the record has it) {inside[5]} of 3", _TEST,
-    )  # fmt: skip
+        f"{FIVE_LAYERS[2]:g} F, under 150 g as the name of the record has it) {inside[5]} of 3",
+        _TEST,
+    )
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -201,15 +249,26 @@ def illustrations() -> tuple[Illustration, ...]:
 def _beside() -> Figure:
     slow, fast = batch(), online()
     truth = float(magnitude(CIRCUIT, 2.0 * pi * FREQUENCY))
-    figure, axes = pictures.panels(4, f"±{AMPLITUDE:g} V at {FREQUENCY:g} Hz, sampled at {RATE:g} Hz")
-    columns = [*zip(_NAMES, _UNITS, CIRCUIT, slow.circuit.T, fast.circuit.T, strict=True),
-               ("impedance at 0.1 Hz", "ohm", truth, slow.impedance, fast.impedance)]  # fmt: skip
+    figure, axes = pictures.panels(
+        4, f"±{AMPLITUDE:g} V at {FREQUENCY:g} Hz, sampled at {RATE:g} Hz"
+    )
+    columns = [
+        *zip(_NAMES, _UNITS, CIRCUIT, slow.circuit.T, fast.circuit.T, strict=True),
+        ("impedance at 0.1 Hz", "ohm", truth, slow.impedance, fast.impedance),
+    ]
     for axis, (name, unit, true, windows, recursion) in zip(axes, columns, strict=True):
         axis.plot(fast.time, recursion, color=_BLUE, lw=0.8, label="RLS")
         # a window ends where its estimate stands, and began a period before
-        axis.step(np.append(slow.time - 1.0 / FREQUENCY, slow.time[-1]), np.append(windows, windows[-1]), where="post",
-                  color=_RED, label="LS")  # fmt: skip
+        axis.step(
+            np.append(slow.time - 1.0 / FREQUENCY, slow.time[-1]),
+            np.append(windows, windows[-1]),
+            where="post",
+            color=_RED,
+            label="LS",
+        )
         axis.axhline(true, color=_GREY, ls="--", label="table 3-1")
         pictures.label(axis, name, unit)
-    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1)
+    axes[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
+    )
     return figure

@@ -46,7 +46,11 @@ def estimated(cls, voltage, **parameters):
 
 def random_values(cls, seed):
     rng = np.random.default_rng(seed)
-    values = {p.name: float(p.start) * rng.uniform(0.5, 2.0) for p in cls.layout.parameters if p.type == "real"}
+    values = {
+        p.name: float(p.start) * rng.uniform(0.5, 2.0)
+        for p in cls.layout.parameters
+        if p.type == "real"
+    }
     for v in (*cls.layout.inputs, *cls.layout.discretes):
         values[v.name] = float(rng.normal()) if v.type == "real" else float(rng.integers(2))
     return values | {
@@ -57,7 +61,9 @@ def random_values(cls, seed):
 
 
 def test_catalogue():
-    readme = (Path(fmus.__file__).parent / "degradation_estimator" / "README.md").read_text(encoding="utf-8")
+    readme = (Path(fmus.__file__).parent / "degradation_estimator" / "README.md").read_text(
+        encoding="utf-8"
+    )
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     assert fmus.effects("degradation_estimator") == EFFECTS
     for name, effect in EFFECTS.items():
@@ -71,7 +77,10 @@ def test_catalogue():
 
 
 @settings(deadline=None, max_examples=60)
-@given(seed=st.integers(0, 2**32 - 1), chosen=st.sampled_from([*((name,) for name in EFFECTS), tuple(EFFECTS)]))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    chosen=st.sampled_from([*((name,) for name in EFFECTS), tuple(EFFECTS)]),
+)
 def test_neutral_is_bit_identical(seed, chosen):
     cls = stack(DegradationEstimator, *(EFFECTS[name] for name in chosen))
     known = {v.name for v in DegradationEstimator.layout.variables}
@@ -99,7 +108,10 @@ SAMPLED = {
 def test_an_effect_is_the_base_model_on_what_it_samples(name):
     voltage = across(CURRENT) + 1e-3 * np.random.default_rng(1).standard_normal(TIME.size)
     found = estimated(laid(name), voltage, **ACTIVE[name])
-    expected, plain = estimated(DegradationEstimator, SAMPLED[name](voltage)), estimated(DegradationEstimator, voltage)
+    expected, plain = (
+        estimated(DegradationEstimator, SAMPLED[name](voltage)),
+        estimated(DegradationEstimator, voltage),
+    )
     for output in ("R1", "R2", "C", "impedance", "impedance_change", "voltage_limit"):
         assert found[output] == pytest.approx(expected[output], rel=1e-9, abs=1e-9)
     assert abs(found["b0"][-1] / plain["b0"][-1] - 1.0) > 0.01
@@ -134,19 +146,38 @@ def test_the_slope_at_neutral_is_exact_and_not_zero(name):
     """A score test starts there: sensitivities of the compiled record beside central differences."""
     cls, voltage = laid(name), across(CURRENT)
     neutral = EFFECTS[name].neutral
-    exact = CompiledModel(cls, [neutral]).run(TIME, {"current": CURRENT, "voltage": voltage}).sensitivities["R2"][-1, 0]
+    exact = (
+        CompiledModel(cls, [neutral])
+        .run(TIME, {"current": CURRENT, "voltage": voltage})
+        .sensitivities["R2"][-1, 0]
+    )
     lowest = EFFECTS[name].declared[neutral].min
     step = 1e-5
-    ends = [estimated(cls, voltage, **{neutral: s})["R2"][-1] for s in (step, -step if lowest < 0.0 else 0.0)]
-    assert exact == pytest.approx((ends[0] - ends[1]) / (step if lowest == 0.0 else 2.0 * step), rel=2e-2)
+    ends = [
+        estimated(cls, voltage, **{neutral: s})["R2"][-1]
+        for s in (step, -step if lowest < 0.0 else 0.0)
+    ]
+    assert exact == pytest.approx(
+        (ends[0] - ends[1]) / (step if lowest == 0.0 else 2.0 * step), rel=2e-2
+    )
     assert abs(exact) > 0.1
 
 
 def test_builds_agree_on_all_effects(tmp_path):
     cls = stack(DegradationEstimator, *EFFECTS.values(), name="everything")
-    values = {k: v for one in ACTIVE.values() for k, v in one.items()} | {"settling_time": 1.0, "minimum_swing": 0.01}
+    values = {k: v for one in ACTIVE.values() for k, v in one.items()} | {
+        "settling_time": 1.0,
+        "minimum_swing": 0.01,
+    }
     ranges = {"current": (-1.0, 1.0), "voltage": (-1.0, 1.0)}
-    still = ("R1", "R2", "C", "impedance", "impedance_change", "voltage_limit")  # of noise there may be no circuit
+    still = (
+        "R1",
+        "R2",
+        "C",
+        "impedance",
+        "impedance_change",
+        "voltage_limit",
+    )  # of noise there may be no circuit
     check_that_builds_agree(cls, values, ranges, tmp_path, still=still)
 
 

@@ -15,7 +15,12 @@ from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 from tests.contract.raw import OK, instance
 
 NAME = "degradation_estimator"
-FAST = {"settling_time": 10.0, "minimum_reversals": 3, "least_squares_time": 5.0, "forgetting_time": 30.0}
+FAST = {
+    "settling_time": 10.0,
+    "minimum_reversals": 3,
+    "least_squares_time": 5.0,
+    "forgetting_time": 30.0,
+}
 
 
 @pytest.fixture
@@ -38,14 +43,29 @@ def test_signals_units_and_types(archive):
     about = {v.name: v for v in description.modelVariables}
     outputs = {v.name: v.unit for v in description.modelVariables if v.causality == "output"}
     assert outputs == {
-        "R1": "Ohm", "R2": "Ohm", "C": "F", "impedance": "Ohm", "impedance_change": "1", "voltage_limit": "V",
-        "estimate_valid": None, "tracked_angular_frequency": "rad/s",
-    }  # fmt: skip
-    assert {n: about[n].unit for n in about if about[n].causality == "input"} == {"current": "A", "voltage": "V"}
+        "R1": "Ohm",
+        "R2": "Ohm",
+        "C": "F",
+        "impedance": "Ohm",
+        "impedance_change": "1",
+        "voltage_limit": "V",
+        "estimate_valid": None,
+        "tracked_angular_frequency": "rad/s",
+    }
+    assert {n: about[n].unit for n in about if about[n].causality == "input"} == {
+        "current": "A",
+        "voltage": "V",
+    }
     assert {n for n in about if about[n].type == "Boolean"} == {
-        "instrumental_variable", "zero_order_hold", "track_frequency", "estimate_valid", "estimate_valid_start",
-    }  # fmt: skip
-    assert all(not u.dependencies for u in description.outputs)  # all through samples: no algebraic loop
+        "instrumental_variable",
+        "zero_order_hold",
+        "track_frequency",
+        "estimate_valid",
+        "estimate_valid_start",
+    }
+    assert all(
+        not u.dependencies for u in description.outputs
+    )  # all through samples: no algebraic loop
 
 
 # --- results ----------------------------------------------------------------------------------------------------------
@@ -53,22 +73,33 @@ def test_signals_units_and_types(archive):
 
 @pytest.mark.parametrize(
     "parameters",
-    [{}, FAST, FAST | {"instrumental_variable": False, "zero_order_hold": False, "reset_interval": 3.0},
-     FAST | {"sample_period": 0.037, "maximum_trace": 10.0}, FAST | {"track_frequency": True}],
+    [
+        {},
+        FAST,
+        FAST | {"instrumental_variable": False, "zero_order_hold": False, "reset_interval": 3.0},
+        FAST | {"sample_period": 0.037, "maximum_trace": 10.0},
+        FAST | {"track_frequency": True},
+    ],
     ids=["default", "fast", "thesis", "bounded", "tracked"],
-)  # fmt: skip
+)
 def test_builds_agree(fmu, parameters):
     steps = np.random.default_rng(7).choice([0.01, 0.1, 0.123, 0.5], 650)
     time = np.concatenate([[0.0], np.cumsum(steps)])
     current = square_wave(time, 0.9, 0.2)
-    voltage = EmulatedRig(RigParameters(), seed=3).run(time, current, np.zeros_like(time))["voltage"]
+    voltage = EmulatedRig(RigParameters(), seed=3).run(time, current, np.zeros_like(time))[
+        "voltage"
+    ]
     results = {}
     for runtime in RUNTIMES:
         with Fmu(fmu(NAME, runtime), parameters) as one:
             one.start(0.0, float(time[-1]))
-            results[runtime] = simulate_instance(one, time, {"current": current, "voltage": voltage})
+            results[runtime] = simulate_instance(
+                one, time, {"current": current, "voltage": voltage}
+            )
     for name, expected in results["native"].items():
-        np.testing.assert_allclose(results["python"][name], expected, rtol=1e-9, atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(
+            results["python"][name], expected, rtol=1e-9, atol=1e-12, err_msg=name
+        )
     assert results["native"]["R2"][-1] > 0.0
     assert results["native"]["estimate_valid"].any()
 
@@ -85,7 +116,9 @@ def test_any_communication_step_takes_the_same_samples(archive):
                 one.set({"current": i, "voltage": v})
                 for _ in range(parts):
                     one.step(0.1 / parts)
-                trail.append(one.get("R1", "R2", "C", "impedance", "estimate_valid", "voltage_limit"))
+                trail.append(
+                    one.get("R1", "R2", "C", "impedance", "estimate_valid", "voltage_limit")
+                )
             results.append(trail)
     assert results[0][-1][4] == 1
     for other in results[1:]:

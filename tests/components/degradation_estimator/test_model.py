@@ -37,9 +37,14 @@ def estimate(compiled):
     def run(current, voltage, **parameters):
         period = parameters.get("sample_period", PERIOD)
         time = period * np.arange(len(current) + 1)
-        inputs = {"current": np.append(current, current[-1]), "voltage": np.append(voltage, voltage[-1])}
+        inputs = {
+            "current": np.append(current, current[-1]),
+            "voltage": np.append(voltage, voltage[-1]),
+        }
         signals = compiled.run(time, inputs, parameters).signals
-        return {name: values[1:] for name, values in signals.items()}  # a sample shows at the next point
+        return {
+            name: values[1:] for name, values in signals.items()
+        }  # a sample shows at the next point
 
     return run
 
@@ -118,11 +123,20 @@ def test_impedance_is_eq_4_10(r1, r2, c, omega):
 
 def test_forgetting_factor_is_eq_4_11_and_the_printed_numbers_are_not_what_they_are_called():
     for percent, age, period in ((10.0, 600.0, 0.1), (1.0, 10.0, 0.1), (50.0, 5.0, 1 / 15)):
-        model = DegradationEstimator(remaining_weight=percent / 100, forgetting_time=age, sample_period=period)
-        assert model.forgetting_factor() == pytest.approx(10 ** ((math.log10(percent) - 2) * period / age), rel=1e-13)
-    for name, factor, left in (("thesis_10_hz", 0.91, 8e-5), ("thesis_15_hz", 0.985, 0.32)):  # errata 11
+        model = DegradationEstimator(
+            remaining_weight=percent / 100, forgetting_time=age, sample_period=period
+        )
+        assert model.forgetting_factor() == pytest.approx(
+            10 ** ((math.log10(percent) - 2) * period / age), rel=1e-13
+        )
+    for name, factor, left in (
+        ("thesis_10_hz", 0.91, 8e-5),
+        ("thesis_15_hz", 0.985, 0.32),
+    ):  # errata 11
         values = DegradationEstimator.presets[name].values
-        assert DegradationEstimator(**values).forgetting_factor() == pytest.approx(factor, rel=1e-12)
+        assert DegradationEstimator(**values).forgetting_factor() == pytest.approx(
+            factor, rel=1e-12
+        )
         assert values["remaining_weight"] == pytest.approx(left, rel=0.02)
 
 
@@ -138,8 +152,12 @@ def test_least_squares_is_the_weighted_batch_solution(estimate):
         t = np.arange(1, last + 1)
         weight = np.sqrt(forgetting ** (last - t))
         rows = np.column_stack([current[t], current[t - 1], -voltage[t - 1]]) * weight[:, None]
-        start = np.eye(3) * np.sqrt(forgetting**last / 1e4)  # the initial covariance is forgotten too
-        theta = np.linalg.lstsq(np.vstack([rows, start]), np.append(voltage[t] * weight, np.zeros(3)))[0]
+        start = np.eye(3) * np.sqrt(
+            forgetting**last / 1e4
+        )  # the initial covariance is forgotten too
+        theta = np.linalg.lstsq(
+            np.vstack([rows, start]), np.append(voltage[t] * weight, np.zeros(3))
+        )[0]
         assert [found[name][last] for name in ("b0", "b1", "a")] == pytest.approx(theta, rel=1e-8)
 
 
@@ -167,8 +185,13 @@ def test_noise_biases_least_squares_and_not_the_instrumental_variable(estimate, 
     current = square(600.0)
     values, shown = {}, [f"{millivolts} mV rms"]
     for name, options in (("plain", LEAST_SQUARES), ("instrument", {})):
-        runs = [estimate(current, measured(current, 1e-3 * millivolts, seed), **options) for seed in range(40)]
-        values[name] = np.array([[run[signal][-1] for signal in ("R1", "R2", "C", "impedance")] for run in runs])
+        runs = [
+            estimate(current, measured(current, 1e-3 * millivolts, seed), **options)
+            for seed in range(40)
+        ]
+        values[name] = np.array(
+            [[run[signal][-1] for signal in ("R1", "R2", "C", "impedance")] for run in runs]
+        )
         shown.append(f"{values[name][:, 1].mean():.2f} ± {values[name][:, 1].std(ddof=1):.2f} Ω")
     assert f"| {' | '.join(shown)} |" in README
     assert values["plain"][:, 1].mean() < 0.95 * R2
@@ -191,7 +214,9 @@ def test_covariance_stays_bounded_and_symmetric_for_least_squares(estimate):
     current[::50] += 0.2
     options = {"forgetting_time": 5.0, "maximum_trace": 100.0, "initial_covariance": 10.0}
     for instrumental in (0.0, 1.0):
-        found = estimate(current, measured(current, 5e-3), instrumental_variable=instrumental, **options)
+        found = estimate(
+            current, measured(current, 5e-3), instrumental_variable=instrumental, **options
+        )
         total = found["p11"] + found["p22"] + found["p33"]
         assert np.all(total[20:] <= 100.0 * (1 + 1e-12))
         assert np.all(total[20:] > 0.0)
@@ -252,7 +277,9 @@ def alternating(durations, amplitude=0.9):
 @given(durations=st.lists(st.integers(1, 150), min_size=5, max_size=40))
 def test_tracked_frequency_is_that_of_reversals_of_equal_sign(estimate, durations):
     """Against the switching times themselves; the first half period starts with the first movement and is left out."""
-    tracked = estimate(alternating(durations), np.zeros(sum(durations)))["tracked_angular_frequency"]
+    tracked = estimate(alternating(durations), np.zeros(sum(durations)))[
+        "tracked_angular_frequency"
+    ]
     switched = PERIOD * np.cumsum(durations)[:-1]
     period, expected = None, OMEGA
     for before, last, now in zip(switched, switched[1:], switched[2:], strict=False):
@@ -269,10 +296,14 @@ def test_tracked_frequency_is_the_fundamental_whatever_the_shape(estimate, frequ
     """A sample period is the resolution of a reversal; smoothed over 30 s it is 1 % at worst."""
     phase = frequency * PERIOD * np.arange(4000)
     current = {
-        "square": np.where(phase % 1 < 0.5, 0.9, -0.9), "sine": 0.9 * np.sin(2 * np.pi * phase),
-        "a quarter of the time": np.where(phase % 1 < 0.25, 1.2, 0.0), "offset sine": 1 + np.sin(2 * np.pi * phase),
-    }[shape]  # fmt: skip
-    found = estimate(current, measured(current), excitation_timeout=40.0)["tracked_angular_frequency"]
+        "square": np.where(phase % 1 < 0.5, 0.9, -0.9),
+        "sine": 0.9 * np.sin(2 * np.pi * phase),
+        "a quarter of the time": np.where(phase % 1 < 0.25, 1.2, 0.0),
+        "offset sine": 1 + np.sin(2 * np.pi * phase),
+    }[shape]
+    found = estimate(current, measured(current), excitation_timeout=40.0)[
+        "tracked_angular_frequency"
+    ]
     assert found[2000:] == pytest.approx(2 * np.pi * frequency, rel=0.01)
 
 
@@ -284,7 +315,9 @@ def test_tracked_frequency_follows_a_change_and_is_held_while_the_current_rests(
     assert period[1999] == pytest.approx(5.0, rel=1e-9)
     left = math.exp(-5.0 / 30.0)
     n = np.arange(1, 60)  # half periods of 5 s since the change; the first follows one of 2.5 s
-    assert period[2000 + 50 * n] == pytest.approx(10.0 - (2.5 + 2.5 * left) * left ** (n - 1), rel=1e-9)
+    assert period[2000 + 50 * n] == pytest.approx(
+        10.0 - (2.5 + 2.5 * left) * left ** (n - 1), rel=1e-9
+    )
     assert np.ptp(period[5060:7000]) == 0.0
     assert period[4999:] == pytest.approx(10.0, rel=1e-3)
 
@@ -300,7 +333,9 @@ def test_impedance_at_the_tracked_frequency_is_compared_with_the_reference_there
     assert np.abs(found["impedance_change"]).max() < 1e-4
     back = estimate(current[::-1], measured(current[::-1]), track_frequency=1.0)
     assert np.abs(back["impedance_change"]).max() < 1e-4
-    assert np.all(back["voltage_limit"] == 1.5), "the impedance rose by half, the actuator is as it was"
+    assert np.all(back["voltage_limit"] == 1.5), (
+        "the impedance rose by half, the actuator is as it was"
+    )
     fixed = estimate(current, measured(current))
     assert fixed["impedance"][1200:] == pytest.approx(impedance(R1, R2, C), rel=1e-4)
 
@@ -336,7 +371,9 @@ def test_dips_of_the_protection_are_no_reversals_if_the_swing_says_so(estimate):
     current[np.arange(6000) % 50 // 5 == 6] = 0.0
     voltage = measured(current)
     swings = {"minimum_swing": 2.0, "turning_current_start": -1.3}
-    aware, naive = (estimate(current, voltage, **o)["tracked_angular_frequency"][-1] for o in (swings, {}))
+    aware, naive = (
+        estimate(current, voltage, **o)["tracked_angular_frequency"][-1] for o in (swings, {})
+    )
     assert aware == pytest.approx(0.2 * math.pi, rel=1e-9)
     assert naive > 1.5 * aware
 
@@ -349,7 +386,9 @@ def test_valid_needs_time_and_reversals(estimate):
         assert np.argmax(found["estimate_valid"] > 0.5) == expected
         assert np.all(found["impedance_change"][:expected] == 0.0)
         reference = found["impedance"][expected]
-        assert found["impedance_change"][expected:] == pytest.approx(found["impedance"][expected:] / reference - 1)
+        assert found["impedance_change"][expected:] == pytest.approx(
+            found["impedance"][expected:] / reference - 1
+        )
 
 
 # --- derating ---------------------------------------------------------------------------------------------------------
@@ -384,14 +423,22 @@ def test_impedance_of_a_five_hour_life_is_tracked_and_derated(estimate):
     steps = int(change[-1] // 0.05)
     assert steps >= 3
     for n in range(1, steps + 1):
-        due, taken = time[np.argmax(change >= 0.05 * n)], time[np.argmax(limit < 1.5 - 0.05 * n + 0.025)]
+        due, taken = (
+            time[np.argmax(change >= 0.05 * n)],
+            time[np.argmax(limit < 1.5 - 0.05 * n + 0.025)],
+        )
         assert taken == pytest.approx(due, abs=600.0)
 
 
 def test_the_limit_falls_in_steps_to_a_floor_and_never_rises(estimate):
     current = square(1500.0, amplitude=1.3)
     voltage = measured(current, hidden=lambda p: GrowingResistance(p, growth=3.0, endurance=400.0))
-    options = {"impedance_step": 0.1, "voltage_step": 0.3, "forgetting_time": 60.0, "minimum_voltage_limit": 0.8}
+    options = {
+        "impedance_step": 0.1,
+        "voltage_step": 0.3,
+        "forgetting_time": 60.0,
+        "minimum_voltage_limit": 0.8,
+    }
     found = estimate(current, voltage, **options)
     change = np.where(found["estimate_valid"] > 0.5, found["impedance_change"], 0.0)
     expected = 1.5 - 0.3 * np.maximum.accumulate(np.maximum(np.floor(change / 0.1), 0.0))
@@ -411,7 +458,10 @@ def test_single_faults_of_the_sensors_are_passed_over(estimate):
     clean = estimate(current, voltage)["impedance"]
     faulty = np.array(current)
     voltage[[1510, 2222, 4013]] = [1e300, -1e4, 21.0]
-    faulty[[1812, 5009]] = [1e6, -1e300]  # all between two reversals: the reading before is nearly right
+    faulty[[1812, 5009]] = [
+        1e6,
+        -1e300,
+    ]  # all between two reversals: the reading before is nearly right
     found = estimate(faulty, voltage)
     assert found["impedance"][1200:] == pytest.approx(clean[1200:], rel=0.005)
     assert np.all(found["voltage_limit"] == 1.5)
@@ -424,7 +474,11 @@ def test_any_parameters_and_inputs_leave_finite_numbers(compiled, data):
     for p in DegradationEstimator.layout.parameters:
         if p.name.endswith("_start"):
             continue
-        parameters[p.name] = data.draw(st.sampled_from([p.min, p.max, p.start]), label=p.name) if p.max < 1e20 else 0.0
+        parameters[p.name] = (
+            data.draw(st.sampled_from([p.min, p.max, p.start]), label=p.name)
+            if p.max < 1e20
+            else 0.0
+        )
     parameters |= {
         name: data.draw(st.sampled_from([0.0, 1.0]))
         for name in ("instrumental_variable", "zero_order_hold", "track_frequency")
@@ -433,7 +487,9 @@ def test_any_parameters_and_inputs_leave_finite_numbers(compiled, data):
     rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
     size = data.draw(st.sampled_from([1e-6, 1.0, 1e3]))
     current, voltage = size * rng.uniform(-1, 1, (2, 301))
-    found = compiled.run(period * np.arange(301), {"current": current, "voltage": voltage}, parameters).signals
+    found = compiled.run(
+        period * np.arange(301), {"current": current, "voltage": voltage}, parameters
+    ).signals
     for name, values in found.items():
         assert np.all(np.isfinite(values)), name
     for name in ("R1", "R2", "C", "impedance"):

@@ -24,9 +24,18 @@ ACTIVE = {
     "plantar_tendon_across_arch": {"pl_arch_radius": 0.011},
     "tendon_stretch": {"tendon_compliance": 2e-4, "tendon_time": 0.04},
     "tendon_friction": {"tendon_wrap_friction": 0.2, "tendon_friction_velocity": 2e-3},
-    "coulomb_friction(ankle_friction)": {"ankle_friction_coulomb": 4e-3, "ankle_friction_coulomb_velocity": 0.05},
-    "coulomb_friction(tm_friction)": {"tm_friction_coulomb": 5e-3, "tm_friction_coulomb_velocity": 0.04},
-    "coulomb_friction(mtp_friction)": {"mtp_friction_coulomb": 3e-4, "mtp_friction_coulomb_velocity": 0.03},
+    "coulomb_friction(ankle_friction)": {
+        "ankle_friction_coulomb": 4e-3,
+        "ankle_friction_coulomb_velocity": 0.05,
+    },
+    "coulomb_friction(tm_friction)": {
+        "tm_friction_coulomb": 5e-3,
+        "tm_friction_coulomb_velocity": 0.04,
+    },
+    "coulomb_friction(mtp_friction)": {
+        "mtp_friction_coulomb": 3e-4,
+        "mtp_friction_coulomb_velocity": 0.03,
+    },
 }
 _LENGTHS = {f"{a}_length{end}" for a in ACTUATORS for end in ("", "_change", "_rate")}
 CHANGED = {
@@ -36,15 +45,19 @@ CHANGED = {
     "tendon_friction": {"ankle_torque", "mtp_torque"},
 } | {f"coulomb_friction({joint}_friction)": set() for joint in JOINTS}
 MOVED = {
-    "plantar_tendon_across_arch": {"tm"}, "tendon_stretch": set(), "tendon_friction": {"ankle", "mtp"},
-} | {f"coulomb_friction({joint}_friction)": {joint} for joint in JOINTS}  # fmt: skip
+    "plantar_tendon_across_arch": {"tm"},
+    "tendon_stretch": set(),
+    "tendon_friction": {"ankle", "mtp"},
+} | {f"coulomb_friction({joint}_friction)": {joint} for joint in JOINTS}
 CASES = [(base, name) for base in (Foot, FootDynamic) for name in fmus.effects(base.name)]
 cases = pytest.mark.parametrize(("base", "name"), CASES, ids=lambda v: getattr(v, "name", v))
 bases = pytest.mark.parametrize("base", [Foot, FootDynamic], ids=lambda cls: cls.name)
-LOADS = dict.fromkeys(("an_tension", "po_tension", "do_tension", "pl_tension"), (0.1, 2.0)) | dict.fromkeys(
-    ("toe_force_x", "toe_force_y"), (-0.5, 0.5)
-)
-POSTURE = {f"{joint}_angle": (-0.14, 0.25) for joint in JOINTS} | {f"{joint}_rate": (-1.0, 1.0) for joint in JOINTS}
+LOADS = dict.fromkeys(
+    ("an_tension", "po_tension", "do_tension", "pl_tension"), (0.1, 2.0)
+) | dict.fromkeys(("toe_force_x", "toe_force_y"), (-0.5, 0.5))
+POSTURE = {f"{joint}_angle": (-0.14, 0.25) for joint in JOINTS} | {
+    f"{joint}_rate": (-1.0, 1.0) for joint in JOINTS
+}
 
 
 def drawn(cls, seed, **values):
@@ -52,7 +65,9 @@ def drawn(cls, seed, **values):
     rng = np.random.default_rng(seed)
     found = {p.name: float(p.start) * rng.uniform(0.8, 1.2) for p in cls.layout.parameters}
     found |= {name: rng.uniform(*ends) for name, ends in (LOADS | POSTURE).items()}
-    found |= {s.name: s.nominal * rng.normal() for s in cls.layout.states if s.name.endswith("_stretch")}
+    found |= {
+        s.name: s.nominal * rng.normal() for s in cls.layout.states if s.name.endswith("_stretch")
+    }
     return found | values
 
 
@@ -68,7 +83,11 @@ def test_catalogue():
     readme = (Path(fmus.__file__).parent / "foot" / "README.md").read_text(encoding="utf-8")
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     assert fmus.effects("foot_dynamic") == EFFECTS
-    assert list(fmus.effects("foot")) == ["plantar_tendon_across_arch", "tendon_stretch", "tendon_friction"]
+    assert list(fmus.effects("foot")) == [
+        "plantar_tendon_across_arch",
+        "tendon_stretch",
+        "tendon_friction",
+    ]
     for name, effect in EFFECTS.items():
         assert f"| `{name}` | {effect.assumption} | `{effect.neutral}`" in readme
         assert str(effect.assumption) in numbered
@@ -98,12 +117,17 @@ def test_neutral_is_bit_identical(base):
 def test_neutral_is_bit_identical_in_the_graph(base):
     cls = stack(base, *fmus.effects(base.name).values())
     graphs = {c: trace(c) for c in (base, cls)}
-    functions = {c: {f.name(): f for f in graph.functions(tangent=False)} for c, graph in graphs.items()}
+    functions = {
+        c: {f.name(): f for f in graph.functions(tangent=False)} for c, graph in graphs.items()
+    }
     known = {v.name for v in base.layout.variables}
     for seed in range(20):
         values = drawn(cls, seed) | {s.name: 0.0 for s in cls.layout.states if s.name not in known}
         values |= neutral(fmus.effects(base.name))
-        points = {c: graphs[c].point(**{n: v for n, v in values.items() if c is cls or n in known}) for c in graphs}
+        points = {
+            c: graphs[c].point(**{n: v for n, v in values.items() if c is cls or n in known})
+            for c in graphs
+        }
         for law in ("rates", "outputs"):
             found, expected = (np.asarray(functions[c][law](0.0, *points[c])) for c in (cls, base))
             np.testing.assert_array_equal(found[: len(expected)], expected)
@@ -150,14 +174,18 @@ def test_a_tendon_across_the_arch_does_the_work_that_its_length_says():
         def slope(joint, outputs, of=of):
             return (of(joint, h, outputs) - of(joint, -h, outputs)) / (2.0 * h)
 
-        arms = np.column_stack([slope(joint, [f"{a}_length" for a in ACTUATORS]) for joint in JOINTS])
+        arms = np.column_stack(
+            [slope(joint, [f"{a}_length" for a in ACTUATORS]) for joint in JOINTS]
+        )
         toe = np.column_stack([slope(joint, ["toe_x", "toe_y"]) for joint in JOINTS])
         tensions = np.array([values[f"{a}_tension"] for a in ACTUATORS])
         forces, now = np.array([values["toe_force_x"], values["toe_force_y"]]), named(cls, values)
         expected = toe.T @ forces - arms.T @ tensions
         assert [now[f"{joint}_torque"] for joint in JOINTS] == pytest.approx(expected, rel=1e-6)
         rates = arms @ [values[f"{joint}_rate"] for joint in JOINTS]
-        assert [now[f"{a}_length_rate"] for a in ACTUATORS] == pytest.approx(rates, rel=1e-6, abs=1e-9)
+        assert [now[f"{a}_length_rate"] for a in ACTUATORS] == pytest.approx(
+            rates, rel=1e-6, abs=1e-9
+        )
         k = arms.T @ np.diag([stiff[f"k_{a}"] for a in ACTUATORS]) @ arms + np.diag([0.0, 7.0, 0.0])
         assert abs(k[1, 2]) > 1.0
         whole = toe @ np.linalg.inv(k) @ toe.T
@@ -187,7 +215,10 @@ def test_tendons_stretch_as_voigt_bodies(base):
                 ("_change", 1.0 - left, most),
                 ("_rate", left, most / tau),
             ):
-                short = getattr(plain, f"{actuator}_length{end}")() - getattr(model, f"{actuator}_length{end}")()
+                short = (
+                    getattr(plain, f"{actuator}_length{end}")()
+                    - getattr(model, f"{actuator}_length{end}")()
+                )
                 assert short == pytest.approx(expected * size, abs=1e-5 * size)
 
 
@@ -197,9 +228,13 @@ def test_a_guide_is_a_capstan_and_takes_energy(base):
     cls = stack(base, EFFECTS["tendon_friction"])
     w = ACTIVE["tendon_friction"]["tendon_wrap_friction"]
     for rate in (-1.0, -1e-3, 0.0, 1e-3, 1.0):
-        values = {"ankle_angle": 0.1, "ankle_rate": rate, "po_tension": 1.5} | ACTIVE["tendon_friction"]
+        values = {"ankle_angle": 0.1, "ankle_rate": rate, "po_tension": 1.5} | ACTIVE[
+            "tendon_friction"
+        ]
         found = named(cls, values)
-        frictionless = named(base, {n: v for n, v in values.items() if n not in ACTIVE["tendon_friction"]})
+        frictionless = named(
+            base, {n: v for n, v in values.items() if n not in ACTIVE["tendon_friction"]}
+        )
         speed = found["po_length_rate"] / 2e-3
         ratio = found["ankle_torque"] / frictionless["ankle_torque"]
         assert ratio == pytest.approx(math.exp(w * math.tanh(speed)), rel=1e-12)

@@ -42,7 +42,9 @@ def outputs(component) -> dict[str, float]:
 def jacobian(values: dict[str, float]):
     """Derivative of an output by an input, by CasADi: ``of(output, input)``."""
     d = GRAPH.linearise(**values)[3]
-    rows, columns = ({v.name: i for i, v in enumerate(g)} for g in (GRAPH.layout.outputs, GRAPH.layout.inputs))
+    rows, columns = (
+        {v.name: i for i, v in enumerate(g)} for g in (GRAPH.layout.outputs, GRAPH.layout.inputs)
+    )
     return lambda output, given: d[rows[output], columns[given]]
 
 
@@ -51,7 +53,9 @@ def jacobian(values: dict[str, float]):
 
 def test_reference_configuration_is_table_5_1():
     found = outputs(Foot())
-    assert [found[f"{a}_length"] for a in ACTUATORS] == pytest.approx([97.5e-3, 93.2e-3, 113.3e-3, 139.2e-3], rel=1e-14)
+    assert [found[f"{a}_length"] for a in ACTUATORS] == pytest.approx(
+        [97.5e-3, 93.2e-3, 113.3e-3, 139.2e-3], rel=1e-14
+    )
     foot = Foot()
     arms = [foot.an_arm(), foot.po_arm(), foot.do_arm(), foot.pl_arm()]
     assert np.array(arms) * 1e3 == pytest.approx([-12.6, 29.4, -6.0, 16.3], abs=0.05), "errata 13"
@@ -73,12 +77,20 @@ def test_analytic_jacobians_are_those_of_casadi_and_virtual_work_holds():
         for joint in JOINTS:
             for actuator in ACTUATORS:
                 slope = of(f"{actuator}_length", f"{joint}_angle")
-                assert of(f"{actuator}_length_rate", f"{joint}_rate") == pytest.approx(slope, rel=1e-11, abs=1e-15)
-                assert of(f"{joint}_torque", f"{actuator}_tension") == pytest.approx(-slope, rel=1e-11, abs=1e-15)
+                assert of(f"{actuator}_length_rate", f"{joint}_rate") == pytest.approx(
+                    slope, rel=1e-11, abs=1e-15
+                )
+                assert of(f"{joint}_torque", f"{actuator}_tension") == pytest.approx(
+                    -slope, rel=1e-11, abs=1e-15
+                )
             for position, axis in zip(TOE, "xy", strict=True):
                 slope = of(position, f"{joint}_angle")
-                assert of(f"toe_velocity_{axis}", f"{joint}_rate") == pytest.approx(slope, rel=1e-11, abs=1e-15)
-                assert of(f"{joint}_torque", f"toe_force_{axis}") == pytest.approx(slope, rel=1e-11, abs=1e-15)
+                assert of(f"toe_velocity_{axis}", f"{joint}_rate") == pytest.approx(
+                    slope, rel=1e-11, abs=1e-15
+                )
+                assert of(f"{joint}_torque", f"toe_force_{axis}") == pytest.approx(
+                    slope, rel=1e-11, abs=1e-15
+                )
 
 
 def test_analytic_jacobians_are_finite_differences_of_the_points():
@@ -86,7 +98,9 @@ def test_analytic_jacobians_are_finite_differences_of_the_points():
     for values in one_by_one(50):
         of = jacobian(values)
         for joint in JOINTS:
-            plus, minus = ({**values, f"{joint}_angle": values[f"{joint}_angle"] + s * h} for s in (1, -1))
+            plus, minus = (
+                {**values, f"{joint}_angle": values[f"{joint}_angle"] + s * h} for s in (1, -1)
+            )
             toe = (toe_at(*plus.values()) - toe_at(*minus.values())) / (2 * h)
             assert of("toe_velocity_x", f"{joint}_rate") == pytest.approx(toe.real, abs=1e-9)
             assert of("toe_velocity_y", f"{joint}_rate") == pytest.approx(toe.imag, abs=1e-9)
@@ -105,14 +119,26 @@ def test_jacobian_is_eq_5_3_as_printed():
         toe = np.array([-l3 * math.cos(third), -l3 * math.sin(third)])
         arch = toe + np.array([-l2 * math.sin(second), l2 * math.cos(second)])
         ankle = arch + np.array([-l1 * math.sin(first), l1 * math.cos(first)])
-        assert np.array(Foot(**values).jacobian()) == pytest.approx(np.array([ankle, arch, toe]), rel=1e-12, abs=1e-15)
+        assert np.array(Foot(**values).jacobian()) == pytest.approx(
+            np.array([ankle, arch, toe]), rel=1e-12, abs=1e-15
+        )
 
 
 def test_scale_multiplies_lengths_and_arms():
-    values = {"ankle_angle": 0.3, "tm_angle": 0.1, "mtp_angle": 0.5, "an_tension": 2.0, "toe_force_x": -1.0}
+    values = {
+        "ankle_angle": 0.3,
+        "tm_angle": 0.1,
+        "mtp_angle": 0.5,
+        "an_tension": 2.0,
+        "toe_force_x": -1.0,
+    }
     small, large = outputs(Foot(**values)), outputs(Foot(scale=2.5, tm_stiffness=625.0, **values))
     for name in small:
-        power = 0 if "compliance" in name or "damping" in name or "rate" in name or "velocity" in name else 1
+        power = (
+            0
+            if "compliance" in name or "damping" in name or "rate" in name or "velocity" in name
+            else 1
+        )
         assert large[name] == pytest.approx(2.5**power * small[name], rel=1e-13), name
 
 
@@ -146,7 +172,9 @@ def test_compliance_and_damping_are_positive_semidefinite_at_10000_postures(vari
         assert np.isfinite(values).all()
         assert (values[:, 0] >= -1e-12 * values[:, 1]).all()
         assert (values[:, 1] > 0.0).all()
-    assert (np.asarray(foot.po_arm()) > 0.0).all(), "what keeps the ankle from being without stiffness"
+    assert (np.asarray(foot.po_arm()) > 0.0).all(), (
+        "what keeps the ankle from being without stiffness"
+    )
     assert (np.asarray(foot.pl_arm()) > 0.0).all(), "and the toe"
 
 
@@ -161,7 +189,9 @@ def test_compliance_is_how_far_the_toe_moves_in_equilibrium():
     for values in one_by_one(5):
         posture = np.array(list(values.values()))
         rest, start = np.array(lengths_at(posture[0], posture[2])), toe_at(*posture)
-        found = matrices({k: np.array([v]) for k, v in outputs(Foot(**values)).items()}, "compliance")[0]
+        found = matrices(
+            {k: np.array([v]) for k, v in outputs(Foot(**values)).items()}, "compliance"
+        )[0]
         for force in (np.array([1e-3, 0.0]), np.array([0.0, 1e-3])):
 
             def energy(scaled, posture=posture, rest=rest, start=start, force=force):
@@ -169,9 +199,14 @@ def test_compliance_is_how_far_the_toe_moves_in_equilibrium():
                 stretched = np.array(lengths_at(now[0], now[2])) - rest
                 moved = toe_at(*now) - start
                 work = force @ [moved.real, moved.imag]
-                return 1e9 * (0.5 * 9100.0 * stretched @ stretched + 50.0 * (now[1] - posture[1]) ** 2 - work)
+                return 1e9 * (
+                    0.5 * 9100.0 * stretched @ stretched + 50.0 * (now[1] - posture[1]) ** 2 - work
+                )
 
-            settled = posture + 1e-4 * minimize(energy, np.zeros(3), method="BFGS", options={"gtol": 1e-7}).x
+            settled = (
+                posture
+                + 1e-4 * minimize(energy, np.zeros(3), method="BFGS", options={"gtol": 1e-7}).x
+            )
             moved = toe_at(*settled) - start
             assert [moved.real, moved.imag] == pytest.approx(
                 found @ force, rel=2e-3, abs=1e-3 * np.abs(found @ force).max()
@@ -199,7 +234,11 @@ def test_antagonists_stiffen_each_other():
 
 
 def test_readme_says_where_moment_arms_vanish():
-    for actuator, joint, degrees in (("an", "ankle", -53.0), ("po", "ankle", 70.0), ("do", "mtp", -19.0)):
+    for actuator, joint, degrees in (
+        ("an", "ankle", -53.0),
+        ("po", "ankle", 70.0),
+        ("do", "mtp", -19.0),
+    ):
         ends = [Foot(**{f"{joint}_angle": math.radians(degrees + s)}) for s in (-0.6, 0.6)]
         assert math.prod(getattr(foot, f"{actuator}_arm")() for foot in ends) < 0.0
 
@@ -230,7 +269,9 @@ def test_arch_vibrates_as_a_damped_oscillator():
     decay, frequency = 0.2 / (2 * 5e-4), math.sqrt(100.0 / 5e-4)
     damped = math.sqrt(frequency**2 - decay**2)
     t = 0.02
-    expected = 0.01 * math.exp(-decay * t) * (math.cos(damped * t) + decay / damped * math.sin(damped * t))
+    expected = (
+        0.01 * math.exp(-decay * t) * (math.cos(damped * t) + decay / damped * math.sin(damped * t))
+    )
     assert foot.tm_angle == pytest.approx(expected, abs=1e-9)
     assert foot.ankle_angle == foot.mtp_angle == 0.0
 
@@ -239,7 +280,9 @@ def test_constant_tensions_do_not_hold_the_ankle():
     """Second derivative of the potential of two tensions in balance, from the points: a hilltop, not a valley."""
     po = 3.0 * 12.639 / 29.383  # by the moment arms of the reference configuration
     h = 1e-3
-    potential = [3.0 * an + po * other for an, other, *_ in (lengths_at(s * h, 0.0) for s in (-1, 0, 1))]
+    potential = [
+        3.0 * an + po * other for an, other, *_ in (lengths_at(s * h, 0.0) for s in (-1, 0, 1))
+    ]
     curvature = (potential[0] - 2.0 * potential[1] + potential[2]) / h**2
     slope = jacobian({"an_tension": 3.0, "po_tension": po})("ankle_torque", "ankle_angle")
     assert slope == pytest.approx(-curvature, rel=1e-4)
@@ -338,9 +381,13 @@ def test_builds_agree(fmu, name):
     layout = fmus.component(name).layout
     inputs = {v.name: random.uniform(-0.1, 0.5, times.size) for v in layout.inputs}
     wanted = [v.name for v in layout.measurable]
-    python, native = (hosts.run_fmpy(fmu(name, r), times, inputs, wanted) for r in ("python", "native"))
+    python, native = (
+        hosts.run_fmpy(fmu(name, r), times, inputs, wanted) for r in ("python", "native")
+    )
     for signal in wanted:
-        assert np.abs(python[signal] - native[signal]).max() <= 1e-9 * np.abs(native[signal]).max(), signal
+        assert (
+            np.abs(python[signal] - native[signal]).max() <= 1e-9 * np.abs(native[signal]).max()
+        ), signal
 
 
 # --- ranges -----------------------------------------------------------------------------------------------------------
@@ -353,8 +400,12 @@ def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
     span = {name: np.array([p.min, p.max]) for name, p in GEOMETRY.items()}
     beta, gamma = np.linspace(*span["beta_po"], 24), np.linspace(*span["gamma_po"], 18)
     grid = np.meshgrid(span["l_po"], span["r_po"], beta, gamma, np.linspace(*RANGES["ankle"], 81))
-    foot = Foot(**dict(zip(("l_po", "r_po", "beta_po", "gamma_po", "ankle_angle"), grid, strict=True)))
-    assert np.min(foot.po_arm()) > math.radians(1.0) * span["r_po"][1], "more than an arm changes in a step"
+    foot = Foot(
+        **dict(zip(("l_po", "r_po", "beta_po", "gamma_po", "ankle_angle"), grid, strict=True))
+    )
+    assert np.min(foot.po_arm()) > math.radians(1.0) * span["r_po"][1], (
+        "more than an arm changes in a step"
+    )
     assert span["r_pl"][0] > 0.0
     # the toe's two columns of J are l1 l3 sin(a3 - a1) + l2 l3 sin(a3 - a2) apart, both angles between 0 and pi
     last = span["beta_p"] + RANGES["mtp"]
@@ -362,7 +413,9 @@ def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
     assert last[0] >= 0.0
     assert both[0] > 0.0
     assert max(last[1], both[1]) < math.pi
-    assert span["l1"][0] * span["l3"][0] * min(np.sin(both)) > 1e-4, "far above what counts as locked"
+    assert span["l1"][0] * span["l3"][0] * min(np.sin(both)) > 1e-4, (
+        "far above what counts as locked"
+    )
     # an actuator has a length in any posture, because its origin is farther from the joint than its attachment is
     smallest = {a: max(span[f"beta_{a}"][0] - span[f"gamma_{a}"][1], 0.0) for a in ("an", "po")}
     for a, angle in (smallest | {"do": span["gamma_do"][0]}).items():
@@ -386,9 +439,12 @@ def test_geometry_that_could_be_singular_is_refused(fmu, name, runtime):
 
 
 BEYOND = [
-    {"ankle_angle": 0.72}, {"ankle_angle": -2.5, "tm_angle": 1.0}, {"mtp_angle": 3.0}, {"mtp_angle": -2.0},
+    {"ankle_angle": 0.72},
+    {"ankle_angle": -2.5, "tm_angle": 1.0},
+    {"mtp_angle": 3.0},
+    {"mtp_angle": -2.0},
     {"ankle_angle": 1e300, "tm_angle": -1e300, "mtp_angle": 1e300},
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("posture", BEYOND)
@@ -402,8 +458,12 @@ def test_beyond_the_joints_ranges_the_same_equations_hold(fmu, runtime, posture)
     if max(map(abs, posture.values())) < 10.0:
         ankle, tm, mtp = (posture.get(f"{joint}_angle", 0.0) for joint in JOINTS)
         toe = toe_at(ankle, tm, mtp)
-        assert [found["toe_x"], found["toe_y"]] == pytest.approx([toe.real, toe.imag], rel=1e-12, abs=1e-15)
-        assert [found[f"{a}_length"] for a in ACTUATORS] == pytest.approx(lengths_at(ankle, mtp), rel=1e-12)
+        assert [found["toe_x"], found["toe_y"]] == pytest.approx(
+            [toe.real, toe.imag], rel=1e-12, abs=1e-15
+        )
+        assert [found[f"{a}_length"] for a in ACTUATORS] == pytest.approx(
+            lengths_at(ankle, mtp), rel=1e-12
+        )
 
 
 def test_a_straight_foot_is_locked_and_its_damping_large_but_a_number(fmu, runtime):
@@ -414,6 +474,10 @@ def test_a_straight_foot_is_locked_and_its_damping_large_but_a_number(fmu, runti
         for off in (1e-3, 1e-4, 0.0):
             one.set({"tm_angle": -math.radians(30.9), "mtp_angle": off - math.radians(10.1)})
             one.step(0.01)
-            dampings.append(max(map(abs, one.get("toe_damping_xx", "toe_damping_xy", "toe_damping_yy"))))
-    assert dampings[1] == pytest.approx(100.0 * dampings[0], rel=0.05), "one over the square of the distance"
+            dampings.append(
+                max(map(abs, one.get("toe_damping_xx", "toe_damping_xy", "toe_damping_yy")))
+            )
+    assert dampings[1] == pytest.approx(100.0 * dampings[0], rel=0.05), (
+        "one over the square of the distance"
+    )
     assert 1e3 * dampings[1] < dampings[2] < 1e30

@@ -22,7 +22,11 @@ CLIPPED = stack(Galvanostat, CurrentSaturation)
 def random_values(cls, seed, size=None):
     """Any input and state within what can occur, parameters about their defaults; the neutral one is left alone."""
     rng = np.random.default_rng(seed)
-    values = {p.name: p.start * rng.uniform(0.3, 3.0, size) for p in cls.layout.parameters if p.type == "real"}
+    values = {
+        p.name: p.start * rng.uniform(0.3, 3.0, size)
+        for p in cls.layout.parameters
+        if p.type == "real"
+    }
     for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes):
         values[v.name] = rng.normal(size=size) * 3.0
     values["recovery_samples"] = np.floor(rng.uniform(0, 2, size)) * 5.0
@@ -114,12 +118,21 @@ def test_slope_at_neutral_is_that_of_the_limit():
     """With respect to the loss: -I where the command is at the limit or beyond; exact, beside central differences."""
     time, inputs = record()
     inputs = inputs | {"current_command": 1.2 * inputs["current_command"]}
-    found = CompiledModel(CLIPPED, ["current_limit_loss"]).run(time, inputs).sensitivities["current"][:, 0]
+    found = (
+        CompiledModel(CLIPPED, ["current_limit_loss"])
+        .run(time, inputs)
+        .sensitivities["current"][:, 0]
+    )
     assert found == pytest.approx(-1.3 * np.sign(inputs["current_command"]), rel=1e-12)
-    ends = [CompiledModel(CLIPPED).run(time, inputs, {"current_limit_loss": 0.1 + s}).signals for s in (1e-4, -1e-4)]
+    ends = [
+        CompiledModel(CLIPPED).run(time, inputs, {"current_limit_loss": 0.1 + s}).signals
+        for s in (1e-4, -1e-4)
+    ]
     assert (ends[0]["current"] - ends[1]["current"]) / 2e-4 == pytest.approx(found, rel=1e-9)
     inputs = inputs | {"current_command": 0.5 * inputs["current_command"]}
-    below = CompiledModel(CLIPPED, ["current_limit_loss"]).run(time, inputs).sensitivities["current"]
+    below = (
+        CompiledModel(CLIPPED, ["current_limit_loss"]).run(time, inputs).sensitivities["current"]
+    )
     assert not below.any(), "below the limit nothing is seen of it"
 
 

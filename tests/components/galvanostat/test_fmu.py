@@ -24,8 +24,10 @@ def test_the_voltage_reaches_the_current_through_samples_only(archive):
     description = fmpy.read_model_description(str(archive), validate=True)
     known = {u.variable.name: {k.name for k in u.dependencies} for u in description.outputs}
     assert known == {
-        "current": {"current_command", "lagged_current"}, "saturated": {"current_command"}, "recovering": set(),
-    }  # fmt: skip
+        "current": {"current_command", "lagged_current"},
+        "saturated": {"current_command"},
+        "recovering": set(),
+    }
 
 
 # --- two builds, one behaviour ----------------------------------------------------------------------------------------
@@ -33,7 +35,12 @@ def test_the_voltage_reaches_the_current_through_samples_only(archive):
 
 @pytest.mark.parametrize(
     "parameters",
-    [{}, {"potentiostat": True}, {"response_time": 5e-4, "control_tolerance": 1e-3}, {"protection_period": 0.037}],
+    [
+        {},
+        {"potentiostat": True},
+        {"response_time": 5e-4, "control_tolerance": 1e-3},
+        {"protection_period": 0.037},
+    ],
     ids=["galvanostat", "potentiostat", "options", "period"],
 )
 def test_builds_agree(fmu, parameters):
@@ -41,16 +48,20 @@ def test_builds_agree(fmu, parameters):
     time = np.concatenate([[0.0], np.cumsum(rng.choice([0.001, 0.01, 0.0123, 0.1, 0.5], 600))])
     n = len(time)
     inputs = {
-        "current_command": rng.normal(size=n), "voltage": rng.normal(size=n) * np.where(time > 50.0, 15.0, 1.0),
-        "voltage_limit": np.where(time > 50.0, 100.0, 2.0), "voltage_command": rng.normal(size=n),
-    }  # fmt: skip
+        "current_command": rng.normal(size=n),
+        "voltage": rng.normal(size=n) * np.where(time > 50.0, 15.0, 1.0),
+        "voltage_limit": np.where(time > 50.0, 100.0, 2.0),
+        "voltage_command": rng.normal(size=n),
+    }
     results = {}
     for runtime in RUNTIMES:
         with Fmu(fmu(NAME, runtime), parameters) as one:
             one.start(0.0, float(time[-1]))
             results[runtime] = simulate_instance(one, time, inputs)
     for name in ("current", "saturated", "recovering"):
-        np.testing.assert_allclose(results["python"][name], results["native"][name], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            results["python"][name], results["native"][name], rtol=1e-9, atol=1e-12
+        )
         assert len(set(results["native"][name].tolist())) > 1
 
 
@@ -122,7 +133,9 @@ def test_start_time_moves_the_sample_instants_along(archive):
     trails = []
     for start in (0.0, 3.7, 1000.0):
         with instance(archive) as one:
-            one.initialize({"voltage_limit": 1.0, "current_command": 0.7, "voltage": 2.0}, start=start)
+            one.initialize(
+                {"voltage_limit": 1.0, "current_command": 0.7, "voltage": 2.0}, start=start
+            )
             one.step(0.004)
             one.set({"voltage": 0.0})
             trail = []
@@ -140,7 +153,13 @@ def test_current_follows_a_command_with_a_slope(fmu, response):
     with instance(fmu(NAME, "native")) as one:
         one.initialize({"response_time": response})
         for k in range(10):
-            one.do("fmi2SetRealInputDerivatives", one.references(["current_command"]), 1, integers(1), doubles(0.8))
+            one.do(
+                "fmi2SetRealInputDerivatives",
+                one.references(["current_command"]),
+                1,
+                integers(1),
+                doubles(0.8),
+            )
             one.step(0.033)
             time = (k + 1) * 0.033
             lag = response * -math.expm1(-time / response) if response else 0.0

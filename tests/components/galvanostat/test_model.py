@@ -34,18 +34,32 @@ def drive(model, times, **inputs):
 def test_signals_and_numbers_of_table_2_2():
     layout = Galvanostat.layout
     assert {v.name: v.unit for v in layout.inputs} == {
-        "current_command": "A", "voltage": "V", "voltage_limit": "V", "voltage_command": "V",
-    }  # fmt: skip
+        "current_command": "A",
+        "voltage": "V",
+        "voltage_limit": "V",
+        "voltage_command": "V",
+    }
     assert [(v.name, v.unit, v.type) for v in layout.measurable] == [
-        ("current", "A", "real"), ("saturated", "1", "boolean"), ("recovering", "1", "boolean"),
-    ]  # fmt: skip
+        ("current", "A", "real"),
+        ("saturated", "1", "boolean"),
+        ("recovering", "1", "boolean"),
+    ]
     defaults = {p.name: p.start for p in layout.parameters}
     assert (defaults["current_limit"], defaults["compliance_voltage"]) == (1.3, 15.0)
-    assert not any(defaults[n] for n in ("response_time", "control_tolerance", "voltage_tolerance", "potentiostat"))
+    assert not any(
+        defaults[n]
+        for n in ("response_time", "control_tolerance", "voltage_tolerance", "potentiostat")
+    )
     instrument = Galvanostat.presets["ha_151"].values
-    assert (instrument["response_time"], instrument["control_tolerance"], instrument["voltage_tolerance"]) == (
-        50e-6, 1e-3, 3e-3,
-    )  # fmt: skip
+    assert (
+        instrument["response_time"],
+        instrument["control_tolerance"],
+        instrument["voltage_tolerance"],
+    ) == (
+        50e-6,
+        1e-3,
+        3e-3,
+    )
 
 
 @given(command=st.floats(-100, 100))
@@ -60,7 +74,9 @@ def test_current_follows_the_command_up_to_the_limit(command):
 def test_current_deviates_by_the_tolerance_at_most(command, tolerance):
     current = Galvanostat(current_command=command, control_tolerance=tolerance).current()
     assert abs(current - command) <= tolerance + 1e-15
-    assert current == pytest.approx(math.copysign(max(abs(command) - tolerance, 0.0), command), abs=1e-15)
+    assert current == pytest.approx(
+        math.copysign(max(abs(command) - tolerance, 0.0), command), abs=1e-15
+    )
 
 
 # --- protection of fig. 4-4 -------------------------------------------------------------------------------------------
@@ -69,9 +85,12 @@ def test_current_deviates_by_the_tolerance_at_most(command, tolerance):
 def test_current_is_zero_for_the_recovery_time_and_then_resumes():
     times = np.arange(0, 3.0, 0.005)
     pulse = drive(
-        Galvanostat(recovery_time=0.5), times, current_command=0.9, voltage_limit=1.0,
+        Galvanostat(recovery_time=0.5),
+        times,
+        current_command=0.9,
+        voltage_limit=1.0,
         voltage=lambda t: 1.2 if 0.9999 < t < 1.2 else 0.3,
-    )  # fmt: skip
+    )
     # the sample at 1 s is taken in the step that begins there, so its effect is seen 5 ms later
     off = (times > 1.0001) & (times < 1.5001)
     assert np.array_equal(pulse["current"], np.where(off, 0.0, 0.9))
@@ -82,9 +101,12 @@ def test_current_is_zero_for_the_recovery_time_and_then_resumes():
 def test_a_voltage_still_beyond_the_limit_begins_the_next_recovery():
     times = np.arange(0, 3.0, 0.01)
     found = drive(
-        Galvanostat(recovery_time=0.2), times, current_command=0.9, voltage_limit=1.0,
+        Galvanostat(recovery_time=0.2),
+        times,
+        current_command=0.9,
+        voltage_limit=1.0,
         voltage=lambda t: -1.5 if 0.499 < t < 0.85 else 0.0,
-    )  # fmt: skip
+    )
     off = (times > 0.5001) & (times < 0.9001)  # looked at 0.5 s, 0.7 s and 0.9 s
     assert np.array_equal(found["recovering"], off)
     assert np.array_equal(found["current"], np.where(off, 0.0, 0.9))
@@ -98,7 +120,9 @@ def test_a_voltage_still_beyond_the_limit_begins_the_next_recovery():
 )
 def test_recovery_lasts_whole_periods(periods, period, share):
     """Rounded up, at least one; a product of decimals that is whole on paper is not one more."""
-    model = Galvanostat(recovery_time=(periods + share) * period, protection_period=period, voltage_limit=1.0)
+    model = Galvanostat(
+        recovery_time=(periods + share) * period, protection_period=period, voltage_limit=1.0
+    )
     integrator = Integrator(model)
     count = max(periods + (share > 0.0), 1)
     model.voltage, k, off = 2.0, 0, 0
@@ -111,7 +135,9 @@ def test_recovery_lasts_whole_periods(periods, period, share):
 
 
 def test_equal_to_the_limit_is_not_beyond():
-    found = drive(Galvanostat(), np.arange(0, 1, 0.1), current_command=0.5, voltage=0.8, voltage_limit=0.8)
+    found = drive(
+        Galvanostat(), np.arange(0, 1, 0.1), current_command=0.5, voltage=0.8, voltage_limit=0.8
+    )
     assert not found["recovering"].any()
 
 
@@ -120,10 +146,15 @@ def test_sample_instants_do_not_depend_on_the_communication_step(step):
     """The limit falls below the voltage at the first communication point: the next sample begins what never ends."""
     times = np.arange(0, 2.0, step)
     found = drive(
-        Galvanostat(protection_period=0.03, recovery_time=0.3), times, current_command=1.0, voltage=0.5,
+        Galvanostat(protection_period=0.03, recovery_time=0.3),
+        times,
+        current_command=1.0,
+        voltage=0.5,
         voltage_limit=lambda t: 1.0 if t < 0.9999 * step else 0.4,
-    )  # fmt: skip
-    first = 0.03 * math.ceil(step / 0.03 - 1e-9)  # first sample that can see the lowered limit; then it never ends
+    )
+    first = 0.03 * math.ceil(
+        step / 0.03 - 1e-9
+    )  # first sample that can see the lowered limit; then it never ends
     assert np.array_equal(found["recovering"], times > first + 1e-9)
 
 
@@ -168,7 +199,9 @@ def test_voltage_of_an_actuator_is_kept_at_its_limit():
         model.voltage = R1 * branch(charge) + charge / C
         found.append((model.current(), model.voltage, model.recovering()))
         integrator.advance(k * period, period)
-        charge = solve_ivp(lambda t, q: branch(q), (0.0, period), [charge], rtol=1e-10, atol=1e-13).y[0, -1]
+        charge = solve_ivp(
+            lambda t, q: branch(q), (0.0, period), [charge], rtol=1e-10, atol=1e-13
+        ).y[0, -1]
     found = np.array(found, dtype=float)
     assert np.array_equal(found[:, 2], expected[:, 2])
     assert found[:, :2] == pytest.approx(expected[:, :2], rel=1e-8, abs=1e-9)
@@ -195,15 +228,20 @@ def test_compliance_settles_at_ohms_law(resistance, direction):
 
 
 def test_compliance_leaves_the_discharging_direction_free():
-    found = drive(Galvanostat(current_command=-1.0), np.arange(0, 5, 0.1), voltage=100.0, voltage_limit=1e9)
+    found = drive(
+        Galvanostat(current_command=-1.0), np.arange(0, 5, 0.1), voltage=100.0, voltage_limit=1e9
+    )
     assert np.array_equal(found["current"], np.full(50, -1.0))
 
 
 def test_compliance_lets_go_again():
     found = drive(
-        Galvanostat(), np.arange(0, 40, 0.1), current_command=1.3, voltage_limit=1e9,
+        Galvanostat(),
+        np.arange(0, 40, 0.1),
+        current_command=1.3,
+        voltage_limit=1e9,
         voltage=lambda t: 30.0 if t < 20 else 1.0,
-    )  # fmt: skip
+    )
     assert found["current"][199] < 1e-5
     assert found["saturated"][199]
     assert found["current"][-1] == 1.3
@@ -211,10 +249,15 @@ def test_compliance_lets_go_again():
 
 def test_compliance_doubles_the_current_per_sample_when_it_lets_go():
     found = drive(
-        Galvanostat(compliance_share_start=0.01, sampled_voltage_start=1.0), np.arange(0, 0.1, 0.01),
-        current_command=1.3, voltage=1.0, voltage_limit=1e9,
-    )  # fmt: skip
-    assert found["current"] == pytest.approx(1.3 * np.minimum(0.01 * 2.0 ** np.arange(10), 1.0), rel=1e-12)
+        Galvanostat(compliance_share_start=0.01, sampled_voltage_start=1.0),
+        np.arange(0, 0.1, 0.01),
+        current_command=1.3,
+        voltage=1.0,
+        voltage_limit=1e9,
+    )
+    assert found["current"] == pytest.approx(
+        1.3 * np.minimum(0.01 * 2.0 ** np.arange(10), 1.0), rel=1e-12
+    )
 
 
 # --- wind-up of a controller outside --------------------------------------------------------------------------------
@@ -241,7 +284,9 @@ def test_an_integrator_outside_winds_up_unless_it_is_frozen():
     """The numbers of the README: 2 C are wanted, the protection acts beyond 0.9 V."""
     figures = {}
     for frozen in (True, False):
-        charge, total, recovering = charge_loop(Galvanostat(), frozen, 2.0, 30.0, limit=lambda t: 0.9)
+        charge, total, recovering = charge_loop(
+            Galvanostat(), frozen, 2.0, 30.0, limit=lambda t: 0.9
+        )
         began = np.count_nonzero(np.diff(recovering, prepend=0.0) > 0.0)
         settled = 0.01 * (1 + np.max(np.flatnonzero(np.abs(charge / 2.0 - 1.0) > 0.02)))
         figures[frozen] = charge.max(), total.max(), began, settled
@@ -255,7 +300,12 @@ def test_a_controller_frozen_in_recovery_overshoots_less():
     overshoot = {}
     for frozen in (True, False):
         charge, _, recovering = charge_loop(
-            Galvanostat(recovery_time=2.0), frozen, 1.5, 30.0, 1.5, limit=lambda t: 0.1 if 4.995 < t < 5.005 else 15.0
+            Galvanostat(recovery_time=2.0),
+            frozen,
+            1.5,
+            30.0,
+            1.5,
+            limit=lambda t: 0.1 if 4.995 < t < 5.005 else 15.0,
         )
         assert np.count_nonzero(recovering) == 200
         assert charge[:500] == pytest.approx(1.5, rel=0.01)
@@ -335,7 +385,9 @@ def test_potentiostat_follows_the_sampled_law(command):
 
 
 def test_potentiostat_holds_its_integrator_in_recovery():
-    model = Galvanostat(potentiostat=True, voltage_command=0.5, voltage_limit=1.0, recovery_time=0.3)
+    model = Galvanostat(
+        potentiostat=True, voltage_command=0.5, voltage_limit=1.0, recovery_time=0.3
+    )
     integrator = Integrator(model)
     held = []
     for k in range(50):
@@ -353,7 +405,9 @@ def test_potentiostat_holds_its_integrator_in_recovery():
 
 def test_proportional_gain_is_the_velocity_form_of_pi():
     """Against the position form, the sum of all errors."""
-    model = Galvanostat(potentiostat=True, proportional_gain=0.3, integral_gain=2.0, current_limit=1e6)
+    model = Galvanostat(
+        potentiostat=True, proportional_gain=0.3, integral_gain=2.0, current_limit=1e6
+    )
     integrator = Integrator(model)
     errors = np.random.default_rng(5).normal(size=60) * 0.01
     for k, error in enumerate(errors):
@@ -364,7 +418,9 @@ def test_proportional_gain_is_the_velocity_form_of_pi():
 
 
 def test_errors_within_the_voltage_tolerance_are_left_alone():
-    model = Galvanostat(potentiostat=True, voltage_command=0.5, voltage=0.498, voltage_tolerance=3e-3)
+    model = Galvanostat(
+        potentiostat=True, voltage_command=0.5, voltage=0.498, voltage_tolerance=3e-3
+    )
     Integrator(model).advance(0.0, 1.0)
     assert model.current() == 0.0
 
@@ -387,10 +443,16 @@ def test_any_parameters_and_inputs_give_a_current_within_the_limit(data):
     integrator = Integrator(model)
     for k in range(8):
         for name in ("current_command", "voltage", "voltage_limit", "voltage_command"):
-            setattr(model, name, data.draw(st.sampled_from([0.0, 1.0, -1.0, 1e3, -1e300, 1e300, 1e-300])))
+            setattr(
+                model,
+                name,
+                data.draw(st.sampled_from([0.0, 1.0, -1.0, 1e3, -1e300, 1e300, 1e-300])),
+            )
         integrator.advance(k * 0.013, 0.013)
         current, *flags = model.outputs()
-        assert abs(current) <= values["current_limit"] * (1 + 1e-6) + (3e-8 if values["response_time"] else 0.0)
+        assert abs(current) <= values["current_limit"] * (1 + 1e-6) + (
+            3e-8 if values["response_time"] else 0.0
+        )
         assert all(flag in (0, 1) for flag in flags)
 
 
@@ -398,7 +460,11 @@ def test_parameters_refuse_what_cannot_be_computed():
     ranges = {p.name: (p.min, p.max) for p in Galvanostat.layout.parameters}
     for name in ("current_limit", "compliance_voltage", "protection_period", "control_period"):
         assert ranges[name][0] > 0
-    assert all(math.isfinite(low) for n, (low, _) in ranges.items() if not n.endswith("_start") and n != "potentiostat")
+    assert all(
+        math.isfinite(low)
+        for n, (low, _) in ranges.items()
+        if not n.endswith("_start") and n != "potentiostat"
+    )
     with pytest.raises(UserError, match="no parameter or input named 'limit'"):
         Galvanostat(limit=1.0)
 
@@ -409,12 +475,20 @@ def test_compiled_laws_are_those_of_the_class():
     time = np.cumsum(rng.uniform(0.001, 0.05, 200))
     time -= time[0]
     inputs = {
-        "current_command": rng.normal(size=200) * 1.5, "voltage": rng.normal(size=200),
-        "voltage_limit": np.full(200, 2.0), "voltage_command": rng.normal(size=200),
-    }  # fmt: skip
-    for parameters in ({}, {"potentiostat": 1.0}, {"response_time": 1e-3, "control_tolerance": 1e-3}):
+        "current_command": rng.normal(size=200) * 1.5,
+        "voltage": rng.normal(size=200),
+        "voltage_limit": np.full(200, 2.0),
+        "voltage_command": rng.normal(size=200),
+    }
+    for parameters in (
+        {},
+        {"potentiostat": 1.0},
+        {"response_time": 1e-3, "control_tolerance": 1e-3},
+    ):
         compiled = CompiledModel(Galvanostat).run(time, inputs, parameters).signals
         model = Galvanostat(**parameters)
-        found = drive(model, time, **{n: dict(zip(time, v, strict=True)).get for n, v in inputs.items()})
+        found = drive(
+            model, time, **{n: dict(zip(time, v, strict=True)).get for n, v in inputs.items()}
+        )
         for name, values in found.items():
             assert compiled[name] == pytest.approx(values, rel=1e-9, abs=1e-12), name

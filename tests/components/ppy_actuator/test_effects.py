@@ -22,21 +22,40 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
-from tests.support.effect_samples import ACTIVE, NEUTRAL, active, bases, effects, named, random_values
+from tests.support.effect_samples import (
+    ACTIVE,
+    NEUTRAL,
+    active,
+    bases,
+    effects,
+    named,
+    random_values,
+)
 from tests.support.pace import slow_but
 
 # What an active effect changes at an instant, beside its own state.
 ELECTRICAL = {"voltage", "der(charge)"}
 CREEP, FLOW = "der(kelvin_elongation)", "der(maxwell_elongation)"
 STRAINS = (
-    "quadratic_strain", "quadratic_strain(modulus)", "strain_saturation", "strain_saturation(slow)", "strain_lag",
-    "strain_lag(two_stages)", "strain_hysteresis",
-)  # fmt: skip
-KINDS = dict(zip(STRAINS, ("added", "added", "factor", "factor", "behind", "behind", "behind"), strict=True))
+    "quadratic_strain",
+    "quadratic_strain(modulus)",
+    "strain_saturation",
+    "strain_saturation(slow)",
+    "strain_lag",
+    "strain_lag(two_stages)",
+    "strain_hysteresis",
+)
+KINDS = dict(
+    zip(STRAINS, ("added", "added", "factor", "factor", "behind", "behind", "behind"), strict=True)
+)
 SPRINGS = "nonlinear_stiffness", "slack", "slack(smooth)"
 STRAIN = {"electrochemical_displacement", "displacement"}
 LENGTH = {"mechanical_displacement", "displacement"}
-TENSION = {"tension", CREEP, FLOW}  # length-driven, elongation changes the tension, and that the rates
+TENSION = {
+    "tension",
+    CREEP,
+    FLOW,
+}  # length-driven, elongation changes the tension, and that the rates
 CHANGED = {
     PpyActuator: {
         **dict.fromkeys(STRAINS, STRAIN),
@@ -46,7 +65,9 @@ CHANGED = {
         "yield_threshold": {FLOW},
     },
     PpyActuatorLengthDriven: {
-        **dict.fromkeys(STRAINS, TENSION | {"electrochemical_displacement", "mechanical_displacement"}),
+        **dict.fromkeys(
+            STRAINS, TENSION | {"electrochemical_displacement", "mechanical_displacement"}
+        ),
         "second_kelvin": {"mechanical_displacement", *TENSION},
         **dict.fromkeys((*SPRINGS, "charge_dependent_stiffness"), TENSION),
         "asymmetric_creep": {CREEP},
@@ -59,7 +80,7 @@ ROUNDED = {(PpyActuatorLengthDriven, n) for n in (*SPRINGS, "charge_dependent_st
 LAYERED = [
     *(pair for pair in itertools.combinations(STRAINS, 2) if KINDS[pair[0]] != KINDS[pair[1]]),
     *itertools.combinations(SPRINGS, 2),
-]  # fmt: skip
+]
 seeds = st.integers(0, 2**32 - 1)
 readme = (Path(fmus.__file__).parent / "ppy_actuator" / "README.md").read_text(encoding="utf-8")
 
@@ -75,7 +96,11 @@ def test_catalogue():
         assert effect.term.shape
         assert str(effect.assumption) in numbered
         assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
-        own = [v for v in effect.declared.values() if v.name in {p.name for p in effect.layout.parameters}]
+        own = [
+            v
+            for v in effect.declared.values()
+            if v.name in {p.name for p in effect.layout.parameters}
+        ]
         assert NEUTRAL[name] in [v.name for v in own]
         for v in effect.declared.values():
             assert v.doc
@@ -92,28 +117,48 @@ def test_catalogue():
 
 def test_table_of_the_readme():
     rows = re.findall(r"^\| `([\w()]+)` \| (\d+) \| `(\w+)`", readme, re.M)
-    assert rows == [(name, str(effect.assumption), effect.neutral) for name, effect in EFFECTS.items()]
+    assert rows == [
+        (name, str(effect.assumption), effect.neutral) for name, effect in EFFECTS.items()
+    ]
 
 
 def test_catalogue_has_the_ids_of_the_design():
     assert list(dict.fromkeys(effect.id for effect in EFFECTS.values())) == [
-        "double_layer", "diffusion", "nonlinear_leakage", "charge_dependent_capacitance", "resistance_growth",
-        "capacitance_fade", "self_heating", "force_to_voltage", "quadratic_strain", "strain_saturation", "strain_lag",
-        "strain_hysteresis", "charge_dependent_stiffness", "second_kelvin", "nonlinear_stiffness", "asymmetric_creep",
-        "yield_threshold", "slack",
-    ]  # fmt: skip
+        "double_layer",
+        "diffusion",
+        "nonlinear_leakage",
+        "charge_dependent_capacitance",
+        "resistance_growth",
+        "capacitance_fade",
+        "self_heating",
+        "force_to_voltage",
+        "quadratic_strain",
+        "strain_saturation",
+        "strain_lag",
+        "strain_hysteresis",
+        "charge_dependent_stiffness",
+        "second_kelvin",
+        "nonlinear_stiffness",
+        "asymmetric_creep",
+        "yield_threshold",
+        "slack",
+    ]
 
 
 def test_shapes_of_one_family_are_of_one_law_and_signal():
     families = {}
     for name, effect in EFFECTS.items():
         families.setdefault(effect.term.family, []).append(name)
-        assert {e.term.family for e in EFFECTS.values() if e.id == effect.id} == {effect.term.family}
+        assert {e.term.family for e in EFFECTS.values() if e.id == effect.id} == {
+            effect.term.family
+        }
     for names in families.values():
         terms = {(EFFECTS[name].term.law, EFFECTS[name].term.signal) for name in names}
         assert len(terms) == 1, names
         assert len({EFFECTS[name].term.shape for name in names}) == len(names)
-    assert families["film_voltage over charge"] == [n for n in EFFECTS if n.startswith("charge_dependent_capacitance")]
+    assert families["film_voltage over charge"] == [
+        n for n in EFFECTS if n.startswith("charge_dependent_capacitance")
+    ]
     assert families["spring_elongation over force"] == list(SPRINGS)
     assert families["even part of charge_elongation over charge"] == list(STRAINS[:2])
     assert families["odd part of charge_elongation over charge"] == list(STRAINS[2:4])
@@ -124,7 +169,9 @@ def test_shapes_of_one_family_are_of_one_law_and_signal():
 
 
 @bases
-@pytest.mark.parametrize("chosen", [*((n,) for n in EFFECTS), tuple(EFFECTS), tuple(reversed(EFFECTS))], ids="+".join)
+@pytest.mark.parametrize(
+    "chosen", [*((n,) for n in EFFECTS), tuple(EFFECTS), tuple(reversed(EFFECTS))], ids="+".join
+)
 @settings(deadline=None, max_examples=25)
 @given(seed=seeds)
 def test_neutral_is_bit_identical_on_floats(base, chosen, seed):
@@ -158,12 +205,20 @@ def test_neutral_is_bit_identical_in_the_graph(base, name):
     states = len(base.layout.states)
     for seed in range(50):
         values = random_values(cls, seed) | {NEUTRAL[name]: 0.0}
-        point = [np.array([values[v.name] for v in g]) for g in (cls.layout.parameters, cls.layout.inputs)]
+        point = [
+            np.array([values[v.name] for v in g])
+            for g in (cls.layout.parameters, cls.layout.inputs)
+        ]
         point += [np.array([values[v.name] for v in cls.layout.states]), np.zeros(0)]
-        base_point = [np.array([values[v.name] for v in g]) for g in (base.layout.parameters, base.layout.inputs)]
+        base_point = [
+            np.array([values[v.name] for v in g])
+            for g in (base.layout.parameters, base.layout.inputs)
+        ]
         base_point += [np.array([values[v.name] for v in base.layout.states]), np.zeros(0)]
         for law in ("rates", "outputs"):
-            found, expected = (f[law](0.0, *p).full() for f, p in ((functions, point), (references, base_point)))
+            found, expected = (
+                f[law](0.0, *p).full() for f, p in ((functions, point), (references, base_point))
+            )
             np.testing.assert_array_equal(found[: states if law == "rates" else None], expected)
 
 
@@ -244,10 +299,14 @@ def test_all_effects_agree_on_floats_arrays_and_symbols(base):
     for i in range(40):
         values = {n: float(np.broadcast_to(v, 40)[i]) for n, v in arrays.items()}
         single = named(cls, values)
-        point = [[values[v.name] for v in g] for g in (layout.parameters, layout.inputs, layout.states)]
+        point = [
+            [values[v.name] for v in g] for g in (layout.parameters, layout.inputs, layout.states)
+        ]
         symbolic = ca.vertcat(rates(0.0, *point, []), outputs(0.0, *point, [])).full().ravel()
         assert symbolic == pytest.approx(list(single.values()), rel=1e-11, abs=1e-15)
-        assert [float(v[i]) for v in batch.values()] == pytest.approx(list(single.values()), rel=1e-12, abs=1e-15)
+        assert [float(v[i]) for v in batch.values()] == pytest.approx(
+            list(single.values()), rel=1e-12, abs=1e-15
+        )
 
 
 # --- fitting starts at the neutral value ------------------------------------------------------------------------------
@@ -295,7 +354,11 @@ def models():
     slow_but(
         [(base, name) for base in CHANGED for name in EFFECTS],
         *((PpyActuator, name) for name in EFFECTS),
-        *((PpyActuatorLengthDriven, name) for name in CHANGED[PpyActuatorLengthDriven] if name not in STRAINS),
+        *(
+            (PpyActuatorLengthDriven, name)
+            for name in CHANGED[PpyActuatorLengthDriven]
+            if name not in STRAINS
+        ),
     ),
     ids=lambda value: getattr(value, "name", value),
 )
@@ -308,7 +371,9 @@ def test_sensitivity_at_neutral_is_that_of_differences_and_not_zero(base, name, 
     runs = {k: model.run(TIME, INPUTS[base], {NEUTRAL[name]: k * step}).signals for k in weights}
     for output in (o.name for o in base.layout.outputs):
         slope = sum(weight / step * runs[k][output] for k, weight in weights.items())
-        floor = 1e-8 * np.abs(runs[1.0][output]).max() / step  # what the accuracy of the runs leaves of nothing
+        floor = (
+            1e-8 * np.abs(runs[1.0][output]).max() / step
+        )  # what the accuracy of the runs leaves of nothing
         exact = found[output][:, list(EFFECTS).index(name)]
         assert exact == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max() + floor)
         seen.append(np.abs(slope * declared.nominal).max() / runs[1.0][output].std())
@@ -326,7 +391,9 @@ def test_no_law_uses_an_output(name):
     assert not outputs & {s.rate for s in component.layout.states}
     assert not outputs & {d.update for d in component.layout.discretes}
     classes = {part for cls in (component, *fmus.effects(name).values()) for part in cls.__mro__}
-    for cls in (c for c in classes if c.__module__.startswith(component.__module__.rpartition(".")[0])):
+    for cls in (
+        c for c in classes if c.__module__.startswith(component.__module__.rpartition(".")[0])
+    ):
         tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
         for law in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
             used = {node.attr for node in ast.walk(law) if isinstance(node, ast.Attribute)}

@@ -10,7 +10,9 @@ from tests.support.effect_samples import active, bases, effects
 
 
 def ranges(base):
-    return {"current": (-1.0, 1.3)} | ({"force": (0.0, 2.5)} if base is PpyActuator else {"length_change": (0.0, 8e-4)})
+    return {"current": (-1.0, 1.3)} | (
+        {"force": (0.0, 2.5)} if base is PpyActuator else {"length_change": (0.0, 8e-4)}
+    )
 
 
 @bases

@@ -31,7 +31,14 @@ def root(function, about):
     width = 1e-3 * (1.0 + abs(about))
     while function(about - width) > 0.0 or function(about + width) < 0.0:
         width *= 4.0
-    return brentq(function, about - width, about + width, xtol=1e-300, rtol=4 * np.finfo(float).eps, maxiter=500)
+    return brentq(
+        function,
+        about - width,
+        about + width,
+        xtol=1e-300,
+        rtol=4 * np.finfo(float).eps,
+        maxiter=500,
+    )
 
 
 def paper(v):
@@ -43,7 +50,9 @@ def paper(v):
 
     # coupling, as layers in the order of the catalogue
     seen = (
-        q - p["hysteresis_share"] * p["trailing_charge"] - p["lag_time"] / (p["lag_time"] + 0.05) * p["pending_charge"]
+        q
+        - p["hysteresis_share"] * p["trailing_charge"]
+        - p["lag_time"] / (p["lag_time"] + 0.05) * p["pending_charge"]
     )
     stage = p["staged_lag_time"] / 2 + 0.05
     seen -= p["staged_lag_time"] / 2 / stage * (p["first_stage_charge"] + p["second_stage_charge"])
@@ -84,8 +93,12 @@ def paper(v):
     poles = [((2 * k - 1) * math.pi / 2) ** 2 for k in range(1, 6)]
     part = p["diffusion_share"] * resistance
     rest = resistance - part * sum(2.0 / pole for pole in poles)
-    behind = films + p["double_layer_resistance"] * p["faradaic_current"] + p["voltage_per_force"] * load
-    behind += part * sum(2.0 / pole * p[f"diffusion_current_{k}"] for k, pole in enumerate(poles, 1))
+    behind = (
+        films + p["double_layer_resistance"] * p["faradaic_current"] + p["voltage_per_force"] * load
+    )
+    behind += part * sum(
+        2.0 / pole * p[f"diffusion_current_{k}"] for k, pole in enumerate(poles, 1)
+    )
 
     def surplus(voltage):
         above = max(abs(voltage) - p["leakage_onset"], 0.0)
@@ -96,21 +109,29 @@ def paper(v):
     j = (voltage - behind) / rest
 
     found = {
-        "voltage": voltage, "electrochemical_displacement": strain, "der(charge)": j,
+        "voltage": voltage,
+        "electrochemical_displacement": strain,
+        "der(charge)": j,
         "mechanical_displacement": creep + spring(load),
-        "der(kelvin_elongation)": kelvin / slower, "der(maxwell_elongation)": flowing / p["b1"],
+        "der(kelvin_elongation)": kelvin / slower,
+        "der(maxwell_elongation)": flowing / p["b1"],
         "der(faradaic_current)": (j - p["faradaic_current"]) / p["double_layer_time"],
-        "der(throughput)": abs(j), "der(fading_throughput)": abs(j),
-        "der(temperature_rise)":
-            (p["thermal_resistance"] * (voltage * i - films * j) - p["temperature_rise"]) / p["thermal_time"],
+        "der(throughput)": abs(j),
+        "der(fading_throughput)": abs(j),
+        "der(temperature_rise)": (
+            p["thermal_resistance"] * (voltage * i - films * j) - p["temperature_rise"]
+        )
+        / p["thermal_time"],
         "der(first_stage_charge)": j - p["first_stage_charge"] / stage,
         "der(second_stage_charge)": (p["first_stage_charge"] - p["second_stage_charge"]) / stage,
         "der(pending_charge)": j - p["pending_charge"] / (p["lag_time"] + 0.05),
         "der(trailing_charge)": j - abs(j) * p["trailing_charge"] / p["hysteresis_width"],
         "der(second_kelvin_force)": (load - p["second_kelvin_force"]) / p["second_creep_time"],
-    }  # fmt: skip
+    }
     found |= {
-        f"der(diffusion_current_{k})": (j - p[f"diffusion_current_{k}"]) * pole / p["diffusion_time"]
+        f"der(diffusion_current_{k})": (j - p[f"diffusion_current_{k}"])
+        * pole
+        / p["diffusion_time"]
         for k, pole in enumerate(poles, 1)
     }
     total = {"displacement": strain + creep + spring(load)} if "force" in p else {"tension": load}
@@ -155,7 +176,9 @@ def test_all_effects_together_run_as_scipy_integrates_them(base):
     for k in range(8):
         inputs = {"current": 0.9 if k % 6 < 3 else -0.7}
         pulled = k % 8 < 5
-        inputs |= {"force": 2.0 * pulled} if base is PpyActuator else {"length_change": 8e-4 * pulled}
+        inputs |= (
+            {"force": 2.0 * pulled} if base is PpyActuator else {"length_change": 8e-4 * pulled}
+        )
         for name, value in inputs.items():
             setattr(model, name, value)
         integrator.advance(k * 0.5, 0.5)
@@ -201,14 +224,18 @@ def test_quadratic_strain_follows_its_equation(base):
     exact = rc(CURRENT)
     assert charge == pytest.approx(exact, rel=1e-7, abs=1e-9)
     assert elongation == pytest.approx(ALPHA * exact + 7e-6 * exact**2, rel=1e-7, abs=1e-12)
-    assert voltage == pytest.approx((R1 * (R2 * CURRENT - exact / C) / (R1 + R2)) + exact / C, rel=1e-7, abs=1e-9)
+    assert voltage == pytest.approx(
+        (R1 * (R2 * CURRENT - exact / C) / (R1 + R2)) + exact / C, rel=1e-7, abs=1e-9
+    )
 
 
 @bases
 @settings(deadline=None)
 @given(charge=st.floats(-20, 20), saturation=st.floats(0.01, 1e3))
 def test_strain_saturation_follows_its_equation(base, charge, saturation):
-    model = stack(base, EFFECTS["strain_saturation"])(strain_saturation_coefficient=saturation**-2.0)
+    model = stack(base, EFFECTS["strain_saturation"])(
+        strain_saturation_coefficient=saturation**-2.0
+    )
     model.charge = charge
     exact = ALPHA * saturation * math.tanh(charge / saturation)
     assert model.electrochemical_displacement() == pytest.approx(exact, rel=1e-13, abs=1e-300)
@@ -220,7 +247,9 @@ def test_strain_saturation_is_smooth_where_the_series_takes_over():
         model = cls(strain_saturation_coefficient=1.0)
         model.charge = float(z)
         # tanh(z) = z - z^3/3 + 2 z^5/15 - ...
-        assert model.electrochemical_displacement() == pytest.approx(ALPHA * (z - z**3 / 3 + 2 * z**5 / 15), rel=5e-16)
+        assert model.electrochemical_displacement() == pytest.approx(
+            ALPHA * (z - z**3 / 3 + 2 * z**5 / 15), rel=5e-16
+        )
 
 
 @bases
@@ -240,7 +269,9 @@ def test_strain_lag_follows_its_transfer_function(base, lag):
 def test_strain_lag_is_a_first_order_lag():
     """The time that keeps it regular costs little: the pure lag differs by its square."""
     lag = 3.0
-    elongation, _, _ = run(stack(PpyActuator, EFFECTS["strain_lag"]), STEP, STEPS, CURRENT, lag_time=lag)
+    elongation, _, _ = run(
+        stack(PpyActuator, EFFECTS["strain_lag"]), STEP, STEPS, CURRENT, lag_time=lag
+    )
     pure = ([ALPHA * R2 * C], np.polymul([(R1 + R2) * C, 1.0], [lag, 1.0]))
     _, exact, _ = lsim(pure, CURRENT, STEP * np.arange(STEPS), interp=False)
     assert np.abs(elongation - exact).max() < 0.05 * np.abs(exact).max()
@@ -250,7 +281,11 @@ def test_strain_lag_is_a_first_order_lag():
 def test_strain_lag_in_two_stages_follows_its_transfer_function(lag):
     """From the state equations of its description, and near two lags without the time that keeps them regular."""
     elongation, _, _ = run(
-        stack(PpyActuator, EFFECTS["strain_lag(two_stages)"]), STEP, STEPS, CURRENT, staged_lag_time=lag
+        stack(PpyActuator, EFFECTS["strain_lag(two_stages)"]),
+        STEP,
+        STEPS,
+        CURRENT,
+        staged_lag_time=lag,
     )
     stage, charging = lag / 2 + 0.05, (R1 + R2) * C
     share = lag / 2 / stage
@@ -259,7 +294,10 @@ def test_strain_lag_in_two_stages_follows_its_transfer_function(lag):
     c = [[ALPHA, -ALPHA * share, -ALPHA * share]]
     _, exact, _ = lsim((a, b, c, [[0]]), CURRENT, STEP * np.arange(STEPS), interp=False)
     assert elongation == pytest.approx(exact, rel=1e-6, abs=1e-11)
-    two = ([ALPHA * R2 * C], np.polymul([charging, 1.0], np.polymul([lag / 2, 1.0], [lag / 2, 1.0])))
+    two = (
+        [ALPHA * R2 * C],
+        np.polymul([charging, 1.0], np.polymul([lag / 2, 1.0], [lag / 2, 1.0])),
+    )
     _, pure, _ = lsim(two, CURRENT, STEP * np.arange(STEPS), interp=False)
     assert np.abs(elongation - pure).max() < 0.05 * np.abs(pure).max()
 
@@ -287,20 +325,28 @@ def impedance(cls, frequencies, **values):
     """Voltage per current of the linearised model at s = j omega."""
     a, b, c, d = trace(cls).linearise(**values)
     row = [o.name for o in cls.layout.outputs].index("voltage")
-    return np.array([(c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d)[row, 0] for s in 1j * frequencies])
+    return np.array(
+        [(c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d)[row, 0] for s in 1j * frequencies]
+    )
 
 
 @bases
 def test_diffusion_has_the_impedance_of_a_layer(base):
     """Five sections of infinitely many: what the others would add is the tail of a series, and nothing at rest."""
     share, time, omega = 0.6, 7.0, np.logspace(-4, 3, 30)
-    found = impedance(stack(base, EFFECTS["diffusion"]), omega, diffusion_share=share, diffusion_time=time)
+    found = impedance(
+        stack(base, EFFECTS["diffusion"]), omega, diffusion_share=share, diffusion_time=time
+    )
     branch = 1.0 / (1.0 / found - 1.0 / R2)
     s = 1j * omega
     layer = np.tanh(np.sqrt(s * time)) / np.sqrt(s * time)
     exact = (1.0 - share) * R1 + share * R1 * layer + 1.0 / (s * C)
     poles = ((np.arange(5) + 0.5) * np.pi) ** 2
-    tail = share * R1 * np.minimum(1.0 - np.sum(2.0 / poles), omega * time * (1.0 / 3.0 - np.sum(2.0 / poles**2)))
+    tail = (
+        share
+        * R1
+        * np.minimum(1.0 - np.sum(2.0 / poles), omega * time * (1.0 / 3.0 - np.sum(2.0 / poles**2)))
+    )
     assert (np.abs(branch - exact) <= tail + 1e-9 * np.abs(exact)).all()
     assert tail.max() < 0.041 * share * R1
 
@@ -310,14 +356,19 @@ def test_charge_dependent_capacitance_is_the_integral_of_its_differential_one():
     model = stack(PpyActuator, EFFECTS["charge_dependent_capacitance"])(capacitance_falloff=a)
     for charge in (-8.0, -1e-3, 1e-6, 0.5, 5.0):
         model.charge = charge
-        exact = quad(lambda q: 1.0 / (C * math.exp(-a * q)), 0.0, charge, epsabs=0.0, epsrel=1e-13)[0]
+        exact = quad(lambda q: 1.0 / (C * math.exp(-a * q)), 0.0, charge, epsabs=0.0, epsrel=1e-13)[
+            0
+        ]
         assert model.film_voltage() == pytest.approx(exact, rel=1e-12)
 
 
 def test_capacitance_that_depends_on_the_modulus_of_the_charge():
     """Its differential values, by central differences: C exp(-a |Q|), and even about zero to the second order."""
     slopes = {}
-    for name, values in (("modulus", {"capacitance_falloff_either_way": -0.12}), ("even", {"capacitance_bend": -0.07})):
+    for name, values in (
+        ("modulus", {"capacitance_falloff_either_way": -0.12}),
+        ("even", {"capacitance_bend": -0.07}),
+    ):
         model = stack(PpyActuator, EFFECTS[f"charge_dependent_capacitance({name})"])(**values)
         for charge in (-8.0, -1.5, 0.02, 0.9, 5.0):
             ends = []
@@ -325,7 +376,9 @@ def test_capacitance_that_depends_on_the_modulus_of_the_charge():
                 ends.append(model.film_voltage())
             slopes[name, charge] = 2e-4 / (ends[1] - ends[0])
     for charge in (-8.0, -1.5, 0.02, 0.9, 5.0):
-        assert slopes["modulus", charge] == pytest.approx(C * math.exp(0.12 * abs(charge)), rel=1e-6)
+        assert slopes["modulus", charge] == pytest.approx(
+            C * math.exp(0.12 * abs(charge)), rel=1e-6
+        )
         assert slopes["even", charge] == pytest.approx(C * (1 + 0.07 * charge**2) ** 1.5, rel=1e-6)
 
 
@@ -333,12 +386,17 @@ def test_self_heating_ends_where_supply_and_loss_balance():
     """Charged, all of the current leaks: P = R2 i^2. Warming is slow, and follows an exponential in the end."""
     cls = stack(PpyActuator, EFFECTS["self_heating"])
     model = cls(
-        conductance_rise_per_kelvin=0.02, thermal_resistance=30.0, thermal_time=400.0, charge_start=R2 * C * 0.9
+        conductance_rise_per_kelvin=0.02,
+        thermal_resistance=30.0,
+        thermal_time=400.0,
+        charge_start=R2 * C * 0.9,
     )
     model.current, rise = 0.9, 30.0 * R2 * 0.9**2
     integrator = Integrator(model)
     for k in range(6):
-        assert model.temperature_rise == pytest.approx(rise * -math.expm1(-k * 200.0 / 400.0), rel=1e-6)
+        assert model.temperature_rise == pytest.approx(
+            rise * -math.expm1(-k * 200.0 / 400.0), rel=1e-6
+        )
         integrator.advance(k * 200.0, 200.0)
     model.current = 1.9  # at once, through the series resistance only
     jump = (0.43 / (1.0 + 0.02 * model.temperature_rise)) * 1.0
@@ -351,7 +409,9 @@ def test_force_to_voltage_drives_charge_through_the_leakage():
     model.force = 2.0
     assert model.voltage() == pytest.approx(0.05 * 2.0 * R2 / (R1 + R2), rel=1e-12)
     Integrator(model).advance(0.0, 4.0)
-    assert model.charge == pytest.approx(0.05 * 2.0 * C * math.expm1(-4.0 / ((R1 + R2) * C)), rel=1e-7)
+    assert model.charge == pytest.approx(
+        0.05 * 2.0 * C * math.expm1(-4.0 / ((R1 + R2) * C)), rel=1e-7
+    )
 
 
 @bases
@@ -362,8 +422,12 @@ def test_strain_hysteresis_follows_the_charge_from_turn_to_turn(base):
         limit = math.copysign(width, after - before)
         trailing.append(limit + (trailing[-1] - limit) * math.exp(-abs(after - before) / width))
     cls = stack(base, EFFECTS["strain_hysteresis"])
-    elongation, _, _ = run(cls, STEP, STEPS, CURRENT, hysteresis_share=share, hysteresis_width=width)
-    assert elongation == pytest.approx(ALPHA * (charge - share * np.array(trailing)), rel=1e-6, abs=1e-11)
+    elongation, _, _ = run(
+        cls, STEP, STEPS, CURRENT, hysteresis_share=share, hysteresis_width=width
+    )
+    assert elongation == pytest.approx(
+        ALPHA * (charge - share * np.array(trailing)), rel=1e-6, abs=1e-11
+    )
     assert max(trailing) > 0.9 * width, "the loop is reached"
 
 
@@ -380,12 +444,19 @@ def creep_under(cls, loads, **values):
 
 
 def test_second_kelvin_creeps_exponentially():
-    loads, values = [(2.0, 5.0), (2.0, 10.0), (0.5, 4.0)], {"second_creep_compliance": 4e-5, "second_creep_time": 8.0}
+    loads, values = (
+        [(2.0, 5.0), (2.0, 10.0), (0.5, 4.0)],
+        {"second_creep_compliance": 4e-5, "second_creep_time": 8.0},
+    )
     found = np.subtract(
-        creep_under(stack(PpyActuator, EFFECTS["second_kelvin"]), loads, **values), creep_under(PpyActuator, loads)
+        creep_under(stack(PpyActuator, EFFECTS["second_kelvin"]), loads, **values),
+        creep_under(PpyActuator, loads),
     )
     after = 2.0 * -math.expm1(-15.0 / 8.0)
-    exact = [4e-5 * f for f in (2.0 * -math.expm1(-5.0 / 8.0), after, 0.5 + (after - 0.5) * math.exp(-4.0 / 8.0))]
+    exact = [
+        4e-5 * f
+        for f in (2.0 * -math.expm1(-5.0 / 8.0), after, 0.5 + (after - 0.5) * math.exp(-4.0 / 8.0))
+    ]
     assert found == pytest.approx(exact, rel=1e-6)
 
 
@@ -402,7 +473,9 @@ def test_yield_threshold_leaves_small_loads_without_flow():
     found = creep_under(cls, [(0.6, 50.0), (2.0, 50.0), (0.0, 1e5)], yield_force=0.7)
     tau = B2 / K2
     assert found[0] == pytest.approx(0.6 / K1 + 0.6 / K2 * -math.expm1(-50.0 / tau), rel=1e-7)
-    assert found[2] == pytest.approx((2.0 - 0.7) * 50.0 / B1, rel=1e-6), "what is left in the end has flowed"
+    assert found[2] == pytest.approx((2.0 - 0.7) * 50.0 / B1, rel=1e-6), (
+        "what is left in the end has flowed"
+    )
 
 
 @pytest.mark.parametrize(
@@ -410,12 +483,18 @@ def test_yield_threshold_leaves_small_loads_without_flow():
     [
         # in units of 1/k1, at 0, 0.4, 1 and 2.5 N
         ("slack", {"slack_compliance": 1.5, "preload": 0.8}, [0.0, 1.0, 2.2, 3.7]),
-        ("slack(smooth)", {"fading_compliance": 1.5, "fading_load": 0.6},
-         [0.0, 0.4 + 0.36, 1.0 + 0.5625, 2.5 + 2.25 / 3.1]),
-        ("nonlinear_stiffness", {"load_softening": 0.4, "softening_load": 0.75},
-         [0.0, 0.4 + 0.4 * 0.1, 1.0 + 0.4 * 0.5, 2.5 + 0.4 * (math.hypot(2.5, 0.75) - 0.75)]),
+        (
+            "slack(smooth)",
+            {"fading_compliance": 1.5, "fading_load": 0.6},
+            [0.0, 0.4 + 0.36, 1.0 + 0.5625, 2.5 + 2.25 / 3.1],
+        ),
+        (
+            "nonlinear_stiffness",
+            {"load_softening": 0.4, "softening_load": 0.75},
+            [0.0, 0.4 + 0.4 * 0.1, 1.0 + 0.4 * 0.5, 2.5 + 0.4 * (math.hypot(2.5, 0.75) - 0.75)],
+        ),
     ],
-)  # fmt: skip
+)
 def test_springs_go_through_points_that_are_known(name, values, elongations):
     model = stack(PpyActuator, EFFECTS[name])(**values)
     for force, elongation in zip((0.0, 0.4, 1.0, 2.5), elongations, strict=True):

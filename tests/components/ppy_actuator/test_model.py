@@ -15,7 +15,9 @@ from fmus.kit.symbolic.trace import trace
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 
 FORCE, LENGTH = trace(PpyActuator), trace(PpyActuatorLengthDriven)
-BOTH = pytest.mark.parametrize("cls", [PpyActuator, PpyActuatorLengthDriven], ids=lambda cls: cls.name)
+BOTH = pytest.mark.parametrize(
+    "cls", [PpyActuator, PpyActuatorLengthDriven], ids=lambda cls: cls.name
+)
 
 
 def within(low, high):
@@ -25,10 +27,16 @@ def within(low, high):
 
 parameters = st.fixed_dictionaries(
     {
-        "R1": within(0.01, 10), "R2": within(0.1, 100), "C": within(0.05, 20), "alpha": within(1e-6, 1e-3),
-        "k1": within(1e2, 1e5), "b1": within(1e4, 1e8), "k2": within(1e2, 1e5), "b2": within(1e4, 1e8),
+        "R1": within(0.01, 10),
+        "R2": within(0.1, 100),
+        "C": within(0.05, 20),
+        "alpha": within(1e-6, 1e-3),
+        "k1": within(1e2, 1e5),
+        "b1": within(1e4, 1e8),
+        "k2": within(1e2, 1e5),
+        "b2": within(1e4, 1e8),
     }
-)  # fmt: skip
+)
 
 
 def state_space(graph, values, output, given_input):
@@ -55,7 +63,9 @@ def same_transfer_function(system, numerator, denominator):
 def test_electrochemical_transfer_function_is_eq_3_6(p):
     numerator = [p["alpha"] * p["R2"] * p["C"]]
     denominator = [(p["R1"] + p["R2"]) * p["C"], 1.0]
-    same_transfer_function(state_space(FORCE, p, "electrochemical_displacement", "current"), numerator, denominator)
+    same_transfer_function(
+        state_space(FORCE, p, "electrochemical_displacement", "current"), numerator, denominator
+    )
     same_transfer_function(state_space(FORCE, p, "displacement", "current"), numerator, denominator)
 
 
@@ -65,7 +75,9 @@ def test_mechanical_transfer_function_is_eq_3_7(p):
     k1, b1, k2, b2 = (p[n] for n in ("k1", "b1", "k2", "b2"))
     numerator = [b2 / k1, 1.0 + k2 / k1 + b2 / b1, k2 / b1]
     denominator = [b2, k2, 0.0]
-    same_transfer_function(state_space(FORCE, p, "mechanical_displacement", "force"), numerator, denominator)
+    same_transfer_function(
+        state_space(FORCE, p, "mechanical_displacement", "force"), numerator, denominator
+    )
     same_transfer_function(state_space(FORCE, p, "displacement", "force"), numerator, denominator)
 
 
@@ -127,7 +139,9 @@ def test_current_and_force_do_not_cross(p):
     assert d[names.index("voltage"), 1] == 0.0
     assert not b[0, 1]
     assert not b[1:, 0].any()
-    total, electrical, mechanical = (names.index(f"{n}displacement") for n in ("", "electrochemical_", "mechanical_"))
+    total, electrical, mechanical = (
+        names.index(f"{n}displacement") for n in ("", "electrochemical_", "mechanical_")
+    )
     assert c[total] == pytest.approx(c[electrical] + c[mechanical])
     assert d[total] == pytest.approx(d[electrical] + d[mechanical])
 
@@ -139,10 +153,14 @@ def test_tension_is_the_inverse_of_eq_3_7(p):
     k1, b1, k2, b2 = (p[n] for n in ("k1", "b1", "k2", "b2"))
     compliance = [b2 / k1, 1.0 + k2 / k1 + b2 / b1, k2 / b1], [b2, k2, 0.0]
     taut = p | {"length_change": 1.0}
-    same_transfer_function(state_space(LENGTH, taut, "tension", "length_change"), compliance[1], compliance[0])
+    same_transfer_function(
+        state_space(LENGTH, taut, "tension", "length_change"), compliance[1], compliance[0]
+    )
     electrical = [p["alpha"] * p["R2"] * p["C"]], [(p["R1"] + p["R2"]) * p["C"], 1.0]
     blocked = -control.tf(*electrical) * control.tf(compliance[1], compliance[0])
-    same_transfer_function(state_space(LENGTH, taut, "tension", "current"), blocked.num[0][0], blocked.den[0][0])
+    same_transfer_function(
+        state_space(LENGTH, taut, "tension", "current"), blocked.num[0][0], blocked.den[0][0]
+    )
 
 
 # --- responses --------------------------------------------------------------------------------------------------------
@@ -173,7 +191,9 @@ def test_constant_load_shows_eqs_3_1_to_3_3():
     creep = x[-1] - slope * (time[-1] - time) - x  # what is still to come of the delayed elongation
     tau = -1.0 / np.polyfit(time[:60], np.log(creep[:60]), 1)[0]
     assert tau == pytest.approx(2.0e6 / 1.0e4, rel=1e-4)  # eq. 3.1: 200 s
-    assert x == pytest.approx(load / 6300 + load / 1e4 * (1 - np.exp(-time / 200)) + load / 1.7e6 * time, rel=1e-7)
+    assert x == pytest.approx(
+        load / 6300 + load / 1e4 * (1 - np.exp(-time / 200)) + load / 1.7e6 * time, rel=1e-7
+    )
 
 
 def test_flow_remains_when_the_load_is_removed():
@@ -195,7 +215,9 @@ def test_constant_current_charges_the_films():
 def test_table_3_1_and_figure_3_9():
     p = {v.name: v.start for v in PpyActuator.layout.parameters}
     rows = np.array([[0.45, 2.58, 2.50], [0.43, 2.02, 2.51], [0.42, 2.45, 3.1]])
-    assert [p["R1"], p["R2"], p["C"]] == pytest.approx(rows.mean(axis=0), abs=0.006)  # printed to two digits
+    assert [p["R1"], p["R2"], p["C"]] == pytest.approx(
+        rows.mean(axis=0), abs=0.006
+    )  # printed to two digits
     assert (p["R1"] + p["R2"]) * p["C"] == pytest.approx(7.5, abs=0.05)  # "approximately 7.5 s"
     assert (p["k1"], p["b1"], p["k2"], p["b2"]) == (6300.0, 1.7e6, 1.0e4, 2.0e6)
     # errata 1: in N/m the largest load gives the fraction of a millimetre that is plotted, in N/mm it would not
@@ -208,7 +230,9 @@ def test_five_layer_preset_is_section_3_3_1():
     p = {v.name: v.start for v in PpyActuator.layout.parameters}
     for name in ("k1", "b1", "k2", "b2"):
         assert values[name] / p[name] == pytest.approx(5 / 12)
-    assert values["b2"] / values["k2"] == pytest.approx(200.0)  # a time constant does not scale with the films
+    assert values["b2"] / values["k2"] == pytest.approx(
+        200.0
+    )  # a time constant does not scale with the films
     assert PpyActuator(**values).R1 == 1.32
     assert PpyActuatorLengthDriven.presets is PpyActuator.presets
 
@@ -231,14 +255,19 @@ def test_start_values_are_the_first_values(cls):
 
 def test_signals_have_their_fixed_names():
     def signals(cls):
-        return {v.name: v.unit for v in cls.layout.inputs}, {v.name: v.unit for v in cls.layout.measurable}
+        return {v.name: v.unit for v in cls.layout.inputs}, {
+            v.name: v.unit for v in cls.layout.measurable
+        }
 
     inputs, outputs = signals(fmus.component("ppy_actuator"))
     assert inputs == {"current": "A", "force": "N"}
     assert outputs == {
-        "voltage": "V", "displacement": "m", "electrochemical_displacement": "m", "mechanical_displacement": "m",
+        "voltage": "V",
+        "displacement": "m",
+        "electrochemical_displacement": "m",
+        "mechanical_displacement": "m",
         "charge": "C",
-    }  # fmt: skip
+    }
     inputs, outputs = signals(fmus.component("ppy_actuator_length_driven"))
     assert inputs == {"current": "A", "length_change": "m"}
     assert {"tension": "N", "voltage": "V"}.items() <= outputs.items()
@@ -282,7 +311,12 @@ def test_slack_never_pushes(seed, step):
         chain = model.kelvin_elongation, model.maxwell_elongation
         integrator.advance(k * step, step)
         assert model.tension() >= 0.0
-        free = model.length_change - 6.8e-5 * model.charge - model.kelvin_elongation - model.maxwell_elongation
+        free = (
+            model.length_change
+            - 6.8e-5 * model.charge
+            - model.kelvin_elongation
+            - model.maxwell_elongation
+        )
         assert model.tension() == pytest.approx(max(6300.0 * free, 0.0), rel=1e-9, abs=1e-15)
         assert model.maxwell_elongation >= chain[1]  # a tension can only lengthen the dashpot
         slack += model.tension() == 0.0
@@ -350,5 +384,8 @@ def test_a_force_comes_back_through_its_displacement_when_sampled():
 
 def test_both_causalities_share_their_circuit():
     inputs = {"current": lambda t: math.sin(t)}
-    voltages = [simulate(cls(), 0.1, 50, **inputs)["voltage"] for cls in (PpyActuator, PpyActuatorLengthDriven)]
+    voltages = [
+        simulate(cls(), 0.1, 50, **inputs)["voltage"]
+        for cls in (PpyActuator, PpyActuatorLengthDriven)
+    ]
     assert voltages[0] == pytest.approx(voltages[1], rel=1e-9, abs=1e-12)

@@ -78,22 +78,36 @@ def test_a_key_file_that_is_none_is_told(linked, tmp_path):
 def test_garbage_from_the_other_side_is_passed_over(linked):
     """A peer that sends everything but what is asked for; in the end it answers."""
     junk = [
-        b"", b"\xff\xfe", b"{}", b"[]", b'{"ppy": 1}', b'{"ppy": 2, "type": "accepted"}',
-        protocol.encode("disconnected"), b'{"ppy":1,"type":"accepted","session":1}', b"[" * 50_000,
-    ]  # fmt: skip
+        b"",
+        b"\xff\xfe",
+        b"{}",
+        b"[]",
+        b'{"ppy": 1}',
+        b'{"ppy": 2, "type": "accepted"}',
+        protocol.encode("disconnected"),
+        b'{"ppy":1,"type":"accepted","session":1}',
+        b"[" * 50_000,
+    ]
     context = zmq.Context()
     router = context.socket(zmq.ROUTER)
     port = router.bind_to_random_port("tcp://127.0.0.1")
     good = {
-        "session": "s", "clock": 1.0, "mode": "real-time", "period": 0.1, "watchdog": 1.0, "limits": {},
+        "session": "s",
+        "clock": 1.0,
+        "mode": "real-time",
+        "period": 0.1,
+        "watchdog": 1.0,
+        "limits": {},
         "ages": [0.0, 0.0],
-    }  # fmt: skip
+    }
 
     def answer() -> None:
         identity, _ = router.recv_multipart()
         for frame in junk:
             router.send_multipart([identity, frame])
-        router.send_multipart([identity, protocol.encode("accepted", **good, values=[1.0])])  # one value too few
+        router.send_multipart(
+            [identity, protocol.encode("accepted", **good, values=[1.0])]
+        )  # one value too few
         router.send_multipart([identity, protocol.encode("accepted", **good, values=[1.0, 2.0])])
 
     thread = threading.Thread(target=answer)
@@ -137,7 +151,14 @@ def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked):
     router = context.socket(zmq.ROUTER)
     port = router.bind_to_random_port("tcp://127.0.0.1")
     link = linked(f"tcp://127.0.0.1:{port}")
-    sample = {"session": "s", "clock": 2.0, "ages": [0.0, 0.0], "state": "running", "reason": "", "refused": []}
+    sample = {
+        "session": "s",
+        "clock": 2.0,
+        "ages": [0.0, 0.0],
+        "state": "running",
+        "reason": "",
+        "refused": [],
+    }
     try:
         link.accepted = {"session": "s", "clock": 1.0}
         assert link.exchange([0.0, 0.0], 0.0, 0.1, 0.01) is None
@@ -145,7 +166,9 @@ def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked):
         sent = time.monotonic() - 0.5
 
         def answer(sequence: int, value: float) -> None:
-            reply = protocol.encode("sample", **sample, sequence=sequence, sent=sent, values=[value, 0.0])
+            reply = protocol.encode(
+                "sample", **sample, sequence=sequence, sent=sent, values=[value, 0.0]
+            )
             router.send_multipart([identity, reply])
 
         answer(1, 1.0)

@@ -55,7 +55,9 @@ def test_values_are_those_of_the_commands_of_the_step(one):
         for current in (0.5, -0.5, 1.0):
             one.set({"current": current, "force": 2.0})
             one.step(STEP)
-            assert one.get("voltage", "displacement") == pytest.approx([0.6 * current, 2e-5 * current + 2e-4])
+            assert one.get("voltage", "displacement") == pytest.approx(
+                [0.6 * current, 2e-5 * current + 2e-4]
+            )
         age, missed, state = link(one)
         assert (missed, state) == (0, CONNECTED)
         assert 0.0 <= age < FAST["max_age"]
@@ -111,7 +113,9 @@ def test_silence_fails_within_the_timeout(one):
         rig.answers = False
         begin = time.monotonic()
         took, said = fails(one)
-        assert took < FAST["communication_timeout"] + 0.05, "the farewell after an error is within the timeout too"
+        assert took < FAST["communication_timeout"] + 0.05, (
+            "the farewell after an error is within the timeout too"
+        )
         assert time.monotonic() - begin < FAST["max_age"] + 1.0
         assert "voltage" in said or "no answer" in said
         assert "s old; max_age is 0.15 s" in said or "no answer" in said
@@ -127,7 +131,9 @@ def test_a_killed_server_and_one_in_its_place(one):
         step_until(one, CONNECTED)
         begin = time.monotonic()
         one.step(STEP), one.step(STEP)
-        assert time.monotonic() - begin > 1.5 * STEP, "the simulation does not race to make up for what was lost"
+        assert time.monotonic() - begin > 1.5 * STEP, (
+            "the simulation does not race to make up for what was lost"
+        )
         assert one.get("voltage") == [pytest.approx(0.6)]
         assert [m["type"] for m in rig.heard].count("connect") >= 1
 
@@ -226,7 +232,9 @@ def test_in_lockstep_nobody_waits_for_a_clock_and_silence_is_an_error(one):
         for _ in range(50):
             one.step(0.2)
         assert time.monotonic() - begin < 5.0  # of 10 s
-        assert [m["time"] for m in rig.of_type("exchange")] == pytest.approx([0.2 * k for k in range(50)])
+        assert [m["time"] for m in rig.of_type("exchange")] == pytest.approx(
+            [0.2 * k for k in range(50)]
+        )
         rig.answers = False
         took, said = fails(one)
         assert took < 1.0

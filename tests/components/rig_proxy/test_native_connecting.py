@@ -35,7 +35,10 @@ def unused_endpoint() -> str:
 
 def test_nobody_there(engine):
     endpoint = unused_endpoint()
-    assert refused_at_start(engine, endpoint) == f"no answer within 0.4 s from {endpoint}; is `ppy rig serve` running?"
+    assert (
+        refused_at_start(engine, endpoint)
+        == f"no answer within 0.4 s from {endpoint}; is `ppy rig serve` running?"
+    )
 
 
 def test_a_server_that_starts_a_moment_later_is_found(engine):
@@ -51,7 +54,12 @@ def test_a_server_that_starts_a_moment_later_is_found(engine):
 
 @pytest.mark.parametrize(
     "sent",
-    [b"", b"\xff", b"\xff" + bytes(8) + b"\x7f", b"\xff" + bytes(8) + b"\x7f\x03\x01NULL" + bytes(20)],
+    [
+        b"",
+        b"\xff",
+        b"\xff" + bytes(8) + b"\x7f",
+        b"\xff" + bytes(8) + b"\x7f\x03\x01NULL" + bytes(20),
+    ],
     ids=["nothing", "a byte", "a signature", "half a greeting"],
 )
 def test_somebody_who_never_answers(engine, sent):
@@ -96,21 +104,31 @@ def test_a_server_with_keys(engine):
 def test_the_port_of_the_telemetry(engine):
     ready = b"\x05READY" + b"\x0bSocket-Type" + (3).to_bytes(4) + b"PUB"
     greeting = b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(16 + 32)
-    with listening(lambda connection: connection.sendall(greeting + b"\x04" + bytes([len(ready)]) + ready)) as endpoint:
+    with listening(
+        lambda connection: connection.sendall(greeting + b"\x04" + bytes([len(ready)]) + ready)
+    ) as endpoint:
         assert "telemetry" in refused_at_start(engine, endpoint, bound=0.0)
 
 
 @pytest.mark.parametrize(
     ("answer", "text"),
     [
-        (message("refused", reason="the rig is in its safe state since 14:02:11"), "since 14:02:11"),
+        (
+            message("refused", reason="the rig is in its safe state since 14:02:11"),
+            "since 14:02:11",
+        ),
         ({"ppy": 2, "type": "accepted"}, "version 2 of the protocol, the proxy version 1"),
-        (ScriptedRig(COUNT).accepted(values=[0.0] * (COUNT - 1) + [None]), f"the rig has no value of {MEASURED[-1]}"),
+        (
+            ScriptedRig(COUNT).accepted(values=[0.0] * (COUNT - 1) + [None]),
+            f"the rig has no value of {MEASURED[-1]}",
+        ),
     ],
 )
 def test_a_rig_that_cannot_be_used(engine, answer, text):
     rig = ScriptedRig(COUNT)
-    rig.answer = lambda request: [(0.0, answer)] if request["type"] == "connect" else rig.replies(request)
+    rig.answer = lambda request: (
+        [(0.0, answer)] if request["type"] == "connect" else rig.replies(request)
+    )
     with served(rig) as endpoint:
         assert text in refused_at_start(engine, endpoint, bound=FAREWELL)
 
@@ -118,10 +136,18 @@ def test_a_rig_that_cannot_be_used(engine, answer, text):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"values": [0.0] * (COUNT + 1)}, {"values": [True] * COUNT}, {"values": {}}, {"ages": None}, {"mode": "odd"},
-        {"session": 5}, {"session": "x" * 4000}, {"clock": "late"}, {"limits": []}, {"limits": {"a": {"min": "x"}}},
+        {"values": [0.0] * (COUNT + 1)},
+        {"values": [True] * COUNT},
+        {"values": {}},
+        {"ages": None},
+        {"mode": "odd"},
+        {"session": 5},
+        {"session": "x" * 4000},
+        {"clock": "late"},
+        {"limits": []},
+        {"limits": {"a": {"min": "x"}}},
     ],
-)  # fmt: skip
+)
 def test_an_answer_that_is_malformed_is_none(engine, changes):
     rig = ScriptedRig(COUNT)
     rig.answer = lambda request: [(0.0, rig.accepted(**changes))]
@@ -137,13 +163,23 @@ ACCEPTED = json.dumps(ScriptedRig(COUNT).accepted()).encode()
 def test_random_streams_are_survived(engine):
     """What a server could say, with a few bytes changed, cut or repeated: any end is right but a crash or a hang."""
     rng = random.Random(5)
-    stream = GREETING + b"\x04" + bytes([len(READY)]) + READY + b"\x02" + len(ACCEPTED).to_bytes(8) + ACCEPTED
+    stream = (
+        GREETING
+        + b"\x04"
+        + bytes([len(READY)])
+        + READY
+        + b"\x02"
+        + len(ACCEPTED).to_bytes(8)
+        + ACCEPTED
+    )
 
     def say_something(connection: socket.socket) -> None:
         spoilt = bytearray(stream)
         for _ in range(rng.randrange(5)):
             place = rng.randrange(len(spoilt))
-            edit = rng.choice([b"", b"\xff", b"\x00", bytes([rng.randrange(256)]), spoilt[place : place + 9] * 2])
+            edit = rng.choice(
+                [b"", b"\xff", b"\x00", bytes([rng.randrange(256)]), spoilt[place : place + 9] * 2]
+            )
             spoilt[place : place + rng.randrange(3)] = edit
         connection.sendall(spoilt)
         if rng.random() < 0.5:

@@ -21,7 +21,9 @@ COUNT = len(MEASURED)
 def test_dropped_messages_are_missed_deadlines_and_no_hang(engine):
     rig, rng = ScriptedRig(COUNT, watchdog=10.0), random.Random(1)
     drop = {"share": 0.0}
-    rig.exchanged = lambda request: [] if rng.random() < drop["share"] else [(0.0, rig.sample(request))]
+    rig.exchanged = lambda request: (
+        [] if rng.random() < drop["share"] else [(0.0, rig.sample(request))]
+    )
     with served(rig) as endpoint:
         started(engine, endpoint, max_age=10.0)
         drop["share"] = 0.5
@@ -72,9 +74,19 @@ def test_replies_that_come_twice_or_out_of_order_are_taken_once_and_in_order(eng
 
 
 GARBAGE = [
-    b"", b"\x00", b"{", b"null", b"[" * 60000, b'{"ppy":1,"type":"sample"}', b"\xff" * 500, b"x" * 65536,
-    b"y" * 100000, b"y" * 200000, b'{"ppy":1,"type":"sample","values":[1e999]}', b'"' + b"\\u0000" * 1000 + b'"',
-]  # fmt: skip
+    b"",
+    b"\x00",
+    b"{",
+    b"null",
+    b"[" * 60000,
+    b'{"ppy":1,"type":"sample"}',
+    b"\xff" * 500,
+    b"x" * 65536,
+    b"y" * 100000,
+    b"y" * 200000,
+    b'{"ppy":1,"type":"sample","values":[1e999]}',
+    b'"' + b"\\u0000" * 1000 + b'"',
+]
 
 
 def test_garbage_among_the_replies_is_passed_over(engine):
@@ -95,16 +107,28 @@ def test_garbage_among_the_replies_is_passed_over(engine):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"session": "another"}, {"sequence": 10**6}, {"sequence": 0}, {"sequence": 1.5}, {"sequence": -1},
-        {"sent": 1e300}, {"values": []}, {"ages": ["old"] * COUNT}, {"state": None}, {"refused": "no"},
-        {"refused": [1]}, {"ppy": 2}, {"type": "telemetry"},
+        {"session": "another"},
+        {"sequence": 10**6},
+        {"sequence": 0},
+        {"sequence": 1.5},
+        {"sequence": -1},
+        {"sent": 1e300},
+        {"values": []},
+        {"ages": ["old"] * COUNT},
+        {"state": None},
+        {"refused": "no"},
+        {"refused": [1]},
+        {"ppy": 2},
+        {"type": "telemetry"},
     ],
-)  # fmt: skip
+)
 def test_a_sample_that_cannot_be_right_is_no_reply(engine, changes):
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
         started(engine, endpoint)
-        rig.exchanged = lambda request: [(0.0, rig.sample(request, **{"values": [9.0] * COUNT} | changes))]
+        rig.exchanged = lambda request: [
+            (0.0, rig.sample(request, **{"values": [9.0] * COUNT} | changes))
+        ]
         answer = steps(engine, 0, 3)[-1]
     assert answer["missed_deadlines"] == 3.0
     assert answer["voltage"] == 0.0
@@ -137,7 +161,14 @@ def test_a_connection_cut_in_the_middle_of_a_frame(engine, on_stale):
 
     with served(rig) as behind, listening(relay(behind, spoil)) as endpoint:
         # A handshake is a dozen turns of four threads: the deadline leaves a busy machine time for one.
-        started(engine, endpoint, on_stale=on_stale, deadline=0.2, max_age=0.7, communication_timeout=1.0)
+        started(
+            engine,
+            endpoint,
+            on_stale=on_stale,
+            deadline=0.2,
+            max_age=0.7,
+            communication_timeout=1.0,
+        )
         steps(engine, 0, 3)
         cut["now"] = True
         answers = steps(engine, 3, 30)
@@ -187,7 +218,10 @@ def test_heartbeats_are_answered(engine):
     rig = ScriptedRig(COUNT, watchdog=100.0)  # so that nothing else is said for half a second
     with served(rig, heartbeat_ivl=30, heartbeat_timeout=100) as endpoint:
         started(engine, endpoint, communication_timeout=2.0)
-        assert all(answer["missed_deadlines"] == 0.0 for answer in [engine.advance(0.5 * k, 0.5) for k in range(3)])
+        assert all(
+            answer["missed_deadlines"] == 0.0
+            for answer in [engine.advance(0.5 * k, 0.5) for k in range(3)]
+        )
     assert rig.sessions == 1
 
 

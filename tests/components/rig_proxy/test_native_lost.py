@@ -53,7 +53,9 @@ def test_silence_is_stale_then_lost_and_then_found_again(engine):
         assert rig.sessions == 2
 
 
-@pytest.mark.parametrize(("max_age", "text"), [(0.1, "s old; max_age is 0.1 s"), (9.0, "no answer from the rig")])
+@pytest.mark.parametrize(
+    ("max_age", "text"), [(0.1, "s old; max_age is 0.1 s"), (9.0, "no answer from the rig")]
+)
 def test_silence_is_an_error_where_it_shall_be(engine, max_age, text):
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
@@ -71,7 +73,9 @@ def test_a_server_that_is_killed_and_back(engine):
     gone = steps(engine, 3, 30)
     assert all(answer.ok for answer in gone)
     assert gone[-1]["link_state"] == LOST
-    assert sum(answer.seconds for answer in gone) > 29 * STEP - LATE  # the pace is kept without a rig, too
+    assert (
+        sum(answer.seconds for answer in gone) > 29 * STEP - LATE
+    )  # the pace is kept without a rig, too
     back = ScriptedRig(COUNT)
     with served(back, endpoint):
         assert steps(engine, 33, 5)[-1]["link_state"] == CONNECTED
@@ -97,18 +101,28 @@ def test_the_safe_state_is_an_error(engine):
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
         started(engine, endpoint)
-        rig.exchanged = lambda request: [(0.0, rig.sample(request, state="safe", reason="tension beyond 5 N"))]
+        rig.exchanged = lambda request: [
+            (0.0, rig.sample(request, state="safe", reason="tension beyond 5 N"))
+        ]
         answer = steps(engine, 0, 1)[0]
-    assert (answer.ok, answer.message) == (False, "the rig is in its safe state: tension beyond 5 N")
+    assert (answer.ok, answer.message) == (
+        False,
+        "the rig is in its safe state: tension beyond 5 N",
+    )
 
 
 def test_a_refused_command_is_told(engine):
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
         started(engine, endpoint)
-        rig.exchanged = lambda request: [(0.0, rig.sample(request, refused=["current 9 A is beyond\n1.3 A", "more"]))]
+        rig.exchanged = lambda request: [
+            (0.0, rig.sample(request, refused=["current 9 A is beyond\n1.3 A", "more"]))
+        ]
         answer = steps(engine, 0, 1)[0]
-        assert (answer.ok, answer.message) == (True, "refused by the rig: current 9 A is beyond 1.3 A")
+        assert (answer.ok, answer.message) == (
+            True,
+            "refused by the rig: current 9 A is beyond 1.3 A",
+        )
         assert answer["link_state"] == REFUSED
         rig.exchanged = lambda request: [(0.0, rig.sample(request))]
         answer = steps(engine, 1, 1)[0]
@@ -120,7 +134,9 @@ def test_a_value_that_is_missing_is_held_and_grows_older(engine):
     with served(rig) as endpoint:
         started(engine, endpoint, max_age=0.1)
         steps(engine, 0, 2)
-        rig.exchanged = lambda request: [(0.0, rig.sample(request, values=[None, *[3.0] * (COUNT - 1)]))]
+        rig.exchanged = lambda request: [
+            (0.0, rig.sample(request, values=[None, *[3.0] * (COUNT - 1)]))
+        ]
         answers = steps(engine, 2, 10)
     first, others = MEASURED[0], MEASURED[1:]
     assert answers[-1][first] == 0.25
@@ -150,5 +166,9 @@ def test_lockstep_without_an_answer_is_an_error(engine, how):
         hang_up["now"] = how == "closed"
         answer = steps(engine, 2, 1)[0]
     assert not answer.ok
-    expected = {"silent": "no answer within 0.4 s", "closed": "closed the connection", "refused": "no such session"}
+    expected = {
+        "silent": "no answer within 0.4 s",
+        "closed": "closed the connection",
+        "refused": "no such session",
+    }
     assert expected[how] in answer.message

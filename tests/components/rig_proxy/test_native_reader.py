@@ -32,21 +32,37 @@ def reader(driver: Path) -> Iterator[NativeEngine]:
 def read(reader: NativeEngine, frame: bytes) -> dict[str, Any]:
     """The fields that the engine has found, or {} if the frame is nothing to it."""
     fields = reader.line("frame", frame.hex()).split("\t")
-    kind, session, sequence, numbers, lockstep, safe, reason, refusals, refusal, values, ages = fields
+    kind, session, sequence, numbers, lockstep, safe, reason, refusals, refusal, values, ages = (
+        fields
+    )
     sent, clock, period, watchdog = map(float.fromhex, numbers.split(" "))
     listed = [[float.fromhex(number) for number in text.split(" ")] for text in (values, ages)]
     match KINDS[int(kind)]:
         case "accepted":
             return {
-                "type": "accepted", "session": session, "clock": clock, "period": period, "watchdog": watchdog,
-                "lockstep": lockstep == "1", "values": listed[0], "ages": listed[1],
-            }  # fmt: skip
+                "type": "accepted",
+                "session": session,
+                "clock": clock,
+                "period": period,
+                "watchdog": watchdog,
+                "lockstep": lockstep == "1",
+                "values": listed[0],
+                "ages": listed[1],
+            }
         case "sample":
             return {
-                "type": "sample", "session": session, "sequence": int(sequence), "sent": sent, "clock": clock,
-                "values": listed[0], "ages": listed[1], "safe": safe == "1", "reason": reason,
-                "refusals": int(refusals), "refusal": refusal if refusals != "0" else "",
-            }  # fmt: skip
+                "type": "sample",
+                "session": session,
+                "sequence": int(sequence),
+                "sent": sent,
+                "clock": clock,
+                "values": listed[0],
+                "ages": listed[1],
+                "safe": safe == "1",
+                "reason": reason,
+                "refusals": int(refusals),
+                "refusal": refusal if refusals != "0" else "",
+            }
         case "refused":
             return {"type": "refused", "reason": reason}
         case "disconnected":
@@ -56,7 +72,10 @@ def read(reader: NativeEngine, frame: bytes) -> dict[str, Any]:
 
 def shown(text: str) -> str:
     """A sentence on one line, as long as the engine keeps it; half a surrogate pair is no character."""
-    clean = "".join(" " if c < " " else "\N{REPLACEMENT CHARACTER}" if "\ud800" <= c < "\ue000" else c for c in text)
+    clean = "".join(
+        " " if c < " " else "\N{REPLACEMENT CHARACTER}" if "\ud800" <= c < "\ue000" else c
+        for c in text
+    )
     return clean.encode()[:511].decode(errors="ignore")
 
 
@@ -74,11 +93,17 @@ def expected(message: dict[str, Any]) -> dict[str, Any]:
     if kind == "accepted":
         fields |= {name: message[name] for name in ("period", "watchdog")}
         return fields | {"lockstep": message["mode"] == "lockstep"}
-    fields |= {"sequence": message["sequence"], "sent": message["sent"], "safe": message["state"] == "safe"}
+    fields |= {
+        "sequence": message["sequence"],
+        "sent": message["sent"],
+        "safe": message["state"] == "safe",
+    }
     refused = message["refused"]
     return fields | {
-        "reason": shown(message["reason"]), "refusals": len(refused), "refusal": shown(refused[0]) if refused else "",
-    }  # fmt: skip
+        "reason": shown(message["reason"]),
+        "refusals": len(refused),
+        "refusal": shown(refused[0]) if refused else "",
+    }
 
 
 def assert_no_message(reader: NativeEngine, value: bytes) -> None:
@@ -99,23 +124,39 @@ PRESENT = st.lists(st.none() | NUMBER, min_size=COUNT, max_size=COUNT)
 WORD = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), max_size=30)
 ANY = st.recursive(
     st.none() | st.booleans() | NUMBER | st.text(max_size=20),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4)
+    ),
     max_leaves=12,
 )
-LIMIT = st.fixed_dictionaries({}, optional={name: st.none() | NUMBER for name in protocol.LIMIT_KEYS})
+LIMIT = st.fixed_dictionaries(
+    {}, optional={name: st.none() | NUMBER for name in protocol.LIMIT_KEYS}
+)
 FIELDS = {
     "accepted": {
-        "session": WORD, "clock": NUMBER, "mode": st.sampled_from(["real-time", "lockstep"]), "period": NUMBER,
-        "watchdog": NUMBER, "limits": st.dictionaries(WORD, LIMIT, max_size=3), "values": PRESENT, "ages": PRESENT,
+        "session": WORD,
+        "clock": NUMBER,
+        "mode": st.sampled_from(["real-time", "lockstep"]),
+        "period": NUMBER,
+        "watchdog": NUMBER,
+        "limits": st.dictionaries(WORD, LIMIT, max_size=3),
+        "values": PRESENT,
+        "ages": PRESENT,
     },
     "sample": {
-        "session": WORD, "sequence": st.integers(0, 2**53 - 1), "sent": NUMBER, "clock": NUMBER, "values": PRESENT,
-        "ages": PRESENT, "state": st.sampled_from(["running", "safe"]), "reason": st.text(max_size=700),
+        "session": WORD,
+        "sequence": st.integers(0, 2**53 - 1),
+        "sent": NUMBER,
+        "clock": NUMBER,
+        "values": PRESENT,
+        "ages": PRESENT,
+        "state": st.sampled_from(["running", "safe"]),
+        "reason": st.text(max_size=700),
         "refused": st.lists(st.text(max_size=30), max_size=3),
     },
     "refused": {"reason": st.text()},
     "disconnected": {},
-}  # fmt: skip
+}
 MESSAGES = st.sampled_from(sorted(FIELDS)).flatmap(
     lambda kind: st.builds(
         lambda fields, extra: {**extra, "ppy": 1, "type": kind, **fields},
@@ -124,9 +165,15 @@ MESSAGES = st.sampled_from(sorted(FIELDS)).flatmap(
     )
 )
 STYLES = st.fixed_dictionaries(
-    {"ensure_ascii": st.booleans(), "indent": st.none() | st.integers(0, 3), "sort_keys": st.booleans()}
+    {
+        "ensure_ascii": st.booleans(),
+        "indent": st.none() | st.integers(0, 3),
+        "sort_keys": st.booleans(),
+    }
 )
-often = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+often = settings(
+    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+)
 
 
 @often
@@ -163,10 +210,40 @@ def mutated(frame: bytes, edits: list[tuple[int, str, bytes]]) -> bytes:
 
 
 TOKENS = [
-    b"{", b"}", b"[", b"]", b",", b":", b'"', b"\\", b"\\u", b"\\ud83d", b"\\udc00", b"null", b"true", b"-", b"0", b".",
-    b"e", b"1e999", b"-0", b"00", b"NaN", b"\x00", b"\xff", b"\xc3", b"\xed\xa0\x80", b"\xf4\x90\x80\x80", b"\xc0\xaf",
-    b" ", b"\n", b"\t", b'"values":', b'"ppy":2,', b'"type":"sample",',
-]  # fmt: skip
+    b"{",
+    b"}",
+    b"[",
+    b"]",
+    b",",
+    b":",
+    b'"',
+    b"\\",
+    b"\\u",
+    b"\\ud83d",
+    b"\\udc00",
+    b"null",
+    b"true",
+    b"-",
+    b"0",
+    b".",
+    b"e",
+    b"1e999",
+    b"-0",
+    b"00",
+    b"NaN",
+    b"\x00",
+    b"\xff",
+    b"\xc3",
+    b"\xed\xa0\x80",
+    b"\xf4\x90\x80\x80",
+    b"\xc0\xaf",
+    b" ",
+    b"\n",
+    b"\t",
+    b'"values":',
+    b'"ppy":2,',
+    b'"type":"sample",',
+]
 EDITS = st.lists(
     st.tuples(
         st.integers(0, 5000),
@@ -222,17 +299,56 @@ def test_any_bytes_are_survived(reader, frame):
 @pytest.mark.parametrize(
     "text",
     [
-        "01", "1.", ".5", "+1", "1e", "1e+", "- 1", "0x10", "1_0", "Infinity", "NaN", "--1", "1.e3", "truE", "nul",
-        '"\\x"', '"\\u12g4"', '"\t"', "[1,]", "[,1]", "[1 2]", '{"a"}', '{"a":}', '{"a":1,}', '{a:1}', "[", "]", "{}{}",
-        "1 2", "/**/1", "'a'", "\ufeff1", '"\ud800"',
+        "01",
+        "1.",
+        ".5",
+        "+1",
+        "1e",
+        "1e+",
+        "- 1",
+        "0x10",
+        "1_0",
+        "Infinity",
+        "NaN",
+        "--1",
+        "1.e3",
+        "truE",
+        "nul",
+        '"\\x"',
+        '"\\u12g4"',
+        '"\t"',
+        "[1,]",
+        "[,1]",
+        "[1 2]",
+        '{"a"}',
+        '{"a":}',
+        '{"a":1,}',
+        "{a:1}",
+        "[",
+        "]",
+        "{}{}",
+        "1 2",
+        "/**/1",
+        "'a'",
+        "\ufeff1",
+        '"\ud800"',
     ],
-)  # fmt: skip
+)
 def test_what_is_no_json_is_no_message(reader, text):
     assert_no_message(reader, text.encode("utf-8", "surrogatepass"))
 
 
 @pytest.mark.parametrize(
-    "character", [b"\x80", b"\xc0\xaf", b"\xe0\x80\xaf", b"\xf0\x80\x80\xaf", b"\xf4\x90\x80\x80", b"\xe2\x98", b"\xff"]
+    "character",
+    [
+        b"\x80",
+        b"\xc0\xaf",
+        b"\xe0\x80\xaf",
+        b"\xf0\x80\x80\xaf",
+        b"\xf4\x90\x80\x80",
+        b"\xe2\x98",
+        b"\xff",
+    ],
 )
 def test_what_is_no_utf_8_is_no_message(reader, character):
     assert_no_message(reader, b'"' + character + b'"')
@@ -248,18 +364,46 @@ def test_nesting_has_a_limit(reader, depth):
 @pytest.mark.parametrize("name", ["values", "ages"])
 def test_there_are_as_many_values_as_were_asked_for(reader, name, count):
     message = {
-        "ppy": 1, "type": "sample", "session": "s", "sequence": 1, "sent": 1.0, "clock": 1.0, "state": "running",
-        "reason": "", "refused": [], "values": [1.0] * COUNT, "ages": [1.0] * COUNT,
-    }  # fmt: skip
+        "ppy": 1,
+        "type": "sample",
+        "session": "s",
+        "sequence": 1,
+        "sent": 1.0,
+        "clock": 1.0,
+        "state": "running",
+        "reason": "",
+        "refused": [],
+        "values": [1.0] * COUNT,
+        "ages": [1.0] * COUNT,
+    }
     assert read(reader, json.dumps(message).encode())
     assert not read(reader, json.dumps(message | {name: [1.0] * count}).encode())
 
 
 def test_numbers_are_read_to_the_last_bit(reader):
-    awkward = [5e-324, 1.7976931348623157e308, 0.1, -0.0, 2.2250738585072011e-308, 9007199254740993.0]
-    message = {"ppy": 1, "type": "accepted", "session": "s", "mode": "lockstep", "limits": {}, "period": 0.1}
+    awkward = [
+        5e-324,
+        1.7976931348623157e308,
+        0.1,
+        -0.0,
+        2.2250738585072011e-308,
+        9007199254740993.0,
+    ]
+    message = {
+        "ppy": 1,
+        "type": "accepted",
+        "session": "s",
+        "mode": "lockstep",
+        "limits": {},
+        "period": 0.1,
+    }
     for number in awkward:
-        message |= {"clock": number, "watchdog": number, "values": [number] * COUNT, "ages": [None] * COUNT}
+        message |= {
+            "clock": number,
+            "watchdog": number,
+            "values": [number] * COUNT,
+            "ages": [None] * COUNT,
+        }
         found = read(reader, json.dumps(message).encode())
         assert repr(found["clock"]) == repr(number)
         assert repr(found["values"]) == repr([number] * COUNT)

@@ -35,9 +35,13 @@ def test_a_session_has_the_messages_of_the_protocol(engine):
     connect, *exchanges, disconnect = rig.requests
     units = {v.name: v.unit for v in RigProxy.layout.outputs}
     assert connect == {
-        "ppy": 1, "type": "connect", "client": "rig_proxy", "inputs": {"current": "A", "force": "N"},
-        "outputs": {name: units[name] for name in MEASURED}, "time": 2.0,
-    }  # fmt: skip
+        "ppy": 1,
+        "type": "connect",
+        "client": "rig_proxy",
+        "inputs": {"current": "A", "force": "N"},
+        "outputs": {name: units[name] for name in MEASURED},
+        "time": 2.0,
+    }
     assert list(connect["outputs"]) == MEASURED
     assert [e["sequence"] for e in exchanges] == list(range(1, len(exchanges) + 1))
     assert all(e["values"] == [0.1, -1.5] and e["session"] == "session-1" for e in exchanges)
@@ -51,14 +55,25 @@ def test_a_session_has_the_messages_of_the_protocol(engine):
 def test_values_are_those_of_the_end_of_the_step_and_ages_of_now(engine):
     rig = ScriptedRig(len(MEASURED))
     rig.answer = lambda request: (
-        [(0.0, rig.sample(request, values=[0.1 * k for k in range(len(MEASURED))], ages=[0.01] * len(MEASURED)))]
+        [
+            (
+                0.0,
+                rig.sample(
+                    request,
+                    values=[0.1 * k for k in range(len(MEASURED))],
+                    ages=[0.01] * len(MEASURED),
+                ),
+            )
+        ]
         if request["type"] == "exchange"
         else rig.replies(request)
     )
     with served(rig) as endpoint:
         started(engine, endpoint)
         answer = engine.advance(0.0, 0.05)
-    assert [answer[name] for name in MEASURED] == pytest.approx([0.1 * k for k in range(len(MEASURED))], abs=0)
+    assert [answer[name] for name in MEASURED] == pytest.approx(
+        [0.1 * k for k in range(len(MEASURED))], abs=0
+    )
     for name in MEASURED:
         assert 0.01 <= answer[f"{name}_age"] <= 0.01 + LATE
         assert answer[f"{name}_age"] >= 0.01 + answer["round_trip_time"]
@@ -112,7 +127,9 @@ def test_lockstep_steps_the_rig_exactly(engine):
             now += step
             expected += step * current
             assert answer.ok
-            assert answer["voltage"] == expected  # to the last bit: numbers go to and fro as they are
+            assert (
+                answer["voltage"] == expected
+            )  # to the last bit: numbers go to and fro as they are
         assert time.monotonic() - begin < 10.0  # 30 s are simulated
     assert len(rig.exchanges()) == 200
 
@@ -120,7 +137,9 @@ def test_lockstep_steps_the_rig_exactly(engine):
 def test_the_decimal_comma_of_a_host_changes_nothing(engine, tmp_path, driver):
     if shutil.which("localedef") is None:
         pytest.skip("no locale with a decimal comma can be made here")
-    made = subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", str(tmp_path / "de_DE.UTF-8")], check=False)
+    made = subprocess.run(
+        ["localedef", "-i", "de_DE", "-f", "UTF-8", str(tmp_path / "de_DE.UTF-8")], check=False
+    )
     if not (tmp_path / "de_DE.UTF-8").exists():
         pytest.skip(f"localedef made none ({made.returncode})")
     os.environ["LOCPATH"] = str(tmp_path)
@@ -178,7 +197,10 @@ def test_input_that_is_no_number_is_not_sent(engine):
         ({"on_stale": "maybe"}, "parameter 'on_stale' = 'maybe': must be hold or fail"),
         ({"deadline": 2.0}, "parameter 'deadline' = 2 s is longer than communication_timeout, 1 s"),
         ({"max_age": 0.0}, "parameter 'max_age' = 0 s: must be greater than 0"),
-        ({"communication_timeout": math.nan}, "parameter 'communication_timeout' = nan s: must be greater than 0"),
+        (
+            {"communication_timeout": math.nan},
+            "parameter 'communication_timeout' = nan s: must be greater than 0",
+        ),
         ({"credentials": "/key.toml"}, "ppy rig bridge"),
         ({"endpoint": "tcp://10.0.0.2:5570"}, "ppy rig bridge"),
         ({"endpoint": "tcp://rig.example:5570"}, "ppy rig bridge"),

@@ -14,31 +14,52 @@ from fmus.rig_proxy import protocol
 
 PAGE = (Path(__file__).parents[3] / "docs/reference/protocol.md").read_text(encoding="utf-8")
 SAMPLE = {
-    "session": "s", "sequence": 3, "sent": 1.5, "clock": 2.5, "values": [1.0, None], "ages": [0.1, None],
-    "state": "running", "reason": "", "refused": [],
-}  # fmt: skip
+    "session": "s",
+    "sequence": 3,
+    "sent": 1.5,
+    "clock": 2.5,
+    "values": [1.0, None],
+    "ages": [0.1, None],
+    "state": "running",
+    "reason": "",
+    "refused": [],
+}
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
     max_leaves=8,
 )
 
 
 def test_every_message_of_the_page_is_one():
     """The page is the contract for programs of others: what it shows has to be what we read and write."""
-    shown = [line for block in re.findall(r"```json\n(.*?)```", PAGE, re.S) for line in messages(block)]
+    shown = [
+        line for block in re.findall(r"```json\n(.*?)```", PAGE, re.S) for line in messages(block)
+    ]
     assert len(shown) >= 9
     kinds = set()
     for text in shown:
         message = json.loads(text)
         kinds.add(message["type"])
         known = (
-            protocol.REQUESTS if message["type"] in protocol.REQUESTS and "state" not in message else protocol.REPLIES
+            protocol.REQUESTS
+            if message["type"] in protocol.REQUESTS and "state" not in message
+            else protocol.REPLIES
         )
         assert protocol.decode(text.encode(), known) == message
     assert kinds == {
-        "connect", "accepted", "refused", "exchange", "sample", "disconnect", "disconnected", "status", "telemetry",
-    }  # fmt: skip
+        "connect",
+        "accepted",
+        "refused",
+        "exchange",
+        "sample",
+        "disconnect",
+        "disconnected",
+        "status",
+        "telemetry",
+    }
 
 
 def messages(block: str) -> list[str]:
@@ -105,9 +126,22 @@ def test_the_reason_is_told(frame, said):
 
 @pytest.mark.parametrize(
     ("name", "bad"),
-    [("sequence", -1), ("sequence", 1.5), ("sequence", True), ("sent", None), ("values", ["1"]), ("values", [True]),
-     ("ages", {}), ("refused", [1]), ("session", 5), ("sent", 10**400)],
-)  # fmt: skip
+    [
+        ("sequence", -1),
+        ("sequence", 1.5),
+        ("sequence", True),
+        ("sent", None),
+        ("values", ["1"]),
+        ("values", [True]),
+        ("ages", {}),
+        ("refused", [1]),
+        ("session", 5),
+        ("sent", 10**400),
+    ],
+)
 def test_a_field_of_another_type_is_none(name, bad):
     with pytest.raises(protocol.ProtocolError, match=f"sample whose {name}"):
-        protocol.decode(json.dumps({"ppy": 1, "type": "sample"} | SAMPLE | {name: bad}).encode(), protocol.REPLIES)
+        protocol.decode(
+            json.dumps({"ppy": 1, "type": "sample"} | SAMPLE | {name: bad}).encode(),
+            protocol.REPLIES,
+        )

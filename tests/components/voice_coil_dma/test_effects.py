@@ -21,7 +21,10 @@ NEUTRAL = {name: effect.neutral for name, effect in EFFECTS.items()}
 ACTIVE = {
     "coulomb_friction": {"coulomb_force": 0.3, "coulomb_velocity": 2e-3},
     "asymmetric_friction": {"asymmetric_force": 0.2, "asymmetric_velocity": 2e-3},
-    "position_dependent_force_constant": {"force_constant_falloff": 1e4, "force_constant_centre": 2e-3},
+    "position_dependent_force_constant": {
+        "force_constant_falloff": 1e4,
+        "force_constant_centre": 2e-3,
+    },
     "amplifier_saturation": {"amplifier_saturation_coefficient": 5.0**-2},
     "stribeck_friction": {"slide_friction_stribeck": 0.3, "slide_friction_stribeck_velocity": 0.05},
     "end_stops": {"slide_friction_stop_stiffness": 50.0, "slide_friction_stop_position": 2e-3},
@@ -42,7 +45,11 @@ effects = pytest.mark.parametrize("name", EFFECTS)
 def random_values(cls, seed):
     """Parameters about their defaults, and any state and input."""
     rng = np.random.default_rng(seed)
-    values = {p.name: float(p.start) * rng.uniform(0.3, 3.0) for p in cls.layout.parameters if p.type == "real"}
+    values = {
+        p.name: float(p.start) * rng.uniform(0.3, 3.0)
+        for p in cls.layout.parameters
+        if p.type == "real"
+    }
     for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes):
         if v.type == "real":
             values[v.name] = v.nominal * rng.normal() * 3.0
@@ -62,7 +69,9 @@ def named(cls, values):
 
 
 def test_catalogue():
-    readme = (Path(fmus.__file__).parent / "voice_coil_dma" / "README.md").read_text(encoding="utf-8")
+    readme = (Path(fmus.__file__).parent / "voice_coil_dma" / "README.md").read_text(
+        encoding="utf-8"
+    )
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     assert fmus.effects("voice_coil_dma") == EFFECTS
     for name, effect in EFFECTS.items():
@@ -100,7 +109,10 @@ def test_neutral_is_bit_identical_in_the_graph(name):
         for c, functions in graphs.items():
             layout = c.layout
             groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
-            point = [np.array([values[v.name] for v in g if c is cls or v.name in known], dtype=float) for g in groups]
+            point = [
+                np.array([values[v.name] for v in g if c is cls or v.name in known], dtype=float)
+                for g in groups
+            ]
             found.append([functions[law](0.0, *point).full() for law in ("rates", "outputs")])
         for one, other in zip(*found, strict=True):
             np.testing.assert_array_equal(one[: len(other)], other)
@@ -123,13 +135,20 @@ def test_the_slope_at_neutral_is_finite_and_not_zero(name):
     graph = trace(cls)
     column = [p.name for p in cls.layout.parameters].index(NEUTRAL[name])
     f = ca.Function("j", graph.arguments, [ca.jacobian(graph.rates, graph.parameters)[:, column]])
-    values = {v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs)} | random_values(cls, 3)
+    values = {
+        v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs)
+    } | random_values(cls, 3)
     values |= ACTIVE[name] | {"position": 5e-3, NEUTRAL[name]: 0.0}
     groups = (cls.layout.parameters, cls.layout.inputs, cls.layout.states, cls.layout.discretes)
-    found = f(0.0, *[np.array([values[v.name] for v in g], dtype=float) for g in groups]).full().ravel()
+    found = (
+        f(0.0, *[np.array([values[v.name] for v in g], dtype=float) for g in groups]).full().ravel()
+    )
     step = 1e-4 * (cls.declared | EFFECTS[name].declared)[NEUTRAL[name]].nominal
     ends = [named(cls, values | {NEUTRAL[name]: sign * step}) for sign in (1.0, -1.0)]
-    slope = [(ends[0][f"der({s.name})"] - ends[1][f"der({s.name})"]) / (2 * step) for s in cls.layout.states]
+    slope = [
+        (ends[0][f"der({s.name})"] - ends[1][f"der({s.name})"]) / (2 * step)
+        for s in cls.layout.states
+    ]
     assert found == pytest.approx(slope, rel=1e-3, abs=1e-6 * np.abs(slope).max())
     assert np.abs(found).max() > 0
 
@@ -152,7 +171,14 @@ def open_loop(cls, **values):
     return np.array(rows)
 
 
-def exact(friction=lambda v: B * v, constant=lambda x: K, drive=lambda u: u, stop=lambda x: 0.0, heat=0.0, warm=1.0):
+def exact(
+    friction=lambda v: B * v,
+    constant=lambda x: K,
+    drive=lambda u: u,
+    stop=lambda x: 0.0,
+    heat=0.0,
+    warm=1.0,
+):
     """The same by a stiff solver; last the mean square of the current."""
     state, rows = np.zeros(4), []
     for volts in COMMANDS:
@@ -162,9 +188,16 @@ def exact(friction=lambda v: B * v, constant=lambda x: K, drive=lambda u: u, sto
                 i, x, v, s = y
                 k = constant(x)
                 force = k * i - friction(v) - stop(x) - 1.1 * volts
-                return [(drive(volts) - (R + heat * s) * i - k * v) / L, v, force / M, (i * i - s) / warm]
+                return [
+                    (drive(volts) - (R + heat * s) * i - k * v) / L,
+                    v,
+                    force / M,
+                    (i * i - s) / warm,
+                ]
 
-            state = solve_ivp(rates, (0, 1 / 30), state, method="LSODA", rtol=1e-10, atol=1e-13).y[:, -1]
+            state = solve_ivp(rates, (0, 1 / 30), state, method="LSODA", rtol=1e-10, atol=1e-13).y[
+                :, -1
+            ]
             rows.append(state[:3])
     return np.array(rows)
 
@@ -176,10 +209,12 @@ LAWS = {
     },
     "position_dependent_force_constant": {"constant": lambda x: K / (1 + 1e4 * (x - 2e-3) ** 2)},
     "amplifier_saturation": {"drive": lambda u: 5 * math.tanh(u / 5)},
-    "stribeck_friction": {"friction": lambda v: B * v + 0.3 * math.tanh(v / 5e-3) * math.exp(-((v / 0.05) ** 2))},
+    "stribeck_friction": {
+        "friction": lambda v: B * v + 0.3 * math.tanh(v / 5e-3) * math.exp(-((v / 0.05) ** 2))
+    },
     "end_stops": {"stop": lambda x: 50.0 * math.copysign(max(abs(x) - 2e-3, 0.0), x)},
     "coil_heating": {"heat": 0.5, "warm": 0.4},
-}  # fmt: skip
+}
 
 
 @effects
@@ -205,6 +240,8 @@ def test_friction_takes_energy_and_its_directions_differ():
 
 @pytest.mark.parametrize("pair", list(itertools.combinations(EFFECTS, 2)), ids="+".join)
 def test_order_does_not_matter(pair):
-    forth, back = (stack(VoiceCoilDma, *(EFFECTS[n] for n in order)) for order in (pair, pair[::-1]))
+    forth, back = (
+        stack(VoiceCoilDma, *(EFFECTS[n] for n in order)) for order in (pair, pair[::-1])
+    )
     values = random_values(forth, 5) | ACTIVE[pair[0]] | ACTIVE[pair[1]]
     assert named(forth, values) == pytest.approx(named(back, values), rel=1e-12)

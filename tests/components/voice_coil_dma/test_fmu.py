@@ -10,10 +10,19 @@ import pytest
 from tests.contract.raw import doubles, instance, integers
 
 NAME = "voice_coil_dma"
-SIGNALS = ("position", "velocity", "coil_current", "coil_voltage", "force_measured", "position_measured")
+SIGNALS = (
+    "position",
+    "velocity",
+    "coil_current",
+    "coil_voltage",
+    "force_measured",
+    "position_measured",
+)
 T = 1.0 / 30.0
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="an FMU in use cannot be removed there")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="an FMU in use cannot be removed there"
+)
 
 
 @pytest.fixture
@@ -31,19 +40,27 @@ def drive(one, count, size, shift=0):
     """Outputs after each of some steps with inputs that move."""
     found = []
     for k in range(shift, shift + count):
-        one.set({"force_reference": 1.0 + math.sin(0.7 * k), "tension": 1.0 + 0.5 * math.sin(0.31 * k)})
+        one.set(
+            {"force_reference": 1.0 + math.sin(0.7 * k), "tension": 1.0 + 0.5 * math.sin(0.31 * k)}
+        )
         one.step(size)
         found.append(one.get(*SIGNALS))
     return np.array(found)
 
 
-@pytest.mark.parametrize("values", [{}, {"converters_on": 1}, {"controller_on": 0}, {"anti_windup": 0}], ids=str)
+@pytest.mark.parametrize(
+    "values", [{}, {"converters_on": 1}, {"controller_on": 0}, {"anti_windup": 0}], ids=str
+)
 def test_builds_agree(fmu, values):
     runs = []
     for runtime in ("python", "native"):
         with instance(fmu(NAME, runtime)) as one:
             one.initialize(values)
-            runs.append(np.concatenate([drive(one, 60, 0.007), drive(one, 20, 0.1, 60), drive(one, 40, T / 3, 80)]))
+            runs.append(
+                np.concatenate(
+                    [drive(one, 60, 0.007), drive(one, 20, 0.1, 60), drive(one, 40, T / 3, 80)]
+                )
+            )
     assert np.abs(runs[0] - runs[1]).max(axis=0) == pytest.approx(0.0, abs=1e-9)
 
 
@@ -70,30 +87,43 @@ def test_declared_dependencies_are_those_of_the_equations(archive):
         return {u.variable.name: {k.name for k in u.dependencies} for u in unknowns}
 
     assert told(description.outputs) == {
-        "coil_current": {"coil_current"}, "position": {"position"}, "velocity": {"velocity"}, "coil_voltage": set(),
-        "force_measured": {"force_filtered"}, "position_measured": {"position_filtered"},
-    }  # fmt: skip
+        "coil_current": {"coil_current"},
+        "position": {"position"},
+        "velocity": {"velocity"},
+        "coil_voltage": set(),
+        "force_measured": {"force_filtered"},
+        "position_measured": {"position_filtered"},
+    }
     assert told(description.derivatives) == {
-        "der(coil_current)": {"coil_current", "velocity"}, "der(position)": {"velocity"},
-        "der(velocity)": {"coil_current", "velocity", "tension"}, "der(force_filtered)": {"force_filtered", "tension"},
+        "der(coil_current)": {"coil_current", "velocity"},
+        "der(position)": {"velocity"},
+        "der(velocity)": {"coil_current", "velocity", "tension"},
+        "der(force_filtered)": {"force_filtered", "tension"},
         "der(position_filtered)": {"position", "position_filtered"},
-    }  # fmt: skip
+    }
 
 
 def test_directional_derivatives_are_the_matrices_of_the_equations(fmu):
     states = ["coil_current", "position", "velocity", "force_filtered", "position_filtered"]
     corner = 2 * np.pi * 100.0
-    a = np.array([
-        [-3000.0, 0, -3900.0, 0, 0], [0, 0, 1, 0, 0], [130.0, 0, -200.0, 0, 0], [0, 0, 0, -corner, 0],
-        [0, corner, 0, 0, -corner],
-    ])  # fmt: skip
+    a = np.array(
+        [
+            [-3000.0, 0, -3900.0, 0, 0],
+            [0, 0, 1, 0, 0],
+            [130.0, 0, -200.0, 0, 0],
+            [0, 0, 0, -corner, 0],
+            [0, corner, 0, 0, -corner],
+        ]
+    )
     with instance(fmu(NAME, "native")) as one:
         one.initialize({"force_reference": 1.0, "tension": 0.5})
         one.step(0.05)
         rates = [f"der({s})" for s in states]
         found = np.array([one.tangent(rates, [s], [1.0]) for s in states]).T
         np.testing.assert_allclose(found, a, rtol=1e-12)
-        assert one.tangent(rates, ["tension"], [1.0]) == pytest.approx([0, 0, -1 / 0.03, corner, 0], rel=1e-12)
+        assert one.tangent(rates, ["tension"], [1.0]) == pytest.approx(
+            [0, 0, -1 / 0.03, corner, 0], rel=1e-12
+        )
         assert one.tangent(rates, ["force_reference"], [1.0]) == [0.0] * 5
 
 
@@ -102,7 +132,13 @@ def test_a_tension_with_a_slope_is_followed(fmu):
     corner, slope = 2 * np.pi * 100.0, 0.4
     with instance(fmu(NAME, "native")) as one:
         one.initialize({"controller_on": 0})
-        one.do("fmi2SetRealInputDerivatives", one.references(["tension"]), 1, integers(1), doubles(slope))
+        one.do(
+            "fmi2SetRealInputDerivatives",
+            one.references(["tension"]),
+            1,
+            integers(1),
+            doubles(slope),
+        )
         one.step(0.05)
         exact = slope * (0.05 - (1 - math.exp(-corner * 0.05)) / corner)
         assert one.get("force_measured") == [pytest.approx(exact, rel=1e-7)]

@@ -47,10 +47,20 @@ class Clamped(VoiceCoilDma):
 
 
 def scipy_loop(
-    times, reference, tension=lambda t: 0.0, *, actuator=False, controller=True, anti_windup=True,
-    hold=lambda t: False, limits=(0.0, 10.0), measured=lambda force: force, drive=lambda volts: volts,
-    friction=lambda v: B * v, constant=lambda x: K,
-):  # fmt: skip
+    times,
+    reference,
+    tension=lambda t: 0.0,
+    *,
+    actuator=False,
+    controller=True,
+    anti_windup=True,
+    hold=lambda t: False,
+    limits=(0.0, 10.0),
+    measured=lambda force: force,
+    drive=lambda volts: volts,
+    friction=lambda v: B * v,
+    constant=lambda x: K,
+):
     """Monolithic solution: a stiff solver between events, the controller at exact multiples of T.
 
     Inputs may jump at ``times`` only. Rows: current, position, velocity, filtered force, filtered position, voltage.
@@ -69,7 +79,9 @@ def scipy_loop(
             error = reference(inside) - measured(state[3])
             change = 0.66 * error - 0.06 * previous
             if hold(inside):
-                change = 0.36 * (error - previous)  # Tustin: proportional 0.36, integral 0.3 (E(t) + E(t-1))
+                change = 0.36 * (
+                    error - previous
+                )  # Tustin: proportional 0.36, integral 0.3 (E(t) + E(t-1))
             command = command + change if controller else reference(inside)
             if anti_windup:
                 command = min(max(command, limits[0]), limits[1])
@@ -81,11 +93,17 @@ def scipy_loop(
             pull = tension(inside) + (K1 * x + K2 * (x - dashpot) if actuator else 0.0)
             k = constant(x)
             return [
-                (volts - R * i - k * v) / L, v, (k * i - friction(v) - pull) / M, CORNER * (pull - force),
-                CORNER * (x - position), K2 * (x - dashpot) / B2 if actuator else 0.0,
-            ]  # fmt: skip
+                (volts - R * i - k * v) / L,
+                v,
+                (k * i - friction(v) - pull) / M,
+                CORNER * (pull - force),
+                CORNER * (x - position),
+                K2 * (x - dashpot) / B2 if actuator else 0.0,
+            ]
 
-        state = solve_ivp(rates, (at, until), state, method="LSODA", rtol=1e-10, atol=1e-13).y[:, -1]
+        state = solve_ivp(rates, (at, until), state, method="LSODA", rtol=1e-10, atol=1e-13).y[
+            :, -1
+        ]
     return np.array(rows)
 
 
@@ -93,10 +111,16 @@ def simulate(model, times, reference=lambda t: 0.0, tension=lambda t: 0.0, hold=
     """The same rows from the component, inputs held over the steps between ``times``."""
     integrator, rows = Integrator(model), []
     for at, until in zip(times, np.append(times[1:], np.nan), strict=True):
-        rows.append([
-            model.coil_current, model.position, model.velocity, model.force_measured(), model.position_measured(),
-            model.coil_voltage(),
-        ])  # fmt: skip
+        rows.append(
+            [
+                model.coil_current,
+                model.position,
+                model.velocity,
+                model.force_measured(),
+                model.position_measured(),
+                model.coil_voltage(),
+            ]
+        )
         if np.isnan(until):
             return np.array(rows)
         inside = 0.5 * (at + until)
@@ -165,7 +189,12 @@ def test_open_loop_is_the_coil_and_its_output_limits():
     settled = found[49]
     assert settled[5] == 3.0
     assert settled[0] == pytest.approx(3.0 / R, rel=1e-3)
-    assert set(np.unique(found[:, 5])) == {0.0, 3.0, 10.0, 6.0}  # 12 V and -4 V are beyond the limits
+    assert set(np.unique(found[:, 5])) == {
+        0.0,
+        3.0,
+        10.0,
+        6.0,
+    }  # 12 V and -4 V are beyond the limits
 
 
 def test_windup_and_anti_windup():
@@ -193,7 +222,9 @@ def test_hold_freezes_the_integral_part_only():
     same(found, scipy_loop(GRID, reference, actuator=True, hold=held))
     # what is left is a gain: the voltage settles where V - V0 = 0.36 (E - E0)
     before, during = found[49], found[149]
-    assert during[5] - before[5] == pytest.approx(0.36 * ((2.0 - during[3]) - (1.0 - before[3])), rel=1e-3)
+    assert during[5] - before[5] == pytest.approx(
+        0.36 * ((2.0 - during[3]) - (1.0 - before[3])), rel=1e-3
+    )
     assert 2.0 - during[3] > 0.5
     assert found[-1, 3] == pytest.approx(2.0, rel=0.01)
 
@@ -208,7 +239,9 @@ def test_converters_have_their_levels_and_their_range():
         model.position_filtered = force * 1e-3
         top = 22.222222222 - force_level
         expected = force_level * np.round(np.clip(force, -22.222222222, top) / force_level)
-        assert model.force_measured() == pytest.approx(expected, abs=1.001 * force_level if abs(force) > 22 else 1e-6)
+        assert model.force_measured() == pytest.approx(
+            expected, abs=1.001 * force_level if abs(force) > 22 else 1e-6
+        )
         assert abs(model.position_measured() - force * 1e-3) <= 0.5001 * position_level
     model.force_filtered = 1e3
     assert model.force_measured() == pytest.approx((10.0 - LEVEL) / 0.45, rel=1e-12)
@@ -222,8 +255,12 @@ def test_loop_with_converters_is_the_monolithic_solution():
 
     found = simulate(Clamped(converters_on=True), GRID, lambda t: 1.5)
     exact = scipy_loop(
-        GRID, lambda t: 1.5, actuator=True, measured=lambda f: rounded(f * 0.45) / 0.45, drive=rounded
-    )  # fmt: skip
+        GRID,
+        lambda t: 1.5,
+        actuator=True,
+        measured=lambda f: rounded(f * 0.45) / 0.45,
+        drive=rounded,
+    )
     same(found[:, [0, 1, 2, 5]], exact[:, [0, 1, 2, 5]])
     assert np.abs(found[:, 3] - exact[:, 3]).max() < 0.51 * LEVEL / 0.45
     assert np.abs(found[:, 4] - exact[:, 4]).max() < 0.51 * LEVEL / 196.85
@@ -253,13 +290,20 @@ def test_exchange_at_communication_points_converges_to_the_monolithic_solution()
 
 
 @pytest.mark.parametrize(("stiffness", "longest"), [(4000.0, 0.010), (9000.0, 0.003)])
-def test_exchange_with_a_spring_is_unstable_beyond_the_steps_that_the_readme_names(stiffness, longest):
+def test_exchange_with_a_spring_is_unstable_beyond_the_steps_that_the_readme_names(
+    stiffness, longest
+):
     """Largest eigenvalue of the exchange, by matrix exponential; half a step more or less is seen in the bench."""
-    equations = np.array([[-R / L, 0, -K / L, 0], [0, 0, 1, 0], [K / M, 0, -B / M, -1 / M], [0, 0, 0, 0]])
+    equations = np.array(
+        [[-R / L, 0, -K / L, 0], [0, 0, 1, 0], [K / M, 0, -B / M, -1 / M], [0, 0, 0, 0]]
+    )
 
     def growth(size):
         step = expm(equations * size)[:3]
-        return np.abs(np.linalg.eigvals(step[:, :3] + np.outer(step[:, 3], [0, stiffness, 0]))).max() - 1.0
+        return (
+            np.abs(np.linalg.eigvals(step[:, :3] + np.outer(step[:, 3], [0, stiffness, 0]))).max()
+            - 1.0
+        )
 
     limit = brentq(growth, 1e-4, 0.015)
     assert limit == pytest.approx(longest, rel=0.05)
@@ -281,8 +325,12 @@ def test_compiled_and_interpreted_laws_agree():
     # over a record the linear part is solved exactly, which steps of the model come close to at a finer tolerance
     model = type("Finer", (VoiceCoilDma,), {"tolerance": 1e-12})()
     found = simulate(model, time, lambda t: force[int(t / 0.01)], lambda t: pull[int(t / 0.01)])
-    for column, name in enumerate(("coil_current", "position", "velocity", "force_measured", "position_measured")):
-        assert run[name] == pytest.approx(found[:, column], rel=1e-9, abs=1e-9 * np.abs(found[:, column]).max()), name
+    for column, name in enumerate(
+        ("coil_current", "position", "velocity", "force_measured", "position_measured")
+    ):
+        assert run[name] == pytest.approx(
+            found[:, column], rel=1e-9, abs=1e-9 * np.abs(found[:, column]).max()
+        ), name
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
@@ -332,7 +380,11 @@ def test_errata_3_eq_2_2_is_tustin_of_another_controller_than_the_printed_one():
         ({"period": None, "cutoff": None, "back_emf": False}, 117.4, 4.21),
         ({"period": None, "cutoff": None}, 115.5, 4.20),
         ({"gain": 15.0, "zero_time": 0.002, "back_emf": False}, 72.8, 2.96),
-        ({"gain": 24.55, "period": None, "cutoff": 100.0 / (2 * np.pi), "back_emf": False}, 105.6, 5.94),
+        (
+            {"gain": 24.55, "period": None, "cutoff": 100.0 / (2 * np.pi), "back_emf": False},
+            105.6,
+            5.94,
+        ),
     ],
 )
 def test_errata_4_margins(about, phase, crossover):
@@ -369,13 +421,28 @@ def test_closed_loop_time_constant_is_below_a_tenth_of_a_second():
 
 def test_signals_have_their_fixed_names():
     layout = VoiceCoilDma.layout
-    assert {v.name: v.unit for v in layout.inputs} == {"force_reference": "N", "tension": "N", "hold": "1"}
+    assert {v.name: v.unit for v in layout.inputs} == {
+        "force_reference": "N",
+        "tension": "N",
+        "hold": "1",
+    }
     assert {v.name: v.unit for v in layout.measurable} == {
-        "position": "m", "velocity": "m/s", "coil_current": "A", "coil_voltage": "V", "force_measured": "N",
+        "position": "m",
+        "velocity": "m/s",
+        "coil_current": "A",
+        "coil_voltage": "V",
+        "force_measured": "N",
         "position_measured": "m",
-    }  # fmt: skip
+    }
     declared = {p.name: p.start for p in layout.parameters}
     assert [declared[n] for n in ("R", "L", "K", "m", "b_vc")] == [R, L, K, M, B]
     assert declared["sample_period"] == T
-    for name in ("R", "L", "m", "sample_period", "load_cell_sensitivity", "potentiometer_sensitivity"):
+    for name in (
+        "R",
+        "L",
+        "m",
+        "sample_period",
+        "load_cell_sensitivity",
+        "potentiometer_sensitivity",
+    ):
         assert {p.name: p.min for p in layout.parameters}[name] > 0, f"{name} divides"

@@ -48,7 +48,9 @@ def with_outliers(clean: Array, deviation: float, rng: np.random.Generator) -> A
 def quantised(clean: Array, deviation: float, rng: np.random.Generator) -> Array:
     """Twelve bits, behind noise of a third of a step; `deviation` does not count."""
     step = RESERVE * np.ptp(clean) / LEVELS
-    return np.asarray(step * np.round((clean + step / 3.0 * rng.standard_normal(clean.size)) / step))
+    return np.asarray(
+        step * np.round((clean + step / 3.0 * rng.standard_normal(clean.size)) / step)
+    )
 
 
 def varying(clean: Array, deviation: float, rng: np.random.Generator) -> Array:
@@ -79,5 +81,7 @@ JITTER = 0.005  # s, of the clock, where the kind is "jitter", and at most a qua
 def jittered(time: Array, rng: np.random.Generator) -> Array:
     """Time stamps of samples that were taken evenly."""
     step = time[1] - time[0]
-    late = np.clip(min(JITTER, 0.25 * step) * rng.standard_normal(time.size), -0.45 * step, 0.45 * step)
+    late = np.clip(
+        min(JITTER, 0.25 * step) * rng.standard_normal(time.size), -0.45 * step, 0.45 * step
+    )
     return np.asarray(time + late)

@@ -62,10 +62,14 @@ def moving(x: Sequence[float], torques: Sequence[float], p: Values) -> list[floa
     angles, speeds = x[:3], x[3:6]
     held = 0.0, p["tm_stiffness"] * angles[1], 0.0
     joints = zip(("ankle", "tm", "mtp"), torques, held, angles, speeds, _LIMITS, strict=True)
-    return [*speeds, *(
-        (torque - spring - p[f"{name}_damping"] * speed) / p[f"{name}_inertia"] - _STOP**2 * beyond(angle, limits)
-        for name, torque, spring, angle, speed, limits in joints
-    )]  # fmt: skip
+    return [
+        *speeds,
+        *(
+            (torque - spring - p[f"{name}_damping"] * speed) / p[f"{name}_inertia"]
+            - _STOP**2 * beyond(angle, limits)
+            for name, torque, spring, angle, speed, limits in joints
+        ),
+    ]
 
 
 def beyond(angle: float, limits: tuple[float, float]) -> float:
@@ -83,9 +87,14 @@ class Foot(Plant):
 
     model = "foot_dynamic"
     nominal = {
-        "ankle_inertia": 1e-3, "tm_inertia": 1e-3, "mtp_inertia": 2e-5, "ankle_damping": 0.02, "tm_damping": 0.03,
-        "mtp_damping": 1e-3, "tm_stiffness": 2.0,
-    }  # fmt: skip
+        "ankle_inertia": 1e-3,
+        "tm_inertia": 1e-3,
+        "mtp_inertia": 2e-5,
+        "ankle_damping": 0.02,
+        "tm_damping": 0.03,
+        "mtp_damping": 1e-3,
+        "tm_stiffness": 2.0,
+    }
     settings = {"tm_inertia": 1e-3, "tm_damping": 0.03, "tm_stiffness": 2.0}
     known = (*_DRAWING.split(), *_OF_OTHER_OUTPUTS.split(), "stop_frequency")
     states = ("ankle_angle", "tm_angle", "mtp_angle", "ankle_rate", "tm_rate", "mtp_rate")

@@ -21,10 +21,14 @@ def noise_scale(y: Array) -> float:
     return max(scale, 1e-4 * float(np.std(present)), 1e-12)
 
 
-def pooled_error(measured: Outputs, simulated: Outputs, used: Mapping[str, NDArray[np.bool_]] | None = None) -> float:
+def pooled_error(
+    measured: Outputs, simulated: Outputs, used: Mapping[str, NDArray[np.bool_]] | None = None
+) -> float:
     """Root mean square of all errors over the noise of their outputs."""
-    parts = [((y - simulated[o]) / noise_scale(y))[np.isfinite(y) & (used[o] if used else True)]
-             for o, y in measured.items()]  # fmt: skip
+    parts = [
+        ((y - simulated[o]) / noise_scale(y))[np.isfinite(y) & (used[o] if used else True)]
+        for o, y in measured.items()
+    ]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
@@ -62,14 +66,18 @@ def least_squares_fit(
     free: Sequence[str] = [n for n in names if n not in sizes]
 
     def values(q: Array) -> dict[str, float]:
-        return {n: nominal[n] + sizes[n] * x if n in sizes else nominal[n] * float(np.exp(x))
-                for n, x in zip(names, q, strict=True)}  # fmt: skip
+        return {
+            n: nominal[n] + sizes[n] * x if n in sizes else nominal[n] * float(np.exp(x))
+            for n, x in zip(names, q, strict=True)
+        }
 
     def errors(q: Array) -> Array:
         with np.errstate(all="ignore"):
             simulated = simulate(values(q))
-        rows = [((y - simulated[o]) / noise_scale(y))[np.isfinite(y) & (used[o] if used else True)]
-                for o, y in measured.items()]  # fmt: skip
+        rows = [
+            ((y - simulated[o]) / noise_scale(y))[np.isfinite(y) & (used[o] if used else True)]
+            for o, y in measured.items()
+        ]
         return np.nan_to_num(np.clip(np.concatenate(rows), -1e9, 1e9), nan=1e9)
 
     rng = np.random.default_rng(seed)
@@ -78,7 +86,12 @@ def least_squares_fit(
     for k in range(starts):
         start = scattered * rng.standard_normal(len(names)) if k else np.zeros(len(names))
         low, high = np.full(len(names), -12.0), np.full(len(names), 12.0)
-        low, high = (np.where(scattered > 0.0, edge, sign * np.inf) for edge, sign in ((low, -1.0), (high, 1.0)))
+        low, high = (
+            np.where(scattered > 0.0, edge, sign * np.inf)
+            for edge, sign in ((low, -1.0), (high, 1.0))
+        )
         found = least_squares(errors, start, bounds=(low, high), x_scale=1.0, max_nfev=evaluations)
-        best = min(best, (float(np.sqrt(2.0 * found.cost / found.fun.size)), found.x), key=lambda b: b[0])
+        best = min(
+            best, (float(np.sqrt(2.0 * found.cost / found.fun.size)), found.x), key=lambda b: b[0]
+        )
     return best[0], values(best[1])

@@ -48,10 +48,14 @@ class Plant:
     period: ClassVar[float]  # s, time scale of stimuli
     timings: ClassVar[tuple[str, ...]] = ("usual", "one minute", "1 Hz", "long")
     loops: ClassVar[Mapping[str, Loop]] = {}
-    settings: ClassVar[Mapping[str, float]] = {}  # of the model, where its defaults are not what is wanted
+    settings: ClassVar[
+        Mapping[str, float]
+    ] = {}  # of the model, where its defaults are not what is wanted
     known: ClassVar[tuple[str, ...]] = ()  # parameters of the model that nobody would fit
     starts: ClassVar[Mapping[str, float]] = {}  # of states that do not rest at zero
-    continuous: ClassVar[tuple[str, ...]] = ()  # inputs that are never held, since nothing commands them
+    continuous: ClassVar[
+        tuple[str, ...]
+    ] = ()  # inputs that are never held, since nothing commands them
     sampled: ClassVar[tuple[str, ...]] = ()  # inputs that the plant holds itself, however they come
     slight: ClassVar[Mapping[str, float]] = {}  # parameters that vary less than others
     finest: ClassVar[float] = FINEST

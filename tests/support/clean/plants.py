@@ -21,8 +21,15 @@ _MODELS = Path(__file__).with_name("models")
 
 
 _FILM = {
-    "R1": 0.43, "R2": 2.35, "C": 2.7, "alpha": 6.8e-5, "k1": 6300.0, "b1": 1.7e6, "k2": 1.0e4, "b2": 2.0e6,
-}  # fmt: skip
+    "R1": 0.43,
+    "R2": 2.35,
+    "C": 2.7,
+    "alpha": 6.8e-5,
+    "k1": 6300.0,
+    "b1": 1.7e6,
+    "k2": 1.0e4,
+    "b2": 2.0e6,
+}
 _VOLTAGE_LOOP = Loop("voltage", "current", 0.4, 0.4, 0.7)
 
 
@@ -40,7 +47,10 @@ class Actuator(Plant):
     inputs = {"current": Range("A", 0.0, 1.0), "force": Range("N", 1.5, 1.0)}
     outputs = {"voltage": "V", "displacement": "m"}
     rate, duration, period = 10.0, 300.0, 5.0
-    loops = {"voltage": _VOLTAGE_LOOP, "position": Loop("displacement", "current", 3000.0, 300.0, 1e-4)}
+    loops = {
+        "voltage": _VOLTAGE_LOOP,
+        "position": Loop("displacement", "current", 3000.0, 300.0, 1e-4),
+    }
 
     def matrices(self, p: Values) -> Matrices:
         """Charge, creep and flow."""
@@ -72,13 +82,20 @@ class ActuatorByLength(Plant):
         both = p["R1"] + p["R2"]
         share = p["R2"] / both
         pull = -p["k1"] * np.array([p["alpha"], 1.0, 1.0])
-        a = np.array([
-            [-1.0 / (both * p["C"]), 0.0, 0.0],
-            (pull - np.array([0.0, p["k2"], 0.0])) / p["b2"],
-            pull / p["b1"],
-        ])  # fmt: skip
+        a = np.array(
+            [
+                [-1.0 / (both * p["C"]), 0.0, 0.0],
+                (pull - np.array([0.0, p["k2"], 0.0])) / p["b2"],
+                pull / p["b1"],
+            ]
+        )
         b = np.array([[share, 0.0], [0.0, p["k1"] / p["b2"]], [0.0, p["k1"] / p["b1"]]])
-        return a, b, np.array([[share / p["C"], 0.0, 0.0], pull]), np.diag([share * p["R1"], p["k1"]])
+        return (
+            a,
+            b,
+            np.array([[share / p["C"], 0.0, 0.0], pull]),
+            np.diag([share * p["R1"], p["k1"]]),
+        )
 
 
 class Galvanostat(Plant):
@@ -126,12 +143,14 @@ class VoiceCoil(Plant):
     def matrices(self, p: Values) -> Matrices:
         """Coil, slide and first-order filter."""
         cut = 2.0 * pi * p["position_cutoff"]
-        a = np.array([
-            [-p["R"] / p["L"], 0.0, -p["K"] / p["L"], 0.0],
-            [0.0, 0.0, 1.0, 0.0],
-            [p["K"] / p["m"], 0.0, -p["b_vc"] / p["m"], 0.0],
-            [0.0, cut, 0.0, -cut],
-        ])  # fmt: skip
+        a = np.array(
+            [
+                [-p["R"] / p["L"], 0.0, -p["K"] / p["L"], 0.0],
+                [0.0, 0.0, 1.0, 0.0],
+                [p["K"] / p["m"], 0.0, -p["b_vc"] / p["m"], 0.0],
+                [0.0, cut, 0.0, -cut],
+            ]
+        )
         b = np.array([[1.0 / p["L"], 0.0], [0.0, 0.0], [0.0, -1.0 / p["m"]], [0.0, 0.0]])
         return a, b, np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]), np.zeros((2, 2))
 
@@ -235,9 +254,16 @@ class Cell(Plant):
 PLANTS: dict[str, Plant] = {
     plant.name: plant
     for plant in (
-        Actuator(), ActuatorByLength(), Galvanostat(), VoiceCoil(), Motor(), Pendulum(), ThermalNodes(), Cell(),
+        Actuator(),
+        ActuatorByLength(),
+        Galvanostat(),
+        VoiceCoil(),
+        Motor(),
+        Pendulum(),
+        ThermalNodes(),
+        Cell(),
         Foot(),
     )
-}  # fmt: skip
+}
 ON_REQUEST = ("Foot",)  # what takes a minute or more to diagnose is drawn by name only
 DRAWN = tuple(name for name in PLANTS if name not in ON_REQUEST)

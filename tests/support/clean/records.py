@@ -36,7 +36,11 @@ class Case:
     at_rest: bool = True
 
     def __str__(self) -> str:
-        marks = [self.timing] * (self.timing != "usual") + ["smooth"] * self.smooth + ["moving"] * (not self.at_rest)
+        marks = (
+            [self.timing] * (self.timing != "usual")
+            + ["smooth"] * self.smooth
+            + ["moving"] * (not self.at_rest)
+        )
         return ", ".join([self.plant, self.stimulus, self.noise, *marks, str(self.seed)])
 
 
@@ -69,17 +73,24 @@ class CleanRecord:
         units = {n: r.unit for n, r in self.plant.inputs.items()} | dict(self.plant.outputs)
         columns = {"time": self.time, **self.inputs, **self.outputs}
         header = ",".join(f"{n} [{units.get(n, 's')}]" for n in columns)
-        np.savetxt(path, np.column_stack(list(columns.values())), "%.12g", ",", header=header, comments="")
+        np.savetxt(
+            path, np.column_stack(list(columns.values())), "%.12g", ",", header=header, comments=""
+        )
         return path
 
     def simulated(
-        self, values: Mapping[str, float], finest: float = FINEST, smooth: Collection[str] | None = None
+        self,
+        values: Mapping[str, float],
+        finest: float = FINEST,
+        smooth: Collection[str] | None = None,
     ) -> dict[str, Array]:
         """Outputs of the plant with parameters and starting states of other values, as `<state>_start`.
 
         `smooth` names inputs that are taken to go linearly; as they were drawn unless given.
         """
-        own = dict(self.plant.nominal) | {n: v for n, v in values.items() if n in self.plant.nominal}
+        own = dict(self.plant.nominal) | {
+            n: v for n, v in values.items() if n in self.plant.nominal
+        }
         rest = zip(self.plant.states, self.plant.rest(), strict=True)
         start = np.array([values.get(f"{n}_start", at_rest) for n, at_rest in rest])
         u = np.stack([self.inputs[n] for n in self.plant.inputs])
@@ -89,7 +100,9 @@ class CleanRecord:
         return dict(zip(self.plant.outputs, self.plant.recorded(y, self.step), strict=True))
 
 
-def draw(case: Case, specimen: Mapping[str, float] | None = None, plant: Plant | None = None) -> CleanRecord:
+def draw(
+    case: Case, specimen: Mapping[str, float] | None = None, plant: Plant | None = None
+) -> CleanRecord:
     """Draw one record; the same one for the same case. Its specimen is drawn too unless its parameters are given.
 
     Another plant than the one that the case names may be given, which has the same inputs, outputs and parameters.
@@ -101,7 +114,9 @@ def draw(case: Case, specimen: Mapping[str, float] | None = None, plant: Plant |
     step = 1.0 / rate
     lead = 0 if case.at_rest else int(np.ceil(RUN_IN * period * rate))
     count = round(duration * rate) + lead
-    shape = STIMULI["square" if case.stimulus == CLOSED else case.stimulus](period, (count + 1) * step, rng)
+    shape = STIMULI["square" if case.stimulus == CLOSED else case.stimulus](
+        period, (count + 1) * step, rng
+    )
     between = BETWEEN if case.smooth else 1
     fine = np.arange(between * (count - 1) + 1) * (step / between)
     u = _driven(plant, case, shape, fine, duration, rng)
@@ -117,14 +132,23 @@ def draw(case: Case, specimen: Mapping[str, float] | None = None, plant: Plant |
         u = u + INPUT_NOISE * np.std(u, axis=1, keepdims=True) * rng.standard_normal(u.shape)
     time = np.arange(u.shape[1]) * step
     typical = np.median(np.abs(noise), axis=1) / 0.6745
-    regular = np.abs(noise) < 8.0 * typical[:, None] if case.noise == "outliers" else np.ones(noise.shape, dtype=bool)
+    regular = (
+        np.abs(noise) < 8.0 * typical[:, None]
+        if case.noise == "outliers"
+        else np.ones(noise.shape, dtype=bool)
+    )
     return CleanRecord(
-        case, plant, jittered(time, rng) if case.noise == "jitter" else time, step,
-        dict(zip(plant.inputs, u, strict=True)), dict(zip(plant.outputs, y + noise, strict=True)),
+        case,
+        plant,
+        jittered(time, rng) if case.noise == "jitter" else time,
+        step,
+        dict(zip(plant.inputs, u, strict=True)),
+        dict(zip(plant.outputs, y + noise, strict=True)),
         p | {f"{n}_start": float(v) for n, v in zip(plant.states, x[:, 0], strict=True)},
-        dict(zip(plant.outputs, typical.tolist(), strict=True)), dict(zip(plant.outputs, regular, strict=True)),
+        dict(zip(plant.outputs, typical.tolist(), strict=True)),
+        dict(zip(plant.outputs, regular, strict=True)),
         dict(zip(plant.outputs, y, strict=True)),
-    )  # fmt: skip
+    )
 
 
 def cases(count: int, seed: int) -> list[Case]:
@@ -146,7 +170,9 @@ def conditions(plant: Plant, noise: str, seed: int, rng: np.random.Generator) ->
     stimulus = known[rng.integers(len(known))]
     coupled = any(r.amplitude == 0.0 for r in plant.inputs.values())
     smooth = bool(stimulus in SMOOTH and not coupled and rng.random() < 0.3)
-    timing = plant.timings[0] if rng.random() < 0.6 else plant.timings[rng.integers(len(plant.timings))]
+    timing = (
+        plant.timings[0] if rng.random() < 0.6 else plant.timings[rng.integers(len(plant.timings))]
+    )
     return Case(plant.name, stimulus, noise, seed, timing, smooth, bool(rng.random() < 0.5))
 
 
@@ -159,7 +185,9 @@ def timing_of(plant: Plant, timing: str) -> tuple[float, float, float]:
     return plant.rate, plant.duration * (3.0 if timing == "long" else 1.0), plant.period
 
 
-def _driven(plant: Plant, case: Case, shape: Shape, time: Array, duration: float, rng: np.random.Generator) -> Array:
+def _driven(
+    plant: Plant, case: Case, shape: Shape, time: Array, duration: float, rng: np.random.Generator
+) -> Array:
     """Inputs: the first as the stimulus, others at a constant level or, where nothing is smooth, in slow steps."""
     still = case.smooth or rng.random() < 0.5
     rows = []
@@ -178,11 +206,21 @@ def _noise(kind: str, y: Array, level: float, rng: np.random.Generator) -> Array
 
 
 def _sampled(
-    plant: Plant, p: Mapping[str, float], case: Case, step: float, u: Array, reference: Array, level: float,
+    plant: Plant,
+    p: Mapping[str, float],
+    case: Case,
+    step: float,
+    u: Array,
+    reference: Array,
+    level: float,
     rng: np.random.Generator,
-) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array, Array]:
     """Inputs that are held, clean outputs, states and noise; a controller acts on outputs as they are measured."""
-    loop = list(plant.loops.values())[rng.integers(len(plant.loops))] if case.stimulus == CLOSED else None
+    loop = (
+        list(plant.loops.values())[rng.integers(len(plant.loops))]
+        if case.stimulus == CLOSED
+        else None
+    )
 
     def run(noise: Array) -> tuple[Array, Array, Array]:
         act = None if loop is None else _Controller(plant, loop, reference, step)
@@ -206,10 +244,15 @@ class _Controller:
     """A loop about where its output is at first."""
 
     def __init__(self, plant: Plant, loop: Loop, reference: Array, step: float):
-        self._input, self._output = list(plant.inputs).index(loop.input), list(plant.outputs).index(loop.output)
+        self._input, self._output = (
+            list(plant.inputs).index(loop.input),
+            list(plant.outputs).index(loop.output),
+        )
         self._loop, self._reference, self._step = loop, reference, step
         range_ = plant.inputs[loop.input]
-        self._least, self._most = (range_.centre + sign * 1.5 * range_.amplitude for sign in (-1.0, 1.0))
+        self._least, self._most = (
+            range_.centre + sign * 1.5 * range_.amplitude for sign in (-1.0, 1.0)
+        )
         self._held, self._error, self._first = range_.centre, 0.0, 0.0
 
     def __call__(self, k: int, u: Array, measured: Array) -> Array:
@@ -218,8 +261,14 @@ class _Controller:
             if k == 1:
                 self._first = measured[self._output]
             error = self._first + self._loop.amplitude * self._reference[k] - measured[self._output]
-            change = self._loop.proportional * (error - self._error) + self._loop.integral * self._step * error
-            self._held, self._error = float(np.clip(self._held + change, self._least, self._most)), error
+            change = (
+                self._loop.proportional * (error - self._error)
+                + self._loop.integral * self._step * error
+            )
+            self._held, self._error = (
+                float(np.clip(self._held + change, self._least, self._most)),
+                error,
+            )
         result = u.copy()
         result[self._input] = self._held
         return result

@@ -62,7 +62,9 @@ def recursion(f: Array, start: Array, drive: Array) -> Array:
     shown = np.empty((f.shape[0], drive.shape[1] + 1))
     if np.linalg.cond(vectors) < WELL_CONDITIONED:
         modes = np.linalg.solve(vectors, np.column_stack([start, drive]).astype(complex))
-        moved = [lfilter([1.0], [1.0, -value], mode) for value, mode in zip(values, modes, strict=True)]
+        moved = [
+            lfilter([1.0], [1.0, -value], mode) for value, mode in zip(values, modes, strict=True)
+        ]
         return np.asarray((vectors @ np.array(moved)).real)
     x = shown[:, 0] = start
     for k in range(drive.shape[1]):
@@ -87,7 +89,10 @@ def simulate(
     change = np.diff(acting, axis=1) * np.broadcast_to(smooth, len(u))[:, None]
     system = plant.matrices(p)
     if system is None:
-        fed, ends = acting.T.tolist(), [*(acting[:, :-1] + change).T.tolist(), acting[:, -1].tolist()]
+        fed, ends = (
+            acting.T.tolist(),
+            [*(acting[:, :-1] + change).T.tolist(), acting[:, -1].tolist()],
+        )
         x, shown, passed = list(start), [], []
         for now, then in zip(fed, ends, strict=True):
             shown.append(plant.shown(x, now, p))
@@ -101,7 +106,13 @@ def simulate(
 
 
 def closed_loop(
-    plant: Dynamics, p: Values, step: float, u: Array, start: Array, feedback: Feedback, noise: Array
+    plant: Dynamics,
+    p: Values,
+    step: float,
+    u: Array,
+    start: Array,
+    feedback: Feedback,
+    noise: Array,
 ) -> tuple[Array, Array, Array]:
     """Inputs (m, n), outputs (o, n) and states (s, n) where each held input may hang on what was measured before."""
     system, n = plant.drawn(p), u.shape[1]
@@ -117,12 +128,20 @@ def closed_loop(
             x = f @ x + g @ now
         else:
             y[:, k] = plant.shown(x.tolist(), now.tolist(), p)
-            x = np.array(_advanced(plant, p, x.tolist(), now.tolist(), now.tolist(), step, plant.finest))
+            x = np.array(
+                _advanced(plant, p, x.tolist(), now.tolist(), now.tolist(), step, plant.finest)
+            )
     return fed, y, states
 
 
 def _advanced(
-    plant: Dynamics, p: Values, x: list[float], u0: list[float], u1: list[float], step: float, finest: float
+    plant: Dynamics,
+    p: Values,
+    x: list[float],
+    u0: list[float],
+    u1: list[float],
+    step: float,
+    finest: float,
 ) -> list[float]:
     """Fourth-order Runge-Kutta steps across one sample."""
     pieces = max(1, int(np.ceil(step / finest - 1e-9)))

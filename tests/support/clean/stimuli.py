@@ -41,7 +41,9 @@ def multisine(period: float, duration: float, rng: np.random.Generator) -> Shape
     base = 2.0 * np.pi / (12.0 * period)
 
     def shape(t: Array) -> Array:
-        return sum(np.sin((k + 1) ** 1.3 * base * t + phase) for k, phase in enumerate(phases)) / 6.0
+        return (
+            sum(np.sin((k + 1) ** 1.3 * base * t + phase) for k, phase in enumerate(phases)) / 6.0
+        )
 
     return shape
 

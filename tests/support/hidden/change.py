@@ -55,7 +55,12 @@ def of_time(place: str, course: Callable[[float, float], float]) -> Change:
 
 
 def remembered(
-    place: str, amount: float, times: Sequence[float], rest: float = 0.0, ahead: bool = False, own: bool = False
+    place: str,
+    amount: float,
+    times: Sequence[float],
+    rest: float = 0.0,
+    ahead: bool = False,
+    own: bool = False,
 ) -> Change:
     """Mean of several lags of first order, in parallel: a spectrum of time constants.
 
@@ -75,7 +80,9 @@ def squared(place: str, amount: float, times: Sequence[float]) -> Change:
     """What the square of a signal leaves behind, such as heat: mean of several lags of first order."""
     count = len(times)
     rates = lambda x, s: [(x * x - one) / time for one, time in zip(s, times, strict=True)]  # noqa: E731
-    return Change(place, lambda x, s: amount * sum(s) / count, rates, (0.0,) * count, min(times) / 3.0)
+    return Change(
+        place, lambda x, s: amount * sum(s) / count, rates, (0.0,) * count, min(times) / 3.0
+    )
 
 
 def in_a_row(place: str, amount: float, time: float, count: int) -> Change:
@@ -84,7 +91,9 @@ def in_a_row(place: str, amount: float, time: float, count: int) -> Change:
     def rates(x: float, s: Memory) -> list[float]:
         return [(before - one) * count / time for before, one in zip([x, *s[:-1]], s, strict=True)]
 
-    return Change(place, lambda x, s: amount * (s[-1] - x), rates, (0.0,) * count, time / count / 3.0)
+    return Change(
+        place, lambda x, s: amount * (s[-1] - x), rates, (0.0,) * count, time / count / 3.0
+    )
 
 
 def ladder(place: str, amount: float, time: float, count: int = 3) -> Change:
@@ -102,7 +111,13 @@ def ladder(place: str, amount: float, time: float, count: int = 3) -> Change:
 
 def play(place: str, gap: Callable[[float], float], time: float) -> Change:
     """Play: what was passed on last goes along only where the signal is beyond a gap, at once; it settles in a time."""
-    return Change(place, lambda x, s: s[0] + gap(x - s[0]) - x, lambda x, s: [gap(x - s[0]) / time], (0.0,), time / 3.0)
+    return Change(
+        place,
+        lambda x, s: s[0] + gap(x - s[0]) - x,
+        lambda x, s: [gap(x - s[0]) / time],
+        (0.0,),
+        time / 3.0,
+    )
 
 
 def late(output: str, delay: float) -> Change:

@@ -81,12 +81,16 @@ def zone_soft(width: float) -> Curve:
 
 def zone_uneven(width: float) -> Curve:
     """The same with soft edges, wider on one side."""
-    return lambda u: softplus(u - 1.4 * width, 0.2 * width) - softplus(-u - 0.6 * width, 0.2 * width) - u
+    return lambda u: (
+        softplus(u - 1.4 * width, 0.2 * width) - softplus(-u - 0.6 * width, 0.2 * width) - u
+    )
 
 
 def level_algebraic(level: float, strength: float, sharpness: float) -> Curve:
     """What saturation takes away, algebraic with any exponent but two."""
-    return lambda u: strength * u * ((1.0 + abs(u / level) ** sharpness) ** (-1.0 / sharpness) - 1.0)
+    return lambda u: (
+        strength * u * ((1.0 + abs(u / level) ** sharpness) ** (-1.0 / sharpness) - 1.0)
+    )
 
 
 def level_arctan(level: float, strength: float) -> Curve:

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from tests.support.clean.foot import PLANTAR, Foot, measured, moving, posterior, turning
 from tests.support.clean.plant import Plant
-from tests.support.clean.plants import DRAWN, PLANTS, Cell, Galvanostat, Motor, Pendulum, ThermalNodes, VoiceCoil
+from tests.support.clean.plants import (
+    DRAWN,
+    PLANTS,
+    Cell,
+    Galvanostat,
+    Motor,
+    Pendulum,
+    ThermalNodes,
+    VoiceCoil,
+)
 from tests.support.clean.simulation import Values
 from tests.support.hidden.change import Change
 
@@ -23,7 +32,9 @@ _SPRING, _DAMPER = 300.0, 1.0  # N/m and N*s/m of what the coil pulls on, as in 
 class Altered(Plant):
     """A plant with changes at some of its places; what they remember comes behind the plant's own states."""
 
-    hidden: ClassVar[Mapping[str, tuple[Change, slice]]] = {}  # by place, with the states that it remembers by
+    hidden: ClassVar[
+        Mapping[str, tuple[Change, slice]]
+    ] = {}  # by place, with the states that it remembers by
     order: ClassVar[int]  # of the clean plant
 
     @abstractmethod
@@ -62,7 +73,9 @@ class Altered(Plant):
     def rest(self) -> Array:
         """The plant's own states, then what changes remember."""
         own = [self.starts.get(n, 0.0) for n in self.states[: self.order]]
-        return np.array([*own, *(rest for change, _ in self.hidden.values() for rest in change.rest)])
+        return np.array(
+            [*own, *(rest for change, _ in self.hidden.values() for rest in change.rest)]
+        )
 
     def rates(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Laws, and what changes remember."""
@@ -86,8 +99,10 @@ class Altered(Plant):
     def recorded(self, y: Array, step: float) -> Array:
         """Late, where the logger is."""
         late = {place: round(change.delay / step) for place, (change, _) in self.hidden.items()}
-        rows = [np.r_[np.full(samples, row[0]), row[:-samples]] if (samples := late.get(o, 0)) else row
-                for o, row in zip(self.outputs, y, strict=True)]  # fmt: skip
+        rows = [
+            np.r_[np.full(samples, row[0]), row[:-samples]] if (samples := late.get(o, 0)) else row
+            for o, row in zip(self.outputs, y, strict=True)
+        ]
         return np.array(rows)
 
 
@@ -135,7 +150,13 @@ class AlteredThermalNodes(Altered, ThermalNodes):
 
     def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
         """Of heat that passes the difference that drives it, or the temperature that is stored at."""
-        return {"power": u[0], "conduction": x[0] - x[1], "loss": x[1] - u[1], "inner": x[0], "outer": x[1]}
+        return {
+            "power": u[0],
+            "conduction": x[0] - x[1],
+            "loss": x[1] - u[1],
+            "inner": x[0],
+            "outer": x[1],
+        }
 
     def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Heat that comes less heat that goes."""
@@ -144,7 +165,10 @@ class AlteredThermalNodes(Altered, ThermalNodes):
         conduction = (inner - outer) / p["R12"] + self.more("conduction", inner - outer, x)
         loss = (outer - ambient) / p["R2"] + self.more("loss", outer - ambient, x)
         stored = self.more("inner", inner, x), self.more("outer", outer, x)
-        return [(power - conduction - stored[0]) / p["C1"], (conduction - loss - stored[1]) / p["C2"]]
+        return [
+            (power - conduction - stored[0]) / p["C1"],
+            (conduction - loss - stored[1]) / p["C2"],
+        ]
 
     def settled(self, p: Values) -> list[float]:
         """The surroundings."""
@@ -199,14 +223,24 @@ class AlteredVoiceCoil(Altered, VoiceCoil):
 
     def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
         """Of friction the velocity, of a stop and of the force constant the position, of the resistance the current."""
-        return {"force_reference": u[0], "friction": x[2], "stop": x[1], "force_constant": x[1], "resistance": x[0]}
+        return {
+            "force_reference": u[0],
+            "friction": x[2],
+            "stop": x[1],
+            "force_constant": x[1],
+            "resistance": x[0],
+        }
 
     def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Circuit, definition, momentum, filter."""
         current, position, velocity, filtered = x[:4]
         voltage = u[0] + self.more("force_reference", u[0], x)
         constant = p["K"] * (1.0 + self.more("force_constant", position, x))
-        friction = p["b_vc"] * velocity + self.more("friction", velocity, x) + self.more("stop", position, x)
+        friction = (
+            p["b_vc"] * velocity
+            + self.more("friction", velocity, x)
+            + self.more("stop", position, x)
+        )
         resistance = p["R"] + self.more("resistance", current, x)
         tension = _SPRING * position + _DAMPER * velocity
         return [
@@ -227,9 +261,13 @@ class AlteredFoot(Altered, Foot):
     def signals(self, x: list[float], u: list[float]) -> dict[str, float]:
         """Of friction the rates, of the arch its angle, of what stretches the tension."""
         return {
-            "ankle_friction": x[3], "mtp_friction": x[5], "arch": x[1], "arch_radius": x[1], "guide": x[3],
+            "ankle_friction": x[3],
+            "mtp_friction": x[5],
+            "arch": x[1],
+            "arch_radius": x[1],
+            "guide": x[3],
             "stretch": u[0],
-        }  # fmt: skip
+        }
 
     def laws(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Balance of torques; in a guide a tendon that is drawn out pulls the more."""

@@ -53,11 +53,12 @@ def draw_hidden(case: HiddenCase, strength: float | None = None) -> CleanRecord:
     _, duration, _ = timing_of(PLANTS[case.plant], case.timing)
     changes = [
         one.variation.drawn(
-            np.random.default_rng([one.seed, *one.hidden.encode()]), one.strength if strength is None else strength,
+            np.random.default_rng([one.seed, *one.hidden.encode()]),
+            one.strength if strength is None else strength,
             duration,
         )
         for one in case.alone()
-    ]  # fmt: skip
+    ]
     return draw(plain, plant=altered(case.plant, *changes))
 
 
@@ -81,7 +82,9 @@ def _single(plant: str) -> Choices:
 
 def _double(plant: str) -> Choices:
     """Two that are two causes, not two shapes of one: of other families, places and laws."""
-    inside = [(name, v) for name, v in VARIATIONS.items() if v.plant == plant and v.family != OUTSIDE]
+    inside = [
+        (name, v) for name, v in VARIATIONS.items() if v.plant == plant and v.family != OUTSIDE
+    ]
     choices: Choices = {}
     for (first, a), (second, b) in combinations(inside, 2):
         if a.family != b.family and a.place != b.place and not _laws(a) & _laws(b):
@@ -95,7 +98,11 @@ def _laws(variation: Variation) -> set[str]:
 
 
 def _cases(
-    count: int, seed: int, plants: Sequence[str], rng: np.random.Generator, known: Callable[[str], Choices]
+    count: int,
+    seed: int,
+    plants: Sequence[str],
+    rng: np.random.Generator,
+    known: Callable[[str], Choices],
 ) -> Iterator[HiddenCase]:
     """Plants, kinds of noise and strengths in turn, families of a plant at random, the rest as clean ones."""
     choices = {name: known(name) for name in plants}
@@ -120,23 +127,35 @@ def base_refit(drawn: CleanRecord) -> tuple[CleanRecord, dict[str, float]]:
     """The record as one of the clean plant, and what plain least squares makes of its parameters."""
     plant = PLANTS[drawn.case.plant]
     base = replace(drawn, plant=plant)
-    own = {n: drawn.truth[n] for n in plant.nominal} | {f"{n}_start": drawn.truth[f"{n}_start"] for n in plant.states}
+    own = {n: drawn.truth[n] for n in plant.nominal} | {
+        f"{n}_start": drawn.truth[f"{n}_start"] for n in plant.states
+    }
     sizes = {f"{n}_start": max(abs(own[f"{n}_start"]), 1e-6) for n in plant.states}
     _, values = least_squares_fit(
         lambda tried: base.simulated(tried, COARSE if plant.matrices(own) is None else FINEST),
-        drawn.outputs, own, drawn.regular, starts=STARTS, sizes=sizes,
-    )  # fmt: skip
+        drawn.outputs,
+        own,
+        drawn.regular,
+        starts=STARTS,
+        sizes=sizes,
+    )
     return base, values
 
 
 def widths(drawn: CleanRecord, simulated: Mapping[str, Array]) -> dict[str, float]:
     """Noise widths that are left: rms of what a model misses of the outputs without noise, over that of the noise."""
     noise = _noise(drawn)
-    return {o: float(np.sqrt(np.mean((y - simulated[o]) ** 2))) / noise[o] for o, y in drawn.clean.items()}
+    return {
+        o: float(np.sqrt(np.mean((y - simulated[o]) ** 2))) / noise[o]
+        for o, y in drawn.clean.items()
+    }
 
 
 def _noise(drawn: CleanRecord) -> dict[str, float]:
-    return {o: max(drawn.deviation[o], 1e-12 * float(np.ptp(y)) + 1e-300) for o, y in drawn.clean.items()}
+    return {
+        o: max(drawn.deviation[o], 1e-12 * float(np.ptp(y)) + 1e-300)
+        for o, y in drawn.clean.items()
+    }
 
 
 def left(drawn: CleanRecord) -> float:
@@ -155,7 +174,10 @@ def left_beside(drawn: CleanRecord) -> list[float]:
     hidden = drawn.plant.hidden
     both = replace(drawn, clean=drawn.simulated(drawn.truth, drawn.plant.finest))
     others = [[change for place, (change, _) in hidden.items() if place != one] for one in hidden]
-    return [max(widths(both, _refitted(both, altered(drawn.plant.name, *known))).values()) for known in others]
+    return [
+        max(widths(both, _refitted(both, altered(drawn.plant.name, *known))).values())
+        for known in others
+    ]
 
 
 def _refitted(drawn: CleanRecord, plant: Plant) -> dict[str, Array]:
@@ -182,12 +204,24 @@ def effective_samples(drawn: CleanRecord) -> dict[str, float]:
     found = {}
     for output, y in drawn.outputs.items():
         noise = y - drawn.clean[output]
-        colour = max(0.0, float(np.corrcoef(noise[:-1], noise[1:])[0, 1])) if np.std(noise) > 0.0 else 0.0
+        colour = (
+            max(0.0, float(np.corrcoef(noise[:-1], noise[1:])[0, 1]))
+            if np.std(noise) > 0.0
+            else 0.0
+        )
         found[output] = y.size * (1.0 - colour) / (1.0 + colour)
     return found
 
 
 __all__ = [
-    "OUTSIDE", "HiddenCase", "base_refit", "cases", "cases_of_two", "draw_hidden", "effective_samples", "left",
-    "left_beside", "widths",
-]  # fmt: skip
+    "OUTSIDE",
+    "HiddenCase",
+    "base_refit",
+    "cases",
+    "cases_of_two",
+    "draw_hidden",
+    "effective_samples",
+    "left",
+    "left_beside",
+    "widths",
+]

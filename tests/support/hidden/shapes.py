@@ -76,8 +76,12 @@ def dry(place: str, low: float, high: float, width: float, finest: float) -> dic
 
 def drag(place: str, low: float, high: float, at: float) -> dict[str, Maker]:
     return {
-        "lower power": lambda d: static(place, curves.power(d.size(low, high), at, d.plain(1.7, 1.85))),
-        "higher power": lambda d: static(place, curves.power(d.size(low, high), at, d.plain(2.15, 2.3))),
+        "lower power": lambda d: static(
+            place, curves.power(d.size(low, high), at, d.plain(1.7, 1.85))
+        ),
+        "higher power": lambda d: static(
+            place, curves.power(d.size(low, high), at, d.plain(2.15, 2.3))
+        ),
         "tapering": lambda d: static(place, curves.tapering_drag(d.size(low, high), at)),
     }
 
@@ -99,12 +103,16 @@ def zone(place: str, low: float, high: float) -> dict[str, Maker]:
 
 def levelling(place: str, low: float, high: float) -> dict[str, Maker]:
     def algebraic(d: Dice) -> Change:
-        return static(place, curves.level_algebraic(d.plain(low, high), d.strength, d.plain(3.0, 5.0)))
+        return static(
+            place, curves.level_algebraic(d.plain(low, high), d.strength, d.plain(3.0, 5.0))
+        )
 
     return {
         "algebraic": algebraic,
         "arc tangent": lambda d: static(place, curves.level_arctan(d.plain(low, high), d.strength)),
-        "exponential": lambda d: static(place, curves.level_exponential(d.plain(low, high), d.strength)),
+        "exponential": lambda d: static(
+            place, curves.level_exponential(d.plain(low, high), d.strength)
+        ),
     }
 
 

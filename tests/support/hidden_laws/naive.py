@@ -14,7 +14,9 @@ _STILL = 1e-9  # of its size, below which a signal does not move
 
 
 def least_bic(
-    residuals: Mapping[str, Array], signals: Mapping[str, Array], used: Mapping[str, NDArray[np.bool_]] | None = None
+    residuals: Mapping[str, Array],
+    signals: Mapping[str, Array],
+    used: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> list[str]:
     """Names of signals, the one first whose spline leaves the residuals of all outputs with the least BIC.
 
@@ -37,7 +39,9 @@ def least_bic(
             kept = np.isfinite(e) & (used[output] if used else True)
             part, wanted = columns[kept], e[kept]
             left = wanted - part @ np.linalg.lstsq(part, wanted, rcond=None)[0]
-            bic += left.size * float(np.log(np.mean(left**2) + 1e-300)) + columns.shape[1] * float(np.log(left.size))
+            bic += left.size * float(np.log(np.mean(left**2) + 1e-300)) + columns.shape[1] * float(
+                np.log(left.size)
+            )
         scores[name] = bic
     return sorted(scores, key=lambda name: scores[name])
 

@@ -53,11 +53,19 @@ def answers(text: str) -> frozenset[Answer]:
             [n.strip() for n in (some or "").split(",")] for some in (match[1], match[3], match[4])
         )
         kinds = {"+": ["add"], "x": ["multiply"], "*": ["add", "multiply"]}[match[2]]
-        found |= {Answer(law, k, signal, m) for law in laws for k in kinds for signal in signals for m in memories}
+        found |= {
+            Answer(law, k, signal, m)
+            for law in laws
+            for k in kinds
+            for signal in signals
+            for m in memories
+        }
     return frozenset(found)
 
 
-def is_right(said: Answer, right: Iterable[Answer], series: Mapping[str, Array], step: float) -> bool:
+def is_right(
+    said: Answer, right: Iterable[Answer], series: Mapping[str, Array], step: float
+) -> bool:
     """Whether an answer is one of those that are right, or is of a signal that ran in proportion to one of theirs.
 
     Parameters
@@ -89,7 +97,9 @@ def counted(answer: Answer, series: Mapping[str, Array], step: float) -> Array |
 
 def proportional(one: Array, other: Array | None) -> bool:
     """Whether two signals run in proportion, means apart."""
-    if other is None or min(np.ptp(one), np.ptp(other)) <= 1e-9 * max(np.abs(one).max(), np.abs(other).max()):
+    if other is None or min(np.ptp(one), np.ptp(other)) <= 1e-9 * max(
+        np.abs(one).max(), np.abs(other).max()
+    ):
         return False
     return abs(float(np.corrcoef(one, other)[0, 1])) > SAME
 
@@ -121,8 +131,10 @@ def over(place: str, curve: Curve, finest: float = float("inf")) -> Lack:
 def over_count(place: str, curve: Curve, memory: str) -> Lack:
     """A curve of the time, or of a signal integrated, or integrated in modulus, from the first moment on."""
     rates: dict[str, Callable[[float], float]] = {
-        "time": lambda x: 1.0, "integrated": lambda x: x, "throughput": lambda x: abs(x),
-    }  # fmt: skip
+        "time": lambda x: 1.0,
+        "integrated": lambda x: x,
+        "throughput": lambda x: abs(x),
+    }
     rate = rates[memory]
     return Lack(Change(place, lambda x, s: curve(s[0]), lambda x, s: [rate(x)], (0.0,)), curve)
 
@@ -135,5 +147,7 @@ def after_lag(place: str, curve: Curve, times: tuple[float, ...], squared: bool 
         now = x * x if squared else x
         return [(now - one) / time for one, time in zip(s, times, strict=True)]  # type: ignore[call-overload]
 
-    change = Change(place, lambda x, s: curve(sum(s) / count), rates, (0.0,) * count, min(times) / 3.0)
+    change = Change(
+        place, lambda x, s: curve(sum(s) / count), rates, (0.0,) * count, min(times) / 3.0
+    )
     return Lack(change)

@@ -11,7 +11,15 @@ from functools import cached_property
 from math import pi, sin
 from typing import ClassVar
 
-from tests.support.clean.plants import PLANTS, Actuator, Cell, Motor, Pendulum, ThermalNodes, VoiceCoil
+from tests.support.clean.plants import (
+    PLANTS,
+    Actuator,
+    Cell,
+    Motor,
+    Pendulum,
+    ThermalNodes,
+    VoiceCoil,
+)
 from tests.support.clean.simulation import Values
 from tests.support.hidden.change import Change
 from tests.support.hidden.plants import Altered, AlteredVoiceCoil
@@ -189,12 +197,18 @@ class LawfulActuator(Lawful, Actuator):
         k |= {"charge": x[0], "kelvin_elongation": x[1], "maxwell_elongation": x[2]}
         supply = self.law("supply_current", u[0], k, x)
         capacitance = self.law("capacitance", p["C"], k, x)
-        films = self.law("capacitor_voltage", self.law("film_voltage", x[0] / capacitance, k, x), k, x)
+        films = self.law(
+            "capacitor_voltage", self.law("film_voltage", x[0] / capacitance, k, x), k, x
+        )
         series = self.law("series_resistance", p["R1"], k, x)
-        current = self.law("capacitor_current", (p["R2"] * supply - films) / (series + p["R2"]), k, x)
+        current = self.law(
+            "capacitor_current", (p["R2"] * supply - films) / (series + p["R2"]), k, x
+        )
         k["voltage"] = self.law("terminal_voltage", series * current + films, k, x)
         by_charge = self.law("charge_elongation", p["alpha"] * x[0], k, x)
-        self.law("kelvin_rate", (u[1] - self.law("kelvin_force", p["k2"] * x[1], k, x)) / p["b2"], k, x)
+        self.law(
+            "kelvin_rate", (u[1] - self.law("kelvin_force", p["k2"] * x[1], k, x)) / p["b2"], k, x
+        )
         self.law("maxwell_rate", self.law("flow_force", u[1], k, x) / p["b1"], k, x)
         creep = self.law("creep", x[1] + x[2], k, x)
         spring = self.law("spring_elongation", u[1] / p["k1"], k, x)
@@ -208,9 +222,14 @@ class LawfulActuator(Lawful, Actuator):
     def same(self, p: Values) -> list[dict[str, float]]:
         """Currents, voltages of the films, resistances, elongations, creep, flow."""
         elongations = (
-            "charge_elongation", "creep", "spring_elongation", "chain_elongation", "displacement",
-            "mechanical_displacement", "electrochemical_displacement",
-        )  # fmt: skip
+            "charge_elongation",
+            "creep",
+            "spring_elongation",
+            "chain_elongation",
+            "displacement",
+            "mechanical_displacement",
+            "electrochemical_displacement",
+        )
         return [
             {"capacitor_current": 1.0, "supply_current": (p["R1"] + p["R2"]) / p["R2"]},
             {"film_voltage": 1.0, "capacitor_voltage": 1.0},
@@ -230,8 +249,17 @@ class LawfulVoiceCoil(Lawful, VoiceCoil):
     def evaluated(self, x: list[float], u: list[float], p: Values) -> Signals:
         """Circuit, slide, filter."""
         current, position, velocity, filtered = x[:4]
-        k = {"force_reference": u[0], "coil_current": current, "position": position, "velocity": velocity}
-        k |= {"position_filtered": filtered, "position_rate": velocity, "position_measured": filtered}
+        k = {
+            "force_reference": u[0],
+            "coil_current": current,
+            "position": position,
+            "velocity": velocity,
+        }
+        k |= {
+            "position_filtered": filtered,
+            "position_rate": velocity,
+            "position_measured": filtered,
+        }
         k["tension"] = _SPRING * position + _DAMPER * velocity
         resistance = self.law("coil_resistance", p["R"], k, x)
         constant = self.law("force_constant", p["K"], k, x)
@@ -239,7 +267,9 @@ class LawfulVoiceCoil(Lawful, VoiceCoil):
         force = self.law("coil_force", constant * current, k, x)
         friction = self.law("slide_friction", p["b_vc"] * velocity, k, x)
         self.law("velocity_rate", (force - friction - k["tension"]) / p["m"], k, x)
-        self.law("position_filter_rate", 2.0 * pi * p["position_cutoff"] * (position - filtered), k, x)
+        self.law(
+            "position_filter_rate", 2.0 * pi * p["position_cutoff"] * (position - filtered), k, x
+        )
         return k
 
     def changing(self, k: Signals) -> list[float]:
@@ -255,9 +285,13 @@ class LawfulVoiceCoil(Lawful, VoiceCoil):
 
 
 _EQUATIONS: dict[str, type[Lawful]] = {
-    "Motor": LawfulMotor, "Pendulum": LawfulPendulum, "ThermalNodes": LawfulThermalNodes, "Cell": LawfulCell,
-    "Actuator": LawfulActuator, "VoiceCoil": LawfulVoiceCoil,
-}  # fmt: skip
+    "Motor": LawfulMotor,
+    "Pendulum": LawfulPendulum,
+    "ThermalNodes": LawfulThermalNodes,
+    "Cell": LawfulCell,
+    "Actuator": LawfulActuator,
+    "VoiceCoil": LawfulVoiceCoil,
+}
 NAMES = tuple(_EQUATIONS)
 STEPS = {"ThermalNodes": 0.5, "Cell": 0.25}  # s, of what is slow
 
@@ -271,8 +305,10 @@ def lawful(name: str, change: Change | None = None) -> Lawful:
         states += [f"memory_{k}" for k in range(len(change.rest))]
     finest = STEPS.get(name, equations.finest)
     about = {
-        "hidden": hidden, "order": len(clean.states), "states": tuple(states),
+        "hidden": hidden,
+        "order": len(clean.states),
+        "states": tuple(states),
         "finest": min(finest, change.finest) if change is not None else finest,
-    }  # fmt: skip
+    }
     made: Lawful = type(name, (equations,), about)()
     return made

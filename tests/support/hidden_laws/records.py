@@ -61,7 +61,9 @@ def _cases(count: int, seed: int, plants: Sequence[str]) -> Iterator[LawCase]:
     waiting: dict[str, list[str]] = {name: [] for name in plants}
     for k in range(count):
         plant, turn = PLANTS[plants[k % len(plants)]], k // len(plants)
-        several = list(dict.fromkeys(kind.kind for kind in KINDS.values() if kind.plant == plant.name))
+        several = list(
+            dict.fromkeys(kind.kind for kind in KINDS.values() if kind.plant == plant.name)
+        )
         if not waiting[plant.name]:
             waiting[plant.name] = [several[i] for i in rng.permutation(len(several))]
         wanted = waiting[plant.name].pop()
@@ -121,4 +123,6 @@ def _simulated(
     linear = np.array([n in set(drawn.smooth) - set(plant.sampled) for n in plant.inputs])
     y, x = simulate(plant, own, drawn.step, u, start, linear, finest)
     y = plant.recorded(y, drawn.step)
-    return dict(zip(plant.outputs, y, strict=True)), dict(zip(plant.states, np.asarray(x), strict=True))
+    return dict(zip(plant.outputs, y, strict=True)), dict(
+        zip(plant.states, np.asarray(x), strict=True)
+    )

@@ -14,7 +14,9 @@ from tests.support.hidden_laws.place import Answer, Curve, Lack, Place, answers
 from tests.support.hidden_laws.plants import lawful
 
 Maker = Callable[[Dice], Lack]
-Shapes = dict[str, tuple[frozenset[str], Callable[[Dice], Curve]]]  # with names of the closed form, if it has one
+Shapes = dict[
+    str, tuple[frozenset[str], Callable[[Dice], Curve]]
+]  # with names of the closed form, if it has one
 NONE: frozenset[str] = frozenset()
 _STEEPEST = 30.0  # exponent, beyond any that a record visits
 
@@ -55,10 +57,17 @@ class Kind:
 
 
 def kinds(
-    plant: str, kind: str, place: str, shapes: dict[str, tuple[frozenset[str], Maker]], memory: str = "",
-    signals: str = "", memories: str = "", multiplied: str = "", also: str = "",
+    plant: str,
+    kind: str,
+    place: str,
+    shapes: dict[str, tuple[frozenset[str], Maker]],
+    memory: str = "",
+    signals: str = "",
+    memories: str = "",
+    multiplied: str = "",
+    also: str = "",
     coefficient: tuple[str, float] = ("", 1.0),
-) -> Iterator[Kind]:  # fmt: skip
+) -> Iterator[Kind]:
     """Make a kind in its shapes.
 
     Parameters
@@ -88,7 +97,9 @@ def kinds(
     if multiplied:
         texts.append(f"{multiplied} * {of}")
     for shape, (closed, make) in shapes.items():
-        yield Kind(plant, kind, shape, at, memory, answers(";".join(texts)), closed, make, coefficient)
+        yield Kind(
+            plant, kind, shape, at, memory, answers(";".join(texts)), closed, make, coefficient
+        )
 
 
 def odd_powers(low: float, high: float, at: float) -> Shapes:
@@ -104,7 +115,10 @@ def odd_bends(low: float, high: float, at: float) -> Shapes:
     """That harden, go on in a straight line, or have a gap."""
     return {
         "sinh": (NONE, lambda d: curves.hard_sinh(d.size(low, high), at)),
-        "square": (frozenset({"odd_quadratic"}), lambda d: curves.power(d.size(low, high), at, 2.0)),
+        "square": (
+            frozenset({"odd_quadratic"}),
+            lambda d: curves.power(d.size(low, high), at, 2.0),
+        ),
         "rational": (NONE, lambda d: curves.hard_rational(d.size(low, high), at)),
     }
 
@@ -112,9 +126,20 @@ def odd_bends(low: float, high: float, at: float) -> Shapes:
 def levelling(low: float, high: float, share: float) -> Shapes:
     """What a law has less where it levels off, of a share of its slope; the levels are drawn."""
     return {
-        "tanh": (frozenset({"saturating", "levelling"}), lambda d: _less(d.strength * share, d.plain(low, high), tanh)),
-        "rational": (NONE, lambda d: _less(d.strength * share, d.plain(low, high), lambda z: z / (1.0 + abs(z)))),
-        "root": (NONE, lambda d: _less(d.strength * share, d.plain(low, high), lambda z: z / (1.0 + z * z) ** 0.5)),
+        "tanh": (
+            frozenset({"saturating", "levelling"}),
+            lambda d: _less(d.strength * share, d.plain(low, high), tanh),
+        ),
+        "rational": (
+            NONE,
+            lambda d: _less(d.strength * share, d.plain(low, high), lambda z: z / (1.0 + abs(z))),
+        ),
+        "root": (
+            NONE,
+            lambda d: _less(
+                d.strength * share, d.plain(low, high), lambda z: z / (1.0 + z * z) ** 0.5
+            ),
+        ),
     }
 
 
@@ -125,8 +150,14 @@ def _less(slope: float, level: float, form: Curve) -> Curve:
 def even(low: float, high: float, at: float) -> Shapes:
     """Alike in both directions."""
     return {
-        "square": (frozenset({"quadratic"}), lambda d: _scaled(d.size(low, high), at, lambda z: z * z)),
-        "rational": (NONE, lambda d: _scaled(d.size(low, high), at, lambda z: 2.0 * z * z / (1.0 + z * z))),
+        "square": (
+            frozenset({"quadratic"}),
+            lambda d: _scaled(d.size(low, high), at, lambda z: z * z),
+        ),
+        "rational": (
+            NONE,
+            lambda d: _scaled(d.size(low, high), at, lambda z: 2.0 * z * z / (1.0 + z * z)),
+        ),
         "power": (NONE, lambda d: _scaled(d.size(low, high), at, lambda z: abs(z) ** 1.5)),
     }
 
@@ -134,15 +165,23 @@ def even(low: float, high: float, at: float) -> Shapes:
 def rising(low: float, high: float, at: float, zero: float = 0.0) -> Shapes:
     """More on one side than on the other."""
     exponential, saturating = frozenset({"exponential"}), frozenset({"saturating"})
-    known = zero == 0.0  # a search knows forms about zero alone, but for those that are the same about any point
+    known = (
+        zero == 0.0
+    )  # a search knows forms about zero alone, but for those that are the same about any point
     return {
         "exponential": (
-            exponential, lambda d: _scaled(d.size(low, high), at, lambda z: exp(min(z, _STEEPEST)) - 1.0, zero)),
+            exponential,
+            lambda d: _scaled(d.size(low, high), at, lambda z: exp(min(z, _STEEPEST)) - 1.0, zero),
+        ),
         "tanh": (
-            saturating if known else NONE, lambda d: _scaled(d.size(low, high), at, lambda z: tanh(1.5 * z), zero)),
+            saturating if known else NONE,
+            lambda d: _scaled(d.size(low, high), at, lambda z: tanh(1.5 * z), zero),
+        ),
         "hinge": (
-            NONE, lambda d: _scaled(d.size(low, high), at, lambda z: curves.softplus(z, 0.15), zero)),
-    }  # fmt: skip
+            NONE,
+            lambda d: _scaled(d.size(low, high), at, lambda z: curves.softplus(z, 0.15), zero),
+        ),
+    }
 
 
 def one_sided(low: float, high: float, at: float) -> Shapes:
@@ -150,18 +189,29 @@ def one_sided(low: float, high: float, at: float) -> Shapes:
     return {
         "modulus": (frozenset({"asymmetric"}), lambda d: _scaled(d.size(low, high), at, abs)),
         "power": (NONE, lambda d: curves.one_way_power(d.size(low, high), at)),
-        "soft": (NONE, lambda d: _scaled(d.size(low, high), at, lambda z: curves.softplus(z, 0.2) - 0.2)),
+        "soft": (
+            NONE,
+            lambda d: _scaled(d.size(low, high), at, lambda z: curves.softplus(z, 0.2) - 0.2),
+        ),
     }
 
 
 def growing(low: float, high: float, at: float) -> Shapes:
     """With what has been counted from zero on."""
     return {
-        "levelling": (frozenset({"saturating"}), lambda d: _scaled(d.size(low, high), at, lambda z: tanh(2.0 * z))),
+        "levelling": (
+            frozenset({"saturating"}),
+            lambda d: _scaled(d.size(low, high), at, lambda z: tanh(2.0 * z)),
+        ),
         "exponential": (
-            frozenset({"exponential"}), lambda d: _scaled(d.size(low, high), at, lambda z: 1.0 - exp(-3.0 * z))),
-        "root": (frozenset({"square_root"}), lambda d: _scaled(d.size(low, high), at, lambda z: abs(z) ** 0.5)),
-    }  # fmt: skip
+            frozenset({"exponential"}),
+            lambda d: _scaled(d.size(low, high), at, lambda z: 1.0 - exp(-3.0 * z)),
+        ),
+        "root": (
+            frozenset({"square_root"}),
+            lambda d: _scaled(d.size(low, high), at, lambda z: abs(z) ** 0.5),
+        ),
+    }
 
 
 def positive(low: float, high: float, at: float) -> Shapes:
@@ -169,9 +219,16 @@ def positive(low: float, high: float, at: float) -> Shapes:
     return {
         "power": (NONE, lambda d: _scaled(d.size(low, high), at, lambda z: abs(z) ** 1.6)),
         "square": (
-            frozenset({"quadratic", "odd_quadratic"}), lambda d: _scaled(d.size(low, high), at, lambda z: z * z)),
-        "bell": (NONE, lambda d: _scaled(d.size(low, high), at, lambda z: 0.5 - 0.5 * cos(2.0 * min(abs(z), 1.57)))),
-    }  # fmt: skip
+            frozenset({"quadratic", "odd_quadratic"}),
+            lambda d: _scaled(d.size(low, high), at, lambda z: z * z),
+        ),
+        "bell": (
+            NONE,
+            lambda d: _scaled(
+                d.size(low, high), at, lambda z: 0.5 - 0.5 * cos(2.0 * min(abs(z), 1.57))
+            ),
+        ),
+    }
 
 
 def _scaled(amount: float, at: float, form: Curve, zero: float = 0.0) -> Curve:
@@ -179,6 +236,18 @@ def _scaled(amount: float, at: float, form: Curve, zero: float = 0.0) -> Curve:
 
 
 __all__ = [
-    "NONE", "STRENGTHS", "Kind", "Maker", "Shapes", "even", "growing", "kinds", "levelling", "odd_bends", "odd_powers",
-    "one_sided", "positive", "rising",
-]  # fmt: skip
+    "NONE",
+    "STRENGTHS",
+    "Kind",
+    "Maker",
+    "Shapes",
+    "even",
+    "growing",
+    "kinds",
+    "levelling",
+    "odd_bends",
+    "odd_powers",
+    "one_sided",
+    "positive",
+    "rising",
+]

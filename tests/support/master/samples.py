@@ -15,9 +15,19 @@ from orchestration.system.model import Connection, Member, Port, System
 from tests.support.hosts import HEADERS, TESTS, compiler
 
 _PARAMETERS = {
-    "tau": 1, "c": 1, "d": 0, "e": 0, "start": 0, "euler": 0, "status": 0, "when": 1e9, "nan": 0, "init": 0, "lag": 0,
+    "tau": 1,
+    "c": 1,
+    "d": 0,
+    "e": 0,
+    "start": 0,
+    "euler": 0,
+    "status": 0,
+    "when": 1e9,
+    "nan": 0,
+    "init": 0,
+    "lag": 0,
     "trace": 0,
-}  # fmt: skip
+}
 
 
 @functools.cache
@@ -25,11 +35,15 @@ def _library() -> bytes:
     with tempfile.TemporaryDirectory(prefix="member_") as folder:
         library = Path(folder, "member.so")
         command = [compiler(), "-std=c99", "-O2", "-fPIC", "-shared", f"-I{HEADERS}"]
-        subprocess.run([*command, str(TESTS / "c" / "member.c"), "-o", str(library), "-lm"], check=True)
+        subprocess.run(
+            [*command, str(TESTS / "c" / "member.c"), "-o", str(library), "-lm"], check=True
+        )
         return library.read_bytes()
 
 
-def build_member(folder: Path, dependencies: bool | None = True, nominal: float = 1.0, **abilities: bool) -> Path:
+def build_member(
+    folder: Path, dependencies: bool | None = True, nominal: float = 1.0, **abilities: bool
+) -> Path:
     """Pack ``member.fmu``.
 
     Parameters
@@ -44,8 +58,16 @@ def build_member(folder: Path, dependencies: bool | None = True, nominal: float 
     """
     can = {"canGetAndSetFMUstate": True, "canHandleVariableCommunicationStepSize": True} | abilities
     attributes = " ".join(f'{name}="{str(value).lower()}"' for name, value in can.items())
-    listed = ["", ""] if dependencies is None else [' dependencies=""', f' dependencies="{1 if dependencies else ""}"']
-    signals = [("u", "input", ""), ("x", "output", ' initial="calculated"'), ("y", "output", ' initial="calculated"')]
+    listed = (
+        ["", ""]
+        if dependencies is None
+        else [' dependencies=""', f' dependencies="{1 if dependencies else ""}"']
+    )
+    signals = [
+        ("u", "input", ""),
+        ("x", "output", ' initial="calculated"'),
+        ("y", "output", ' initial="calculated"'),
+    ]
     variables = [
         f'<ScalarVariable name="{name}" valueReference="{k}" causality="{causality}" variability="continuous"{initial}>'
         f'<Real nominal="{nominal}"{"" if initial else " start=" + chr(34) + "0" + chr(34)}/></ScalarVariable>'
@@ -70,7 +92,10 @@ def build_member(folder: Path, dependencies: bool | None = True, nominal: float 
 
 
 def ring(
-    fmu: Path | Mapping[str, Path], parameters: Mapping[str, Mapping[str, float]], wires: str, **inputs: str
+    fmu: Path | Mapping[str, Path],
+    parameters: Mapping[str, Mapping[str, float]],
+    wires: str,
+    **inputs: str,
 ) -> System:
     """A system of such members.
 
@@ -85,7 +110,10 @@ def ring(
     **inputs : str
         Inputs of the system, and the port each feeds.
     """
-    members = [Member(name, fmu if isinstance(fmu, Path) else fmu[name], own) for name, own in parameters.items()]
+    members = [
+        Member(name, fmu if isinstance(fmu, Path) else fmu[name], own)
+        for name, own in parameters.items()
+    ]
     connections = []
     for wire in filter(None, (part.strip() for part in wires.split(";"))):
         source, target = (end.split() for end in wire.split("->"))

@@ -13,8 +13,14 @@ import fmpy
 from tests.support.hosts import HEADERS, TESTS, compiler
 
 _REALS = (
-    *((name, "output", ' initial="calculated"', "continuous") for name in ("characters", "checksum")),
-    *((name, "output", ' initial="calculated"', "continuous") for name in ("voltage_age", "link_state")),
+    *(
+        (name, "output", ' initial="calculated"', "continuous")
+        for name in ("characters", "checksum")
+    ),
+    *(
+        (name, "output", ' initial="calculated"', "continuous")
+        for name in ("voltage_age", "link_state")
+    ),
     *((name, "parameter", "", "fixed") for name in ("delay", "from", "until", "fails_at")),
 )
 _STARTS = {"fails_at": 1e9}

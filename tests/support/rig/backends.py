@@ -34,8 +34,10 @@ class Logged(Backend):
 
     def __init__(self, log: str = os.devnull, rate: str = "inf") -> None:
         self.limits = {
-            "current": Limit(-1.3, 1.3, float(rate)), "force": Limit(0.0, 3.0), "voltage": Limit(-2.0, 2.0),
-        }  # fmt: skip
+            "current": Limit(-1.3, 1.3, float(rate)),
+            "force": Limit(0.0, 3.0),
+            "voltage": Limit(-2.0, 2.0),
+        }
         self._log = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
         self._commands = {"current": 0.0, "force": 0.0}
         self._note("open")
@@ -44,8 +46,10 @@ class Logged(Backend):
         os.write(self._log, f"{time.monotonic()!r} {os.getpid()} {what}\n".encode())
 
     def read(self) -> Mapping[str, float]:
-        return {"voltage": GAIN["voltage"] * self._commands["current"],
-                "displacement": GAIN["displacement"] * self._commands["force"]}  # fmt: skip
+        return {
+            "voltage": GAIN["voltage"] * self._commands["current"],
+            "displacement": GAIN["displacement"] * self._commands["force"],
+        }
 
     def write(self, values: Mapping[str, float]) -> None:
         self._note(f"write {values['current']!r} {values['force']!r}")
@@ -87,8 +91,16 @@ class Faulty(Logged):
         How often at most, over all processes: the log is counted.
     """
 
-    def __init__(self, log: str, trigger: str, where: str, how: str, times: str = "1000000") -> None:
-        self._trigger, self._where, self._how, self._times, self._path = trigger, where, how, int(times), Path(log)
+    def __init__(
+        self, log: str, trigger: str, where: str, how: str, times: str = "1000000"
+    ) -> None:
+        self._trigger, self._where, self._how, self._times, self._path = (
+            trigger,
+            where,
+            how,
+            int(times),
+            Path(log),
+        )
         super().__init__(log)
         self._fail("open")
 

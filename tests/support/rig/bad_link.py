@@ -109,7 +109,11 @@ class BadLink:
                     heapq.heappush(waiting, (due, next(count), peer, changed, upward, counts))
             while waiting and waiting[0][0] <= time.monotonic():
                 _, _, peer, frame, upward, counts = heapq.heappop(waiting)
-                self._hand_on(backs[peer] if upward else self._front, [frame] if upward else [peer, frame], counts)
+                self._hand_on(
+                    backs[peer] if upward else self._front,
+                    [frame] if upward else [peer, frame],
+                    counts,
+                )
         for back in backs.values():
             back.close(linger=0)
 
@@ -129,7 +133,9 @@ class BadLink:
             session, sequence, values = message["session"], message["sequence"], message["values"]
             new = sequence > self._sequences.get(session, 0)
             new = new and now - message["seen"] <= self._watchdog
-            fits = all(low <= value <= high for value, (low, high) in zip(values, LIMITS, strict=True))
+            fits = all(
+                low <= value <= high for value, (low, high) in zip(values, LIMITS, strict=True)
+            )
         except (ValueError, KeyError, TypeError):
             return False
         if new:

@@ -20,9 +20,25 @@ from nidaqmx.errors import DaqError
 from nidaqmx.utils import unflatten_channel_string
 
 # attributes, by the numbers of the driver's header
-TASK_NAME, READ_CHANNELS, AI_SAMPLE_MODES, RELATIVE_TO, OFFSET, OVERWRITE, EXPIRED, WRITTEN_CHANNELS = (
-    0x1276, 0x217B, 0x2FDC, 0x190A, 0x190B, 0x1211, 0x21A8, 0x217E,
-)  # fmt: skip
+(
+    TASK_NAME,
+    READ_CHANNELS,
+    AI_SAMPLE_MODES,
+    RELATIVE_TO,
+    OFFSET,
+    OVERWRITE,
+    EXPIRED,
+    WRITTEN_CHANNELS,
+) = (
+    0x1276,
+    0x217B,
+    0x2FDC,
+    0x190A,
+    0x190B,
+    0x1211,
+    0x21A8,
+    0x217E,
+)
 
 
 @dataclass
@@ -94,9 +110,14 @@ class Interpreter(BaseInterpreter):
 
     def task_control(self, task, action):
         if self.device.jobs[task].kind == "watchdog" and not self.device.has_watchdog:
-            raise DaqError("Watchdog Timer is not supported on this device.", DAQmxErrors.WATCHDOG_TIMER_NOT_SUPPORTED)
+            raise DaqError(
+                "Watchdog Timer is not supported on this device.",
+                DAQmxErrors.WATCHDOG_TIMER_NOT_SUPPORTED,
+            )
 
-    def create_ai_voltage_chan(self, task, physical_channel, name, terminal_config, low, high, units, scale):
+    def create_ai_voltage_chan(
+        self, task, physical_channel, name, terminal_config, low, high, units, scale
+    ):
         self._fail("create_ai_voltage_chan")
         job = self.device.jobs[task]
         job.kind = "in"
@@ -119,14 +140,18 @@ class Interpreter(BaseInterpreter):
         self._fail("read_analog_f64")
         job = self.device.jobs[task]
         assert job.running
-        if job.rate is not None:  # otherwise old samples would come, and at last the buffer run over
+        if (
+            job.rate is not None
+        ):  # otherwise old samples would come, and at last the buffer run over
             assert job.attributes[RELATIVE_TO] == ReadRelativeTo.MOST_RECENT_SAMPLE.value
             assert job.attributes[OFFSET] == -1
             assert OVERWRITE in job.attributes
         read_array[:] = [self.device.inputs[channel] for channel in job.channels]
         return read_array, 1
 
-    def write_analog_f64(self, task, num_samps_per_chan, auto_start, timeout, data_layout, write_array):
+    def write_analog_f64(
+        self, task, num_samps_per_chan, auto_start, timeout, data_layout, write_array
+    ):
         self._fail("write_analog_f64")
         if self.device._expired:
             raise DaqError("Watchdog expired.", DAQmxErrors.WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED)
@@ -143,7 +168,9 @@ class Interpreter(BaseInterpreter):
         self.device.jobs[handle := next(self._handles)] = Job("watchdog", timeout=timeout)
         return handle, True
 
-    def cfg_watchdog_ao_expir_states(self, task, channel_names, expir_state_array, output_type_array):
+    def cfg_watchdog_ao_expir_states(
+        self, task, channel_names, expir_state_array, output_type_array
+    ):
         names = unflatten_channel_string(channel_names)
         self.device.jobs[task].states = dict(zip(names, expir_state_array.tolist(), strict=True))
 
@@ -151,7 +178,9 @@ class Interpreter(BaseInterpreter):
         if action == WDTTaskAction.CLEAR_EXPIRATION.value:
             self.device._expired = False
         elif self.device._expired:
-            raise DaqError("Cannot reset an expired watchdog.", DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG)
+            raise DaqError(
+                "Cannot reset an expired watchdog.", DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG
+            )
         else:
             self.device.jobs[task].resets += 1
 
@@ -182,7 +211,9 @@ class Interpreter(BaseInterpreter):
 
     def get_device_attribute_int32_array(self, device_name, attribute):
         assert attribute == AI_SAMPLE_MODES
-        return [AcquisitionType.FINITE.value] + [AcquisitionType.CONTINUOUS.value] * self.device.has_clock
+        return [AcquisitionType.FINITE.value] + [
+            AcquisitionType.CONTINUOUS.value
+        ] * self.device.has_clock
 
 
 def _refuses(name: str) -> Callable[..., Any]:
@@ -197,7 +228,9 @@ for _name in sorted(Interpreter.__abstractmethods__):
 Interpreter.__abstractmethods__ = frozenset()
 
 
-def install(monkeypatch: pytest.MonkeyPatch, has_watchdog: bool = False, has_clock: bool = True) -> Device:
+def install(
+    monkeypatch: pytest.MonkeyPatch, has_watchdog: bool = False, has_clock: bool = True
+) -> Device:
     """Put a device in the driver's place."""
     device = Device(has_watchdog, has_clock)
     interpreter = Interpreter(device)

@@ -47,15 +47,23 @@ class Driver:
     """
 
     def __init__(
-        self, endpoint: str, values: Callable[[int], Sequence[float]] = usual, credentials: Path | None = None,
-        reconnect: bool = False, timeout: float = 0.1, client: str = "driver",
-    ) -> None:  # fmt: skip
+        self,
+        endpoint: str,
+        values: Callable[[int], Sequence[float]] = usual,
+        credentials: Path | None = None,
+        reconnect: bool = False,
+        timeout: float = 0.1,
+        client: str = "driver",
+    ) -> None:
         self.values, self._reconnect, self._timeout = values, reconnect, timeout
         self.samples: list[Mapping[str, Any]] = []
         self.errors: list[str] = []
         self.unanswered, self.longest, self.sessions = 0, 0.0, 0
         self._link = Link(endpoint, INPUTS, OUTPUTS, credentials, client)
-        self._ending, self._thread = threading.Event(), threading.Thread(target=self._run, daemon=True)
+        self._ending, self._thread = (
+            threading.Event(),
+            threading.Thread(target=self._run, daemon=True),
+        )
         self._orderly = True
 
     def start(self, exchanges: int = 10, timeout: float = 10.0) -> Driver:
@@ -68,7 +76,9 @@ class Driver:
         """Wait for some more answers."""
         wanted, until = len(self.samples) + exchanges, time.monotonic() + timeout
         while len(self.samples) < wanted:
-            assert time.monotonic() < until, f"{len(self.samples)} of {wanted} answers; {self.errors}"
+            assert time.monotonic() < until, (
+                f"{len(self.samples)} of {wanted} answers; {self.errors}"
+            )
             time.sleep(0.005)
 
     def _run(self) -> None:
@@ -88,7 +98,9 @@ class Driver:
             number, due = 0, time.monotonic()
             while not self._ending.is_set():
                 begun = time.monotonic()
-                sample = self._link.exchange(self.values(number), PERIOD * number, PERIOD, self._timeout)
+                sample = self._link.exchange(
+                    self.values(number), PERIOD * number, PERIOD, self._timeout
+                )
                 self.longest = max(self.longest, time.monotonic() - begun)
                 self.unanswered += sample is None
                 if sample is not None:

@@ -16,7 +16,13 @@ from fmus.rig_proxy.model import RigProxy
 
 DRIVER = Path(__file__).parents[1] / "c" / "proxy_driver.c"
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Wshadow", "-Wpedantic", "-Werror")
-SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
+SANITIZED = (
+    "-g",
+    "-O1",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+    "-fno-omit-frame-pointer",
+)
 HANG = 20.0  # s; the longest timeout in a test is far below
 
 MEASURED = [o.name for o in RigProxy.layout.outputs if f"{o.name}_age" in RigProxy.layout.names]
@@ -70,7 +76,11 @@ class NativeEngine:
         self._outputs = [o.name for o in RigProxy.layout.outputs]
         environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1:abort_on_error=0"}
         self._process = subprocess.Popen(
-            [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+            [program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=environment,
         )
         assert self.call("create").ok
 
@@ -93,13 +103,20 @@ class NativeEngine:
 
     def _died(self) -> str:
         _, report = self._process.communicate(timeout=HANG)
-        raise AssertionError(f"the engine ended with {self._process.returncode}\n{report.decode(errors='replace')}")
+        raise AssertionError(
+            f"the engine ended with {self._process.returncode}\n{report.decode(errors='replace')}"
+        )
 
     def call(self, *words: Any) -> Answer:
         """Call a function of the engine."""
         status, message, seconds, outputs = self.line(*words).split("\t")
         values = map(float.fromhex, outputs.split(" "))
-        return Answer(status == "ok", message, float.fromhex(seconds), dict(zip(self._outputs, values, strict=True)))
+        return Answer(
+            status == "ok",
+            message,
+            float.fromhex(seconds),
+            dict(zip(self._outputs, values, strict=True)),
+        )
 
     def set(self, **values: Any) -> None:
         """Give values to inputs and parameters, texts among them."""

@@ -47,26 +47,44 @@ class Server:
     """
 
     def __init__(
-        self, folder: Path, backend: str = "Logged", *arguments: object, options: dict[str, object] | None = None,
-        environment: dict[str, str] | None = None, stdout: int = subprocess.PIPE,
-    ) -> None:  # fmt: skip
+        self,
+        folder: Path,
+        backend: str = "Logged",
+        *arguments: object,
+        options: dict[str, object] | None = None,
+        environment: dict[str, str] | None = None,
+        stdout: int = subprocess.PIPE,
+    ) -> None:
         self.trigger, self._calls = folder / "trigger", folder / "calls.log"
         spec, given = backend, options or {}
         if backend[0].isupper():
             spec, given = f"{BACKENDS}:{backend}", {"log": self._calls, **given}
         command = [
-            sys.executable, "-m", "orchestration.cli", "rig", "serve", "--backend", spec,
-            *(text for key, value in given.items() for text in ("--option", f"{key}={value}")), *map(str, arguments),
-        ]  # fmt: skip
+            sys.executable,
+            "-m",
+            "orchestration.cli",
+            "rig",
+            "serve",
+            "--backend",
+            spec,
+            *(text for key, value in given.items() for text in ("--option", f"{key}={value}")),
+            *map(str, arguments),
+        ]
         self._log = None if stdout == subprocess.PIPE else folder / "server.log"
         if self._log is not None:
             command += ["--log", str(self._log)]
         if not {"--port", "--endpoint"} & set(command):
             command += ["--port", "0"]
         self.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.PIPE, text=True,
-            encoding="utf-8", cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
-        )  # fmt: skip
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=stdout,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
+        )
         self.lines: list[str] = []
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -101,7 +119,9 @@ class Server:
         for line in self.lines:
             if part in line:
                 return line
-        raise AssertionError(f"no line with {part!r} in {timeout:g} s; there were:\n" + "\n".join(self.lines))
+        raise AssertionError(
+            f"no line with {part!r} in {timeout:g} s; there were:\n" + "\n".join(self.lines)
+        )
 
     def calls(self) -> list[Call]:
         """What the backend was told so far."""

@@ -12,23 +12,31 @@ from tests.contract.raw import OK, Instance, references
 from tests.support.rig.small_rig import INPUTS, SmallRig
 
 OUTPUTS = {
-    "voltage": "V", "displacement": "m", "electrochemical_displacement": "m", "mechanical_displacement": "m",
+    "voltage": "V",
+    "displacement": "m",
+    "electrochemical_displacement": "m",
+    "mechanical_displacement": "m",
     "charge": "C",
-}  # fmt: skip
+}
 
 
 def plant(inputs: Mapping[str, float], now: float) -> dict[str, float]:
     """An actuator that answers at once; its charge shows when the sample was taken."""
     strain, load = 2e-5 * inputs["current"], 1e-4 * inputs["force"]
     return {
-        "voltage": 0.6 * inputs["current"], "displacement": strain + load, "electrochemical_displacement": strain,
-        "mechanical_displacement": load, "charge": now,
-    }  # fmt: skip
+        "voltage": 0.6 * inputs["current"],
+        "displacement": strain + load,
+        "electrochemical_displacement": strain,
+        "mechanical_displacement": load,
+        "charge": now,
+    }
 
 
 def actuator_rig(**about: Any) -> SmallRig:
     """A rig that rig_proxy fits to."""
-    return SmallRig(**({"plant": plant, "inputs": INPUTS, "outputs": OUTPUTS, "limits": {}} | about))
+    return SmallRig(
+        **({"plant": plant, "inputs": INPUTS, "outputs": OUTPUTS, "limits": {}} | about)
+    )
 
 
 def set_text(one: Instance, name: str, text: str | bytes | None) -> int:
@@ -45,7 +53,9 @@ def get_text(one: Instance, name: str) -> str:
     return (cell[0] or b"").decode()
 
 
-def connected(one: Instance, rig: SmallRig, values: Mapping[str, float] | None = None, **texts: str) -> Instance:
+def connected(
+    one: Instance, rig: SmallRig, values: Mapping[str, float] | None = None, **texts: str
+) -> Instance:
     """Initialize an instance at a rig."""
     for name, text in ({"endpoint": rig.endpoint} | texts).items():
         assert set_text(one, name, text) == OK, one.messages

@@ -15,7 +15,9 @@ from contextlib import contextmanager, suppress
 def listening(behave: Callable[[socket.socket], None], port: int = 0) -> Iterator[str]:
     """Listen on TCP and do something to every connection, in threads; gives the endpoint."""
     listener = socket.create_server(("127.0.0.1", port))
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # soon full, where a test stops reading
+    listener.setsockopt(
+        socket.SOL_SOCKET, socket.SO_RCVBUF, 4096
+    )  # soon full, where a test stops reading
     listener.settimeout(0.02)
     over = threading.Event()
     threads: list[threading.Thread] = []
@@ -54,7 +56,9 @@ def listening(behave: Callable[[socket.socket], None], port: int = 0) -> Iterato
         listener.close()
 
 
-def relay(endpoint: str, spoil: Callable[[socket.socket, bytes], None]) -> Callable[[socket.socket], None]:
+def relay(
+    endpoint: str, spoil: Callable[[socket.socket, bytes], None]
+) -> Callable[[socket.socket], None]:
     """Pass bytes on to a server unchanged, and let `spoil` send those that come back; for `listening`.
 
     `spoil` raises `OSError` in order to hang up.
@@ -66,7 +70,10 @@ def relay(endpoint: str, spoil: Callable[[socket.socket, bytes], None]) -> Calla
             server.settimeout(0.002)
             client.settimeout(0.002)
             while True:
-                for source, send in ((client, server.sendall), (server, lambda data: spoil(client, data))):
+                for source, send in (
+                    (client, server.sendall),
+                    (server, lambda data: spoil(client, data)),
+                ):
                     try:
                         data = source.recv(65536)
                     except TimeoutError:

@@ -37,7 +37,9 @@ class ScriptedRig:
         self.sessions = 0
         self.integral, self.newest = 0.0, 0.0
         self.answer: Callable[[Message], list[Reply]] = self.replies
-        self.exchanged: Callable[[Message], list[Reply]] = lambda request: [(0.0, self.sample(request))]
+        self.exchanged: Callable[[Message], list[Reply]] = lambda request: [
+            (0.0, self.sample(request))
+        ]
 
     def replies(self, request: Message) -> list[Reply]:
         """Answer as the protocol wants it."""
@@ -60,10 +62,15 @@ class ScriptedRig:
     def accepted(self, **changes: Any) -> Message:
         """Accept a session."""
         fields = {
-            "session": self.session, "clock": time.monotonic() + 1000.0, "mode": self.mode, "period": 0.01,
-            "watchdog": self.watchdog, "limits": {"current": {"min": -1.0, "max": 1.0, "rate": None}},
-            "values": [0.0] * self.outputs, "ages": [0.001] * self.outputs,
-        }  # fmt: skip
+            "session": self.session,
+            "clock": time.monotonic() + 1000.0,
+            "mode": self.mode,
+            "period": 0.01,
+            "watchdog": self.watchdog,
+            "limits": {"current": {"min": -1.0, "max": 1.0, "rate": None}},
+            "values": [0.0] * self.outputs,
+            "ages": [0.001] * self.outputs,
+        }
         return message("accepted", **(fields | changes))
 
     def sample(self, request: Message, **changes: Any) -> Message:
@@ -72,10 +79,16 @@ class ScriptedRig:
         self.integral += request["step"] * self.newest
         value = self.integral if self.mode == "lockstep" else self.newest
         fields = {
-            "session": request["session"], "sequence": request["sequence"], "sent": request["sent"],
-            "clock": time.monotonic() + 1000.0, "values": [value] * self.outputs, "ages": [0.001] * self.outputs,
-            "state": "running", "reason": "", "refused": [],
-        }  # fmt: skip
+            "session": request["session"],
+            "sequence": request["sequence"],
+            "sent": request["sent"],
+            "clock": time.monotonic() + 1000.0,
+            "values": [value] * self.outputs,
+            "ages": [0.001] * self.outputs,
+            "state": "running",
+            "reason": "",
+            "refused": [],
+        }
         return message("sample", **(fields | changes))
 
     def exchanges(self) -> list[Message]:

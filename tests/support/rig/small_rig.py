@@ -33,7 +33,10 @@ LIMITS = {
 
 def gains(inputs: Mapping[str, float], now: float) -> dict[str, float]:
     """Outputs that follow at once: whoever pairs an input with the output of another moment is found out."""
-    return {"voltage": 0.6 * inputs["current"], "displacement": 1e-4 * inputs["force"] - 2e-5 * inputs["current"]}
+    return {
+        "voltage": 0.6 * inputs["current"],
+        "displacement": 1e-4 * inputs["force"] - 2e-5 * inputs["current"],
+    }
 
 
 def free_port() -> int:
@@ -136,7 +139,11 @@ class SmallRig:
         context.destroy(linger=0)
 
     def _sample(self, publisher: Any, now: float) -> None:
-        if self.state == "running" and now - self._fresh > self.watchdog and self.mode == "real-time":
+        if (
+            self.state == "running"
+            and now - self._fresh > self.watchdog
+            and self.mode == "real-time"
+        ):
             self.safe(f"no command for {self.watchdog:g} s")
         if not self.applied or self.applied[-1][1] != self._commands:
             self.applied.append((now, dict(self._commands)))
@@ -147,11 +154,18 @@ class SmallRig:
 
     def _publish(self, publisher: Any, now: float) -> None:
         message = {
-            "ppy": 1, "type": "telemetry", "clock": now, "state": self.state, "reason": self.reason,
-            "client": self.client, "inputs": self._commands, "outputs": self._values,
-            "ages": dict.fromkeys(self.outputs, now - self._measured), "command_age": now - self._fresh,
+            "ppy": 1,
+            "type": "telemetry",
+            "clock": now,
+            "state": self.state,
+            "reason": self.reason,
+            "client": self.client,
+            "inputs": self._commands,
+            "outputs": self._values,
+            "ages": dict.fromkeys(self.outputs, now - self._measured),
+            "command_age": now - self._fresh,
             "refused": [],
-        }  # fmt: skip
+        }
         publisher.send(json.dumps(message).encode())
 
     def _answer(self, router: Any, frames: list[bytes]) -> None:
@@ -162,7 +176,12 @@ class SmallRig:
             router.send_multipart([frames[0], json.dumps({"ppy": 1, **reply}).encode()])
 
     def _about(self) -> dict[str, Any]:
-        return {"mode": self.mode, "period": self.period, "watchdog": self.watchdog, "limits": self.limits}
+        return {
+            "mode": self.mode,
+            "period": self.period,
+            "watchdog": self.watchdog,
+            "limits": self.limits,
+        }
 
     def _newest(self, now: float) -> dict[str, Any]:
         names = self._order[1]
@@ -175,11 +194,18 @@ class SmallRig:
         wanted = (message["inputs"], message["outputs"])
         if self.state != "idle":
             return {"type": "refused", "reason": f"the rig is {self.state}: {self.reason}"}
-        if wanted[0] != dict(self.inputs) or any(self.outputs.get(n) != u for n, u in wanted[1].items()):
+        if wanted[0] != dict(self.inputs) or any(
+            self.outputs.get(n) != u for n, u in wanted[1].items()
+        ):
             return {"type": "refused", "reason": "other signals or units"}
         self._order = (list(wanted[0]), list(wanted[1]))
         now = self._fresh = time.monotonic()
-        self.state, self.client, self.session, self._last = "running", message["client"], f"{now:.6f}", 0
+        self.state, self.client, self.session, self._last = (
+            "running",
+            message["client"],
+            f"{now:.6f}",
+            0,
+        )
         return {"type": "accepted", "session": self.session, **self._about(), **self._newest(now)}
 
     def _exchange(self, message: dict[str, Any]) -> dict[str, Any] | None:
@@ -200,9 +226,15 @@ class SmallRig:
                 else:
                     self._commands = {**self._commands, name: value}
         return {
-            "type": "sample", "session": self.session, "sequence": self._last, "sent": message["sent"],
-            "state": self.state, "reason": self.reason, "refused": refused, **self._newest(now),
-        }  # fmt: skip
+            "type": "sample",
+            "session": self.session,
+            "sequence": self._last,
+            "sent": message["sent"],
+            "state": self.state,
+            "reason": self.reason,
+            "refused": refused,
+            **self._newest(now),
+        }
 
     def _disconnect(self, message: dict[str, Any]) -> dict[str, Any]:
         if message["session"] == self.session:
@@ -221,10 +253,16 @@ class SmallRig:
 
     def _status(self, message: dict[str, Any]) -> dict[str, Any]:
         return {
-            "type": "status", "state": self.state, "reason": self.reason, "clock": time.monotonic(),
-            "client": self.client, "inputs": self.inputs, "outputs": self.outputs, **self._about(),
+            "type": "status",
+            "state": self.state,
+            "reason": self.reason,
+            "clock": time.monotonic(),
+            "client": self.client,
+            "inputs": self.inputs,
+            "outputs": self.outputs,
+            **self._about(),
             "counts": {"malformed": 0, "late": 0, "repeated": 0},
-        }  # fmt: skip
+        }
 
 
 class _Allowed:
@@ -238,7 +276,13 @@ class _Allowed:
 @contextmanager
 def small_rig_process(port: int, keys: Path | None = None) -> Iterator[subprocess.Popen[str]]:
     """Serve in a process of its own, for a test to kill."""
-    command = [sys.executable, "-m", "tests.support.rig.small_rig", str(port), *([str(keys)] if keys else [])]
+    command = [
+        sys.executable,
+        "-m",
+        "tests.support.rig.small_rig",
+        str(port),
+        *([str(keys)] if keys else []),
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

@@ -5,7 +5,9 @@ import zipfile
 DESCRIPTION = "SystemStructure.ssd"
 BINDINGS = "<ssd:ParameterBindings>{}</ssd:ParameterBindings>"
 SET = '<ssv:ParameterSet version="1.0" name="s"><ssv:Parameters>{}</ssv:Parameters></ssv:ParameterSet>'
-INLINE = f"<ssd:ParameterBinding><ssd:ParameterValues>{SET}</ssd:ParameterValues></ssd:ParameterBinding>"
+INLINE = (
+    f"<ssd:ParameterBinding><ssd:ParameterValues>{SET}</ssd:ParameterValues></ssd:ParameterBinding>"
+)
 NAMESPACES = (
     'xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription" '
     'xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" '

@@ -29,7 +29,9 @@ from tests.support.hosts import (
 Values = Mapping[str, float]
 
 
-def run_fmpy_ssp(path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]) -> Result:
+def run_fmpy_ssp(
+    path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]
+) -> Result:
     """Run a system in fmpy.ssp.
 
     Parameters
@@ -63,11 +65,15 @@ def run_fmpy_ssp(path: Path, step: float, count: int, inputs: Values, signals: S
                     found.append(Parameter(name=f"{component.name}.{p.name}", value=number))
     found += [Parameter(name=name, value=value) for name, value in inputs.items()]
     stop = (count - 0.5) * step
-    table = simulate_ssp(str(path), stop_time=stop, step_size=step, parameter_set=ParameterSet(parameters=found))
+    table = simulate_ssp(
+        str(path), stop_time=stop, step_size=step, parameter_set=ParameterSet(parameters=found)
+    )
     return {name: np.array(table[name]) for name in signals}
 
 
-def run_own_ssp(path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]) -> Result:
+def run_own_ssp(
+    path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]
+) -> Result:
     """Run a system in our master, as the others do it; arguments and result are those of `run_fmpy_ssp`."""
     from orchestration import master
     from orchestration.system import ssp
@@ -79,12 +85,16 @@ def run_own_ssp(path: Path, step: float, count: int, inputs: Values, signals: Se
     return {name: found.signals[name][1:] for name in signals}
 
 
-def run_libcosim_ssp(path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]) -> Result:
+def run_libcosim_ssp(
+    path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]
+) -> Result:
     """Run a system in libcosim; arguments and result are those of `run_fmpy_ssp`."""
     if importlib.util.find_spec("libcosimpy") is None:
         pytest.skip("libcosimpy is not installed")
     references = _references(path)
-    finished = finish_in_subprocess(_libcosim, str(path), step, count, dict(inputs), list(signals), references)
+    finished = finish_in_subprocess(
+        _libcosim, str(path), step, count, dict(inputs), list(signals), references
+    )
     if finished.returncode != 0:
         raise HostError("libcosim", finished.returncode, finished.output)
     return finished.result
@@ -103,7 +113,12 @@ def _references(path: Path) -> dict[str, int]:
 
 
 def _libcosim(
-    path: str, step: float, count: int, inputs: Values, signals: list[str], references: dict[str, int]
+    path: str,
+    step: float,
+    count: int,
+    inputs: Values,
+    signals: list[str],
+    references: dict[str, int],
 ) -> Result:
     from libcosimpy import _internal  # type: ignore[import-untyped]
     from libcosimpy.CosimExecution import CosimExecution  # type: ignore[import-untyped]
@@ -127,25 +142,36 @@ def _libcosim(
         if not execution.step():
             raise RuntimeError(_internal.get_last_error_message())
         for name in signals:
-            (table[name][k],) = observer.last_real_values(index[name.split(".")[0]], [references[name]])
+            (table[name][k],) = observer.last_real_values(
+                index[name.split(".")[0]], [references[name]]
+            )
     return table
 
 
 def run_ecos_ssp(
-    path: Path, step: float, count: int, inputs: Values, signals: Sequence[str], parameters: str | None = "start"
+    path: Path,
+    step: float,
+    count: int,
+    inputs: Values,
+    signals: Sequence[str],
+    parameters: str | None = "start",
 ) -> Result:
     """Run a system in Ecos; arguments and result are those of `run_fmpy_ssp`, and the name of the parameter sets."""
     if importlib.util.find_spec("ecospy") is None:
         pytest.skip("ecospy is not installed")
     if os.name != "nt" and not _installed("tbb"):
         pytest.skip("ecospy needs the package tbb")
-    finished = finish_in_subprocess(_ecos, str(path), step, count, dict(inputs), list(signals), parameters)
+    finished = finish_in_subprocess(
+        _ecos, str(path), step, count, dict(inputs), list(signals), parameters
+    )
     if finished.returncode != 0 or ECOS_COMPLAINT.search(finished.output):
         raise HostError("Ecos", finished.returncode, finished.output)
     return finished.result
 
 
-def _ecos(path: str, step: float, count: int, inputs: Values, signals: list[str], parameters: str | None) -> Result:
+def _ecos(
+    path: str, step: float, count: int, inputs: Values, signals: list[str], parameters: str | None
+) -> Result:
     preload_tbb()
     from ecospy import EcosLib, EcosSimulation  # type: ignore[import-untyped]
 

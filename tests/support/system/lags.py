@@ -18,9 +18,12 @@ def lags(folder, gain=1.0, **taus):
     """A lag that feeds a lag, and the record of it in closed form, the second read by a sensor that is not straight."""
     fmu = build_one_state_fmu(folder)
     system = System(
-        "lags", (Member("a", fmu), Member("b", fmu, {"tau": 3.0})),
-        (Connection(Port("a", "x"), Port("b", "u"), factor=2.0, offset=0.5),), {"drive": (Port("a", "u"),)}, step=STEP,
-    )  # fmt: skip
+        "lags",
+        (Member("a", fmu), Member("b", fmu, {"tau": 3.0})),
+        (Connection(Port("a", "x"), Port("b", "u"), factor=2.0, offset=0.5),),
+        {"drive": (Port("a", "u"),)},
+        step=STEP,
+    )
     ssp.write(system, folder / "system.ssp")
     fine = 20  # parts of a sample
     time = STEP / fine * np.arange(SAMPLES * fine)
@@ -34,6 +37,9 @@ def lags(folder, gain=1.0, **taus):
     second = lagged(2.0 * first + 0.5, taus.get("b", 3.0))
     random = np.random.default_rng(1)
     record = {"drive": drive, "a.x": first, "b.x": second + gain * second * (second - 1.25)}
-    record = {n: v[::fine] + 0.003 * (n != "drive") * random.standard_normal(SAMPLES) for n, v in record.items()}
+    record = {
+        n: v[::fine] + 0.003 * (n != "drive") * random.standard_normal(SAMPLES)
+        for n, v in record.items()
+    }
     write_record(folder / "record.csv", time[::fine], record, dict.fromkeys(record, "1"))
     return system

@@ -34,7 +34,9 @@ def tiny_fmu(path: Path, *variables: str) -> Path:
     lines = "\n".join(variable(k, text) for k, text in enumerate(variables))
     path.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", DESCRIPTION.format(name=path.stem, variables=lines))
+        archive.writestr(
+            "modelDescription.xml", DESCRIPTION.format(name=path.stem, variables=lines)
+        )
     return path
 
 
@@ -42,15 +44,29 @@ def pair(folder: Path) -> tuple[Member, Member]:
     """Two members: ``drive`` gives, ``load`` takes, in all types and some units."""
     drive = tiny_fmu(
         folder / "drive.fmu",
-        "input command Real A", "output force Real N", "output reading Real mN", "output way Real m",
-        "output heat Real degC", "output odd Real furlongish", "output count Integer", "output ready Boolean",
-        "parameter gain Real N/A", "parameter steps Integer", "parameter armed Boolean",
-    )  # fmt: skip
+        "input command Real A",
+        "output force Real N",
+        "output reading Real mN",
+        "output way Real m",
+        "output heat Real degC",
+        "output odd Real furlongish",
+        "output count Integer",
+        "output ready Boolean",
+        "parameter gain Real N/A",
+        "parameter steps Integer",
+        "parameter armed Boolean",
+    )
     load = tiny_fmu(
         folder / "load.fmu",
-        "input force Real N", "input level Integer", "input hold Boolean", "input length Real mm", "input warm Real K",
-        "output tension Real N", "parameter mass Real kg", "input odd Real furlongish",
-    )  # fmt: skip
+        "input force Real N",
+        "input level Integer",
+        "input hold Boolean",
+        "input length Real mm",
+        "input warm Real K",
+        "output tension Real N",
+        "parameter mass Real kg",
+        "input odd Real furlongish",
+    )
     return Member("drive", drive), Member(
         "load", load, {"level": 2.0, "hold": 1.0, "length": 0.5, "warm": 3.0, "odd": 1.0}
     )

@@ -52,20 +52,26 @@ def test_row_40_the_flow_pulls_the_slope(figure, frequency):
         assert along.holds
     assert free < ALPHA < forced
     if frequency == 0.2:
-        given = re.search(r"slope of (\S+) mm/C and the one through zero (\S+) mm/C", row(40).holds).groups()
+        given = re.search(
+            r"slope of (\S+) mm/C and the one through zero (\S+) mm/C", row(40).holds
+        ).groups()
         assert [float(g) for g in given] == pytest.approx([free, forced], abs=4e-4)
         assert f"{FLOW * 1e3:.2f} µm/s for ever, {FLOW * 5e3:.1f} µm in a cycle" in row(40).holds
         assert f"whose stroke is {1e3 * ALPHA * np.ptp(q[-50:]):.0f} µm" in row(40).holds
 
 
 def test_the_speed_of_what_is_called_steady():
-    assert claim("speed of the mechanical displacement in its steady state").reproduced == pytest.approx(1e3 * FLOW)
+    assert claim(
+        "speed of the mechanical displacement in its steady state"
+    ).reproduced == pytest.approx(1e3 * FLOW)
 
 
 @pytest.mark.parametrize(("frequency", "where"), [(0.2, "0.2"), (0.1, "0.1")])
 def test_row_41_a_lag_encloses_what_its_equations_enclose(frequency, where):
     """Charge, lag and saturation integrated by scipy, and the area over the last cycle by trapezia."""
-    stages = charge_displacement.LAG + 0.05  # s: the lag itself, and the short one beside which it stands
+    stages = (
+        charge_displacement.LAG + 0.05
+    )  # s: the lag itself, and the short one beside which it stands
 
     def rates(t, y):
         current = 0.9 * (1 if (t * frequency) % 1 < 0.5 else -1)
@@ -83,8 +89,12 @@ def test_row_41_a_lag_encloses_what_its_equations_enclose(frequency, where):
         chord = 0.5 * (q[cycle][-1] + q[cycle][0]) * (x[cycle][0] - x[cycle][-1])
         areas.append(np.trapezoid(q[cycle], x[cycle]) + chord)
     found = 1e3 * charge_displacement.read(frequency, lagging=True, drift=True).area.value
-    assert found == pytest.approx(np.mean(areas), rel=0.05)  # the flow is estimated, and there is noise
-    assert float(re.search(rf"(\d\.\d+) mm·C at {where} Hz", row(41).holds)[1]) == pytest.approx(found, abs=6e-4)
+    assert found == pytest.approx(
+        np.mean(areas), rel=0.05
+    )  # the flow is estimated, and there is noise
+    assert float(re.search(rf"(\d\.\d+) mm·C at {where} Hz", row(41).holds)[1]) == pytest.approx(
+        found, abs=6e-4
+    )
 
 
 def test_row_41_a_line_encloses_nothing():

@@ -29,9 +29,13 @@ def chain(parameters, period):
         start, force = n * period / 2, force_at(n * period / 2, period)
         inside = np.arange(start, start + period / 2 - 0.5)
         run = solve_ivp(
-            lambda _, x, f=force: [f / b1, (f - k2 * x[1]) / b2], (start, start + period / 2), state,
-            t_eval=[*inside, start + period / 2], rtol=1e-10, atol=1e-15,
-        ).y.T  # fmt: skip
+            lambda _, x, f=force: [f / b1, (f - k2 * x[1]) / b2],
+            (start, start + period / 2),
+            state,
+            t_eval=[*inside, start + period / 2],
+            rtol=1e-10,
+            atol=1e-15,
+        ).y.T
         state = run[-1]
         times += list(inside)
         forces += [force] * inside.size
@@ -47,19 +51,29 @@ def test_row_38_a_maxwell_model_of_actuator_114_is_that_of_fig_5_7(period):
         total = force / parameters[0] + dashpot + kelvin
         impulse = np.array([sum(force[:n]) for n in range(time.size)])
         k, b = least_squares(
-            lambda x, f=force, i=impulse, t=total: 1e4 * (f / (1e4 * x[0]) + i / (1e6 * x[1]) - t), [0.9, 1.7]
-        ).x * (1e4, 1e6)  # fmt: skip
+            lambda x, f=force, i=impulse, t=total: 1e4 * (f / (1e4 * x[0]) + i / (1e6 * x[1]) - t),
+            [0.9, 1.7],
+        ).x * (1e4, 1e6)
         found[name] = k, b
     if period == 40.0:
         short = float(re.search(r"\((\S+) N·s/m every 40 s\)", row(38).holds)[1])
         assert short == pytest.approx(found["114"][1], rel=5e-3)
         return
-    assert claim("k of a Maxwell model of actuator 114").reproduced == pytest.approx(found["114"][0], rel=2e-3)
-    assert claim("b of a Maxwell model of actuator 114").reproduced == pytest.approx(found["114"][1], rel=2e-3)
+    assert claim("k of a Maxwell model of actuator 114").reproduced == pytest.approx(
+        found["114"][0], rel=2e-3
+    )
+    assert claim("b of a Maxwell model of actuator 114").reproduced == pytest.approx(
+        found["114"][1], rel=2e-3
+    )
     # the printed 9100 N/m and 1.7e6 N s/m are those of the one chain and not of the other
     for printed, k_or_b in ((9100.0, 0), (1.7e6, 1)):
-        assert abs(found["114"][k_or_b] / printed - 1) < 0.1 < abs(found["106"][k_or_b] / printed - 1)
-    k, b = map(float, re.search(r"one of the chain of fig. 3-9 (\S+) N/m and (\S+) N", row(38).holds).groups())
+        assert (
+            abs(found["114"][k_or_b] / printed - 1) < 0.1 < abs(found["106"][k_or_b] / printed - 1)
+        )
+    k, b = map(
+        float,
+        re.search(r"one of the chain of fig. 3-9 (\S+) N/m and (\S+) N", row(38).holds).groups(),
+    )
     assert (k, b) == pytest.approx(found["106"], rel=5e-3)
 
 
@@ -92,7 +106,9 @@ def test_a_fit_by_scipy_ends_where_ours_ends(record):
             total += np.where(time >= at, change * rise, 0.0)
         return total
 
-    best = least_squares(lambda x: (simulated(x) - displacement) / 3e-6, np.ones(4), xtol=1e-12, ftol=1e-12)
+    best = least_squares(
+        lambda x: (simulated(x) - displacement) / 3e-6, np.ones(4), xtol=1e-12, ftol=1e-12
+    )
     spread = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
     found = creep.fits()[record]
     values = np.array([found.values[n] for n in ("k1", "b1", "k2", "b2")]) / FIG_3_9
@@ -121,4 +137,6 @@ def test_row_39_eq_3_3_takes_creep_for_flow():
 
 def test_a_load_that_is_held_gives_what_is_printed():
     for name, printed in zip(("k1", "b1", "k2", "b2"), FIG_3_9, strict=True):
-        assert claim(f"{name} of 2.75 N held for 40 min").reproduced == pytest.approx(printed, rel=0.03)
+        assert claim(f"{name} of 2.75 N held for 40 min").reproduced == pytest.approx(
+            printed, rel=0.03
+        )

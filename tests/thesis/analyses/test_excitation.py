@@ -51,5 +51,8 @@ def test_the_stimuli_are_those_of_the_experiment():
     assert tuple(level.value for level in inputs["force"].levels) == excitation.LEVELS
     assert tuple(inputs["force"].dwell) == excitation.DWELL
     assert (inputs["current"].amplitude.value, inputs["current"].frequency) == (0.9, 0.1)
-    assert (read("fig_3_12").duration, read("fig_3_12").step) == (excitation.DURATION, excitation.PERIOD)
+    assert (read("fig_3_12").duration, read("fig_3_12").step) == (
+        excitation.DURATION,
+        excitation.PERIOD,
+    )
     assert np.abs(excitation.square(0.1)).max() == pytest.approx(0.9)

@@ -31,7 +31,9 @@ def limited(seconds, limit):
     for start in np.arange(0, seconds, 5.0):
         inside = times[(times > start - 1e-9) & (times < start + 5 - 1e-9)]
         span = (start, start + 5 - 1e-9)
-        run = solve_ivp(rate, span, q, t_eval=np.maximum([*inside, span[1]], start), max_step=2e-3, rtol=1e-8)
+        run = solve_ivp(
+            rate, span, q, t_eval=np.maximum([*inside, span[1]], start), max_step=2e-3, rtol=1e-8
+        )
         charge += list(run.y[0][:-1])
         q = run.y[:, -1]
     charge = np.array(charge)
@@ -64,7 +66,11 @@ def test_row_42_the_square_wave_takes_more_than_there_is():
 def tustin(theta):
     """The conversion as the M-file has it."""
     a, bo, b1 = theta
-    return -(bo + b1) * (bo - b1) / (2 * (a * bo - b1)), (bo + b1) / (1 + a), -(a * bo - b1) * TS / (bo + b1) ** 2
+    return (
+        -(bo + b1) * (bo - b1) / (2 * (a * bo - b1)),
+        (bo + b1) / (1 + a),
+        -(a * bo - b1) * TS / (bo + b1) ** 2,
+    )
 
 
 def impedance(circuit):
@@ -87,7 +93,9 @@ def test_recursive_estimates_are_those_of_the_printed_loop():
     assert found.circuit == pytest.approx(expected, rel=1e-6)
     assert found.impedance == pytest.approx([impedance(c) for c in expected], rel=1e-6)
     for name, column in zip(("R1", "R2", "C"), expected.T, strict=True):
-        assert claim(f"{name} by RLS at 15 Hz, median").reproduced == pytest.approx(np.median(column), rel=1e-6)
+        assert claim(f"{name} by RLS at 15 Hz, median").reproduced == pytest.approx(
+            np.median(column), rel=1e-6
+        )
 
 
 def test_batch_estimates_are_those_of_numpy():
@@ -101,7 +109,9 @@ def test_batch_estimates_are_those_of_numpy():
     assert found.circuit == pytest.approx(np.array(expected), rel=1e-6)
     assert found.time == pytest.approx(np.arange(30, 161, 10))
     median = np.median([impedance(c) for c in expected])
-    assert claim("impedance at 0.1 Hz by LS at 15 Hz, median").reproduced == pytest.approx(median, rel=1e-6)
+    assert claim("impedance at 0.1 Hz by LS at 15 Hz, median").reproduced == pytest.approx(
+        median, rel=1e-6
+    )
     assert median == pytest.approx(impedance((R1, R2, C)), rel=0.01)
 
 
@@ -112,7 +122,9 @@ def test_a_held_voltage_makes_other_coefficients_than_tustin():
     # q(t) = left q + (1 - left) C v; i = g v - q / (R1 C): v(t) by i(t), i(t-1), v(t-1)
     theta = (-(left + (1 - left) / (R1 * g)), 1 / g, -left / g)
     for name, value in zip(("R1", "R2", "C"), tustin(theta), strict=True):
-        assert claim(f"{name} of table 3-1 from held voltage at 15 Hz").reproduced == pytest.approx(value, rel=1e-6)
+        assert claim(f"{name} of table 3-1 from held voltage at 15 Hz").reproduced == pytest.approx(
+            value, rel=1e-6
+        )
 
 
 def test_row_43_the_axes_are_those_of_another_actuator():

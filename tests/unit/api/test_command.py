@@ -15,9 +15,14 @@ from tests.support.diagnosis import SHORT
 from tests.support.pace import slow_but
 
 OPTIONS = {
-    "effects": [], "hold": ["k2"], "each": ["R1"], "interpolate": False, "time": 30.0, "settings": {"k2": "9000[N/m]"},
+    "effects": [],
+    "hold": ["k2"],
+    "each": ["R1"],
+    "interpolate": False,
+    "time": 30.0,
+    "settings": {"k2": "9000[N/m]"},
     "laws": False,
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +54,9 @@ def test_the_command_of_a_report_asks_for_the_same(files, held, monkeypatch):
         main()
     records, options = told
     assert [r.source.name for r in records] == [r.source.name for r in result.records]
-    assert [r.source.name for r in options["holdout"]] == [r.source.name for r in result.details.holdouts]
+    assert [r.source.name for r in options["holdout"]] == [
+        r.source.name for r in result.details.holdouts
+    ]
     assert str(options["compare"]) == "c.csv"
     for name, value in OPTIONS.items():
         assert options[name] == value, name

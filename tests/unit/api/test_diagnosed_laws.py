@@ -50,7 +50,11 @@ def test_a_law_that_lacks_something_is_a_cause(result):
     assert result.sentence.startswith("friction depends on omega beyond what the model has: ")
     assert "friction(omega) (confirmed on the held-out third)" in result.sentence
     (cause,) = result.to_dict()["causes"]
-    assert (cause["effect"], cause["law"], cause["signal"]) == ("friction(omega)", "friction", "omega")
+    assert (cause["effect"], cause["law"], cause["signal"]) == (
+        "friction(omega)",
+        "friction",
+        "omega",
+    )
     assert cause["confirmation"] == "confirmed"
     assert cause["evidence"]["delta_bic"] > 10.0
     best = result.law_map[0]
@@ -73,10 +77,16 @@ def test_everything_told_is_of_the_model_with_it(result, tmp_path):
     assert str(result).startswith("cause  friction depends on omega beyond what the model has")
     text = result.report(tmp_path / "r.html").read_text(encoding="utf-8")
     words = words_of(text)
-    for heading in ("friction over omega", "Which law over which signal", "Corrections that were fitted"):
+    for heading in (
+        "friction over omega",
+        "Which law over which signal",
+        "Corrections that were fitted",
+    ):
         assert heading in words
     assert "<math " in text
-    assert any(trace.get("name") == "95 % band" for figure in figures_of(text) for trace in figure["data"])
+    assert any(
+        trace.get("name") == "95 % band" for figure in figures_of(text) for trace in figure["data"]
+    )
 
 
 def test_the_page_stands_in_a_browser(browser, result, tmp_path):
@@ -85,7 +95,9 @@ def test_the_page_stands_in_a_browser(browser, result, tmp_path):
         tab.open(path, 390)
         assert tab.complaints == []
         assert tab.run("document.documentElement.scrollWidth <= innerWidth")
-        assert tab.run("document.querySelector('math mfrac, math mi').getBoundingClientRect().height > 0")
+        assert tab.run(
+            "document.querySelector('math mfrac, math mi').getBoundingClientRect().height > 0"
+        )
 
 
 @pytest.mark.parametrize("runtime", ["native", "python"])
@@ -98,10 +110,15 @@ def test_the_fmu_follows_what_was_held_out(record, result, written, runtime):
     assert result.to_dict()["inputs"]["voltage"]["between_samples"] == "linear"
     time = measured.time
     fine = np.interp(np.arange(FINER * (len(time) - 1) + 1) / FINER, np.arange(len(time)), time)
-    held = {n: np.interp(fine + 0.5 * (fine[1] - fine[0]), time, measured.signals[n]) for n in ("voltage", "load")}
+    held = {
+        n: np.interp(fine + 0.5 * (fine[1] - fine[0]), time, measured.signals[n])
+        for n in ("voltage", "load")
+    }
     ran = run_fmpy(written[runtime], fine, held, ["current", "speed"])
     held_at = {n: np.interp(fine, time, measured.signals[n]) for n in held}
-    ran["current"] += (held_at["voltage"] - held["voltage"]) / result.parameters["resistance"].value  # feeds through
+    ran["current"] += (held_at["voltage"] - held["voltage"]) / result.parameters[
+        "resistance"
+    ].value  # feeds through
     ran = {output: values[::FINER] for output, values in ran.items()}
     last = slice(2 * len(measured.time) // 3, None)
     for output, error in result.gain.after.items():
@@ -117,7 +134,9 @@ def test_the_sentence_the_curve_and_the_fmu_agree(result, written, runtime):
     added = {}
     for voltage in np.linspace(-6.0, 6.0, 13):
         time = np.linspace(0.0, 8.0, 41)
-        ran = run_fmpy(written[runtime], time, {"voltage": voltage, "load": 0.0}, ["current", "speed"])
+        ran = run_fmpy(
+            written[runtime], time, {"voltage": voltage, "load": 0.0}, ["current", "speed"]
+        )
         speed, current = ran["speed"][-1], ran["current"][-1]
         assert ran["speed"][-2] == pytest.approx(speed, rel=1e-4, abs=1e-4)
         values = {p.name: p.start for p in result.model.layout.parameters}
@@ -135,13 +154,17 @@ def test_the_sentence_the_curve_and_the_fmu_agree(result, written, runtime):
 def test_what_the_catalogue_has_is_told_as_the_catalogue_does(tmp_path):
     """With the catalogue and without it the answer is the same, by name and by parameters."""
     path, plant = drawn(tmp_path, KNOWN)
-    with_it, without = (ppy.diagnose(path, plant.plant.model, effects=e) for e in (["coulomb_friction"], []))
+    with_it, without = (
+        ppy.diagnose(path, plant.plant.model, effects=e) for e in (["coulomb_friction"], [])
+    )
     assert with_it.causes == without.causes == ["coulomb_friction"]
     assert with_it.law_map == []
     assert without.law_map[0]["effect"] == "coulomb_friction"
     assert without.to_dict()["causes"][0]["effect"] == "coulomb_friction"
     named = "friction_coulomb"
-    assert without.parameters[named].value == pytest.approx(with_it.parameters[named].value, rel=0.02)
+    assert without.parameters[named].value == pytest.approx(
+        with_it.parameters[named].value, rel=0.02
+    )
     alone = ppy.laws(path, plant.plant.model)
     assert alone.law_map[0]["effect"] == "coulomb_friction"
     assert "coulomb_friction" in str(alone)
@@ -157,7 +180,9 @@ def test_laws_may_be_left_out(record):
 
 def test_time_that_is_spent_asks_no_law(record, monkeypatch):
     """The clock jumps when the search is over, so that the verdict itself hangs on no clock."""
-    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask_on", lambda *given: pytest.fail("a law was asked"))
+    monkeypatch.setattr(
+        "orchestration.discrepancy.pipeline.ask_on", lambda *given: pytest.fail("a law was asked")
+    )
 
     def much_later(diagnosis):
         monkeypatch.setattr("orchestration.discrepancy.budget.monotonic", lambda: float("inf"))
@@ -177,12 +202,17 @@ def test_a_failure_of_the_laws_leaves_the_diagnosis(record, monkeypatch):
     monkeypatch.setattr("orchestration.discrepancy.pipeline.ask_on", fails)
     said = ppy.diagnose(record[0], record[1].plant.model, effects=[])
     assert said.verdict == "unexplained"
-    assert any("what its laws lack was not judged: ZeroDivisionError: at rest" in note for note in said.notes)
+    assert any(
+        "what its laws lack was not judged: ZeroDivisionError: at rest" in note
+        for note in said.notes
+    )
 
 
 def test_a_record_that_is_explained_asks_nothing(tmp_path, monkeypatch):
     path, plant = drawn(tmp_path, None)
-    monkeypatch.setattr("orchestration.discrepancy.pipeline.ask_on", lambda *given: pytest.fail("a law was asked"))
+    monkeypatch.setattr(
+        "orchestration.discrepancy.pipeline.ask_on", lambda *given: pytest.fail("a law was asked")
+    )
     said = ppy.diagnose(path, plant.plant.model)
     assert said.verdict in ("consistent", "recalibrate")
     assert said.law_map == []
@@ -198,7 +228,9 @@ def test_several_records_are_asked_as_one_is(tmp_path):
     assert (said.verdict, said.causes) == ("cause", ["friction(omega)"])
     assert said.law_map[0]["confirmed"] is True
     errors = {
-        (run["record"], output): error for run in said.to_dict()["runs"] for output, error in run["nrmse"].items()
+        (run["record"], output): error
+        for run in said.to_dict()["runs"]
+        for output, error in run["nrmse"].items()
     }
     assert len(errors) == 6
     assert all(error < 0.05 for error in errors.values())
@@ -212,7 +244,11 @@ def test_only_the_same_function_of_the_same_signal_is_the_same_effect():
         return found.id if found else None
 
     speed = Of("omega", scale=100.0)
-    assert known("friction", speed, "sign") == known("friction", speed, "saturating") == "coulomb_friction"
+    assert (
+        known("friction", speed, "sign")
+        == known("friction", speed, "saturating")
+        == "coulomb_friction"
+    )
     assert known("friction", speed, "odd_quadratic") == "quadratic_drag"
     assert known("friction", speed, "cubic") == "cubic_stiffness"
     assert known("friction", speed, "exponential") is None

@@ -39,7 +39,13 @@ def levelled(u):
 
 def written(folder, y, name="r.csv", seed=1):
     noisy = y + np.random.default_rng(seed).normal(0.0, 0.02, len(y))
-    np.savetxt(folder / name, np.column_stack([TIME, U, noisy]), delimiter=",", header="time,u,x", comments="")
+    np.savetxt(
+        folder / name,
+        np.column_stack([TIME, U, noisy]),
+        delimiter=",",
+        header="time,u,x",
+        comments="",
+    )
     return folder / name
 
 
@@ -103,7 +109,9 @@ def test_a_wrong_parameter_is_no_cause(folder, lag):
     ("effect", "change", "value"),
     [
         ("sensor_gain(x)", lambda x: 1.2 * x, ("x_gain", 1.2, 0.01)),
-        pytest.param("sensor_offset(x)", lambda x: x + 0.3, ("x_offset", 0.3, 0.01), marks=pytest.mark.slow),
+        pytest.param(
+            "sensor_offset(x)", lambda x: x + 0.3, ("x_offset", 0.3, 0.01), marks=pytest.mark.slow
+        ),
         pytest.param(
             "transport_delay(x)",
             lambda x: np.concatenate([np.zeros(5), x[:-5]]),
@@ -113,7 +121,9 @@ def test_a_wrong_parameter_is_no_cause(folder, lag):
     ],
 )
 def test_what_a_sensor_does_is_named(folder, lag, effect, change, value):
-    found = ppy.diagnose(written(folder, change(lagged(U)), "sensor.csv"), lag, settings={"tau": TAU}, time=np.inf)
+    found = ppy.diagnose(
+        written(folder, change(lagged(U)), "sensor.csv"), lag, settings={"tau": TAU}, time=np.inf
+    )
     assert found.causes == [effect]
     name, expected, close = value
     assert found.parameters[name].value == pytest.approx(expected, abs=close)
@@ -137,7 +147,9 @@ def test_a_parameter_that_moves_far_beside_a_cause_is_as_it_is(folder, lag, tmp_
 @pytest.mark.slow
 def test_what_hangs_on_an_input_is_told_over_it(folder, lag):
     """Something of the input reaches the output beside the lag."""
-    found = ppy.diagnose(written(folder, lagged(U) + 0.05 * U * np.abs(U), "past.csv"), lag, fit=["tau"], time=np.inf)
+    found = ppy.diagnose(
+        written(folder, lagged(U) + 0.05 * U * np.abs(U), "past.csv"), lag, fit=["tau"], time=np.inf
+    )
     assert found.law_map[0]["signal"] == "u"
     assert found.law_map[0]["confirmed"]
 
@@ -162,13 +174,19 @@ def test_its_system_has_a_member_ahead(starved, tmp_path):
     found = ppy.run(system, TIME, {"u": u}).signals["correction.x"]
     truth, plain = lagged(levelled(u)), lagged(u)
     late = slice(100, None)
-    assert np.sqrt(np.mean((found - truth)[late] ** 2)) < 0.1 * np.sqrt(np.mean((plain - truth)[late] ** 2))
+    assert np.sqrt(np.mean((found - truth)[late] ** 2)) < 0.1 * np.sqrt(
+        np.mean((plain - truth)[late] ** 2)
+    )
 
 
 @pytest.mark.slow
 def test_a_curve_of_an_input_is_told(folder, lag):
     found = ppy.diagnose(
-        written(folder, lagged(U + 0.04 * U * np.abs(U)), "more.csv"), lag, fit=["tau"], effects=[], time=np.inf
+        written(folder, lagged(U + 0.04 * U * np.abs(U)), "more.csv"),
+        lag,
+        fit=["tau"],
+        effects=[],
+        time=np.inf,
     )
     best = found.law_map[0]
     assert (best["law"], best["signal"]) == ("u_in_fmu", "u")
@@ -189,8 +207,18 @@ def test_the_first_fit_sees_nothing_of_what_is_held_out(folder, lag):
     block = 15 * np.arange(len(TIME)) // len(TIME)
     fits = []
     for name, spoilt in (("as_it_is.csv", 0.0), ("spoilt.csv", 0.1)):
-        y = lagged(u) + np.random.default_rng(4).normal(0.0, 0.02, len(TIME)) + spoilt * (block % 3 == 1)
-        np.savetxt(folder / name, np.column_stack([TIME, u, y]), delimiter=",", header="time,u,x", comments="")
+        y = (
+            lagged(u)
+            + np.random.default_rng(4).normal(0.0, 0.02, len(TIME))
+            + spoilt * (block % 3 == 1)
+        )
+        np.savetxt(
+            folder / name,
+            np.column_stack([TIME, u, y]),
+            delimiter=",",
+            header="time,u,x",
+            comments="",
+        )
         record = ppy.read_record(folder / name, lag)
         fits.append(surround(lag, [record], [], {}, ["tau"]).fit.values["tau"])
     assert fits[0] == fits[1]
@@ -199,7 +227,9 @@ def test_the_first_fit_sees_nothing_of_what_is_held_out(folder, lag):
 
 def test_an_input_that_nobody_recorded_stays_as_the_fmu_starts(lag):
     started = replace(lag, inputs={"u": replace(lag.inputs["u"], start=0.7)})
-    assert {v.name: v.start for v in behind(started, ["x"], [], 1.0, 0.1).cls.layout.inputs}["u"] == 0.7
+    assert {v.name: v.start for v in behind(started, ["x"], [], 1.0, 0.1).cls.layout.inputs}[
+        "u"
+    ] == 0.7
 
 
 @pytest.mark.slow
@@ -215,7 +245,10 @@ def test_the_command_writes_page_figures_and_system(folder, bent):
     ("arguments", "parts"),
     [
         (["--fit", "taw"], ["no parameter named 'taw' (did you mean tau"]),
-        (["--compare", "right.csv"], ["one_state.fmu is an FMU without equations", "each record by itself"]),
+        (
+            ["--compare", "right.csv"],
+            ["one_state.fmu is an FMU without equations", "each record by itself"],
+        ),
         (["--ssp", "a.fmu"], [".ssp"]),
         (["--effects", "diffusion"], ["no effect named 'diffusion'"]),
     ],
@@ -229,4 +262,9 @@ def test_what_cannot_be_is_refused_in_a_line(folder, arguments, parts):
 
 def test_a_fit_of_what_has_equations_is_refused(folder):
     with pytest.raises(UserError, match="has equations, and all its parameters are fitted"):
-        ppy.diagnose(written(folder, lagged(U), "right.csv"), "ppy_actuator", fit=["R1"], mapping={"x": "voltage"})
+        ppy.diagnose(
+            written(folder, lagged(U), "right.csv"),
+            "ppy_actuator",
+            fit=["R1"],
+            mapping={"x": "voltage"},
+        )

@@ -52,10 +52,18 @@ def test_every_name_is_there_and_says_how_it_is_used():
 def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypatch):
     monkeypatch.setattr(console.out, "width", WIDTH)
     text = works(
-        "diagnose", str(hidden), "--effects", ",".join(EFFECTS), "--json", str(tmp_path / "d.json"), cwd=tmp_path
+        "diagnose",
+        str(hidden),
+        "--effects",
+        ",".join(EFFECTS),
+        "--json",
+        str(tmp_path / "d.json"),
+        cwd=tmp_path,
     )
     assert text.partition("wrote ")[0].split() == str(result).split()
-    assert json.loads((tmp_path / "d.json").read_text(encoding="utf-8")) == json.loads(json.dumps(result.to_dict()))
+    assert json.loads((tmp_path / "d.json").read_text(encoding="utf-8")) == json.loads(
+        json.dumps(result.to_dict())
+    )
 
 
 def test_what_was_found_is_reachable_by_name(result):
@@ -75,7 +83,9 @@ def test_a_result_is_drawn_reported_and_built(result, tmp_path):
     assert (tmp_path / "d.png").stat().st_size > 10_000
     text = result.report(tmp_path / "d.html").read_text(encoding="utf-8")
     assert "ppy diagnose" in text
-    native, python = result.fmu(tmp_path / "better.fmu", platforms=["linux64"] if sys.platform == "linux" else None)
+    native, python = result.fmu(
+        tmp_path / "better.fmu", platforms=["linux64"] if sys.platform == "linux" else None
+    )
     assert native.exists()
     assert python.exists()
     with pytest.raises(UserError, match=r"ends in \.html"):

@@ -48,11 +48,18 @@ def clean(tmp_path_factory):
 
 def test_what_was_hidden_is_found_and_confirmed(result):
     best = result.law_map[0]
-    assert (best["law"], best["signal"], best["memory"], best["kind"]) == ("friction", "omega", "", "add")
+    assert (best["law"], best["signal"], best["memory"], best["kind"]) == (
+        "friction",
+        "omega",
+        "",
+        "add",
+    )
     assert best["confirmed"] is True
     assert best["units"] == {"law": "N*m", "signal": "rad/s"}
     assert all(a["delta_bic"] > 0.0 for a in result.law_map)
-    assert result.sentence.startswith("friction depends on omega beyond what the model has: it looks like ")
+    assert result.sentence.startswith(
+        "friction depends on omega beyond what the model has: it looks like "
+    )
     assert "on data that no fit has seen the error of " in result.sentence
 
 
@@ -61,7 +68,9 @@ def test_the_whole_law_is_the_one_that_was_hidden(drawn, result):
     model, truth = result.model(), drawn[1].truth
     for speed in np.linspace(-100.0, 100.0, 21):
         model.omega = float(speed)
-        assert model.friction() == pytest.approx(truth["damping"] * speed + HIDDEN(speed), abs=1.5e-3)
+        assert model.friction() == pytest.approx(
+            truth["damping"] * speed + HIDDEN(speed), abs=1.5e-3
+        )
 
 
 def test_the_curve_has_a_band_about_it(result):
@@ -92,7 +101,11 @@ def test_the_file_of_the_effect_does_what_the_model_does(drawn, result, tmp_path
     """By simulation: laid over the component it gives what the fitted model gives."""
     path, record = drawn
     names = runpy.run_path(str(result.effect(tmp_path / "law.py")))
-    (effect,) = (c for c in names.values() if inspect.isclass(c) and issubclass(c, Effect) and c is not Effect)
+    (effect,) = (
+        c
+        for c in names.values()
+        if inspect.isclass(c) and issubclass(c, Effect) and c is not Effect
+    )
     motor_class = find_model(record.plant.model).cls
     laid_over = stack(motor_class, effect, defaults=names["FITTED"])
     data = ppy.read_record(path, record.plant.model)
@@ -122,7 +135,11 @@ def test_the_page_tells_it(result, tmp_path):
     text = result.report(tmp_path / "laws.html").read_text(encoding="utf-8")
     words = words_of(text)
     assert "friction depends on omega beyond what the model has" in words
-    for heading in ("Which law over which signal", "Corrections that were fitted", "What to do next"):
+    for heading in (
+        "Which law over which signal",
+        "Corrections that were fitted",
+        "What to do next",
+    ):
         assert heading in words
     assert "ppy laws " in words.split("How to reproduce")[1]
     curve, law_map = figures_of(text)
@@ -151,7 +168,11 @@ def test_a_model_that_is_right_lacks_nothing(clean, tmp_path):
     assert clean.to_frame().empty
     text = clean.report(tmp_path / "clean.html").read_text(encoding="utf-8")
     assert "No law is found to lack anything." in text
-    for write, name in ((clean.effect, "law.py"), (clean.fmu, "better.fmu"), (clean.plot, "curve.png")):
+    for write, name in (
+        (clean.effect, "law.py"),
+        (clean.fmu, "better.fmu"),
+        (clean.plot, "curve.png"),
+    ):
         with pytest.raises(UserError, match="no law is found to lack anything"):
             write(tmp_path / name)
         assert not (tmp_path / name).exists()
@@ -160,7 +181,11 @@ def test_a_model_that_is_right_lacks_nothing(clean, tmp_path):
 def test_a_record_in_which_nothing_moves_asks_nothing(drawn):
     record = ppy.read_record(drawn[0], drawn[1].plant.model)
     for name, values in record.signals.items():
-        values[:] = 0.5 if name in ("voltage", "load") else 1e-3 * np.random.default_rng(1).standard_normal(values.size)
+        values[:] = (
+            0.5
+            if name in ("voltage", "load")
+            else 1e-3 * np.random.default_rng(1).standard_normal(values.size)
+        )
     result = ppy.laws(record, drawn[1].plant.model)
     assert result.details is None
     assert "no input moves" in result.sentence

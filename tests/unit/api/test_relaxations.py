@@ -26,8 +26,13 @@ SHARE, TIMES = 0.8, (45.0, 450.0)
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory):
     path = tmp_path_factory.mktemp("wall") / "nodes.csv"
-    case = replace(conditions(PLANTS["ThermalNodes"], KINDS[0], 4, np.random.default_rng(4)), at_rest=True)
-    drawn = draw(case, plant=altered("ThermalNodes", remembered("outer", SHARE, list(TIMES), 293.0, ahead=True)))
+    case = replace(
+        conditions(PLANTS["ThermalNodes"], KINDS[0], 4, np.random.default_rng(4)), at_rest=True
+    )
+    drawn = draw(
+        case,
+        plant=altered("ThermalNodes", remembered("outer", SHARE, list(TIMES), 293.0, ahead=True)),
+    )
     drawn.write(path)
     return path, drawn
 
@@ -50,13 +55,21 @@ def test_each_stands_in_the_map_beside_the_other(result):
     (first, second) = (row for row in result.law_map if row["confirmed"])
     assert first["beside"] == []
     assert second["beside"] == [first["effect"]]
-    assert (second["law"], second["signal"], second["memory"]) == (first["law"], first["signal"], first["memory"])
+    assert (second["law"], second["signal"], second["memory"]) == (
+        first["law"],
+        first["signal"],
+        first["memory"],
+    )
     assert second["effect"].endswith("_2)")
-    assert [row["effect"] for row in result.law_map].count(second["effect"]) == 1, "whatever constant a fit began with"
+    assert [row["effect"] for row in result.law_map].count(second["effect"]) == 1, (
+        "whatever constant a fit began with"
+    )
 
 
 def test_the_error_falls_with_each(result):
-    before, after = (result.to_dict()["errors"][f"holdout_nrmse_{when}"] for when in ("before", "after"))
+    before, after = (
+        result.to_dict()["errors"][f"holdout_nrmse_{when}"] for when in ("before", "after")
+    )
     beside = [row for row in result.law_map if row["confirmed"]][1]
     assert beside["delta_bic"] > 20.0
     assert after["outer_temperature"] < 0.1 * before["outer_temperature"]
@@ -64,7 +77,11 @@ def test_the_error_falls_with_each(result):
 
 def test_the_file_has_both_and_the_model_too(drawn, result, tmp_path):
     names = runpy.run_path(str(result.effect(tmp_path / "wall.py")))
-    effects = [c for c in names.values() if isinstance(c, type) and issubclass(c, Effect) and c is not Effect]
+    effects = [
+        c
+        for c in names.values()
+        if isinstance(c, type) and issubclass(c, Effect) and c is not Effect
+    ]
     assert len(effects) == 2
     path, record = drawn
     by_hand = stack(find_model(record.plant.model).cls, *effects, defaults=names["FITTED"])

@@ -38,7 +38,9 @@ def fails(*arguments, cwd):
 def test_the_command_names_and_writes_it_down(tmp_path):
     write(draw("strain_saturation", 1, **SHORT), tmp_path / "record.csv")
     effects = ",".join(effect.id for effect in FEW)
-    text = works("diagnose", "record.csv", "--effects", effects, "--json", "diagnosis.json", cwd=tmp_path)
+    text = works(
+        "diagnose", "record.csv", "--effects", effects, "--json", "diagnosis.json", cwd=tmp_path
+    )
     assert "strain_saturation" in text
     written = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
     assert written["causes"][0]["effect"] == "strain_saturation"
@@ -55,9 +57,20 @@ def test_laws_are_asked_unless_they_are_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(LawMap, "entries", lambda self, known=LawMap.entries: known(self)[:8])
     shutil.copy(MOTOR, tmp_path / "motor.py")
     motor(tmp_path / "motor.csv", dry_root(0.01, 2.0))
-    command = ["diagnose", "motor.csv", "--model", "motor.py:Motor", "--effects", "none", "--json", "d.json"]
+    command = [
+        "diagnose",
+        "motor.csv",
+        "--model",
+        "motor.py:Motor",
+        "--effects",
+        "none",
+        "--json",
+        "d.json",
+    ]
     text = works(*command, "--report", "d.html", "--fmu", "better.fmu", cwd=tmp_path)
-    assert "friction depends on omega beyond what the model has: it looks like " in " ".join(text.split())
+    assert "friction depends on omega beyond what the model has: it looks like " in " ".join(
+        text.split()
+    )
     written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert (written["verdict"], written["causes"][0]["effect"]) == ("cause", "coulomb_friction")
     assert written["law_map"][0]["effect"] == "coulomb_friction"
@@ -71,21 +84,30 @@ def test_laws_are_asked_unless_they_are_left_out(tmp_path, monkeypatch):
 
 def test_an_unknown_model_is_told(tmp_path):
     write(draw(None, 1, **SHORT | {"duration": 100.0}), tmp_path / "record.csv")
-    assert "no component named" in fails("diagnose", "record.csv", "--model", "ppy_actuatr", cwd=tmp_path)
+    assert "no component named" in fails(
+        "diagnose", "record.csv", "--model", "ppy_actuatr", cwd=tmp_path
+    )
 
 
 def test_an_input_that_is_absent_is_told_and_taken_as_it_starts(tmp_path):
     drawn = draw(None, 1, **SHORT)
     write(replace(drawn, inputs={"current": drawn.inputs["current"]}), tmp_path / "record.csv")
-    text = " ".join(works("diagnose", "record.csv", "--effects", "none", "--no-laws", cwd=tmp_path).split())
-    assert "record.csv has no force: taken to be 0 N throughout; --set force=... says otherwise" in text
+    text = " ".join(
+        works("diagnose", "record.csv", "--effects", "none", "--no-laws", cwd=tmp_path).split()
+    )
+    assert (
+        "record.csv has no force: taken to be 0 N throughout; --set force=... says otherwise"
+        in text
+    )
 
 
 def test_the_file_of_the_model_is_not_overwritten(tmp_path):
     shutil.copy(STAGE, tmp_path / "stage.py")
     write(draw(None, 1, **SHORT | {"duration": 100.0}), tmp_path / "record.csv")
     for option in (["--json", "stage.py"], ["--fmu", "s.fmu", "--json", "s.fmu"]):
-        message = fails("diagnose", "record.csv", "--model", "stage.py:PositioningStage", *option, cwd=tmp_path)
+        message = fails(
+            "diagnose", "record.csv", "--model", "stage.py:PositioningStage", *option, cwd=tmp_path
+        )
         assert "will not be overwritten" in message or "both name" in message
 
 
@@ -94,7 +116,14 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
     for name, seed in ((NASTY, 1), ("other.csv", 2)):
         broken_off(tmp_path / name, seed, columns)
     mapping = [f"--map={column}={name}" for name, column in columns.items()]
-    arguments = ["diagnose", NASTY, *mapping, "--effects=strain_saturation", "--no-laws", "--holdout=other.csv"]
+    arguments = [
+        "diagnose",
+        NASTY,
+        *mapping,
+        "--effects=strain_saturation",
+        "--no-laws",
+        "--holdout=other.csv",
+    ]
     done = ppy(*arguments, "--report=r.html", "--json=r.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "repaired: other.csv: " in done.stderr
@@ -103,20 +132,45 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
     written = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
     shares = re.findall(r"refitted ([\d.]+) %", text.split("The record held out")[0])
     before = written["gain"]["holdout_nrmse_before"].values()
-    assert [float(share) for share in shares] == pytest.approx([100.0 * error for error in before], rel=5e-3)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([NASTY, "other.csv", "r.html", "r.json"])
+    assert [float(share) for share in shares] == pytest.approx(
+        [100.0 * error for error in before], rel=5e-3
+    )
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
+        [NASTY, "other.csv", "r.html", "r.json"]
+    )
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"report": "r.csv"}, "--report r.csv: this is the record itself; it will not be overwritten"),
-        ({"result": "r.csv"}, "--json r.csv: this is the record itself; it will not be overwritten"),
-        ({"report": "link.html"}, "--report link.html: this is the record itself; it will not be overwritten"),
-        ({"holdout": "h.html", "report": "./h.html"}, "--report h.html: this is the record held out itself"),
-        ({"holdout": "h.html", "result": "h.html"}, "--json h.html: this is the record held out itself"),
-        ({"holdout": "r.csv"}, "--holdout r.csv: this is the record itself; nothing would be held out"),
-        ({"compare": "r.csv"}, "--compare r.csv: this is the record itself; nothing in it can have changed"),
+        (
+            {"report": "r.csv"},
+            "--report r.csv: this is the record itself; it will not be overwritten",
+        ),
+        (
+            {"result": "r.csv"},
+            "--json r.csv: this is the record itself; it will not be overwritten",
+        ),
+        (
+            {"report": "link.html"},
+            "--report link.html: this is the record itself; it will not be overwritten",
+        ),
+        (
+            {"holdout": "h.html", "report": "./h.html"},
+            "--report h.html: this is the record held out itself",
+        ),
+        (
+            {"holdout": "h.html", "result": "h.html"},
+            "--json h.html: this is the record held out itself",
+        ),
+        (
+            {"holdout": "r.csv"},
+            "--holdout r.csv: this is the record itself; nothing would be held out",
+        ),
+        (
+            {"compare": "r.csv"},
+            "--compare r.csv: this is the record itself; nothing in it can have changed",
+        ),
         ({"report": "a.html", "result": "a.html"}, "--json and --report both name a.html"),
         ({"report": "a.pdf"}, "--report a.pdf: its name must end in .html"),
         ({"report": "folder"}, "--report folder: this is a folder; name a file in it"),
@@ -130,5 +184,7 @@ def test_nothing_is_lost(given, message, tmp_path, monkeypatch):
     Path("link.html").symlink_to("r.csv")
     Path("folder").mkdir()
     with pytest.raises(UserError, match=re.escape(message)):
-        Files([Path("r.csv")], **{k: [v] if k == "holdout" else Path(v) for k, v in given.items()}).check()
+        Files(
+            [Path("r.csv")], **{k: [v] if k == "holdout" else Path(v) for k, v in given.items()}
+        ).check()
     Files([Path("r.csv")], ["h.html"], Path("new.json"), Path("new.html")).check()

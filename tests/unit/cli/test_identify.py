@@ -22,7 +22,11 @@ def folder(tmp_path_factory):
     time = 0.1 * np.arange(101)
     x = 1.0 - np.exp(-time / 0.73) + np.random.default_rng(1).normal(0.0, 0.01, 101)
     np.savetxt(
-        folder / "r.csv", np.column_stack([time, np.ones(101), x]), delimiter=",", header="time,u,x", comments=""
+        folder / "r.csv",
+        np.column_stack([time, np.ones(101), x]),
+        delimiter=",",
+        header="time,u,x",
+        comments="",
     )
     return folder
 
@@ -30,7 +34,9 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("workers", [1, 2])
 def test_parameters_of_any_fmu(folder, workers):
     call = ["r.csv", "--model", "one_state.fmu", "--fit", "tau", "--workers", workers]
-    said = works("identify", *call, "--ssv", "tau.ssv", "--json", "tau.json", "--plot", "tau.png", cwd=folder)
+    said = works(
+        "identify", *call, "--ssv", "tau.ssv", "--json", "tau.json", "--plot", "tau.png", cwd=folder
+    )
     assert "tau" in said
     found = json.loads((folder / "tau.json").read_text())["fitted"]["parameters"]["tau"]
     low, high = found["ci95"]
@@ -49,7 +55,9 @@ def test_profiles_stand_beside_the_ellipse(folder):
     assert (folder / "profile.png").read_bytes().startswith(PNG)
     told = json.loads((folder / "p.json").read_text())["fitted"]
     assert told["profiles"]["tau"]["ci95_of_ellipse"] == told["parameters"]["tau"]["ci95"]
-    assert told["profiles"]["tau"]["ci95"] == pytest.approx(told["parameters"]["tau"]["ci95"], rel=0.01)
+    assert told["profiles"]["tau"]["ci95"] == pytest.approx(
+        told["parameters"]["tau"]["ci95"], rel=0.01
+    )
 
 
 @posix

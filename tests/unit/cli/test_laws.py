@@ -35,7 +35,16 @@ def refused(*arguments, cwd):
 
 
 def test_where_nothing_is_wrong_nothing_is_found(folder):
-    outputs = ["--json", "laws.json", "--report", "laws.html", "--effect-out", "law.py", "--fmu", "f.fmu"]
+    outputs = [
+        "--json",
+        "laws.json",
+        "--report",
+        "laws.html",
+        "--effect-out",
+        "law.py",
+        "--fmu",
+        "f.fmu",
+    ]
     done = here("laws", "clean.csv", "--model", "motor.py:Motor", *outputs, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("No law is found to lack anything.")
@@ -48,7 +57,17 @@ def test_where_nothing_is_wrong_nothing_is_found(folder):
 
 
 def test_json_alone_goes_to_standard_output(folder):
-    text = works("laws", "clean.csv", "--model", "motor.py:Motor", "--effects", "none", "--json", "-", cwd=folder)
+    text = works(
+        "laws",
+        "clean.csv",
+        "--model",
+        "motor.py:Motor",
+        "--effects",
+        "none",
+        "--json",
+        "-",
+        cwd=folder,
+    )
     assert json.loads(text)["sentence"] == "No law is found to lack anything."
 
 
@@ -56,7 +75,10 @@ def test_json_alone_goes_to_standard_output(folder):
     ("arguments", "told"),
     [
         (["--effect-out", "motor.py"], "--effect-out motor.py: this is the file of --model itself"),
-        (["--json", "clean.csv"], "--json clean.csv: this is the record itself; it will not be overwritten"),
+        (
+            ["--json", "clean.csv"],
+            "--json clean.csv: this is the record itself; it will not be overwritten",
+        ),
         (["--effect-out", "law.txt"], "--effect-out law.txt: its name must end in .py"),
         (["--report", "r.pdf"], "--report r.pdf: its name must end in .html"),
         (["--fmu", "f.zip"], "the name of an FMU ends in .fmu"),
@@ -83,19 +105,29 @@ def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch,
     def answer(records, model, **options):
         asked.update(options, model=model.cls.__name__, record=records[0].source.name)
         return SimpleNamespace(
-            overview=lambda: ["friction depends on omega"], to_dict=lambda: {"law_map": []}, model=model.cls,
-            report=writes, effect=writes, fmu=writes,
-        )  # fmt: skip
+            overview=lambda: ["friction depends on omega"],
+            to_dict=lambda: {"law_map": []},
+            model=model.cls,
+            report=writes,
+            effect=writes,
+            fmu=writes,
+        )
 
     monkeypatch.setattr(asking, "laws", answer)
     options = "--effects coulomb_friction --hold resistance --set damping=1e-4 --time 20s --no-interpolate"
     outputs = "--report a.html --effect-out a.py --fmu a.fmu"
-    monkeypatch.setattr("sys.argv", ["ppy", *f"laws clean.csv --model motor.py:Motor {options} {outputs}".split()])
+    monkeypatch.setattr(
+        "sys.argv", ["ppy", *f"laws clean.csv --model motor.py:Motor {options} {outputs}".split()]
+    )
     with pytest.raises(SystemExit) as end:
         main()
     assert not end.value.code
     assert (asked["model"], asked["record"]) == ("Motor", "clean.csv")
     assert (asked["effects"], asked["hold"]) == (["coulomb_friction"], ["resistance"])
-    assert (asked["settings"], asked["time"], asked["interpolate"]) == ({"damping": "1e-4"}, 20.0, False)
+    assert (asked["settings"], asked["time"], asked["interpolate"]) == (
+        {"damping": "1e-4"},
+        20.0,
+        False,
+    )
     assert written == ["a.html", "a.py", "a.fmu"]
     assert "friction depends on omega" in capsys.readouterr().out

@@ -38,16 +38,29 @@ def test_version(tmp_path):
 def test_the_line_for_a_command_in_the_help_is_the_first_of_its_own_help():
     for name, (line, place) in app._COMMANDS.items():
         module, _, attribute = place.partition(":")
-        command = getattr(importlib.import_module(f"orchestration.cli.commands.{module}"), attribute)
-        assert (command.info.help if name in ("system", "rig") else command.__doc__.split("\n")[0]) == line
+        command = getattr(
+            importlib.import_module(f"orchestration.cli.commands.{module}"), attribute
+        )
+        assert (
+            command.info.help if name in ("system", "rig") else command.__doc__.split("\n")[0]
+        ) == line
 
 
 def complete(words, cwd):
     """What bash is offered for the last of some words."""
     place = str(len(words.split(" ")) - 1)
-    environment = {**os.environ, "_PPY_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": place}
+    environment = {
+        **os.environ,
+        "_PPY_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": place,
+    }
     done = subprocess.run(
-        [sys.executable, "-m", "orchestration.cli"], cwd=cwd, env=environment, capture_output=True, text=True
+        [sys.executable, "-m", "orchestration.cli"],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
     )
     assert done.stderr == ""
     return done.stdout.split()
@@ -60,13 +73,22 @@ def complete(words, cwd):
         ("ppy info ppy_", ["ppy_actuator", "ppy_actuator_length_driven"]),
         ("ppy build galvanostat foo", ["foot", "foot_dynamic"]),
         ("ppy compare x.csv --model galv", ["galvanostat"]),
-        ("ppy simulate ppy_actuator --with strain_sat", ["strain_saturation", "strain_saturation(slow)"]),
+        (
+            "ppy simulate ppy_actuator --with strain_sat",
+            ["strain_saturation", "strain_saturation(slow)"],
+        ),
         ("ppy simulate ppy_actuator --with slack,sensor_lag(v", ["slack,sensor_lag(voltage)"]),
         ("ppy diagnose x.csv --effects diff", ["diffusion"]),
         ("ppy run fig_4", ["fig_4_5"]),
         ("ppy system show dma", ["dma_bench"]),
-        ("ppy simulate galvanostat --with cur", ["current_saturation", "current_offset", "current_gain"]),
-        ("ppy compare x.csv --model galvanostat --with cur", ["current_saturation", "current_offset", "current_gain"]),
+        (
+            "ppy simulate galvanostat --with cur",
+            ["current_saturation", "current_offset", "current_gain"],
+        ),
+        (
+            "ppy compare x.csv --model galvanostat --with cur",
+            ["current_saturation", "current_offset", "current_gain"],
+        ),
         ("ppy simulate gone.fmu --with s", []),
     ],
 )
@@ -95,7 +117,9 @@ def test_quiet_prints_results_and_errors_only(record, tmp_path):
 
 def test_verbose_tells_what_is_used_and_how_long_it_took(tmp_path):
     lines = ppy("--verbose", *SIMULATE, "--stop", 1, cwd=tmp_path).stderr.splitlines()
-    assert any(line.startswith("ppy_actuator: ") and line.endswith("ppy_actuator.fmu") for line in lines)
+    assert any(
+        line.startswith("ppy_actuator: ") and line.endswith("ppy_actuator.fmu") for line in lines
+    )
     assert any(line.startswith("simulating ppy_actuator: took ") for line in lines)
 
 
@@ -138,7 +162,10 @@ def test_json_of_list_and_info(tmp_path):
     assert listed(about["parameters"])["charge_start"]["max"] is None  # without a bound
     assert [s["name"] for s in about["inputs"]] == ["current", "force"]
     assert "strain_saturation" in [e["id"] for e in about["effects"]]
-    assert {e["output"] for e in about["effects"] if e["id"] == "sensor_lag"} >= {"voltage", "displacement"}
+    assert {e["output"] for e in about["effects"] if e["id"] == "sensor_lag"} >= {
+        "voltage",
+        "displacement",
+    }
     assert about["step"] == 0.1
 
 
@@ -167,7 +194,12 @@ def test_json_of_run(tmp_path):
 def test_json_of_diagnose(record, tmp_path):
     done = here("diagnose", record.name, "--effects", "none", "--json", "-", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["verdict"] in ("consistent", "recalibrate", "unexplained", "ambiguous")
+    assert json.loads(done.stdout)["verdict"] in (
+        "consistent",
+        "recalibrate",
+        "unexplained",
+        "ambiguous",
+    )
 
 
 def test_json_of_the_thesis(tmp_path):
@@ -175,7 +207,12 @@ def test_json_of_the_thesis(tmp_path):
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     claims = [claim for chapter in answer["chapters"] for claim in chapter["claims"]]
-    assert {claim["verdict"] for claim in claims} == {"holds", "within rounding", "only as printed", "differs"}
+    assert {claim["verdict"] for claim in claims} == {
+        "holds",
+        "within rounding",
+        "only as printed",
+        "differs",
+    }
     assert len(answer["errata"]) > 30
     assert (tmp_path / "t.html").exists()
 
@@ -183,13 +220,24 @@ def test_json_of_the_thesis(tmp_path):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["list"], ["info", "ppy_actuator"], ["check", "x.fmu"], ["compare", "record.csv"], ["run", "fig_3_4"],
-        ["diagnose", "record.csv"], ["thesis"],
+        ["list"],
+        ["info", "ppy_actuator"],
+        ["check", "x.fmu"],
+        ["compare", "record.csv"],
+        ["run", "fig_3_4"],
+        ["diagnose", "record.csv"],
+        ["thesis"],
     ],
     ids=lambda value: value[0],
-)  # fmt: skip
+)
 def test_json_goes_into_a_file_of_that_name(arguments, record, tmp_path):
-    refused(tmp_path, *arguments, "--json", "answer.csv", parts=["--json answer.csv", ".json, not '.csv'"])
+    refused(
+        tmp_path,
+        *arguments,
+        "--json",
+        "answer.csv",
+        parts=["--json answer.csv", ".json, not '.csv'"],
+    )
     refused(tmp_path, *arguments, "--json", ".", parts=["--json .: this is a folder"])
 
 
@@ -217,7 +265,10 @@ def test_signals_go_into_the_format_of_the_name(tmp_path):
         ([*SIMULATE, "--out", "run.xlsx"], ["--out run.xlsx", ".nc, .csv, .parquet, not '.xlsx'"]),
         ([*SIMULATE, "--out", "run"], ["--out run", ".nc, .csv, .parquet, not 'nothing'"]),
         ([*SIMULATE, "--plot", "run.csv"], ["--plot run.csv", ".png, .svg, .pdf, not '.csv'"]),
-        (["compare", "record.csv", "--out", "figures.csv"], ["--out figures.csv", ".json, not '.csv'"]),
+        (
+            ["compare", "record.csv", "--out", "figures.csv"],
+            ["--out figures.csv", ".json, not '.csv'"],
+        ),
         (["run", "fig_3_4", "--out", "run.json"], ["--out run.json", ".nc, .csv, .parquet"]),
         (["run", "fig_3_4", "--plot", "run.nc"], ["--plot run.nc", ".png, .svg, .pdf, .html"]),
         (["diagnose", "record.csv", "--report", "r.json"], ["--report r.json", ".html"]),
@@ -237,7 +288,13 @@ def test_another_ending_is_refused_with_what_is_allowed(arguments, parts, record
 
 @pytest.mark.parametrize(
     ("stop", "step", "points"),
-    [("30", "1", 31), ("30s", "500ms", 61), ("0.5 min", "1[s]", 31), ("500 ms", "1e-1", 6), ("1h", "1min", 61)],
+    [
+        ("30", "1", 31),
+        ("30s", "500ms", 61),
+        ("0.5 min", "1[s]", 31),
+        ("500 ms", "1e-1", 6),
+        ("1h", "1min", 61),
+    ],
 )
 def test_times_have_units_and_plain_numbers_are_seconds(stop, step, points, tmp_path):
     printed = here(*SIMULATE, "--stop", stop, "--step", step, cwd=tmp_path).stdout
@@ -279,23 +336,43 @@ def test_build_for_some_platforms_and_for_all(tmp_path, monkeypatch):
     from fmus.kit import build as kit
 
     asked = []
-    monkeypatch.setattr(kit, "build", lambda cls, kind, platforms, progress: asked.append(platforms) or b"")
+    monkeypatch.setattr(
+        kit, "build", lambda cls, kind, platforms, progress: asked.append(platforms) or b""
+    )
     for given in (["--platforms", "linux64, win64"], ["--platforms", "all"], []):
-        assert here("build", "galvanostat", "--runtime", "native", *given, cwd=tmp_path).returncode == 0
+        assert (
+            here("build", "galvanostat", "--runtime", "native", *given, cwd=tmp_path).returncode
+            == 0
+        )
     assert asked == [["linux64", "win64"], None, [host_platform()]]
 
 
 def test_diagnose_builds_for_this_machine(record, tmp_path):
     done = here("diagnose", record.name, "--effects", "none", "--fmu", "f.fmu", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert platforms_of(tmp_path / "f.fmu") == platforms_of(tmp_path / "f.python.fmu") == [host_platform()]
+    assert (
+        platforms_of(tmp_path / "f.fmu")
+        == platforms_of(tmp_path / "f.python.fmu")
+        == [host_platform()]
+    )
     assert platform_list(None) == [host_platform()]
     assert platform_list("all") is None
 
 
 def test_the_record_of_another_option_is_safe_everywhere(record, tmp_path):
     (tmp_path / "m.nc").write_bytes(record.read_bytes())
-    refused(tmp_path, "simulate", "ppy_actuator", "--input", "m.nc", "--out", "m.nc", parts=["the record itself"])
+    refused(
+        tmp_path,
+        "simulate",
+        "ppy_actuator",
+        "--input",
+        "m.nc",
+        "--out",
+        "m.nc",
+        parts=["the record itself"],
+    )
     refused(tmp_path, "simulate", "record.csv", "--out", "record.csv", parts=["the model itself"])
-    refused(tmp_path, "build", "ppy_actuator", "--out", "record.csv", parts=["cannot write record.csv"])
+    refused(
+        tmp_path, "build", "ppy_actuator", "--out", "record.csv", parts=["cannot write record.csv"]
+    )
     assert np.isfinite(read_record(record, UNITS).time).all()

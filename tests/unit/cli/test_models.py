@@ -27,10 +27,21 @@ VALUES = {"R1": 0.61, "strain_saturation_coefficient": 0.8, "charge_start": 0.25
 def folder(tmp_path_factory):
     """An actuator that saturates, with values of its own, as FMUs; and a record of a rig that does."""
     folder = tmp_path_factory.mktemp("models")
-    rig = EmulatedRig(RigParameters(R1=0.6), seed=1, hidden=partial(SaturatingStrain, saturation=1.0))
+    rig = EmulatedRig(
+        RigParameters(R1=0.6), seed=1, hidden=partial(SaturatingStrain, saturation=1.0)
+    )
     measure(folder / "record.csv", rig, 400)
     settings = [part for name, value in VALUES.items() for part in ("--set", f"{name}={value}")]
-    done = here("build", "ppy_actuator", "--with", "strain_saturation", *settings, "--out", "made", cwd=folder)
+    done = here(
+        "build",
+        "ppy_actuator",
+        "--with",
+        "strain_saturation",
+        *settings,
+        "--out",
+        "made",
+        cwd=folder,
+    )
     assert done.returncode == 0, done.stderr
     for runtime in ("native", "python"):
         shutil.copy(folder / "made" / runtime / f"{SATURATED}.fmu", folder / f"{runtime}.fmu")
@@ -49,13 +60,29 @@ def works(*arguments, cwd):
 
 def test_a_model_is_simulated_with_effects(folder, tmp_path):
     plain, stacked = (tmp_path / name for name in ("plain.csv", "stacked.csv"))
-    arguments = ["simulate", "ppy_actuator", "--set", "current=0.9", "--set", "force=1", "--stop", "20s"]
+    arguments = [
+        "simulate",
+        "ppy_actuator",
+        "--set",
+        "current=0.9",
+        "--set",
+        "force=1",
+        "--stop",
+        "20s",
+    ]
     works(*arguments, "--out", plain, cwd=folder)
     effects = ["--with", "strain_saturation, sensor_gain(voltage)"]
     printed = works(
-        *arguments, *effects, "--set", "strain_saturation_coefficient=0.8", "--set", "voltage_gain=2", "--out", stacked,
+        *arguments,
+        *effects,
+        "--set",
+        "strain_saturation_coefficient=0.8",
+        "--set",
+        "voltage_gain=2",
+        "--out",
+        stacked,
         cwd=folder,
-    )  # fmt: skip
+    )
     assert "ppy_actuator with strain_saturation, sensor_gain(voltage): 201 points" in printed
     names = {**UNITS, "charge": "C", "electrochemical_displacement": "m"}
     before, after = (read_record(path, names).signals for path in (plain, stacked))
@@ -67,22 +94,37 @@ def test_a_model_is_simulated_with_effects(folder, tmp_path):
 
 def test_an_effect_is_fitted(folder):
     arguments = ["compare", "record.csv", "--with", "strain_saturation", "--fit"]
-    answer = json.loads(works(*arguments, "R1,alpha,strain_saturation_coefficient", "--json", "-", cwd=folder))
+    answer = json.loads(
+        works(*arguments, "R1,alpha,strain_saturation_coefficient", "--json", "-", cwd=folder)
+    )
     assert answer["with"] == ["strain_saturation"]
     told = here(*arguments, "strain_saturation_coefficient", cwd=folder).stderr
-    assert "noted: a fit starts from strain_saturation_coefficient = 0, without strain_saturation" in told
+    assert (
+        "noted: a fit starts from strain_saturation_coefficient = 0, without strain_saturation"
+        in told
+    )
     told = here(*arguments, "R1", "--set", "strain_saturation_coefficient=1", cwd=folder).stderr
     assert "a fit starts" not in told
     low, high = answer["fitted"]["parameters"]["strain_saturation_coefficient"]["ci95"]
     assert 0.0 < low < high
-    without = json.loads(works("compare", "record.csv", "--fit", "R1,alpha", "--json", "-", cwd=folder))
+    without = json.loads(
+        works("compare", "record.csv", "--fit", "R1,alpha", "--json", "-", cwd=folder)
+    )
     rms = [a["fitted"]["outputs"]["displacement"]["rms"] for a in (answer, without)]
     assert rms[0] < 0.5 * rms[1]
 
 
 def test_what_was_laid_over_is_no_candidate_any_more(folder):
     arguments = ["diagnose", "record.csv", "--effects", "quadratic_strain,sensor_lag(voltage)"]
-    done = here("diagnose", "record.csv", "--effects", f"strain_saturation,{arguments[-1]}", "--json", "-", cwd=folder)
+    done = here(
+        "diagnose",
+        "record.csv",
+        "--effects",
+        f"strain_saturation,{arguments[-1]}",
+        "--json",
+        "-",
+        cwd=folder,
+    )
     assert json.loads(done.stdout)["verdict"] == "cause"
     started = ["--with", "strain_saturation", "--set", "strain_saturation_coefficient=1"]
     done = here(*arguments, *started, "--json", "-", cwd=folder)
@@ -105,7 +147,9 @@ def test_info_tells_the_effects_and_what_switches_them(folder):
         "OUTPUT is one of voltage, ",
     ):
         assert part in text
-    about = json.loads(works("info", "ppy_actuator", "--with", "strain_saturation", "--json", "-", cwd=folder))
+    about = json.loads(
+        works("info", "ppy_actuator", "--with", "strain_saturation", "--json", "-", cwd=folder)
+    )
     assert about["with"] == ["strain_saturation"]
     assert "strain_saturation_coefficient" in [p["name"] for p in about["parameters"]]
     assert "strain_saturation" not in [e["name"] for e in about["effects"]]
@@ -114,29 +158,67 @@ def test_info_tells_the_effects_and_what_switches_them(folder):
 @pytest.mark.parametrize(
     "command",
     [
-        ["info", "ppy_actuator"], ["simulate", "ppy_actuator"], ["build", "ppy_actuator"], ["compare", "record.csv"],
+        ["info", "ppy_actuator"],
+        ["simulate", "ppy_actuator"],
+        ["build", "ppy_actuator"],
+        ["compare", "record.csv"],
         ["diagnose", "record.csv"],
     ],
     ids=lambda value: value[0],
-)  # fmt: skip
+)
 def test_a_wrong_effect_is_answered_with_those_there_are(folder, command):
-    parts = ["ppy_actuator: no effect named 'strain_saturatio' (did you mean strain_saturation?)", "double_layer, "]
-    refused(folder, *command, "--with", "strain_saturatio", parts=[*parts, "sensor_lag(OUTPUT)", "OUTPUT is voltage"])
-    refused(folder, *command, "--with", "slack,sensor_lag", parts=["'sensor_lag'", "sensor_lag(voltage)"])
-    refused(folder, *command, "--with", "slack,slack", parts=["--with 'slack,slack': slack is named twice"])
+    parts = [
+        "ppy_actuator: no effect named 'strain_saturatio' (did you mean strain_saturation?)",
+        "double_layer, ",
+    ]
+    refused(
+        folder,
+        *command,
+        "--with",
+        "strain_saturatio",
+        parts=[*parts, "sensor_lag(OUTPUT)", "OUTPUT is voltage"],
+    )
+    refused(
+        folder,
+        *command,
+        "--with",
+        "slack,sensor_lag",
+        parts=["'sensor_lag'", "sensor_lag(voltage)"],
+    )
+    refused(
+        folder,
+        *command,
+        "--with",
+        "slack,slack",
+        parts=["--with 'slack,slack': slack is named twice"],
+    )
 
 
 @pytest.mark.parametrize(
-    "command", [["info"], ["simulate"], ["build"], ["compare", "record.csv", "--model"]], ids=lambda value: value[0]
+    "command",
+    [["info"], ["simulate"], ["build"], ["compare", "record.csv", "--model"]],
+    ids=lambda value: value[0],
 )
 def test_a_wrong_component_is_answered_with_those_there_are(folder, command):
-    refused(folder, *command, "galvanostate", parts=["no component named 'galvanostate'", "did you mean galvanostat?",
-                                                     "ppy_actuator, ", "foot_dynamic", "file.py:Class"])  # fmt: skip
+    refused(
+        folder,
+        *command,
+        "galvanostate",
+        parts=[
+            "no component named 'galvanostate'",
+            "did you mean galvanostat?",
+            "ppy_actuator, ",
+            "foot_dynamic",
+            "file.py:Class",
+        ],
+    )
 
 
 def test_effects_need_a_model(folder):
     refused(folder, "build", "--with", "slack", parts=["--with and --set are about one model"])
-    refused(folder, "diagnose", "record.csv", "--system", "s.ssp", "--with", "slack", parts=["--with"])
+    refused(
+        folder, "diagnose", "record.csv", "--system", "s.ssp", "--with", "slack", parts=["--with"]
+    )
 
 
 # --- a class in a file ------------------------------------------------------------------------------------------------
@@ -144,16 +226,38 @@ def test_effects_need_a_model(folder):
 
 def test_a_class_of_a_file_is_a_model_like_ours(folder, tmp_path):
     text = works("info", "own.py:Creep", cwd=folder)
-    for part in ("own.py:Creep  Burgers' chain", "retardation_time", "second_kelvin", "sensor_lag(OUTPUT)"):
+    for part in (
+        "own.py:Creep  Burgers' chain",
+        "retardation_time",
+        "second_kelvin",
+        "sensor_lag(OUTPUT)",
+    ):
         assert part in text
-    printed = works("build", "own.py:Creep", "--with", "second_kelvin", "--out", tmp_path, cwd=folder)
+    printed = works(
+        "build", "own.py:Creep", "--with", "second_kelvin", "--out", tmp_path, cwd=folder
+    )
     assert [Path(line).name for line in printed.split()] == ["creep_with_second_kelvin.fmu"] * 2
-    printed = works("simulate", "own.py:Creep", "--with", "second_kelvin", "--set", "stress=10", "--stop", "1min",
-                    cwd=folder)  # fmt: skip
+    printed = works(
+        "simulate",
+        "own.py:Creep",
+        "--with",
+        "second_kelvin",
+        "--set",
+        "stress=10",
+        "--stop",
+        "1min",
+        cwd=folder,
+    )
     assert "own.py:Creep with second_kelvin: 61 points" in printed
     refused(folder, "info", "own.py:Crep", parts=["no class 'Crep'", "did you mean Creep?"])
-    refused(folder, "build", "own.py:Creep", "--with", "fifth_kelvin",
-            parts=["no effect named 'fifth_kelvin'", "second_kelvin, third_kelvin, fourth_kelvin"])  # fmt: skip
+    refused(
+        folder,
+        "build",
+        "own.py:Creep",
+        "--with",
+        "fifth_kelvin",
+        parts=["no effect named 'fifth_kelvin'", "second_kelvin, third_kelvin, fourth_kelvin"],
+    )
 
 
 # --- an FMU that we made ----------------------------------------------------------------------------------------------
@@ -171,7 +275,10 @@ def test_an_fmu_gives_back_the_model_it_was_made_from(folder, runtime, tmp_path)
     time = np.linspace(0.0, 20.0, 201)
     inputs = {"current": 0.9 * np.sin(time), "force": np.full(time.size, 1.0)}
     expected = simulate(original, time, inputs, VALUES)
-    for again in (model, find_model(str(folder / f"{runtime}.fmu"), effects=["sensor_gain(voltage)"])):
+    for again in (
+        model,
+        find_model(str(folder / f"{runtime}.fmu"), effects=["sensor_gain(voltage)"]),
+    ):
         outputs = simulate(again, time, inputs, {})
         for name, values in expected.items():
             assert outputs[name] == pytest.approx(values, rel=1e-9, abs=1e-12), name
@@ -195,12 +302,23 @@ def test_info_of_anybodys_fmu_tells_its_variables(folder, fmu):
 
 def test_a_fit_and_a_diagnosis_work_on_an_fmu(folder):
     arguments = ["record.csv", "--model", "native.fmu"]
-    answer = json.loads(works("compare", *arguments, "--fit", "R1,strain_saturation_coefficient", "--json", "-",
-                              cwd=folder))  # fmt: skip
+    answer = json.loads(
+        works(
+            "compare",
+            *arguments,
+            "--fit",
+            "R1,strain_saturation_coefficient",
+            "--json",
+            "-",
+            cwd=folder,
+        )
+    )
     fitted = answer["fitted"]["parameters"]
     assert fitted["R1"]["nominal"] == 0.61
     assert fitted["R1"]["value"] == pytest.approx(0.6, rel=0.05)
-    answer = json.loads(works("diagnose", *arguments, "--effects", "second_kelvin", "--json", "-", cwd=folder))
+    answer = json.loads(
+        works("diagnose", *arguments, "--effects", "second_kelvin", "--json", "-", cwd=folder)
+    )
     assert answer["verdict"] in ("consistent", "recalibrate")
 
 
@@ -216,14 +334,30 @@ def test_an_fmu_is_built_again_to_the_byte(folder, tmp_path):
 
 def test_what_a_diagnosis_made_goes_on(folder, tmp_path):
     """Its FMU is diagnosed in turn, and tells what was said of it."""
-    arguments = ["diagnose", folder / "record.csv", "--effects", "strain_saturation", "--fmu", "better.fmu"]
+    arguments = [
+        "diagnose",
+        folder / "record.csv",
+        "--effects",
+        "strain_saturation",
+        "--fmu",
+        "better.fmu",
+    ]
     done = here(*arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     text = works("info", "better.fmu", cwd=tmp_path)
     assert "made from ppy_actuator with strain_saturation" in text
     assert "Fitted to record.csv" in text
-    done = here("diagnose", folder / "record.csv", "--model", "better.fmu", "--effects", "none", "--json", "-",
-                cwd=tmp_path)  # fmt: skip
+    done = here(
+        "diagnose",
+        folder / "record.csv",
+        "--model",
+        "better.fmu",
+        "--effects",
+        "none",
+        "--json",
+        "-",
+        cwd=tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["verdict"] == "consistent"
 
@@ -261,7 +395,11 @@ def with_another_content(folder):
 
 def with_annotation(old, new):
     def change(folder):
-        edited(folder / "creep.fmu", folder / "new.fmu", lambda name, text: (name, text.replace(old, new)))
+        edited(
+            folder / "creep.fmu",
+            folder / "new.fmu",
+            lambda name, text: (name, text.replace(old, new)),
+        )
         (folder / "new.fmu").replace(folder / "creep.fmu")
         return ""
 
@@ -273,14 +411,35 @@ def with_annotation(old, new):
     [
         (without_a_file, "there is no file own.py here"),
         (with_another_content, "own.py has changed since"),
-        (with_annotation(b'name="second_kelvin"', b'name="tenth_kelvin"'), "no effect named 'tenth_kelvin'"),
+        (
+            with_annotation(b'name="second_kelvin"', b'name="tenth_kelvin"'),
+            "no effect named 'tenth_kelvin'",
+        ),
         (with_annotation(b'class="Creep"', b'class="Other"'), "there is no class 'Other' in it"),
-        (with_annotation(b'file="own.py" class="Creep"', b'component="creep"'), "there is no component 'creep' here"),
-        (with_annotation(b'file="own.py" class="Creep"', b'component="foot"'), "no effect named 'second_kelvin'"),
-        (with_annotation(b'file="own.py"', b'file="/etc/hostname"'), "there is no file /etc/hostname here"),
+        (
+            with_annotation(b'file="own.py" class="Creep"', b'component="creep"'),
+            "there is no component 'creep' here",
+        ),
+        (
+            with_annotation(b'file="own.py" class="Creep"', b'component="foot"'),
+            "no effect named 'second_kelvin'",
+        ),
+        (
+            with_annotation(b'file="own.py"', b'file="/etc/hostname"'),
+            "there is no file /etc/hostname here",
+        ),
         (with_annotation(b'<Effect name="second_kelvin" />', b""), "has other parameters now"),
     ],
-    ids=["gone", "changed", "effect", "class", "component", "another component", "no Python", "parameters"],
+    ids=[
+        "gone",
+        "changed",
+        "effect",
+        "class",
+        "component",
+        "another component",
+        "no Python",
+        "parameters",
+    ],
 )
 def test_an_fmu_without_its_class_is_still_an_fmu(creep, change, reason):
     change(creep)

@@ -7,7 +7,13 @@ from pathlib import Path
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.cli.outputs import SIGNALS, STANDARD_OUTPUT, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import (
+    SIGNALS,
+    STANDARD_OUTPUT,
+    Outputs,
+    standard_output_for,
+    write_json,
+)
 from orchestration.experiment import results
 
 
@@ -51,7 +57,9 @@ def test_what_costs_nothing_is_let_through(folder):
 def test_what_is_refused(folder, name, message):
     with pytest.raises(UserError) as caught:
         Outputs(
-            {"the record": Path("record.csv")}, {"--out": Path(name)}, {"--out": (".csv", ".nc", ".parquet")}
+            {"the record": Path("record.csv")},
+            {"--out": Path(name)},
+            {"--out": (".csv", ".nc", ".parquet")},
         ).check()
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -68,7 +76,8 @@ def test_one_file_by_two_names_that_is_not_there_yet(folder):
 
 
 @pytest.mark.skipif(
-    os.name == "nt" or not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
+    os.name == "nt" or not hasattr(os, "geteuid") or os.geteuid() == 0,
+    reason="root may write anywhere",
 )
 def test_a_folder_that_is_read_only(folder):
     Path("made").chmod(0o500)

@@ -44,7 +44,12 @@ def folder(tmp_path):
 
 def in_real_time(folder, *arguments) -> subprocess.CompletedProcess[str]:
     return ppy(
-        "run", "one.toml", "--real-time", *arguments, cwd=folder, environment={"TMPDIR": str(folder / "scratch")}
+        "run",
+        "one.toml",
+        "--real-time",
+        *arguments,
+        cwd=folder,
+        environment={"TMPDIR": str(folder / "scratch")},
     )
 
 
@@ -52,9 +57,13 @@ def started(folder, *arguments, before: str = "") -> subprocess.Popen[str]:
     """A run in a process of its own, in which some Python comes first."""
     code = f"{before}\nfrom orchestration.cli.app import main\nmain()"
     return subprocess.Popen(
-        [sys.executable, "-c", code, "run", "one.toml", "--real-time", *map(str, arguments)], cwd=folder, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(folder / "scratch")},
-    )  # fmt: skip
+        [sys.executable, "-c", code, "run", "one.toml", "--real-time", *map(str, arguments)],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"TMPDIR": str(folder / "scratch")},
+    )
 
 
 def appears(path: Path, content: bytes = b"", timeout: float = 60.0) -> None:
@@ -73,16 +82,23 @@ def test_the_result_tells_how_well_the_run_kept_pace(folder):
     lateness = json.loads(about["lateness"])
     assert sum(lateness["counts"]) == 50
     assert len(lateness["counts"]) == len(lateness["upper_bounds"]) + 1
-    assert f"real time: {about['missed_deadlines']} of 50 deadlines missed, the latest by " in done.stdout
+    assert (
+        f"real time: {about['missed_deadlines']} of 50 deadlines missed, the latest by "
+        in done.stdout
+    )
     assert about["wall_time"] >= 0.5
     assert "until run.nc is written, what is recorded goes to run.nc.part.csv" in done.stderr
     assert sorted(path.name for path in folder.glob("run*")) == ["run.nc"]
     again = here("run", "run.nc", cwd=folder)
-    assert "every value is the same to the last bit" in again.stdout  # a model does not care for the clock
+    assert (
+        "every value is the same to the last bit" in again.stdout
+    )  # a model does not care for the clock
 
 
 def test_what_tells_of_a_link_is_recorded_whatever_the_experiment_names(folder):
-    (folder / "one.toml").write_text('component = "sleeper.fmu"\nstep = 0.01\nrecord = ["characters"]\n')
+    (folder / "one.toml").write_text(
+        'component = "sleeper.fmu"\nstep = 0.01\nrecord = ["characters"]\n'
+    )
     assert in_real_time(folder, "--out", "run.csv", "--set", "duration=0.05").returncode == 0
     header = (folder / "run.csv").read_text().splitlines()[0]
     assert header == "time [s],characters [1],voltage_age [1],link_state [1]"
@@ -97,23 +113,40 @@ def test_status():
         "proxy.round_trip_time": 2e-3,
     }
     told = "link stale, age 512 ms, round trip 2.0 ms"
-    assert status(Moment(0.0, 1.0, -0.5, 0, link, "")) == f"0.0 s of 1 s, lag 0.0 ms, missed 0, {told}"
-    others = link | {"second.link_state": 3.0, "second.voltage_age": 0.1, "second.round_trip_time": 4e-3}
-    assert status(Moment(0.0, 1.0, 0.0, 0, others, "")).endswith("link lost, age 512 ms, round trip 4.0 ms")
+    assert (
+        status(Moment(0.0, 1.0, -0.5, 0, link, "")) == f"0.0 s of 1 s, lag 0.0 ms, missed 0, {told}"
+    )
+    others = link | {
+        "second.link_state": 3.0,
+        "second.voltage_age": 0.1,
+        "second.round_trip_time": 4e-3,
+    }
+    assert status(Moment(0.0, 1.0, 0.0, 0, others, "")).endswith(
+        "link lost, age 512 ms, round trip 4.0 ms"
+    )
     assert "link 7" in status(Moment(0.0, 1.0, 0.0, 0, {"link_state": 7.0}, ""))
 
 
 @posix
 def test_a_terminal_shows_it_in_place_and_an_interrupt_leaves_a_valid_file(folder):
     code, printed, shown = on_terminal(
-        "run", "one.toml", "--real-time", "--set", "duration=600", "--out", "run.nc", cwd=folder,
+        "run",
+        "one.toml",
+        "--real-time",
+        "--set",
+        "duration=600",
+        "--out",
+        "run.nc",
+        cwd=folder,
         interrupt_at=re.compile(r"1\.\d s of 600 s"),
-    )  # fmt: skip
+    )
     assert code == 130, shown
     lines = [line for line in shown.replace("\r\n", "\n").split("\n") if " s of 600 s" in line]
     assert len(lines) == 1
     assert lines[0].count("\r") >= 4  # each goes over the one before
-    assert re.search(r"\d\.\d s of 600 s, lag \d+\.\d ms, missed \d+, link stale, age \d+ ms", lines[0])
+    assert re.search(
+        r"\d\.\d s of 600 s, lag \d+\.\d ms, missed \d+, link stale, age \d+ ms", lines[0]
+    )
     assert "wrote run.nc (incomplete)" in printed
     data = results.read(folder / "run.nc")
     assert data.attrs["complete"] == 0
@@ -137,7 +170,9 @@ def test_an_interrupt_leaves_a_valid_csv(folder):
 
 
 @posix
-def test_a_killed_run_has_lost_its_last_seconds_only_and_the_next_does_not_overwrite_the_rest(folder):
+def test_a_killed_run_has_lost_its_last_seconds_only_and_the_next_does_not_overwrite_the_rest(
+    folder,
+):
     running = started(folder, "--set", "duration=600", "--out", "run.nc")
     journal = folder / "run.nc.part.csv"
     appears(journal, b"\n0.5")  # the first piece, of two seconds
@@ -146,22 +181,37 @@ def test_a_killed_run_has_lost_its_last_seconds_only_and_the_next_does_not_overw
     running.kill()
     running.communicate(timeout=60)
     record = read_record(journal, UNITS)
-    assert record.time[-1] >= first + 1.9  # killed 2.5 s later; the second piece came 2 s after the first
+    assert (
+        record.time[-1] >= first + 1.9
+    )  # killed 2.5 s later; the second piece came 2 s after the first
     assert record.signals["voltage_age"] == pytest.approx(record.time)
     assert not (folder / "run.nc").exists()
-    refused(folder, "run", "one.toml", "--real-time", "--out", "run.nc", parts=["run.nc.part.csv is there", "killed"])
+    refused(
+        folder,
+        "run",
+        "one.toml",
+        "--real-time",
+        "--out",
+        "run.nc",
+        parts=["run.nc.part.csv is there", "killed"],
+    )
 
 
 @posix
 def test_a_full_disk_is_told_at_once_and_what_went_to_it_stays(folder):
     """No file may be longer than 32 kB: neither journal nor result, nor the result in the folder of temporary files."""
     limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (32768, 32768))"
-    running = started(folder, "--set", "duration=3", "--set", "step=0.001", "--out", "run.nc", before=limit)
+    running = started(
+        folder, "--set", "duration=3", "--set", "step=0.001", "--out", "run.nc", before=limit
+    )
     _, told = running.communicate(timeout=120)
     assert running.returncode == 2
     assert "Traceback" not in told
     journal = folder / "run.nc.part.csv"
-    assert "warning: cannot write run.nc.part.csv: File too large; from then on the record was in memory only" in told
+    assert (
+        "warning: cannot write run.nc.part.csv: File too large; from then on the record was in memory only"
+        in told
+    )
     error = "error: cannot write run.nc: File too large; what went to the disk before is in run.nc.part.csv"
     assert told.splitlines()[-1] == error
     assert journal.stat().st_size == 32768
@@ -187,7 +237,9 @@ def test_a_result_that_cannot_be_written_where_it_should_is_written_elsewhere(fo
 def test_a_member_that_fails_costs_no_record(folder):
     done = in_real_time(folder, "--out", "run.nc", *FAILING)
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1].endswith("step from 0.5 s to 0.51 s failed (error): the rig has fallen silent")
+    assert done.stderr.splitlines()[-1].endswith(
+        "step from 0.5 s to 0.51 s failed (error): the rig has fallen silent"
+    )
     done = here("run", "one.toml", "--out", "other.nc", *FAILING, cwd=folder)
     assert done.returncode == 2
     assert "the rig has fallen silent" in done.stderr.splitlines()[-1]
@@ -202,10 +254,16 @@ def test_a_missed_deadline_ends_the_run_if_asked(folder):
     late = ["--set", "delay=0.6", "--set", "from=0.1", "--set", "until=0.105"]
     done = in_real_time(folder, "--out", "run.nc", "--missed", "stop", *late)
     assert done.returncode == 2
-    assert re.search(r"error: deadline missed: 0\.\d+ s was reached [\d.e+]+ ms late; 10 ms are allowed", done.stderr)
+    assert re.search(
+        r"error: deadline missed: 0\.\d+ s was reached [\d.e+]+ ms late; 10 ms are allowed",
+        done.stderr,
+    )
     assert results.read(folder / "run.nc").attrs["missed_deadlines"] == 1
     done = in_real_time(folder, "--out", "run.nc", "--lag", "0.3 s", *late)
-    assert re.search(r"error: not in real time: 0\.11 s was reached 0\.\d+ s late; the lag may be 0.3 s", done.stderr)
+    assert re.search(
+        r"error: not in real time: 0\.11 s was reached 0\.\d+ s late; the lag may be 0.3 s",
+        done.stderr,
+    )
 
 
 def test_quiet_is_quiet(folder):
@@ -224,20 +282,42 @@ def test_quiet_is_quiet(folder):
         (["--real-time", "--lag", "0"], ["lag 0 s: must be above 0"]),
         (["--real-time", "--cpu", "-1"], ["processor -1"]),
     ],
-)  # fmt: skip
+)
 def test_options_that_make_no_sense_are_refused(folder, arguments, parts):
     refused(folder, "run", "one.toml", *arguments, parts=parts)
 
 
 def test_a_fused_system_is_not_run_in_real_time(folder):
     (folder / "one.toml").write_text('system = "dma_bench"\nmaster = { method = "fused" }\n')
-    refused(folder, "run", "one.toml", "--real-time", parts=["a fused system", "cannot be run in real time"])
+    refused(
+        folder,
+        "run",
+        "one.toml",
+        "--real-time",
+        parts=["a fused system", "cannot be run in real time"],
+    )
 
 
 def test_a_rig_that_is_not_there_is_told_in_a_line(folder):
-    nowhere = ["--set", "proxy.endpoint=tcp://127.0.0.1:9", "--set", "proxy.communication_timeout=0.3"]
+    nowhere = [
+        "--set",
+        "proxy.endpoint=tcp://127.0.0.1:9",
+        "--set",
+        "proxy.communication_timeout=0.3",
+    ]
     parts = ["proxy: ", "no answer within 0.3 s from tcp://127.0.0.1:9", "ppy rig serve"]
-    refused(folder, "run", "hil_bench", "--runtime", "python", "--real-time", "--out", "run.nc", *nowhere, parts=parts)
+    refused(
+        folder,
+        "run",
+        "hil_bench",
+        "--runtime",
+        "python",
+        "--real-time",
+        "--out",
+        "run.nc",
+        *nowhere,
+        parts=parts,
+    )
     assert not (folder / "run.nc.part.csv").exists()
 
 
@@ -253,7 +333,13 @@ def test_a_result_of_a_system_goes_into_a_comparison_as_it_stands(folder):
     assert in_real_time(folder, "--out", "run.nc").returncode == 0
     done = here("compare", "run.nc", "--model", "ppy_actuator", "--json", "fits.json", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert "column 'proxy.voltage' is read as voltage: the only one of a member of this name" in done.stderr
+    assert (
+        "column 'proxy.voltage' is read as voltage: the only one of a member of this name"
+        in done.stderr
+    )
     figures = json.loads((folder / "fits.json").read_text())
     assert "100" in done.stdout
-    assert set(figures["outputs"] if "outputs" in figures else figures["before"]) >= {"voltage", "displacement"}
+    assert set(figures["outputs"] if "outputs" in figures else figures["before"]) >= {
+        "voltage",
+        "displacement",
+    }

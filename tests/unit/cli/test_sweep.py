@@ -34,7 +34,9 @@ def test_numbers_with_units_and_a_picture(folder):
     said = works(*CALL, "--over", "tau=0.5..2:4", "--out", "a.nc", "--plot", "a.png", cwd=folder)
     assert "4 cases" in said
     found = xarray.load_dataset(folder / "a.nc", engine="scipy")
-    assert found["x_last"].values == pytest.approx(2.0 * (1.0 - np.exp(-5.0 / np.array([0.5, 1.0, 1.5, 2.0]))))
+    assert found["x_last"].values == pytest.approx(
+        2.0 * (1.0 - np.exp(-5.0 / np.array([0.5, 1.0, 1.5, 2.0])))
+    )
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
     assert not (folder / "a.nc.part").exists()
 
@@ -52,7 +54,17 @@ def test_interrupted_it_goes_on(folder):
 
 
 def test_workers_are_silent_where_a_sweep_is_interrupted(folder):
-    call = [*CALL, "--over", "tau=0.5..2:4000", "--step", "0.01s", "--workers", "2", "--out", "d.nc"]
+    call = [
+        *CALL,
+        "--over",
+        "tau=0.5..2:4000",
+        "--step",
+        "0.01s",
+        "--workers",
+        "2",
+        "--out",
+        "d.nc",
+    ]
     (folder / "scratch").mkdir(exist_ok=True)
     code, _, told = on_terminal(*call, cwd=folder, interrupt_at=re.compile(r"[1-9]\d* of 4,000"))
     assert code == 130
@@ -77,10 +89,30 @@ def test_a_file_that_cannot_be_written_loses_nothing(folder, monkeypatch):
 
 def test_what_a_preset_sets_can_be_swept(tmp_path):
     call = ("sweep", "ppy_actuator", "--preset", "five_layer", "--stop", "1s", "--step", "0.1s")
-    works(*call, "--over", "R1=1,2", "--set", "current=0.5", "--outputs", "voltage", "--out", "f.nc", cwd=tmp_path)
+    works(
+        *call,
+        "--over",
+        "R1=1,2",
+        "--set",
+        "current=0.5",
+        "--outputs",
+        "voltage",
+        "--out",
+        "f.nc",
+        cwd=tmp_path,
+    )
     found = xarray.load_dataset(tmp_path / "f.nc", engine="scipy")["voltage_last"].values
     for resistance, last in zip((1.0, 2.0), found, strict=True):
-        alone = ("simulate", *call[1:], "--set", f"R1={resistance}", "--set", "current=0.5", "--out", "g.nc")
+        alone = (
+            "simulate",
+            *call[1:],
+            "--set",
+            f"R1={resistance}",
+            "--set",
+            "current=0.5",
+            "--out",
+            "g.nc",
+        )
         works(*alone, cwd=tmp_path)
         assert float(xarray.load_dataset(tmp_path / "g.nc", engine="scipy")["voltage"][-1]) == last
 
@@ -95,9 +127,18 @@ def test_what_a_preset_sets_can_be_swept(tmp_path):
         (["--over", "tau=1..2:3", "--out", "c.csv"], ".nc"),
         (["--over", "tau=1..2:3", "--outputs", "y"], "no output named 'y'"),
         (["--over", "u=1..2:3"], "swept, and set"),
-        (["--over", "tau=1..2:3", "--keep", "trace", "--plot", "c.png"], "numbers are drawn over parameters"),
-        (["--over", "tau=1..2:3", "--keep", "last,last"], "--keep 'last,last': last is named twice"),
-        (["--over", "tau=1..2:3", "--outputs", "x,,x"], "--outputs 'x,,x': there is nothing before or after a comma"),
+        (
+            ["--over", "tau=1..2:3", "--keep", "trace", "--plot", "c.png"],
+            "numbers are drawn over parameters",
+        ),
+        (
+            ["--over", "tau=1..2:3", "--keep", "last,last"],
+            "--keep 'last,last': last is named twice",
+        ),
+        (
+            ["--over", "tau=1..2:3", "--outputs", "x,,x"],
+            "--outputs 'x,,x': there is nothing before or after a comma",
+        ),
         ([], "--over"),
     ],
 )
@@ -141,7 +182,18 @@ def test_a_list_is_taken_literally(text):
 
 def test_a_sweep_of_which_nothing_could_be_run_is_no_success(tmp_path):
     build("writes_to_nothing", tmp_path)
-    call = ["sweep", "writes_to_nothing.fmu", "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--over", "tau=0.5,1,2"]
+    call = [
+        "sweep",
+        "writes_to_nothing.fmu",
+        "--set",
+        "u=1",
+        "--stop",
+        "3s",
+        "--step",
+        "0.1s",
+        "--over",
+        "tau=0.5,1,2",
+    ]
     said = here(*call, "--out", "x.nc", cwd=tmp_path)
     assert said.returncode == 2
     assert said.stderr.splitlines()[-1] == "error: not one of the 3 cases could be run"

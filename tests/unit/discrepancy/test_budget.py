@@ -65,7 +65,9 @@ def test_a_fit_that_is_ended_early_keeps_its_best_point():
     for ticks in (0.5, 4.0, 1e9):
         found = with_ticks(ticks)
         left = found.selection.base.fit.residual
-        errors[ticks] = sum(np.var(left[o]) / np.nanvar(y) for o, y in found.estimation.measured.items())
+        errors[ticks] = sum(
+            np.var(left[o]) / np.nanvar(y) for o, y in found.estimation.measured.items()
+        )
     assert errors[0.5] > 1.1 * errors[4.0]
     assert errors[4.0] > 0.98 * errors[1e9]
 
@@ -78,7 +80,9 @@ def test_longer_records_have_more_time():
 @pytest.mark.parametrize("time", [0.0, -1.0, float("nan")])
 def test_no_time_at_all_is_refused(time):
     with pytest.raises(UserError, match="is no time; inf is without limit"):
-        pipeline.diagnose(rig_record(), find_model("ppy_actuator"), options=pipeline.Options(time=time))
+        pipeline.diagnose(
+            rig_record(), find_model("ppy_actuator"), options=pipeline.Options(time=time)
+        )
 
 
 def test_a_late_failure_costs_what_failed_only(monkeypatch):

@@ -59,7 +59,10 @@ def test_two_that_changed_are_both_claimed():
 @pytest.mark.parametrize("seed", slow_but(range(50, 53), 50))
 def test_what_the_model_lacks_in_both_records_is_no_change(seed):
     """A cubic resistance that the model has not bends every parameter a little, and otherwise in each record."""
-    records = {BEFORE: measured(2 * seed, 3.0), AFTER: measured(2 * seed + 1, -4.0, R1=3.0 * TRUE["R1"])}
+    records = {
+        BEFORE: measured(2 * seed, 3.0),
+        AFTER: measured(2 * seed + 1, -4.0, R1=3.0 * TRUE["R1"]),
+    }
     bent = {}
     for k, (label, record) in enumerate(records.items()):
         current = record.inputs["current"]
@@ -74,13 +77,20 @@ def scattering(seed, start, **other):
     record = measured(seed, start, **other)
     parts = 0.2 * TRUE["R0"] * np.random.default_rng(900 + seed).standard_normal(10)
     more = np.repeat(parts - parts.mean(), len(record.time) // 10)
-    return replace(record, measured={"voltage": record.measured["voltage"] - more * record.inputs["current"]})
+    return replace(
+        record, measured={"voltage": record.measured["voltage"] - more * record.inputs["current"]}
+    )
 
 
 def resistance(seed, factor):
-    records = {BEFORE: scattering(2 * seed, 3.0), AFTER: scattering(2 * seed + 1, -4.0, R0=factor * TRUE["R0"])}
+    records = {
+        BEFORE: scattering(2 * seed, 3.0),
+        AFTER: scattering(2 * seed + 1, -4.0, R0=factor * TRUE["R0"]),
+    }
     told = changes(Candidate((), Cell), Dataset.joined(records), PARAMETERS, ["relaxed_start"], {})
-    return [change for change in told if change.changed], [change.name for change in told if change.uncertain]
+    return [change for change in told if change.changed], [
+        change.name for change in told if change.uncertain
+    ]
 
 
 @pytest.mark.slow

@@ -57,8 +57,13 @@ def test_an_effect_that_cannot_be_simulated_is_told(monkeypatch):
 
     monkeypatch.setattr(scoring, "score_directions", fails)
     diagnosis = diagnose(PpyActuator, short_record(), FEW[:1])
-    assert diagnosis.notes == [Note(NoteCode.NOT_SIMULATED, "strain_saturation", {"reason": "no derivative there"})]
-    assert wording.message(diagnosis.notes[0]) == "strain_saturation was not judged: no derivative there"
+    assert diagnosis.notes == [
+        Note(NoteCode.NOT_SIMULATED, "strain_saturation", {"reason": "no derivative there"})
+    ]
+    assert (
+        wording.message(diagnosis.notes[0])
+        == "strain_saturation was not judged: no derivative there"
+    )
 
 
 def test_a_model_without_states_or_inputs_can_be_diagnosed():
@@ -100,5 +105,10 @@ def test_what_is_left_where_the_cause_does_not_act_is_told():
     assert NoteCode.SOMETHING_LEFT in {note.code for note in diagnosis.notes}
     assert diagnosis.causes[:1] == ["strain_saturation"]
     said = wording.sentence(diagnosis)
-    assert said.startswith("What the model gets wrong: strain_saturation (confirmed on the held-out third)")
-    assert "Beside that, something is left that nothing in the catalogue accounts for: voltage wanders slowly" in said
+    assert said.startswith(
+        "What the model gets wrong: strain_saturation (confirmed on the held-out third)"
+    )
+    assert (
+        "Beside that, something is left that nothing in the catalogue accounts for: voltage wanders slowly"
+        in said
+    )

@@ -53,7 +53,9 @@ def stage() -> tuple[Dataset, dict[str, np.ndarray]]:
             free = v + step / parts * (drive * u - viscous * v) / mass
             v = np.sign(free) * max(abs(free) - step / parts * dry / mass, 0.0)
     noise = 2e-3 * random.standard_normal(time.size)
-    return Dataset(time, {"motor_voltage": voltage}, {"velocity": velocity + noise}), {"velocity": velocity}
+    return Dataset(time, {"motor_voltage": voltage}, {"velocity": velocity + noise}), {
+        "velocity": velocity
+    }
 
 
 def drawn(hidden: str | None, **options) -> tuple[Dataset, dict[str, np.ndarray]]:
@@ -69,7 +71,11 @@ def case(name: str):
         return cls, data, truth, catalogue(cls, effects_of(cls), data.measured)
     other = EFFECTS["quadratic_strain"]
     if name == "saturation":
-        return PpyActuator, *drawn("strain_saturation", duration=300.0), [EFFECTS["strain_saturation"], other]
+        return (
+            PpyActuator,
+            *drawn("strain_saturation", duration=300.0),
+            [EFFECTS["strain_saturation"], other],
+        )
     return (
         PpyActuator,
         *drawn("sensor_lag.voltage", outputs=("voltage",), **SHORT),
@@ -87,7 +93,9 @@ def made(tmp_path_factory):
             cls, data, truth, effects = case(name)
             diagnosis = diagnose(cls, data, effects, held=SPRINGS if name == "lag" else ())
             model = extended(diagnosis, f"/somewhere/{RECORD}")
-            paths = export(model, tmp_path_factory.mktemp(name) / "mended.fmu", platforms=[host_platform()])
+            paths = export(
+                model, tmp_path_factory.mktemp(name) / "mended.fmu", platforms=[host_platform()]
+            )
             cases[name] = SimpleNamespace(
                 diagnosis=diagnosis,
                 cls=model,
@@ -121,10 +129,17 @@ def test_defaults_are_what_was_fitted(one):
 
 def test_the_fmu_says_what_was_added_and_fitted(one):
     best, declared = one.diagnosis.selection.best, {p.name: p for p in one.cls.layout.parameters}
-    expected = [f"Fitted to {RECORD}", f"Added to {one.diagnosis.selection.base.candidate.cls.name}: {one.hidden.id}"]
+    expected = [
+        f"Fitted to {RECORD}",
+        f"Added to {one.diagnosis.selection.base.candidate.cls.name}: {one.hidden.id}",
+    ]
     for name, e in one.diagnosis.estimates.items():
         low, high = (shown(end, declared[name]) for end in e.interval)
-        known = f"95 % interval {low} … {high}" if name != "travel_start" else "not determined by the record"
+        known = (
+            f"95 % interval {low} … {high}"
+            if name != "travel_start"
+            else "not determined by the record"
+        )
         expected.append(f"{name} = {shown(e.value, declared[name])} ({known})")
     assert len(expected) == 2 + len(one.diagnosis.final.problem.names)
     for path in one.fmus.values():
@@ -153,7 +168,9 @@ def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):
     assert cls.name == "ppy_actuator_fitted"
     native, python = export(cls, tmp_path / "mended.fmu", platforms=[host_platform()])
     with zipfile.ZipFile(native) as archive:
-        assert not [n for n in archive.namelist() if n.startswith("extra")], "the reference result is of other defaults"
+        assert not [n for n in archive.namelist() if n.startswith("extra")], (
+            "the reference result is of other defaults"
+        )
     gain = measured_gain(diagnosis, python)
     assert gain.after == pytest.approx(diagnosis.after, rel=1e-6)
     assert gain.after == pytest.approx(gain.before, rel=1e-6)
@@ -165,7 +182,9 @@ def test_doubts_are_told(made):
     alternative = step.rejected[0][0] if step.rejected else step.chosen
     doubtful = replace(diagnosis.selection, steps=[replace(step, alternatives=[alternative])])
     assert "cannot be told apart from" not in made("saturation").cls.remark
-    remark = extended(replace(diagnosis, verdict=Verdict.AMBIGUOUS, selection=doubtful), RECORD).remark
+    remark = extended(
+        replace(diagnosis, verdict=Verdict.AMBIGUOUS, selection=doubtful), RECORD
+    ).remark
     assert "On this record it cannot be told apart from quadratic_strain" in remark
     remark = extended(replace(diagnosis, verdict=Verdict.UNEXPLAINED), RECORD).remark
     assert "It does not account for all that the record shows" in remark
@@ -212,9 +231,15 @@ def tanks(folder, imports=""):
     pole = np.exp(-0.2 * step)
     forced = lfilter([0.0, (1.0 - pole) / 0.2 / 3.0], [1.0, -pole], inflow)
     time = step * np.arange(inflow.size)
-    level = forced + 2.0 * np.exp(-0.2 * time) + 1e-3 * np.random.default_rng(3).standard_normal(time.size)
+    level = (
+        forced
+        + 2.0 * np.exp(-0.2 * time)
+        + 1e-3 * np.random.default_rng(3).standard_normal(time.size)
+    )
     cls = load_class(f"{folder / 'own.py'}:Tanks")
-    return diagnose(cls, Dataset(time, {"inflow": inflow}, {"level": level}), [], {"count": 3, "open": 1})
+    return diagnose(
+        cls, Dataset(time, {"inflow": inflow}, {"level": level}), [], {"count": 3, "open": 1}
+    )
 
 
 def test_what_the_user_gave_stays_given(tmp_path):
@@ -270,7 +295,9 @@ def test_it_is_checked_without_a_complaint(one):
         # a user's file does not tell who wrote it; that is said of the model itself, too
         messages = [finding.message for finding in complaints]
         assert [
-            text for text in messages if "author" not in text and "license" not in text and "icon" not in text
+            text
+            for text in messages
+            if "author" not in text and "license" not in text and "icon" not in text
         ] == []
 
 
@@ -289,7 +316,9 @@ def test_both_builds_agree_over_the_record(one):
 def test_the_python_build_reads_as_it_runs(made):
     with zipfile.ZipFile(made("lag").fmus["python"]) as archive:
         text = archive.read("resources/python/__init__.py").decode()
-    assert f"'voltage_lag_time': {made('lag').diagnosis.estimates['voltage_lag_time'].value!r}" in text
+    assert (
+        f"'voltage_lag_time': {made('lag').diagnosis.estimates['voltage_lag_time'].value!r}" in text
+    )
 
 
 # --- what it gains --------------------------------------------------------------------------------------------------
@@ -306,7 +335,9 @@ def test_it_leaves_little_more_than_the_truth_would(one):
     data, first = one.diagnosis.validation.data, one.diagnosis.validation.first
     for output, y in data.measured.items():
         seen = y[first:]
-        noise = np.linalg.norm(seen - one.truth[output][first:]) / np.linalg.norm(seen - seen.mean())
+        noise = np.linalg.norm(seen - one.truth[output][first:]) / np.linalg.norm(
+            seen - seen.mean()
+        )
         assert one.gain.after[output] < 1.2 * noise
 
 
@@ -314,7 +345,10 @@ def test_what_is_left_is_white_or_said_not_to_be(made, tmp_path):
     diagnosis = made("stage").diagnosis
     assert made("stage").gain.whiteness["velocity"].is_white
     validation, data = diagnosis.validation, diagnosis.validation.data
-    hum = {"velocity": data.measured["velocity"] + 0.01 * np.ptp(data.measured["velocity"]) * np.sin(3.0 * data.time)}
+    hum = {
+        "velocity": data.measured["velocity"]
+        + 0.01 * np.ptp(data.measured["velocity"]) * np.sin(3.0 * data.time)
+    }
     disturbed = replace(diagnosis, validation=replace(validation, data=replace(data, measured=hum)))
     assert not measured_gain(disturbed, made("stage").fmus["native"]).whiteness["velocity"].is_white
 
@@ -323,8 +357,12 @@ def test_a_record_of_its_own_starts_where_it_starts(tmp_path):
     """The end of a record, which the fit does not continue into: its states at the start are estimated there."""
     _, data, _, effects = case("saturation")
     cut = round(0.6 * len(data.time))
-    diagnosis = diagnose(PpyActuator, data.part(0, cut), effects[:1], holdout=data.part(cut, len(data.time)))
-    native, _ = export(extended(diagnosis, RECORD), tmp_path / "mended.fmu", platforms=[host_platform()])
+    diagnosis = diagnose(
+        PpyActuator, data.part(0, cut), effects[:1], holdout=data.part(cut, len(data.time))
+    )
+    native, _ = export(
+        extended(diagnosis, RECORD), tmp_path / "mended.fmu", platforms=[host_platform()]
+    )
     gain = measured_gain(diagnosis, native)
     assert gain.before == pytest.approx(diagnosis.before, rel=1e-6)
     assert gain.after == pytest.approx(diagnosis.after, rel=1e-6)
@@ -332,7 +370,10 @@ def test_a_record_of_its_own_starts_where_it_starts(tmp_path):
     with Fmu(native) as fmu:
         fmu.start(float(data.time[0]))
         from_elsewhere = simulate_instance(fmu, data.time, data.inputs, list(data.measured))
-    assert diagnosis.validation.nrmse(from_elsewhere)["displacement"] > 2.0 * gain.after["displacement"]
+    assert (
+        diagnosis.validation.nrmse(from_elsewhere)["displacement"]
+        > 2.0 * gain.after["displacement"]
+    )
 
 
 # --- files ----------------------------------------------------------------------------------------------------------
@@ -340,16 +381,21 @@ def test_a_record_of_its_own_starts_where_it_starts(tmp_path):
 
 def test_where_the_fmus_go(tmp_path):
     assert destinations(tmp_path / "a.b.fmu", []) == {
-        "native": tmp_path / "a.b.fmu", "python": tmp_path / "a.b.python.fmu"
-    }  # fmt: skip
+        "native": tmp_path / "a.b.fmu",
+        "python": tmp_path / "a.b.python.fmu",
+    }
 
 
 @pytest.mark.parametrize("name", ["mended.fmu", "mended.python.fmu"])
 def test_a_record_is_not_overwritten(tmp_path, name):
     (tmp_path / name).write_text("time [s]")
     (tmp_path / "record.csv").symlink_to(tmp_path / name)
-    with pytest.raises(UserError, match=rf"{name}: this is the record itself; it will not be overwritten"):
-        export(PpyActuator, tmp_path / "mended.fmu", [tmp_path / "other.csv", tmp_path / "record.csv"])
+    with pytest.raises(
+        UserError, match=rf"{name}: this is the record itself; it will not be overwritten"
+    ):
+        export(
+            PpyActuator, tmp_path / "mended.fmu", [tmp_path / "other.csv", tmp_path / "record.csv"]
+        )
     assert (tmp_path / name).read_text() == "time [s]"
 
 

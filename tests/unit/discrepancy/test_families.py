@@ -56,7 +56,10 @@ def folder(tmp_path_factory):
     time = STEP * np.arange(voltage.size)
     measured = np.array(speed) + 0.05 * rng.standard_normal(voltage.size)
     write_record(
-        folder / "drive.csv", time, {"voltage": voltage, "speed": measured}, {"voltage": "V", "speed": "rad/s"}
+        folder / "drive.csv",
+        time,
+        {"voltage": voltage, "speed": measured},
+        {"voltage": "V", "speed": "rad/s"},
     )
     return folder
 
@@ -80,7 +83,9 @@ def test_they_have_to_be_asked_for_where_a_file_lists_its_own(folder):
     (folder / "listing.py").write_text(listing, encoding="utf-8")
     model = f"{folder / 'listing.py'}:Drive"
     assert ppy.diagnose(folder / "drive.csv", model).causes != ["dead_zone(voltage)"]
-    assert ppy.diagnose(folder / "drive.csv", model, effects=["families"]).causes == ["dead_zone(voltage)"]
+    assert ppy.diagnose(folder / "drive.csv", model, effects=["families"]).causes == [
+        "dead_zone(voltage)"
+    ]
 
 
 def test_one_of_them_can_be_asked_for_by_name(folder):

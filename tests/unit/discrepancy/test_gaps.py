@@ -80,7 +80,9 @@ def test_the_last_third_is_held_out_wherever_the_gaps_are(missing, fitted):
 
 def test_of_several_records_whole_ones_are_held_out():
     records = {"a": without((300, 450)), "b": WHOLE, "c": without((200, 300), (400, 500))}
-    pieces = {label: part for name, data in records.items() for label, part in data.pieces(name).items()}
+    pieces = {
+        label: part for name, data in records.items() for label, part in data.pieces(name).items()
+    }
     of = {label: label[0] for label in pieces if "." in label}
     estimation, validation = ValidationData.split(Dataset.joined(pieces, of))
     assert [run.label for run in estimation.runs] == ["a.1", "a.2", "b"]
@@ -90,7 +92,9 @@ def test_of_several_records_whole_ones_are_held_out():
 def test_a_file_with_a_gap_is_diagnosed_as_two_runs_and_one_without_has_nothing_of_its_own():
     record, actuator = rig_record(), find_model("ppy_actuator")
     kept = np.r_[0:500, 700:1500]
-    cut = replace(record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()})
+    cut = replace(
+        record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()}
+    )
     estimates = diagnosed(cut, actuator, options=Options(effects=[])).diagnosis.estimates
     assert {"R1", "charge_start@1", "charge_start@2"} <= estimates.keys()
     whole = diagnosed(record, actuator, options=Options(effects=[], each=["R1"]))

@@ -10,9 +10,22 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-SOURCES = sorted(path for folder in ("orchestration", "fmus") for path in (ROOT / folder).rglob("*.py"))
-SENTENCE = re.compile(r"[A-Za-z]{2,}[,:]? +[A-Za-z]{2,}|^[a-z]{2,} | [a-z]{2,}$")  # words with a space between or after
-LOOKS_INTO = ("startswith", "endswith", "find", "index", "count", "split", "partition", "rpartition")
+SOURCES = sorted(
+    path for folder in ("orchestration", "fmus") for path in (ROOT / folder).rglob("*.py")
+)
+SENTENCE = re.compile(
+    r"[A-Za-z]{2,}[,:]? +[A-Za-z]{2,}|^[a-z]{2,} | [a-z]{2,}$"
+)  # words with a space between or after
+LOOKS_INTO = (
+    "startswith",
+    "endswith",
+    "find",
+    "index",
+    "count",
+    "split",
+    "partition",
+    "rpartition",
+)
 SEARCHES = ("match", "search", "fullmatch", "findall")
 
 
@@ -43,9 +56,14 @@ def looked_for(tree: ast.AST) -> Iterator[tuple[int, str]]:
             sides = [node.left, *node.comparators]
             if any(map(is_message, sides)):
                 sought = sides
-            elif isinstance(node.ops[0], ast.In | ast.NotIn) and not list(texts(node.comparators[0])):
+            elif isinstance(node.ops[0], ast.In | ast.NotIn) and not list(
+                texts(node.comparators[0])
+            ):
                 sought = [node.left]
-        elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") in (*LOOKS_INTO, *SEARCHES):
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") in (
+            *LOOKS_INTO,
+            *SEARCHES,
+        ):
             sought = node.args[:1]
         yield from ((node.lineno, text) for part in sought for text in texts(part))
 

@@ -37,7 +37,10 @@ def at_rest(record):
 def test_inputs_and_outputs_of_a_record_are_those_of_the_model(actuator):
     record = rig_record()
     data = dataset(record, actuator, {})
-    assert (set(data.inputs), set(data.measured)) == ({"current", "force"}, {"voltage", "displacement"})
+    assert (set(data.inputs), set(data.measured)) == (
+        {"current", "force"},
+        {"voltage", "displacement"},
+    )
     assert all(data.inputs[n] is record.signals[n] for n in data.inputs)
     assert data.linear is None
     assert dataset(record, actuator, {}, interpolate=True).linear is True
@@ -68,7 +71,9 @@ def test_an_absent_input_is_noted_unless_it_is_given(actuator):
 
 
 def test_a_cause_comes_with_its_model_and_its_gain(actuator):
-    result = diagnose(rig_record("strain_saturation"), actuator, options=Options(effects=["strain_saturation"]))
+    result = diagnose(
+        rig_record("strain_saturation"), actuator, options=Options(effects=["strain_saturation"])
+    )
     assert result.diagnosis.verdict is Verdict.CAUSE
     assert "strain_saturation_coefficient" in {p.name for p in result.component.layout.parameters}
     assert result.gain.before == pytest.approx(result.diagnosis.before, rel=1e-6)
@@ -112,7 +117,10 @@ def test_what_fails_afterwards_does_not_take_the_diagnosis_with_it(actuator, mon
 
     monkeypatch.setattr(pipeline, "measured_gain", fails)
     monkeypatch.setattr(pipeline, "design", fails)
-    moving, idle = (diagnose(r, actuator, options=Options(effects=[])) for r in (rig_record(), at_rest(rig_record())))
+    moving, idle = (
+        diagnose(r, actuator, options=Options(effects=[]))
+        for r in (rig_record(), at_rest(rig_record()))
+    )
     assert moving.gain is None
     assert Note(NoteCode.FMU_FAILED, "", {"reason": "no compiler"}) in moving.notes
     assert idle.experiment is None
@@ -136,13 +144,17 @@ def test_names_that_are_unknown_are_refused(actuator, options, message):
 
 
 def test_a_model_without_equations_is_refused(actuator):
-    with pytest.raises(UserError, match=r"ppy_actuator is an FMU without equations; name a component or file\.py"):
+    with pytest.raises(
+        UserError, match=r"ppy_actuator is an FMU without equations; name a component or file\.py"
+    ):
         diagnose(rig_record(), replace(actuator, cls=None))
 
 
 def test_a_record_to_judge_by_must_have_an_output_of_the_other(actuator):
     other = rig_record(None, "current", "displacement")
-    with pytest.raises(UserError, match=r"lab record\.csv: it has none of the outputs of the record, voltage"):
+    with pytest.raises(
+        UserError, match=r"lab record\.csv: it has none of the outputs of the record, voltage"
+    ):
         diagnose(rig_record(None, "current", "voltage"), actuator, other, Options(effects=[]))
 
 
@@ -156,6 +168,8 @@ def test_the_same_record_twice_is_refused_however_it_is_written(actuator):
         diagnose([record, same], actuator, options=options)
     with pytest.raises(UserError, match=told):
         diagnose(record, actuator, same, options)
-    before = diagnose(record, actuator, replace(rig_record(seed=2), source=Path("other.csv")), options)
+    before = diagnose(
+        record, actuator, replace(rig_record(seed=2), source=Path("other.csv")), options
+    )
     with pytest.raises(UserError, match=told):
         compare(before, same, options)

@@ -31,7 +31,10 @@ def differing():
 def test_parameters_are_of_all_records_and_starts_of_each(diagnosis):
     names = {*SHARED, *(f"relaxed_start@{label}" for label in STARTS)}
     assert set(diagnosis.estimates) == names, "once the gain is known all records are fitted"
-    assert {base_name(n) for n in diagnosis.selection.best.problem.names} == {*SHARED, "relaxed_start"}
+    assert {base_name(n) for n in diagnosis.selection.best.problem.names} == {
+        *SHARED,
+        "relaxed_start",
+    }
 
 
 def test_the_truth_is_found(diagnosis):
@@ -67,7 +70,12 @@ def test_what_differs_without_being_said_so_leaves_an_error():
 
 
 def test_more_records_tell_parameters_more_closely():
-    one, four = (diagnose(Cell, data, [], held=["ocv"]) for data in (measured(0, STARTS["a"]), several("abcd")))
+    one, four = (
+        diagnose(Cell, data, [], held=["ocv"])
+        for data in (measured(0, STARTS["a"]), several("abcd"))
+    )
     for name in SHARED:
-        widths = [e.interval[1] - e.interval[0] for e in (one.estimates[name], four.estimates[name])]
+        widths = [
+            e.interval[1] - e.interval[0] for e in (one.estimates[name], four.estimates[name])
+        ]
         assert widths[1] < 0.7 * widths[0]

@@ -54,7 +54,8 @@ def works(*arguments, cwd):
 def same(one, other):
     """Whether the values of two datasets are the same to the bit."""
     return set(one.variables) == set(other.variables) and all(
-        one[n].values.astype("<f8").tobytes() == other[n].values.astype("<f8").tobytes() for n in one.variables
+        one[n].values.astype("<f8").tobytes() == other[n].values.astype("<f8").tobytes()
+        for n in one.variables
     )
 
 
@@ -108,7 +109,13 @@ def test_csv_and_parquet_are_records_with_every_digit(folder):
         for signal_name, values in record.signals.items():
             assert values.tobytes() == done[signal_name].values.tobytes()
     table = pandas.read_parquet(folder / "run.parquet")
-    assert list(table) == ["time [s]", "force [N]", "current [A]", "voltage [V]", "displacement [m]"]
+    assert list(table) == [
+        "time [s]",
+        "force [N]",
+        "current [A]",
+        "voltage [V]",
+        "displacement [m]",
+    ]
 
 
 @pytest.mark.parametrize("ending", ["csv", "nc"])
@@ -146,13 +153,19 @@ def test_what_is_not_the_same_is_said(folder):
     assert done.returncode == 1
     assert re.search(r"not as in nudged.nc: voltage differs by up to \d\.\d+e-1\d V", done.stdout)
     assert "displacement differs" not in done.stdout
-    changed = here("run", "nudged.nc", "--set", "R1=1", cwd=folder)  # another experiment: nothing to compare
+    changed = here(
+        "run", "nudged.nc", "--set", "R1=1", cwd=folder
+    )  # another experiment: nothing to compare
     assert (changed.returncode, "not as in" in changed.stdout) == (0, False)
 
 
 def test_another_build_of_the_fmu_is_warned_of(folder):
     works("run", "play.toml", "--out", "run.nc", cwd=folder)
-    edited(folder / "run.nc", folder / "old.nc", lambda data: data.attrs.update(guids='{"ppy_actuator": "{0}"}'))
+    edited(
+        folder / "run.nc",
+        folder / "old.nc",
+        lambda data: data.attrs.update(guids='{"ppy_actuator": "{0}"}'),
+    )
     done = here("run", "old.nc", cwd=folder)
     assert done.returncode == 0
     assert "warning: old.nc was made with another build of ppy_actuator ({0}, now {" in done.stderr
@@ -184,7 +197,15 @@ def test_an_interrupt_leaves_what_was_computed(tmp_path, name, changes):
     (tmp_path / "part.nc").write_text("the result of earlier work\n", encoding="utf-8")
     settings = [part for change in changes for part in ("--set", change)]
     code, printed, told = on_terminal(
-        "run", name, *settings, "--set", "duration=2e5", "--out", "part.nc", cwd=tmp_path, interrupt_at=RATE
+        "run",
+        name,
+        *settings,
+        "--set",
+        "duration=2e5",
+        "--out",
+        "part.nc",
+        cwd=tmp_path,
+        interrupt_at=RATE,
     )
     assert code == 130, told
     assert told.splitlines()[-1] == "interrupted"
@@ -222,11 +243,15 @@ def test_an_incomplete_result_is_repeated_as_far_as_it_goes(folder):
     for name in ("part0.nc", "part1.nc"):
         done = here("run", name, "--out", "again.nc", cwd=folder)
         assert done.returncode == 0, done.stderr
-        assert f"{name} is incomplete; it is repeated as far as it goes, 1.1 s" in " ".join(done.stderr.split())
+        assert f"{name} is incomplete; it is repeated as far as it goes, 1.1 s" in " ".join(
+            done.stderr.split()
+        )
         assert f"every value is the same to the last bit as in {name}" in done.stdout
         assert "12 points, 1.1 s" in done.stdout
         assert "every value is the same" in works("run", "again.nc", cwd=folder)
-    assert read(str(folder / "part0.nc"), ["seed=4"]).duration == 3.0  # another experiment: the whole of it
+    assert (
+        read(str(folder / "part0.nc"), ["seed=4"]).duration == 3.0
+    )  # another experiment: the whole of it
     edited(folder / "part0.nc", folder / "first.nc", lambda data: None, upto=1)
     refused(folder, "run", "first.nc", parts=["first.nc", "first point only"])
 
@@ -240,7 +265,10 @@ def test_a_result_finds_its_system_where_both_were_moved_to(tmp_path):
     (home / "bench.toml").write_text(text, encoding="utf-8")
     works("run", "bench.toml", "--out", "near.nc", cwd=home)
     works("run", "bench.toml", "--out", "../far/far.nc", cwd=home)
-    assert json.loads(results.read(home / "near.nc").attrs["experiment"])["system"] == "systems/bench.ssp"
+    assert (
+        json.loads(results.read(home / "near.nc").attrs["experiment"])["system"]
+        == "systems/bench.ssp"
+    )
     home.rename(other)
     assert "every value is the same" in works("run", "other/near.nc", cwd=tmp_path)
     refused(tmp_path, "run", "far/far.nc", parts=["bench.ssp"])
@@ -276,7 +304,11 @@ def test_a_picture_has_units_on_every_axis(folder, over):
     expected = {"current [A]", "force [N]", "voltage [V]", "displacement [mm]"} - {f"{over} [A]"}
     assert labels == expected
     assert figure.axes[-1].get_xlabel() == ("time [s]" if over == "time" else "current [A]")
-    drawn = next(a for a in figure.axes if a.get_ylabel().startswith("displacement")).lines[0].get_ydata()
+    drawn = (
+        next(a for a in figure.axes if a.get_ylabel().startswith("displacement"))
+        .lines[0]
+        .get_ydata()
+    )
     assert drawn == pytest.approx(1e3 * done.displacement.values)
     result_page.plot(done, folder / "run.png")
     assert (folder / "run.png").read_bytes().startswith(PNG)
@@ -296,7 +328,10 @@ def test_a_picture_has_units_on_every_axis(folder, over):
 )
 def test_damaged_metadata_are_refused_in_a_line(folder, change, said):
     works("run", "play.toml", "--out", "good.nc", cwd=folder)
-    good, path = xarray.load_dataset(folder / "good.nc", engine="scipy", decode_times=False), folder / "damaged.nc"
+    good, path = (
+        xarray.load_dataset(folder / "good.nc", engine="scipy", decode_times=False),
+        folder / "damaged.nc",
+    )
     about = {n: v for n, v in {**good.attrs, **change}.items() if v is not None and n != "time"}
     damaged = good.drop_attrs(deep=False).assign_attrs(about)
     (damaged.drop_vars("time") if "time" in change else damaged).to_netcdf(path, engine="scipy")

@@ -35,7 +35,11 @@ GRAVITY = 9.80665
 def make(text, *settings, tmp_path=None):
     """Make the experiment of a TOML text."""
     given = tomllib.loads(text)
-    return run(parse(given | {k: tomllib.loads(v) for k, v in settings}, "test", tmp_path and str(tmp_path)))
+    return run(
+        parse(
+            given | {k: tomllib.loads(v) for k, v in settings}, "test", tmp_path and str(tmp_path)
+        )
+    )
 
 
 def circuit(time, current, r1=R1, r2=R2, c=C):
@@ -64,7 +68,9 @@ def test_every_experiment_that_ships_is_valid_and_says_what_is_assumed():
     for name, path in shipped().items():
         experiment = read(name)
         if name in figures:
-            assert experiment.title.startswith(name.replace("fig_", "Fig. ").replace("_", "-") + ":")
+            assert experiment.title.startswith(
+                name.replace("fig_", "Fig. ").replace("_", "-") + ":"
+            )
         assert "thesis section" in experiment.source
         assert path.read_text(encoding="utf-8").startswith("# ")
 
@@ -75,12 +81,19 @@ def test_fig_3_3_voltage_does_not_notice_the_load():
     r1, r2, c = 1.32, 2.72, 0.46  # section 3.3.1
     t, tau = found.time.values, (r1 + r2) * c
     charge = (
-        0.5 * r2 * c * np.where(t < 7.95, 1 - np.exp(-(t - 2) / tau), (1 - np.exp(-6 / tau)) * np.exp(-(t - 8) / tau))
+        0.5
+        * r2
+        * c
+        * np.where(
+            t < 7.95, 1 - np.exp(-(t - 2) / tau), (1 - np.exp(-6 / tau)) * np.exp(-(t - 8) / tau)
+        )
     )
     charge[t < 1.95] = 0.0
     assert found.charge.values == pytest.approx(charge, abs=1e-6)
     current = np.where((t > 1.95) & (t < 7.95), 0.5, 0.0)
-    assert found.voltage.values == pytest.approx(r2 * (r1 * current + charge / c) / (r1 + r2), abs=1e-5)
+    assert found.voltage.values == pytest.approx(
+        r2 * (r1 * current + charge / c) / (r1 + r2), abs=1e-5
+    )
     unloaded = run(read("fig_3_3", ["inputs.force=0"]))
     assert unloaded.voltage.values.tobytes() == found.voltage.values.tobytes()
     jumps = [(0.0, 0.2 * GRAVITY), (9.0, -0.2 * GRAVITY)]
@@ -98,34 +111,48 @@ def test_square_waves_against_python_control(name, amplitude, frequency, paramet
     ticks = np.arange(601)
     current = amplitude * np.where(ticks // round(5 / frequency) % 2 == 0, 1.0, -1.0)
     assert found.current.values == pytest.approx(current)
-    assert found.voltage.values == pytest.approx(circuit(found.time.values, current, *parameters), abs=2e-6)
+    assert found.voltage.values == pytest.approx(
+        circuit(found.time.values, current, *parameters), abs=2e-6
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "chain"),
-    [("fig_3_6", (K1, B1, K2, B2)), ("fig_3_7", (9100.0, 3.3e6, 1.0e4, 1.5e6)), ("fig_3_8", (K1, B1, K2, B2))],
+    [
+        ("fig_3_6", (K1, B1, K2, B2)),
+        ("fig_3_7", (9100.0, 3.3e6, 1.0e4, 1.5e6)),
+        ("fig_3_8", (K1, B1, K2, B2)),
+    ],
 )
 def test_staircases_against_superposed_creep(name, chain):
     found = run(read(name))
     jumps = [(0.0, 0.5)]
     for k in range(9):
         jumps += [(60.0 * k, 0.25 * (k + 1)), (60.0 * k + 30.0, -0.25 * (k + 1))]
-    assert found.displacement.values == pytest.approx(burgers(found.time.values, jumps, *chain), abs=1e-9)
+    assert found.displacement.values == pytest.approx(
+        burgers(found.time.values, jumps, *chain), abs=1e-9
+    )
 
 
 def test_fig_3_12_is_the_model_and_noise_that_remembers():
     found = run(read("fig_3_12"))
     t = found.time.values
     plant = control.tf([6.8e-5 * R2 * C], [(R1 + R2) * C, 1.0])
-    electrical = control.forced_response(control.sample_system(control.ss(plant), 0.1, "zoh"), t, found.current.values)
+    electrical = control.forced_response(
+        control.sample_system(control.ss(plant), 0.1, "zoh"), t, found.current.values
+    )
     force = found.force.values
     at = np.flatnonzero(np.diff(force)) + 1
     jumps = [(0.0, force[0]), *((t[k], force[k] - force[k - 1]) for k in at)]
     noise = found.displacement.values - electrical.outputs - burgers(t, jumps)
-    count = t.size * (1 - 0.9) / (1 + 0.9)  # independent values that an AR(1) series of this length is worth
+    count = (
+        t.size * (1 - 0.9) / (1 + 0.9)
+    )  # independent values that an AR(1) series of this length is worth
     assert np.std(noise) == pytest.approx(25e-6, rel=4 / np.sqrt(2 * count))
     assert abs(np.mean(noise)) < 4 * 25e-6 / np.sqrt(count)
-    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0.9, abs=4 * np.sqrt((1 - 0.9**2) / t.size))
+    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(
+        0.9, abs=4 * np.sqrt((1 - 0.9**2) / t.size)
+    )
     other = run(read("fig_3_12", ["seed=1"]))
     assert np.any(other.force.values != force)
     assert other.current.values.tobytes() == found.current.values.tobytes()
@@ -156,11 +183,17 @@ def test_fig_4_5_begins_with_the_published_voltage(limit):
     assert found.current_command.values == pytest.approx(current)
     capacitance = float(json.loads(found.parameters)["actuator.C"].split()[0])
     cold = circuit(found.time.values, current, c=capacitance)
-    last = np.max(np.abs(cold[-100:]))  # a step before the current turns; until then it goes on towards R2 i
-    assert 1.3 * R2 - (1.3 * R2 - last) * np.exp(-0.1 / ((R1 + R2) * capacitance)) == pytest.approx(1.15, abs=1e-3)
+    last = np.max(
+        np.abs(cold[-100:])
+    )  # a step before the current turns; until then it goes on towards R2 i
+    assert 1.3 * R2 - (1.3 * R2 - last) * np.exp(-0.1 / ((R1 + R2) * capacitance)) == pytest.approx(
+        1.15, abs=1e-3
+    )
     first = found.time.values < 10.0
     heat = 1.3**2 * 0.43 * 10.0  # J in ten seconds, which 50 J/K and 0.02/K turn into a smaller R1
-    assert found["actuator.voltage"].values[first] == pytest.approx(cold[first], abs=1.3 * 0.43 * 0.02 * heat / 50.0)
+    assert found["actuator.voltage"].values[first] == pytest.approx(
+        cold[first], abs=1.3 * 0.43 * 0.02 * heat / 50.0
+    )
     assert found["estimator.voltage_limit"].values[0] == limit
 
 
@@ -185,7 +218,9 @@ ON = 'component = "ppy_actuator"\nduration = 10\nstep = 0.01\nrecord = []\n'
         ("force = { kind = 'constant', value = 2 }", lambda t: np.full(t.size, 2.0)),
         (
             "force = { kind = 'square', amplitude = '0.5 N', offset = 1, frequency = 0.25, delay = '1 s' }",
-            lambda t: np.where((t > 0.995) & (t < 2.995) | (t > 4.995) & (t < 6.995) | (t > 8.995), 1.5, 0.5),
+            lambda t: np.where(
+                (t > 0.995) & (t < 2.995) | (t > 4.995) & (t < 6.995) | (t > 8.995), 1.5, 0.5
+            ),
         ),
         (
             "force = { kind = 'sine', amplitude = 1, offset = '2 N', frequency = '300 mHz' }",
@@ -217,7 +252,9 @@ def test_stimuli_of_a_file_in_closed_form(table, expected):
 
 def test_multisine_of_a_file_has_its_lines_and_random_phases():
     table = "current = { kind = 'multisine', frequencies = [0.5, 1.5, 4], rms = '300 mA', offset = 0.1 }"
-    first, second = (make(f"seed = {seed}\n" + ON + "[inputs]\n" + table).current.values[:-1] for seed in (1, 2))
+    first, second = (
+        make(f"seed = {seed}\n" + ON + "[inputs]\n" + table).current.values[:-1] for seed in (1, 2)
+    )
     for wave in (first, second):
         lines = 2 * np.abs(np.fft.rfft(wave - 0.1)) / wave.size
         expected = np.zeros(lines.size)
@@ -233,7 +270,9 @@ def test_random_signals_do_not_change_when_others_come_or_when_they_have_seeds_o
     assert alone.current.values.tobytes() == both.current.values.tobytes()
     assert np.any(both.force.values != both.current.values)
     own = levels.replace("}", ", seed = 5 }")
-    one, other = (make(f"seed = {n}\n" + ON + f"[inputs]\nforce = {own}\ncurrent = {own}") for n in (1, 2))
+    one, other = (
+        make(f"seed = {n}\n" + ON + f"[inputs]\nforce = {own}\ncurrent = {own}") for n in (1, 2)
+    )
     assert one.force.values.tobytes() == other.current.values.tobytes()
 
 
@@ -241,9 +280,7 @@ def test_gait_is_eqs_5_13_to_5_16():
     """Eq. 5.16 as in appendix A4 (errata 14)."""
     expected = {"an": (-1, 0), "po": (1, 0), "do": (-1, -1), "pl": (1, 1)}
     for actuator, (sign, shift) in expected.items():
-        text = (
-            'component = "ppy_actuator_length_driven"\nduration = 1\nstep = 0.01\nrecord = []\n[inputs.length_change]\n'
-        )
+        text = 'component = "ppy_actuator_length_driven"\nduration = 1\nstep = 0.01\nrecord = []\n[inputs.length_change]\n'
         found = make(text + f"kind = 'gait'\nactuator = '{actuator}'")
         wave = sign * np.sin(2 * np.pi * found.time.values) + shift  # mm
         assert 1e3 * found.length_change.values == pytest.approx(wave, abs=1e-12)
@@ -267,10 +304,14 @@ def test_a_column_of_a_file_is_held_and_its_flaws_are_told(tmp_path):
 def test_parameters_preset_and_effects_reach_the_fmu():
     """V(0) = R1 R2/(R1+R2) i: the five-layer R2 and an R1 of our own; the effect adds its term."""
     text = ON.replace("[]", '["voltage", "displacement"]')
-    found = make(f'preset = "five_layer"\n{text}[parameters]\nR1 = "800 mohm"\n[inputs]\ncurrent = 1\nforce = 0')
+    found = make(
+        f'preset = "five_layer"\n{text}[parameters]\nR1 = "800 mohm"\n[inputs]\ncurrent = 1\nforce = 0'
+    )
     assert found.voltage.values[0] == pytest.approx(0.8 * 2.72 / 3.52)
     bent = (
-        'effects = ["quadratic_strain"]\n' + text + '[parameters]\nbeta = "1 mm/C^2"\n[inputs]\ncurrent = 1\nforce = 0'
+        'effects = ["quadratic_strain"]\n'
+        + text
+        + '[parameters]\nbeta = "1 mm/C^2"\n[inputs]\ncurrent = 1\nforce = 0'
     )
     found = make(bent.replace('"displacement"', '"displacement", "charge"'))
     charge = found.charge.values
@@ -278,7 +319,9 @@ def test_parameters_preset_and_effects_reach_the_fmu():
 
 
 def test_white_noise_is_white_and_leaves_the_rest_alone():
-    text = 'component = "ppy_actuator"\nduration = 1000\nstep = 0.1\nrecord = ["voltage", "charge"]\n'
+    text = (
+        'component = "ppy_actuator"\nduration = 1000\nstep = 0.1\nrecord = ["voltage", "charge"]\n'
+    )
     text += "[inputs]\ncurrent = 1\nforce = 0\n"
     clean, noisy = make(text), make(text + '[noise.voltage]\nrms = "5 mV"\n')
     noise = (noisy.voltage - clean.voltage).values
@@ -297,7 +340,9 @@ def test_both_builds_agree():
 def test_a_system_with_a_parameter_of_a_member(method):
     """The tension settles at the reference, for the controller integrates; R1 R2/(R1+R2) i is the voltage at once."""
     text = f'system = "dma_bench"\nduration = 5\nmaster = {{ method = "{method}", extrapolation = 0 }}\n'
-    text += 'record = ["actuator.tension", "actuator.voltage"]\n[parameters]\nactuator.R1 = "1 ohm"\n'
+    text += (
+        'record = ["actuator.tension", "actuator.voltage"]\n[parameters]\nactuator.R1 = "1 ohm"\n'
+    )
     found = make(text + "[inputs]\nforce_reference = 1\ncurrent = 0.1")
     assert found["actuator.tension"].values[-1] == pytest.approx(1.0, abs=0.05)
     assert found["actuator.voltage"].values[0] == pytest.approx(0.1 * 2.35 / 3.35)
@@ -312,7 +357,11 @@ def test_a_component_alone_is_what_ppy_simulate_makes_of_it():
 
 
 def test_the_master_has_no_option_that_an_experiment_has_not():
-    options = {name for name, p in inspect.signature(master.run).parameters.items() if p.kind is p.KEYWORD_ONLY}
+    options = {
+        name
+        for name, p in inspect.signature(master.run).parameters.items()
+        if p.kind is p.KEYWORD_ONLY
+    }
     assert set(Master.model_fields) == options - {"record", "progress", "real_time", "isolation"}
 
 
@@ -320,9 +369,16 @@ def test_an_adaptive_master_comes_closer():
     """To the fused system, which has no coupling error: that of a step, h^2, is the tolerance, that of all its root."""
     text = 'system = "dma_bench"\nrecord = ["actuator.tension"]\nduration = 0.2\nstep = 1e-3\n'
     text += "[inputs]\nforce_reference = 1\ncurrent = 0\n[master]\n"
-    held, near = make(text)["actuator.tension"], make(text + "tolerance = 1e-6\n")["actuator.tension"]
+    held, near = (
+        make(text)["actuator.tension"],
+        make(text + "tolerance = 1e-6\n")["actuator.tension"],
+    )
     inputs = {"force_reference": np.ones(held.size), "current": np.zeros(held.size)}
-    fused = CompiledModel(fuse(library.system("dma_bench"))).run(held.time.values, inputs).signals["actuator.tension"]
+    fused = (
+        CompiledModel(fuse(library.system("dma_bench")))
+        .run(held.time.values, inputs)
+        .signals["actuator.tension"]
+    )
     assert np.abs(near.values - fused).max() < 1e-3 * np.abs(fused).max()
     assert np.abs(held.values - fused).max() > 0.1 * np.abs(fused).max()
 
@@ -332,27 +388,38 @@ def test_a_system_from_a_file_is_the_system(tmp_path):
 
     ssp.write(library.system("dma_bench"), tmp_path / "bench.ssp")
     text = "duration = 0.5\n[inputs]\nforce_reference = 1\ncurrent = 0\n"
-    one, other = (make(f'system = "{s}"\n' + text, tmp_path=tmp_path) for s in ("dma_bench", "bench.ssp"))
+    one, other = (
+        make(f'system = "{s}"\n' + text, tmp_path=tmp_path) for s in ("dma_bench", "bench.ssp")
+    )
     assert list(one) == list(other)
     for name in one:
         assert one[name].values.tobytes() == other[name].values.tobytes()
 
 
-BENCH = 'system = "dma_bench"\nrecord = ["bench.position", "actuator.tension", "actuator.voltage"]\n'
+BENCH = (
+    'system = "dma_bench"\nrecord = ["bench.position", "actuator.tension", "actuator.voltage"]\n'
+)
 DRIVEN = "[inputs]\nforce_reference = { kind = 'sine', amplitude = 0.5, offset = 1, frequency = 20 }\ncurrent = 0.1\n"
-STEADY = "[inputs]\nforce_reference = 1\ncurrent = 0.1\n"  # held over any step, it is the same input
+STEADY = (
+    "[inputs]\nforce_reference = 1\ncurrent = 0.1\n"  # held over any step, it is the same input
+)
 
 
 def test_an_input_that_nothing_feeds_is_set_as_a_parameter():
     """On hold the controller does not integrate, and the force stays away from what is wanted."""
-    text = BENCH + "duration = 0.5\nstep = 1e-3\n[parameters]\nbench.hold = true\n[inputs]\nforce_reference = 1\n"
+    text = (
+        BENCH
+        + "duration = 0.5\nstep = 1e-3\n[parameters]\nbench.hold = true\n[inputs]\nforce_reference = 1\n"
+    )
     found = make(text + "current = 0")
     assert abs(found["actuator.tension"].values[-1] - 1.0) > 0.05
     system = library.system("dma_bench")
     bench = replace(system.member("bench"), parameters={"hold": 1.0})
     held = replace(system, members=(bench, system.member("actuator")))
     time = found.time.values
-    exact = master.run(held, time, {"force_reference": np.ones(time.size)}).signals["actuator.tension"]
+    exact = master.run(held, time, {"force_reference": np.ones(time.size)}).signals[
+        "actuator.tension"
+    ]
     assert found["actuator.tension"].values.tobytes() == exact.tobytes()
     assert json.loads(found.attrs["parameters"])["bench.hold"].startswith("1.0")
 
@@ -362,9 +429,13 @@ def test_a_fused_system_is_where_smaller_steps_lead():
     fused = make(BENCH + "duration = 0.1\nstep = 1e-4\nmaster = { method = 'fused' }\n" + STEADY)
     steps = [make(BENCH + f"duration = 0.1\nstep = {h}\n" + STEADY) for h in (1e-4, 5e-5)]
     assert list(fused) == [name for name in steps[0] if not name.startswith("imbalance")]
-    assert fused["actuator.voltage"].values == pytest.approx(circuit(fused.time.values, fused.current.values), abs=1e-6)
+    assert fused["actuator.voltage"].values == pytest.approx(
+        circuit(fused.time.values, fused.current.values), abs=1e-6
+    )
     for name in ("bench.position", "actuator.tension"):
-        coarse, fine = (found[name].values[::stride] for found, stride in zip(steps, (1, 2), strict=True))
+        coarse, fine = (
+            found[name].values[::stride] for found, stride in zip(steps, (1, 2), strict=True)
+        )
         apart = np.max(np.abs(coarse - fused[name].values))
         assert apart > 1e-4 * np.max(np.abs(coarse))
         assert np.max(np.abs(2 * fine - coarse - fused[name].values)) < 0.2 * apart
@@ -377,15 +448,22 @@ def test_the_energy_that_a_coupling_makes_is_told_along_the_way():
     given = tomllib.loads(BENCH + "duration = 0.1\nstep = 1e-4\n" + DRIVEN)
     found = run(parse(given, "test"), note=notes.append)
     series = found["imbalance bench.position <-> actuator.tension"]
-    ways, changes = np.diff(found["bench.position"].values), np.diff(found["actuator.tension"].values)
+    ways, changes = (
+        np.diff(found["bench.position"].values),
+        np.diff(found["actuator.tension"].values),
+    )
     energy = np.append(0.0, np.cumsum(0.5 * changes * ways))
     assert series.values == pytest.approx(energy, abs=1e-9 * np.max(energy))
     assert np.max(energy) > 0.0
     assert series.units == "J"
     tension = found["actuator.tension"].values
     percent = 100 * energy[-1] / np.sum(np.abs(0.5 * (tension[1:] + tension[:-1]) * ways))
-    assert any(f"{energy[-1]:.3g} J made by the coupling, {percent:.3g} %" in line for line in notes)
-    given["record"] = ["actuator.voltage"]  # what the coupling needs is looked at without being recorded
+    assert any(
+        f"{energy[-1]:.3g} J made by the coupling, {percent:.3g} %" in line for line in notes
+    )
+    given["record"] = [
+        "actuator.voltage"
+    ]  # what the coupling needs is looked at without being recorded
     assert list(run(parse(given, "test")))[2:] == ["actuator.voltage", series.name]
 
 
@@ -421,7 +499,9 @@ def test_settings_go_over_the_file(settings, look, value):
 
 
 def test_a_table_of_a_member_needs_no_quotes():
-    given = tomllib.loads('system = "dma_bench"\n[parameters]\nactuator.R1 = 1\nbench.mass = "30 g"')
+    given = tomllib.loads(
+        'system = "dma_bench"\n[parameters]\nactuator.R1 = 1\nbench.mass = "30 g"'
+    )
     assert parse(given, "test").parameters == {"actuator.R1": 1, "bench.mass": "30 g"}
 
 
@@ -453,7 +533,9 @@ def test_the_reference_tells_every_key_and_its_examples_run(tmp_path):
 
 
 def test_multilevel_stays_as_long_as_dwell_says():
-    found = make(ON + "[inputs.current]\nkind = 'multilevel'\nlevels = [-1, 0, 1]\ndwell = ['1 s', '2 s']")
+    found = make(
+        ON + "[inputs.current]\nkind = 'multilevel'\nlevels = [-1, 0, 1]\ndwell = ['1 s', '2 s']"
+    )
     switches = found.time.values[1:][np.diff(found.current.values) != 0]
     assert all(0.99 <= later - earlier <= 2.01 for earlier, later in pairwise(switches))
     assert len(switches) >= 4

@@ -22,11 +22,15 @@ def test_square_wave_switches_on_the_sample_despite_rounding(frequency):
 
 
 def test_square_wave_before_zero_continues_the_pattern():
-    np.testing.assert_array_equal(waveforms.square_wave([-1.5, -0.5, 0.5, 1.5], 1.0, 0.5), [1.0, -1.0, 1.0, -1.0])
+    np.testing.assert_array_equal(
+        waveforms.square_wave([-1.5, -0.5, 0.5, 1.5], 1.0, 0.5), [1.0, -1.0, 1.0, -1.0]
+    )
 
 
 def test_force_staircase_is_the_thesis_sequence():
-    middles = np.arange(-1, 22) * 50.0 + 25.0  # the middle of every half period of 50 s, one before the start
+    middles = (
+        np.arange(-1, 22) * 50.0 + 25.0
+    )  # the middle of every half period of 50 s, one before the start
     force = waveforms.force_staircase(middles, period=100.0)
     levels = [0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75]
     expected = [0.5, *[value for level in levels for value in (level, 0.5)], 0.5, 0.5, 0.5, 0.5]
@@ -41,7 +45,10 @@ def test_force_staircase_switches_on_the_sample():
 
 
 def test_force_staircase_stops_below_a_maximum_that_is_no_level():
-    assert np.max(waveforms.force_staircase(TIME, period=2.0, bias=0.0, increment=1.0, maximum=3.9)) == 3.0
+    assert (
+        np.max(waveforms.force_staircase(TIME, period=2.0, bias=0.0, increment=1.0, maximum=3.9))
+        == 3.0
+    )
 
 
 def test_multilevel_dwells_and_never_repeats():
@@ -60,11 +67,15 @@ def test_multilevel_dwells_and_never_repeats():
         followers = visits[1:][visits[:-1] == level]
         others = [other for other in (-1.0, 0.0, 2.0) if other != level]
         assert set(followers) == set(others)
-        assert np.mean(followers == others[0]) == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(followers.size))
+        assert np.mean(followers == others[0]) == pytest.approx(
+            0.5, abs=4 * 0.5 / np.sqrt(followers.size)
+        )
 
 
 def test_multilevel_repeats_by_seed():
-    one, same, other = (waveforms.multilevel(TIME, [0.0, 1.0], (1.0, 2.0), seed) for seed in (1, 1, 2))
+    one, same, other = (
+        waveforms.multilevel(TIME, [0.0, 1.0], (1.0, 2.0), seed) for seed in (1, 1, 2)
+    )
     np.testing.assert_array_equal(one, same)
     assert np.any(one != other)
 
@@ -75,17 +86,23 @@ def test_multilevel_covers_time_that_does_not_start_at_zero():
 
 
 def test_steps_hold_from_their_instants():
-    wave = waveforms.steps([0.0, 0.99, 1.0, 1.5, 2.0, 9.0], times=[1.0, 2.0], values=[3.0, -1.0], initial=0.5)
+    wave = waveforms.steps(
+        [0.0, 0.99, 1.0, 1.5, 2.0, 9.0], times=[1.0, 2.0], values=[3.0, -1.0], initial=0.5
+    )
     np.testing.assert_array_equal(wave, [0.5, 0.5, 3.0, 3.0, -1.0, -1.0])
 
 
 def test_ramps_are_lines_between_their_points():
-    wave = waveforms.ramps([0.0, 1.0, 2.0, 2.5, 3.0, 3.25, 4.0, 8.0], times=[1.0, 3.0, 4.0], values=[-1.0, 1.0, 5.0])
+    wave = waveforms.ramps(
+        [0.0, 1.0, 2.0, 2.5, 3.0, 3.25, 4.0, 8.0], times=[1.0, 3.0, 4.0], values=[-1.0, 1.0, 5.0]
+    )
     np.testing.assert_allclose(wave, [-1.0, -1.0, 0.0, 0.5, 1.0, 2.0, 5.0, 5.0])
 
 
 def test_sine_is_one_line_of_the_spectrum():
-    spectrum = np.fft.rfft(waveforms.sine(TIME, 1.5, 0.37, offset=-0.4)) / TIME.size  # 37 whole periods
+    spectrum = (
+        np.fft.rfft(waveforms.sine(TIME, 1.5, 0.37, offset=-0.4)) / TIME.size
+    )  # 37 whole periods
     expected = np.zeros(spectrum.size, complex)
     expected[0], expected[37] = -0.4, 1.5 / 2j
     np.testing.assert_allclose(spectrum, expected, atol=1e-12)
@@ -99,14 +116,18 @@ def test_chirp_matches_scipy():
 
 def test_multisine_has_exactly_its_lines():
     frequencies, rms = [0.05, 0.2, 0.33], 0.4
-    wave = waveforms.multisine(TIME, frequencies, rms, seed=9, offset=1.0)  # 100 s hold whole periods of all
+    wave = waveforms.multisine(
+        TIME, frequencies, rms, seed=9, offset=1.0
+    )  # 100 s hold whole periods of all
     assert np.mean(wave) == pytest.approx(1.0, abs=1e-12)
     assert np.std(wave) == pytest.approx(rms, rel=1e-12)
     amplitudes = 2 * np.abs(np.fft.rfft(wave - 1.0)) / wave.size
     expected = np.zeros_like(amplitudes)
     expected[[5, 20, 33]] = rms * np.sqrt(2 / 3)
     np.testing.assert_allclose(amplitudes, expected, atol=1e-12)
-    np.testing.assert_array_equal(wave, waveforms.multisine(TIME, frequencies, rms, seed=9, offset=1.0))
+    np.testing.assert_array_equal(
+        wave, waveforms.multisine(TIME, frequencies, rms, seed=9, offset=1.0)
+    )
     assert np.any(wave != waveforms.multisine(TIME, frequencies, rms, seed=10, offset=1.0))
 
 

@@ -35,13 +35,19 @@ def fmu(folder, description=DESCRIPTION % "", more=()):
 
 def grown(archive_path, name, megabytes):
     """Append a file of zeros, of which a thousandth is in the archive."""
-    with zipfile.ZipFile(archive_path, "a", zipfile.ZIP_DEFLATED) as archive, archive.open(name, "w") as file:
+    with (
+        zipfile.ZipFile(archive_path, "a", zipfile.ZIP_DEFLATED) as archive,
+        archive.open(name, "w") as file,
+    ):
         for _ in range(megabytes):
             file.write(MEGABYTE)
 
 
 NESTED = DESCRIPTION % ("<a>" * 200 + "</a>" * 200)
-BOMB = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>' + DESCRIPTION % "&b;"
+BOMB = (
+    '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>'
+    + DESCRIPTION % "&b;"
+)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +55,10 @@ BOMB = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a
     [
         (NESTED, "modelDescription.xml has elements in elements, more than 100 deep"),
         (BOMB, "modelDescription.xml has a document type declaration; it is not read"),
-        (DESCRIPTION % ("<a/>" * 1_000_001), "modelDescription.xml has more than 1,000,000 elements"),
+        (
+            DESCRIPTION % ("<a/>" * 1_000_001),
+            "modelDescription.xml has more than 1,000,000 elements",
+        ),
         (DESCRIPTION % (" " * 2**26), "modelDescription.xml has 67109"),
         (DESCRIPTION % "<", "modelDescription.xml cannot be read"),
     ],
@@ -73,7 +82,9 @@ def test_what_unpacks_to_more_than_a_gigabyte_is_refused(tmp_path):
     path = fmu(tmp_path)
     grown(path, "resources/zeros", 1025)
     assert path.stat().st_size < 2**21
-    with pytest.raises(UserError, match=r"unpacks to 1\.07e\+09 bytes; at most 1\.07e\+09 are unpacked"):
+    with pytest.raises(
+        UserError, match=r"unpacks to 1\.07e\+09 bytes; at most 1\.07e\+09 are unpacked"
+    ):
         check_fmu(path)
 
 
@@ -86,7 +97,9 @@ def test_what_is_below_the_bounds_takes_little_memory(tmp_path):
         f"resource.setrlimit(resource.RLIMIT_AS, ({MEMORY},) * 2);"
         "print(len(check_fmu(Path(sys.argv[1]))) > 0)"
     )
-    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=100)
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=100
+    )
     assert (done.stdout, done.returncode) == ("True\n", 0), done.stderr[-500:]
     assert resource.RLIMIT_AS  # of a platform that has it
 

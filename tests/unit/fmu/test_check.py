@@ -231,60 +231,139 @@ def other_needs(files: dict[str, bytes]) -> None:
 
 
 FAULTS: dict[str, tuple[Change, str]] = {
-    "undefined unit": (pattern(r'(name="R1".*?) unit="Ohm"', r'\1 unit="B"'), r'1 error: .*unit "B"'),
+    "undefined unit": (
+        pattern(r'(name="R1".*?) unit="Ohm"', r'\1 unit="B"'),
+        r'1 error: .*unit "B"',
+    ),
     "schema": (text("<LogCategories>", "<LogCats/><LogCategories>"), r"1 error: .*LogCats"),
-    "initial unknowns": (pattern(r"<InitialUnknowns>.*</InitialUnknowns>", ""), r"1 error: .*InitialUnknowns"),
-    "no dependencies": (pattern(r"(<Outputs>.*?<Unknown index=\"\d+\") dependencies=\"[^\"]*\"", r"\1"),
-                        r"1 warning: ModelStructure/Outputs: no dependencies.*charge"),
+    "initial unknowns": (
+        pattern(r"<InitialUnknowns>.*</InitialUnknowns>", ""),
+        r"1 error: .*InitialUnknowns",
+    ),
+    "no dependencies": (
+        pattern(r"(<Outputs>.*?<Unknown index=\"\d+\") dependencies=\"[^\"]*\"", r"\1"),
+        r"1 warning: ModelStructure/Outputs: no dependencies.*charge",
+    ),
     "bad index": (text('<Unknown index="', '<Unknown index="99'), r"1 error: "),
-    "no co-simulation": (pattern(r"<CoSimulation .*</CoSimulation>", ""), r"1 error: not for co-simulation"),
-    "identifier": (pattern('modelIdentifier="ppy_actuator"', 'modelIdentifier="ppy actuator"'),
-                   r"1 error: modelIdentifier 'ppy actuator' is no identifier"),
+    "no co-simulation": (
+        pattern(r"<CoSimulation .*</CoSimulation>", ""),
+        r"1 error: not for co-simulation",
+    ),
+    "identifier": (
+        pattern('modelIdentifier="ppy_actuator"', 'modelIdentifier="ppy actuator"'),
+        r"1 error: modelIdentifier 'ppy actuator' is no identifier",
+    ),
     "unit without base": (text('<BaseUnit A="1" />', ""), r"2 warning: unit 'A' has no BaseUnit"),
-    "fractional exponent": (text('<BaseUnit A="1" />', '<BaseUnit A="0.5" />'), r"2 error: unit 'A': exponent A='0.5'"),
-    "factor zero": (text('<BaseUnit A="1" />', '<BaseUnit A="1" factor="0" />'), r"2 error: unit 'A': factor='0'"),
-    "display factor": (text('factor="1000"', 'factor="thousand"'), r"2 error: display unit 'mm' of 'm': factor="),
+    "fractional exponent": (
+        text('<BaseUnit A="1" />', '<BaseUnit A="0.5" />'),
+        r"2 error: unit 'A': exponent A='0.5'",
+    ),
+    "factor zero": (
+        text('<BaseUnit A="1" />', '<BaseUnit A="1" factor="0" />'),
+        r"2 error: unit 'A': factor='0'",
+    ),
+    "display factor": (
+        text('factor="1000"', 'factor="thousand"'),
+        r"2 error: display unit 'mm' of 'm': factor=",
+    ),
     "no unit": (pattern(r' unit="Ohm"', ""), r"2 warning: no unit for R1, R2"),
-    "no description": (pattern(r'(name="R1"[^>]*?) description="[^"]*"', r"\1"), r"2 warning: no description for R1$"),
-    "min above max": (pattern(r'min="0" max="1000000"', 'min="2" max="1"'), r"2 error: R1: min = 2 is above max = 1"),
-    "start outside": (text('start="0.43"', 'start="-1"'), r"2 error: R1: start = -1 is outside .* 0 to 1e\+06"),
-    "start not finite": (text('start="0.43"', 'start="NaN"'), r"2 error: R1: start = nan is not finite"),
-    "nominal": (text('nominal="0.0001"', 'nominal="0"'), r"2 error: \w+: nominal = 0, expected a positive"),
+    "no description": (
+        pattern(r'(name="R1"[^>]*?) description="[^"]*"', r"\1"),
+        r"2 warning: no description for R1$",
+    ),
+    "min above max": (
+        pattern(r'min="0" max="1000000"', 'min="2" max="1"'),
+        r"2 error: R1: min = 2 is above max = 1",
+    ),
+    "start outside": (
+        text('start="0.43"', 'start="-1"'),
+        r"2 error: R1: start = -1 is outside .* 0 to 1e\+06",
+    ),
+    "start not finite": (
+        text('start="0.43"', 'start="NaN"'),
+        r"2 error: R1: start = nan is not finite",
+    ),
+    "nominal": (
+        text('nominal="0.0001"', 'nominal="0"'),
+        r"2 error: \w+: nominal = 0, expected a positive",
+    ),
     "no guid": (pattern(r'guid="[^"]*"', 'guid=""'), r"3 error: the GUID is empty"),
-    "random guid": (pattern(r'guid="[^"]*"', f'guid="{uuid.UUID(int=5, version=4)}"'), r"3 warning: .* at random"),
-    "other guid": (pattern(r'guid="[^"]*"', 'guid="mine"'), r"3 note: the GUID 'mine' has not the form"),
-    "dated": (pattern(r'generationDateAndTime="[^"]*"', 'generationDateAndTime="1980-01-02T10:11:12+14:00"'),
-              r"3 warning: generationDateAndTime is 1980-01-02T10:11:12\+14:00, when the archive was packed"),
-    "no state": (pattern('canGetAndSetFMUstate="true"', ""), r"5 warning: canGetAndSetFMUstate is false"),
-    "once": (text("<CoSimulation", '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"'), r"6 warning: .*Once"),
-    "fixed step": (text('canHandleVariableCommunicationStepSize="true"', ""), r"8 warning: canHandleVariable"),
-    "no derivative": (pattern('providesDirectionalDerivative="true"', ""), r"11 note: providesDirectional"),
+    "random guid": (
+        pattern(r'guid="[^"]*"', f'guid="{uuid.UUID(int=5, version=4)}"'),
+        r"3 warning: .* at random",
+    ),
+    "other guid": (
+        pattern(r'guid="[^"]*"', 'guid="mine"'),
+        r"3 note: the GUID 'mine' has not the form",
+    ),
+    "dated": (
+        pattern(
+            r'generationDateAndTime="[^"]*"', 'generationDateAndTime="1980-01-02T10:11:12+14:00"'
+        ),
+        r"3 warning: generationDateAndTime is 1980-01-02T10:11:12\+14:00, when the archive was packed",
+    ),
+    "no state": (
+        pattern('canGetAndSetFMUstate="true"', ""),
+        r"5 warning: canGetAndSetFMUstate is false",
+    ),
+    "once": (
+        text("<CoSimulation", '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"'),
+        r"6 warning: .*Once",
+    ),
+    "fixed step": (
+        text('canHandleVariableCommunicationStepSize="true"', ""),
+        r"8 warning: canHandleVariable",
+    ),
+    "no derivative": (
+        pattern('providesDirectionalDerivative="true"', ""),
+        r"11 note: providesDirectional",
+    ),
     "no documentation": (drop("documentation/index.html"), r"10 warning: no documentation"),
     "no licence": (drop("documentation/licenses/"), r"10 warning: no licence"),
     "no reference": (drop("extra/"), r"10 note: no reference result"),
-    "undocumented tool": (text('needsExecutionTool="false"', 'needsExecutionTool="true"'),
-                          r"10 warning: needsExecutionTool is true, but"),
-    "tool without need": (put("documentation/externalDependencies.txt", b"x"),
-                          r"10 warning: needsExecutionTool is false, but"),
-    "source missing": (drop("sources/all.c"), r"10 error: CoSimulation: source files listed .* all\.c"),
-    "sources not listed": (pattern("<SourceFiles>.*?</SourceFiles>", ""), r"10 warning: there are sources/, but"),
+    "undocumented tool": (
+        text('needsExecutionTool="false"', 'needsExecutionTool="true"'),
+        r"10 warning: needsExecutionTool is true, but",
+    ),
+    "tool without need": (
+        put("documentation/externalDependencies.txt", b"x"),
+        r"10 warning: needsExecutionTool is false, but",
+    ),
+    "source missing": (
+        drop("sources/all.c"),
+        r"10 error: CoSimulation: source files listed .* all\.c",
+    ),
+    "sources not listed": (
+        pattern("<SourceFiles>.*?</SourceFiles>", ""),
+        r"10 warning: there are sources/, but",
+    ),
     "only sources": (drop("binaries/"), r"10 warning: no binaries, only sources"),
     "path leads out": (put("../evil.txt", b"x"), r"10 error: '\.\./evil\.txt' leads out"),
     "drive": (put("C:/evil.txt", b"x"), r"10 error: 'C:/evil\.txt' leads out"),
     "backslash": (put("a\\b.txt", b"x"), r"1 error: .*backslash"),
-    "misnamed binary": (lambda files: files.update({"binaries/linux64/x.so": files.pop(BINARY)}),
-                        r"10 error: binaries/linux64/ppy_actuator\.so is missing; .*'ppy_actuator'"),
-    "unknown platform": (put("binaries/x86_64-linux/ppy_actuator.so", b"x"), r"10 note: binaries/x86_64-linux is no"),
-    "text binary": (put(BINARY, b"#!/bin/sh\n"), r"10 error: .*\.so: neither ELF nor PE nor Mach-O"),
+    "misnamed binary": (
+        lambda files: files.update({"binaries/linux64/x.so": files.pop(BINARY)}),
+        r"10 error: binaries/linux64/ppy_actuator\.so is missing; .*'ppy_actuator'",
+    ),
+    "unknown platform": (
+        put("binaries/x86_64-linux/ppy_actuator.so", b"x"),
+        r"10 note: binaries/x86_64-linux is no",
+    ),
+    "text binary": (
+        put(BINARY, b"#!/bin/sh\n"),
+        r"10 error: .*\.so: neither ELF nor PE nor Mach-O",
+    ),
     "empty binary": (put(BINARY, b""), r"10 error: .*neither ELF"),
     "cut binary": (cut_binary, r"10 error: .*damaged"),
     "program": (no_library, r"10 error: .*an ELF file, but not a shared library"),
-    "wrong format": (lambda files: files.update({"binaries/win64/ppy_actuator.dll": files[BINARY]}),
-                     r"10 error: binaries/win64/ppy_actuator\.dll is ELF, expected PE"),
+    "wrong format": (
+        lambda files: files.update({"binaries/win64/ppy_actuator.dll": files[BINARY]}),
+        r"10 error: binaries/win64/ppy_actuator\.dll is ELF, expected PE",
+    ),
     "wrong machine": (other_machine, r"10 error: .* is for arm64, expected x86_64"),
     "missing function": (hide_function, r"4 error: .* lacks 1 functions of FMI 2.0: fmi2DoStep"),
     "unusual library": (other_needs, r"10 warning: .* not part of the system: libx\.so\.6"),
-}  # fmt: skip
+}
 
 
 @linux
@@ -301,7 +380,9 @@ def test_fault_is_found(fmu, tmp_path, fault):
 def test_only_the_fault_is_found(fmu, tmp_path):
     files = contents(fmu("ppy_actuator", "native"))
     assert lines(check_fmu(packed(tmp_path, files)), "error", "warning") == []
-    files["modelDescription.xml"] = files["modelDescription.xml"].replace(b'start="0.43"', b'start="-1"')
+    files["modelDescription.xml"] = files["modelDescription.xml"].replace(
+        b'start="0.43"', b'start="-1"'
+    )
     assert len(lines(check_fmu(packed(tmp_path, files)), "error", "warning")) == 1
 
 
@@ -309,7 +390,9 @@ def test_damaged_member_is_named(fmu, tmp_path):
     path = tmp_path / "damaged.fmu"
     path.write_bytes(flipped(fmu("ppy_actuator", "native"), "documentation/index.html"))
     found = lines(check_fmu(path), "error")
-    assert found == ["10 error: 'documentation/index.html' is damaged, encrypted or cannot be unpacked"]
+    assert found == [
+        "10 error: 'documentation/index.html' is damaged, encrypted or cannot be unpacked"
+    ]
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
@@ -337,7 +420,9 @@ def test_required_functions_are_those_of_the_headers():
     header = (hosts.HEADERS / "fmi2Functions.h").read_text(encoding="utf-8")
     declared = set(re.findall(r"^#define (fmi2\w+)\s+fmi2FullName\(", header, re.M))
     assert {f"fmi2{name}" for names in _FUNCTIONS.values() for name in names.split()} == declared
-    assert len(_FUNCTIONS["CoSimulation"].split()) == 34  # as counted in FMI 2.0.4, chapters 2.1 and 4.2
+    assert (
+        len(_FUNCTIONS["CoSimulation"].split()) == 34
+    )  # as counted in FMI 2.0.4, chapters 2.1 and 4.2
 
 
 # --- reading shared libraries ---------------------------------------------------------------------------------------
@@ -350,9 +435,13 @@ def binutils(program: str, *arguments: str) -> str:
 
 
 def system_libraries() -> list[Path]:
-    found = [Path(sysconfig.get_config_var("LIBDIR") or "/", str(sysconfig.get_config_var("LDLIBRARY")))]
+    found = [
+        Path(sysconfig.get_config_var("LIBDIR") or "/", str(sysconfig.get_config_var("LDLIBRARY")))
+    ]
     for folder in ("/lib/x86_64-linux-gnu", "/lib64", "/usr/lib"):
-        found += [Path(folder, name) for name in ("libm.so.6", "libc.so.6", "libstdc++.so.6", "libz.so.1")]
+        found += [
+            Path(folder, name) for name in ("libm.so.6", "libc.so.6", "libstdc++.so.6", "libz.so.1")
+        ]
     return [path for path in found if path.is_file() and path.suffix != ".a"][:5]
 
 
@@ -367,10 +456,18 @@ def test_elf_is_read_as_readelf_does(fmu, tmp_path):
         library = read_library(path.read_bytes())
         needed = re.findall(r"\(NEEDED\).*\[(.*)\]", binutils("readelf", "-dW", str(path)))
         assert list(library.needs) == needed
-        rows = [row.split() for row in binutils("readelf", "--dyn-syms", "-W", str(path)).splitlines()]
+        rows = [
+            row.split() for row in binutils("readelf", "--dyn-syms", "-W", str(path)).splitlines()
+        ]
         rows = [row for row in rows if len(row) >= 8 and row[0].rstrip(":").isdecimal()]
-        defined = {row[7].split("@")[0] for row in rows if row[4] in ("GLOBAL", "WEAK", "UNIQUE") and row[6] != "UND"}
-        unbound = {row[7] for row in rows if row[4] == "GLOBAL" and row[6] == "UND" and "@" not in row[7]}
+        defined = {
+            row[7].split("@")[0]
+            for row in rows
+            if row[4] in ("GLOBAL", "WEAK", "UNIQUE") and row[6] != "UND"
+        }
+        unbound = {
+            row[7] for row in rows if row[4] == "GLOBAL" and row[6] == "UND" and "@" not in row[7]
+        }
         # bindings beyond global and weak (GNU's "unique") are of no concern to an FMU
         unique = {row[7].split("@")[0] for row in rows if row[4] == "UNIQUE"}
         assert library.exports - unique == defined - unique, path
@@ -379,7 +476,9 @@ def test_elf_is_read_as_readelf_does(fmu, tmp_path):
 
 @linux
 @pytest.mark.parametrize("runtime", ["native", "python"])
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(data=st.data())
 def test_damaged_binary_never_breaks_the_reader(fmu, runtime, data):
     library = bytearray(contents(fmu("ppy_actuator", runtime))[BINARY])

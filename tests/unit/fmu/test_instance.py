@@ -27,7 +27,9 @@ def test_outputs_follow_the_solution_on_paper(fmu, runtime):
     current = 0.9
     with Fmu(fmu("ppy_actuator", runtime), {"R1": 0.6, "charge_start": 0.5}) as instance:
         instance.start()
-        result = simulate_instance(instance, TIME, {"current": np.full(TIME.size, current)}, ["charge", "voltage"])
+        result = simulate_instance(
+            instance, TIME, {"current": np.full(TIME.size, current)}, ["charge", "voltage"]
+        )
     settled = 2.35 * 2.7 * current
     charge = settled + (0.5 - settled) * np.exp(-TIME / ((0.6 + 2.35) * 2.7))
     assert result["charge"] == pytest.approx(charge, abs=1e-7)
@@ -40,7 +42,9 @@ def test_outputs_are_read_after_the_inputs_of_the_same_point(fmu, runtime):
     with Fmu(fmu("ppy_actuator", runtime)) as instance:
         instance.start()
         current = np.array([0.0, 0.9, 0.0])
-        result = simulate_instance(instance, np.array([0.0, 1e-6, 2e-6]), {"current": current}, ["voltage"])
+        result = simulate_instance(
+            instance, np.array([0.0, 1e-6, 2e-6]), {"current": current}, ["voltage"]
+        )
     assert result["voltage"] == pytest.approx(current * 0.43 * 2.35 / 2.78, abs=1e-5)
 
 
@@ -53,7 +57,9 @@ def test_linear_inputs_go_from_point_to_point(fmu, runtime):
         with Fmu(fmu("ppy_actuator", runtime)) as instance:
             instance.start()
             current = {"current": 0.1 * time, "force": np.zeros(time.size)}
-            found = simulate_instance(instance, time, current, ["charge", "voltage"], linear=["current"], parts=parts)
+            found = simulate_instance(
+                instance, time, current, ["charge", "voltage"], linear=["current"], parts=parts
+            )
         errors.append(np.abs(found["charge"] - charge).max())
         assert found["voltage"][-1] == pytest.approx(
             2.35 / 2.78 * (found["charge"][-1] / 2.7 + 0.43 * 0.1 * time[-1]), rel=1e-9
@@ -61,7 +67,9 @@ def test_linear_inputs_go_from_point_to_point(fmu, runtime):
     if runtime == "native":
         assert max(errors) < 1e-7
     else:
-        assert [one / other for one, other in pairwise(errors)] == pytest.approx([4.0, 4.0], rel=0.05)
+        assert [one / other for one, other in pairwise(errors)] == pytest.approx(
+            [4.0, 4.0], rel=0.05
+        )
 
 
 def test_a_start_time_other_than_zero(fmu, runtime):
@@ -69,7 +77,9 @@ def test_a_start_time_other_than_zero(fmu, runtime):
     for start in (0.0, -7.25):
         with Fmu(fmu("ppy_actuator", runtime)) as instance:
             instance.start(start)
-            results.append(simulate_instance(instance, TIME + start, {"force": np.full(TIME.size, 2.0)}))
+            results.append(
+                simulate_instance(instance, TIME + start, {"force": np.full(TIME.size, 2.0)})
+            )
     for output, values in results[0].items():
         assert results[1][output] == pytest.approx(values, rel=1e-9, abs=1e-15)
 
@@ -96,7 +106,10 @@ def test_the_unzipped_folder_is_removed(fmu, scratch, fails):
 
 
 def test_a_refused_parameter_is_told_in_the_words_of_the_fmu(fmu, runtime):
-    with Fmu(fmu("ppy_actuator", runtime), {"C": 0.0}) as instance, pytest.raises(UserError) as caught:
+    with (
+        Fmu(fmu("ppy_actuator", runtime), {"C": 0.0}) as instance,
+        pytest.raises(UserError) as caught,
+    ):
         instance.start()
     assert str(caught.value).startswith("ppy_actuator.fmu: initialization failed: ")
     for part in ("'C'", "0 F", "outside its range [1e-09, 1"):
@@ -106,31 +119,52 @@ def test_a_refused_parameter_is_told_in_the_words_of_the_fmu(fmu, runtime):
 def test_a_failing_step_is_told_with_its_time(fmu, runtime):
     with Fmu(fmu("ppy_actuator", runtime)) as instance:
         instance.start()
-        with pytest.raises(UserError, match=r"ppy_actuator\.fmu: (step from 2 s returned|setting current failed)"):
-            simulate_instance(instance, np.arange(5.0), {"current": np.array([0.0, 1.0, np.nan, 0.0, 0.0])})
+        with pytest.raises(
+            UserError, match=r"ppy_actuator\.fmu: (step from 2 s returned|setting current failed)"
+        ):
+            simulate_instance(
+                instance, np.arange(5.0), {"current": np.array([0.0, 1.0, np.nan, 0.0, 0.0])}
+            )
 
 
 def test_names_that_do_not_fit_are_told(fmu):
     path = fmu("ppy_actuator", "native")
     with Fmu(path) as instance:
         instance.start()
-        with pytest.raises(UserError, match=r"no variable named 'curent' \(did you mean current\?\)"):
+        with pytest.raises(
+            UserError, match=r"no variable named 'curent' \(did you mean current\?\)"
+        ):
             simulate_instance(instance, TIME, {"curent": TIME})
         with pytest.raises(UserError, match="voltage is not an input; inputs are current, force"):
             simulate_instance(instance, TIME, {"voltage": TIME})
-    with Fmu(path, {"voltage": 1.0}) as instance, pytest.raises(UserError, match="voltage is output, only parameters"):
+    with (
+        Fmu(path, {"voltage": 1.0}) as instance,
+        pytest.raises(UserError, match="voltage is output, only parameters"),
+    ):
         instance.start()
 
 
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda n, c: None if n == "modelDescription.xml" else (n, c), "a zip archive but not an FMU"),
-        (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')), "FMI version 3.0; this program knows"),
-        (lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')), "FMI version 1.0; this program knows"),
+        (
+            lambda n, c: None if n == "modelDescription.xml" else (n, c),
+            "a zip archive but not an FMU",
+        ),
+        (
+            lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')),
+            "FMI version 3.0; this program knows",
+        ),
+        (
+            lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')),
+            "FMI version 1.0; this program knows",
+        ),
         (lambda n, c: (n, c.replace(b"CoSimulation", b"ModelExchange")), "for model exchange only"),
         (
-            lambda n, c: (n, c.replace(b"CoSimulation", b"Other").replace(b"ModelExchange", b"Other")),
+            lambda n, c: (
+                n,
+                c.replace(b"CoSimulation", b"Other").replace(b"ModelExchange", b"Other"),
+            ),
             "has neither an element CoSimulation nor ModelExchange$",
         ),
         (
@@ -149,7 +183,9 @@ def test_descriptions_that_cannot_be_run_are_refused(fmu, tmp_path, edit, messag
 
 def test_a_start_value_that_is_none_is_refused(fmu, tmp_path):
     path = edited(
-        fmu("ppy_actuator", "native"), tmp_path / "other.fmu", lambda n, c: (n, c.replace(b'"0.43"', b'"0x1"'))
+        fmu("ppy_actuator", "native"),
+        tmp_path / "other.fmu",
+        lambda n, c: (n, c.replace(b'"0.43"', b'"0x1"')),
     )
     with pytest.raises(UserError) as caught:
         find_model(str(path))
@@ -160,8 +196,14 @@ def test_a_start_value_that_is_none_is_refused(fmu, tmp_path):
     ("edit", "message"),
     [
         (lambda n, c: (n.replace(host_platform(), "win32"), c), r"no binary for \w+; it has win32"),
-        (lambda n, c: None if n.startswith("binaries") else (n, c), r"no binary for \w+; it has none"),
-        (lambda n, c: (n, b"no library" if n.startswith("binaries") else c), r"cannot be loaded \("),
+        (
+            lambda n, c: None if n.startswith("binaries") else (n, c),
+            r"no binary for \w+; it has none",
+        ),
+        (
+            lambda n, c: (n, b"no library" if n.startswith("binaries") else c),
+            r"cannot be loaded \(",
+        ),
         (lambda n, c: (n, c.replace(b'guid="{', b'guid="{0')), r"GUID|guid"),
     ],
 )
@@ -181,7 +223,13 @@ def test_a_model_knows_its_signals_from_the_description_alone(fmu):
     model = find_model(str(path))
     assert (model.name, model.cls, model.path) == ("ppy_actuator.fmu", None, Path(path))
     alpha = model.parameters["alpha"]
-    assert (alpha.unit, alpha.display, alpha.start, alpha.min, alpha.max) == ("m/C", "mm/C", 6.8e-5, -1.0, 1.0)
+    assert (alpha.unit, alpha.display, alpha.start, alpha.min, alpha.max) == (
+        "m/C",
+        "mm/C",
+        6.8e-5,
+        -1.0,
+        1.0,
+    )
     assert shown(6.8e-5, alpha) == "0.068 mm/C"
     assert list(model.inputs) == ["current", "force"]
     assert "displacement" in model.outputs
@@ -245,7 +293,9 @@ def test_settings_that_their_type_cannot_hold_are_refused(thermostat, setting, t
 def test_settings_of_integers_and_booleans_arrive(thermostat):
     """With n heaters of p on, the power is n p, and one more with the boost."""
     model = find_model(str(thermostat))
-    values = model.settings(["stages=3", "enabled=false", "on_start=true", "heater=0.05kW", "boost=1"])
+    values = model.settings(
+        ["stages=3", "enabled=false", "on_start=true", "heater=0.05kW", "boost=1"]
+    )
     assert values == {"stages": 3.0, "enabled": 0.0, "on_start": 1.0, "heater": 50.0, "boost": 1.0}
     assert shown(values["enabled"], model.parameters["enabled"]) == "false"
     assert shown(values["stages"], model.parameters["stages"]) == "3"
@@ -253,17 +303,26 @@ def test_settings_of_integers_and_booleans_arrive(thermostat):
         instance.start()
         boost = {"boost": np.array([1.0, 0.0, 1.0])}
         power = simulate_instance(instance, np.array([0.0, 0.1, 0.2]), boost, ["power", "on"])
-    assert power["power"].tolist() == [200.0, 0.0, 50.0]  # at the first sample instant the heater, disabled, goes off
+    assert power["power"].tolist() == [
+        200.0,
+        0.0,
+        50.0,
+    ]  # at the first sample instant the heater, disabled, goes off
     assert power["on"].tolist() == [1.0, 0.0, 0.0]
 
 
 def test_values_that_their_type_cannot_hold_never_reach_the_fmu(thermostat):
-    with Fmu(thermostat, {"stages": 2.5}) as instance, pytest.raises(UserError, match=r"stages: 2\.5 is not a whole"):
+    with (
+        Fmu(thermostat, {"stages": 2.5}) as instance,
+        pytest.raises(UserError, match=r"stages: 2\.5 is not a whole"),
+    ):
         instance.start()
     with Fmu(thermostat) as instance:
         instance.start()
         boost = np.array([0.0, 1.0, 0.5, 0.0])
-        with pytest.raises(UserError, match=r"boost: 0.5 is neither true \(1\) nor false \(0\) \(at 2 s\)"):
+        with pytest.raises(
+            UserError, match=r"boost: 0.5 is neither true \(1\) nor false \(0\) \(at 2 s\)"
+        ):
             simulate_instance(instance, np.arange(4.0), {"boost": boost})
 
 
@@ -277,7 +336,10 @@ def test_a_saved_state_is_returned_to(fmu, runtime):
     """The same three steps, twice, give the same bits; in between the instance went elsewhere."""
     with Fmu(fmu("ppy_actuator", runtime)) as instance:
         instance.start()
-        write, read = instance.writer(["current", "force"]), instance.reader(["voltage", "displacement"])
+        write, read = (
+            instance.writer(["current", "force"]),
+            instance.reader(["voltage", "displacement"]),
+        )
 
         def advance(current):
             write(np.array([current, 1.0]))
@@ -300,7 +362,9 @@ def test_a_saved_state_is_returned_to(fmu, runtime):
 
 def test_an_fmu_that_cannot_save_its_state_says_so(fmu, tmp_path):
     def edit(name, contents):
-        return name, contents.replace(b'canGetAndSetFMUstate="true"', b'canGetAndSetFMUstate="false"')
+        return name, contents.replace(
+            b'canGetAndSetFMUstate="true"', b'canGetAndSetFMUstate="false"'
+        )
 
     with Fmu(edited(fmu("ppy_actuator", "native"), tmp_path / "other.fmu", edit)) as instance:
         instance.start()

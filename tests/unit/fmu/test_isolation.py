@@ -35,10 +35,21 @@ HURRY = Limits(step_timeout=1.0, memory=6e8)  # what hangs takes a processor unt
 WAYS = {"kernel": {}, "python": {"extrapolation": 1}}
 # one of every place and of every way to end, of which a simulation is shown all
 EACH_KIND = (
-    "exits", "kills_itself", "sleeps", "is_fatal", "crashes_as_it_is_read", "crashes_as_it_begins",
-    "crashes_as_it_is_freed", "changes_the_folder", "closes_every_file", "leaves_a_process_and_aborts",
-)  # fmt: skip
-UNTOLD = ("closes_every_file", "writes_to_every_file")  # by its own process, which has no way left to tell what it does
+    "exits",
+    "kills_itself",
+    "sleeps",
+    "is_fatal",
+    "crashes_as_it_is_read",
+    "crashes_as_it_begins",
+    "crashes_as_it_is_freed",
+    "changes_the_folder",
+    "closes_every_file",
+    "leaves_a_process_and_aborts",
+)
+UNTOLD = (
+    "closes_every_file",
+    "writes_to_every_file",
+)  # by its own process, which has no way left to tell what it does
 DAMAGED = ("writes_to_every_file",)  # and so is what was computed
 
 
@@ -69,7 +80,11 @@ def children(folder):
     for process in psutil.process_iter(["cmdline", "environ", "status"]):
         about = process.info
         named = " ".join([*(about["cmdline"] or ()), *(about["environ"] or {}).values()])
-        if str(folder) in named and process.pid != os.getpid() and about["status"] != psutil.STATUS_ZOMBIE:
+        if (
+            str(folder) in named
+            and process.pid != os.getpid()
+            and about["status"] != psutil.STATUS_ZOMBIE
+        ):
             found.append(process)
     return found
 
@@ -148,7 +163,9 @@ def test_a_run_of_three(way, name, folder, lag, nothing_left):
 
 
 @pytest.mark.parametrize("name", ["lets_nobody_write", "lets_nobody_open"])
-def test_what_a_member_takes_away_from_its_process_stops_the_run_in_a_line(name, folder, lag, nothing_left):
+def test_what_a_member_takes_away_from_its_process_stops_the_run_in_a_line(
+    name, folder, lag, nothing_left
+):
     with pytest.raises(Stopped) as refused:
         run(three(lag, build(name, folder)), TIME, {"u": np.ones(31)}, isolation=HASTE)
     assert str(refused.value).startswith("three: ")
@@ -182,7 +199,9 @@ def test_numbers_are_the_same_bits(lag, nothing_left):
     for model in (str(lag), "ppy_actuator"):
         given = inputs if model == str(lag) else {"current": np.sin(TIME)}
         here, there = (ppy.simulate(model, given, time=TIME, isolate=way) for way in (False, True))
-        assert {k: v.tobytes() for k, v in here.outputs.items()} == {k: v.tobytes() for k, v in there.outputs.items()}
+        assert {k: v.tobytes() for k, v in here.outputs.items()} == {
+            k: v.tobytes() for k, v in there.outputs.items()
+        }
 
 
 def test_what_the_fmu_refuses_is_told_in_its_words(lag):
@@ -205,21 +224,38 @@ sys.exit(main())
 
 def command(*arguments, cwd):
     return subprocess.Popen(
-        [sys.executable, "-c", COMMAND, *map(str, arguments)], cwd=cwd, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(cwd), "PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
+        [sys.executable, "-c", COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"TMPDIR": str(cwd), "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
 
 
 def test_on_the_command_line_it_is_so_unless_told_otherwise(folder, tmp_path):
     bad = build("exits", folder)
     (tmp_path / "out.csv").write_text("dear\n")
     with command(
-        "simulate", bad, "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--out", "out.csv", cwd=tmp_path
+        "simulate",
+        bad,
+        "--set",
+        "u=1",
+        "--stop",
+        "3s",
+        "--step",
+        "0.1s",
+        "--out",
+        "out.csv",
+        cwd=tmp_path,
     ) as one:
         _, told = one.communicate(timeout=120)
     assert one.returncode == 2
     how = "step from 1 s: its process ended (exit status 0)"
-    assert told.splitlines()[-1] == f"error: exits.fmu: {how}; what was computed until 1 s is in out.part.csv"
+    assert (
+        told.splitlines()[-1]
+        == f"error: exits.fmu: {how}; what was computed until 1 s is in out.part.csv"
+    )
     assert (tmp_path / "out.csv").read_text() == "dear\n"
     part = read_record(tmp_path / "out.part.csv", {"x": ""})
     np.testing.assert_allclose(part.signals["x"], response(REACHED), atol=1e-9)
@@ -232,7 +268,16 @@ def resting(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("PPY_TEST_RESTS", str(sign))
 
     def start(*options):
-        run = ("simulate", build("sleeps", folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s")
+        run = (
+            "simulate",
+            build("sleeps", folder),
+            "--set",
+            "u=1",
+            "--stop",
+            "3s",
+            "--step",
+            "0.1s",
+        )
         process = command(*run, *options, cwd=tmp_path)
         until = time.monotonic() + 60.0
         while not sign.exists() and process.poll() is None and time.monotonic() < until:
@@ -277,7 +322,10 @@ def alive(pid):
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--no-isolate", "--step-timeout", "3s"], "--step-timeout is for an FMU in a process of its own"),
+        (
+            ["--no-isolate", "--step-timeout", "3s"],
+            "--step-timeout is for an FMU in a process of its own",
+        ),
         (["--memory-limit", "much"], "'much': an amount of memory such as 2GB"),
         (["--memory-limit", "1KB"], "at least 256MB"),
         (["--step-timeout", "0s"], "a time above 0"),
@@ -296,11 +344,25 @@ def test_bad_limits_are_told_in_a_line(options, told, lag, tmp_path):
 @pytest.mark.parametrize("name", ["exits", "exits_3", "exits_as_it_begins"])
 def test_an_exit_in_process_does_not_look_like_success(name, folder, tmp_path):
     (tmp_path / "out.csv").write_text("dear\n")
-    run = ("simulate", build(name, folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s", "--out", "out.csv")
+    run = (
+        "simulate",
+        build(name, folder),
+        "--set",
+        "u=1",
+        "--stop",
+        "3s",
+        "--step",
+        "0.1s",
+        "--out",
+        "out.csv",
+    )
     with command(*run, "--no-isolate", cwd=tmp_path) as one:
         _, told = one.communicate(timeout=120)
     assert one.returncode == 2
-    assert told.splitlines()[-1] == f"error: {name}.fmu: the FMU has ended this process; give --isolate"
+    assert (
+        told.splitlines()[-1]
+        == f"error: {name}.fmu: the FMU has ended this process; give --isolate"
+    )
     assert (tmp_path / "out.csv").read_text() == "dear\n"
 
 
@@ -316,7 +378,16 @@ def test_a_second_ctrl_c_ends_a_hang_in_process(resting):
 
 
 def test_where_an_fmu_goes_to_the_result_does_not_follow(folder, tmp_path):
-    run = ("simulate", build("changes_the_folder", folder), "--set", "u=1", "--stop", "3s", "--step", "0.1s")
+    run = (
+        "simulate",
+        build("changes_the_folder", folder),
+        "--set",
+        "u=1",
+        "--stop",
+        "3s",
+        "--step",
+        "0.1s",
+    )
     with command(*run, "--no-isolate", "--out", "out.csv", cwd=tmp_path) as one:
         _, told = one.communicate(timeout=120)
     assert one.returncode == 0, told

@@ -43,7 +43,12 @@ def simulated(path, time, inputs, outputs=None, parameters=None, **options):
             found = simulate_instance(instance, time, inputs, outputs, told.append, **options)
         except UserError as error:
             return str(error), instance.warnings, instance.corrupted, told
-        return {k: v.tobytes() for k, v in found.items()}, instance.warnings, instance.corrupted, told
+        return (
+            {k: v.tobytes() for k, v in found.items()},
+            instance.warnings,
+            instance.corrupted,
+            told,
+        )
 
 
 def both_ways(*arguments, **options):
@@ -55,7 +60,9 @@ def both_ways(*arguments, **options):
         return found, simulated(*arguments, **options)
 
 
-@pytest.mark.parametrize("options", [{}, {"parts": 3}, {"linear": ["current"]}, {"linear": ["force"], "parts": 2}])
+@pytest.mark.parametrize(
+    "options", [{}, {"parts": 3}, {"linear": ["current"]}, {"linear": ["force"], "parts": 2}]
+)
 def test_the_bits_are_those_of_the_loop_in_python(fmu, runtime, options):
     inputs = {"force": FORCE, "current": CURRENT}
     with_kernel, without = both_ways(fmu("ppy_actuator", runtime), TIME, inputs, **options)
@@ -68,7 +75,10 @@ def test_the_bits_are_those_of_a_bare_loop_in_c(fmu):
     with Fmu(path) as instance:
         instance.start()
         found = simulate_instance(instance, TIME, {"current": CURRENT}, ["voltage"])
-    assert found["voltage"].tobytes() == in_a_bare_loop(path, TIME, "current", CURRENT, "voltage").tobytes()
+    assert (
+        found["voltage"].tobytes()
+        == in_a_bare_loop(path, TIME, "current", CURRENT, "voltage").tobytes()
+    )
 
 
 def test_the_kernel_is_what_steps(fmu, monkeypatch):
@@ -83,7 +93,9 @@ def test_integers_and_booleans_are_moved_too(tmp_path, runtime, options):
     path.write_bytes(build(Adder, runtime, [host_platform()]))
     k = np.arange(TIME.size)
     inputs = {"on": (k % 7 < 3) * 1.0, "level": CURRENT, "count": k % 5 - 2.0, "more": k % 3 + 1.0}
-    with_kernel, without = both_ways(path, TIME, inputs, ["excess", "off", "total", "lacking"], **options)
+    with_kernel, without = both_ways(
+        path, TIME, inputs, ["excess", "off", "total", "lacking"], **options
+    )
     assert with_kernel == without
     assert np.frombuffer(with_kernel[0]["lacking"]).tolist() == (3.0 - inputs["count"]).tolist()
     excess = inputs["count"] - 5.0 * inputs["more"]
@@ -126,7 +138,9 @@ def test_inputs_that_are_refused_are_named_as_in_python(fmu, runtime):
 
 def test_an_output_that_is_no_number_is_delivered(member):
     time = 0.1 * np.arange(51)
-    with_kernel, without = both_ways(member, time, {"u": np.ones(51)}, parameters={"nan": 1.0, "when": 3.0})
+    with_kernel, without = both_ways(
+        member, time, {"u": np.ones(51)}, parameters={"nan": 1.0, "when": 3.0}
+    )
     assert with_kernel == without
     assert np.isnan(np.frombuffer(with_kernel[0]["y"])).tolist() == (time > 3.0 - 1e-9).tolist()
 
@@ -144,7 +158,9 @@ def test_fmus_of_other_people(tmp_path):
 
 @pytest.mark.parametrize("points", [2, 199, 200, 1001])
 def test_progress_is_told_as_in_python(fmu, points):
-    with_kernel, without = both_ways(fmu("ppy_actuator", "native"), np.linspace(0.0, 1.0, points), {})
+    with_kernel, without = both_ways(
+        fmu("ppy_actuator", "native"), np.linspace(0.0, 1.0, points), {}
+    )
     assert with_kernel == without
     assert with_kernel[3][-1] == points
 
@@ -169,7 +185,9 @@ def test_ctrl_c_is_heard_long_before_progress_is_told(tmp_path):
             simulate_instance(instance, 0.01 * np.arange(40_000.0), {}, progress=told.append)
         waited = clock.perf_counter() - pressed[0]
     assert told == [0]
-    assert waited < 1.0  # by far less than what is left of the 2 s; 0.1 s on a machine that has nothing else to do
+    assert (
+        waited < 1.0
+    )  # by far less than what is left of the 2 s; 0.1 s on a machine that has nothing else to do
     assert not any(thread.name == "kernel pulse" for thread in threading.enumerate())
 
 
@@ -194,14 +212,18 @@ def refused(*arguments, **options):
 
 
 @pytest.mark.parametrize("hindrance", ["compiler fails", "cache is a file", "no such platform"])
-def test_what_hinders_compiling_hinders_nobody_from_simulating(fmu, tmp_path, monkeypatch, hindrance):
+def test_what_hinders_compiling_hinders_nobody_from_simulating(
+    fmu, tmp_path, monkeypatch, hindrance
+):
     path = fmu("ppy_actuator", "native")
     expected = simulated(path, TIME, {"current": CURRENT})
     if hindrance == "no such platform":
         monkeypatch.setattr(toolchain, "host_platform", refused)
     else:
         Path(tmp_path, "file").touch()
-        monkeypatch.setenv("PPY_CACHE", str(tmp_path / "file" if hindrance == "cache is a file" else tmp_path))
+        monkeypatch.setenv(
+            "PPY_CACHE", str(tmp_path / "file" if hindrance == "cache is a file" else tmp_path)
+        )
     if hindrance == "compiler fails":
         monkeypatch.setattr(toolchain, "compile_library", refused)
     forget_kernel()

@@ -11,7 +11,9 @@ from orchestration.fmu import Fmu, Model, find_model, instance, model
 
 def test_the_package_offers_what_users_need():
     assert (Fmu, Model, find_model) == (instance.Fmu, model.Model, model.find_model)
-    with pytest.raises(AttributeError, match=r"module 'orchestration.fmu' has no attribute 'Motor'"):
+    with pytest.raises(
+        AttributeError, match=r"module 'orchestration.fmu' has no attribute 'Motor'"
+    ):
         orchestration.fmu.Motor  # noqa: B018
 
 

@@ -63,6 +63,12 @@ def test_whoever_looks_at_a_worker_at_any_moment_sees_what_it_does(monkeypatch, 
     clock = 0.01 * np.arange(11)
     values = np.linspace(0.5, 4.0, 3000)
     found = ppy.sweep(
-        str(fmu), {"tau": values.tolist()}, {"u": np.ones(11)}, time=clock, outputs=["x"], keep=["last"], workers=2
+        str(fmu),
+        {"tau": values.tolist()},
+        {"u": np.ones(11)},
+        time=clock,
+        outputs=["x"],
+        keep=["last"],
+        workers=2,
     )
     np.testing.assert_allclose(found["x_last"], 1.0 - np.exp(-0.1 / values), rtol=1e-9)

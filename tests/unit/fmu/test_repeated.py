@@ -34,20 +34,29 @@ def test_what_changes_between_runs_counts(lag):
     one, two, short = np.ones(51), np.full(51, 2.0), TIME[:11]
     with RepeatedFmu(lag) as fmu:
         first = fmu.run(TIME, {"u": one}, {"tau": 1.0}, ["x"])
-        assert fmu.run(TIME, {"u": one}, {"tau": 3.0}, ["x"])[:, 0] == pytest.approx(course(1.0, 3.0), abs=1e-12)
-        assert fmu.run(TIME, {"u": two}, {"tau": 3.0}, ["x"])[:, 0] == pytest.approx(course(2.0, 3.0), abs=1e-12)
+        assert fmu.run(TIME, {"u": one}, {"tau": 3.0}, ["x"])[:, 0] == pytest.approx(
+            course(1.0, 3.0), abs=1e-12
+        )
+        assert fmu.run(TIME, {"u": two}, {"tau": 3.0}, ["x"])[:, 0] == pytest.approx(
+            course(2.0, 3.0), abs=1e-12
+        )
         found = fmu.run(short, {"u": two[:11]}, {"tau": 1.0}, ["x"])[:, 0]
         assert found == pytest.approx(course(2.0, 1.0, short), abs=1e-12)
         assert fmu.run(TIME, {}, {"tau": 1.0}, ["x"])[:, 0].tolist() == [0.0] * 51
         again = fmu.run(TIME, {"u": one}, {"tau": 1.0}, ["x"])
-    assert first[:, 0] == pytest.approx(course(1.0, 1.0), abs=1e-12), "what was handed out is not written over"
+    assert first[:, 0] == pytest.approx(course(1.0, 1.0), abs=1e-12), (
+        "what was handed out is not written over"
+    )
     assert again.tobytes() == first.tobytes()
 
 
 def test_without_a_compiler_it_is_the_same(lag):
     def ran():
         with RepeatedFmu(lag) as fmu:
-            return [fmu.run(TIME, {"u": np.sin(TIME)}, {"tau": tau}, ["x"]).tobytes() for tau in (0.5, 2.0, 0.5)]
+            return [
+                fmu.run(TIME, {"u": np.sin(TIME)}, {"tau": tau}, ["x"]).tobytes()
+                for tau in (0.5, 2.0, 0.5)
+            ]
 
     expected = ran()
     with without_compiler():
@@ -55,7 +64,10 @@ def test_without_a_compiler_it_is_the_same(lag):
 
 
 def test_what_is_no_input_is_refused(lag):
-    with RepeatedFmu(lag) as fmu, pytest.raises(UserError, match=r"x is not an input; inputs are u"):
+    with (
+        RepeatedFmu(lag) as fmu,
+        pytest.raises(UserError, match=r"x is not an input; inputs are u"),
+    ):
         fmu.run(TIME, {"x": TIME}, {}, ["x"])
 
 
@@ -86,4 +98,6 @@ def test_a_run_that_takes_too_long_is_given_up(tmp_path):
             fmu.run(time, {}, {"delay": 0.01, "until": 1e9}, ["voltage_age"], longest=0.3)
         assert clock.monotonic() - begin < 5.0
         assert "\n" not in str(refused.value)
-        assert np.isfinite(fmu.run(time[:3], {}, {"delay": 0.0, "until": 1e9}, ["voltage_age"])).all()
+        assert np.isfinite(
+            fmu.run(time[:3], {}, {"delay": 0.0, "until": 1e9}, ["voltage_age"])
+        ).all()

@@ -84,7 +84,14 @@ def test_the_command_line_sets_and_shows_texts(fmu, tmp_path):
     parameter = next(p for p in json.loads(shown)["parameters"] if p["name"] == "label")
     assert (parameter["start"], parameter["type"]) == ("abc", "string")
     assert "label     'abc'    any text" in works("info", fmu, cwd=tmp_path)
-    refused(tmp_path, "simulate", fmu, "--set", "delay=tcp", parts=["delay=tcp", "'tcp' is not a number"])
+    refused(
+        tmp_path,
+        "simulate",
+        fmu,
+        "--set",
+        "delay=tcp",
+        parts=["delay=tcp", "'tcp' is not a number"],
+    )
 
 
 def test_an_experiment_sets_texts_and_its_result_remembers_them(fmu, tmp_path):
@@ -98,9 +105,26 @@ def test_an_experiment_sets_texts_and_its_result_remembers_them(fmu, tmp_path):
     assert json.loads(data.attrs["parameters"]) == {"label": ENDPOINT}
     again = here("run", "one.nc", cwd=tmp_path)
     assert "every value is the same to the last bit" in again.stdout
-    assert f" {told('ipc:///x')[1]} " in works("run", "one.toml", "--set", "label=ipc:///x", cwd=tmp_path) + " "
-    refused(tmp_path, "run", "one.toml", "--set", "label=5", parts=["parameters.label = 5", "a number", "a text"])
-    refused(tmp_path, "run", "one.toml", "--set", "delay=soon", parts=["parameters.delay = soon", "not a number"])
+    assert (
+        f" {told('ipc:///x')[1]} "
+        in works("run", "one.toml", "--set", "label=ipc:///x", cwd=tmp_path) + " "
+    )
+    refused(
+        tmp_path,
+        "run",
+        "one.toml",
+        "--set",
+        "label=5",
+        parts=["parameters.label = 5", "a number", "a text"],
+    )
+    refused(
+        tmp_path,
+        "run",
+        "one.toml",
+        "--set",
+        "delay=soon",
+        parts=["parameters.delay = soon", "not a number"],
+    )
 
 
 def test_an_experiment_on_a_system_sets_texts_of_members(fmu, tmp_path):
@@ -118,7 +142,15 @@ def test_what_computes_takes_no_text():
 
 def test_a_proxy_can_be_built_with_an_address_of_its_own(tmp_path):
     done = works(
-        "build", "rig_proxy", "--runtime", "python", "--set", f"endpoint={ENDPOINT}0", "--out", "fmus", cwd=tmp_path
+        "build",
+        "rig_proxy",
+        "--runtime",
+        "python",
+        "--set",
+        f"endpoint={ENDPOINT}0",
+        "--out",
+        "fmus",
+        cwd=tmp_path,
     )
     assert "rig_proxy_set.fmu" in done
     model = find_model(str(tmp_path / "fmus" / "python" / "rig_proxy_set.fmu"))

@@ -11,8 +11,17 @@ from fmus import component
 from orchestration.fmu.model import find_model
 from tests.support.archive import edited
 
-FORMER = {"Ohm": "ohm", "N.s/m": "N*s/m", "A/(V.s)": "A/V/s", "N.m": "N*m", "N.m/rad": "N*m/rad",
-          "N.m.s/rad": "N*m*s/rad", "kg.m2": "kg*m^2", "m/s2": "m/s/s", "rad/s2": "rad/s/s"}  # fmt: skip
+FORMER = {
+    "Ohm": "ohm",
+    "N.s/m": "N*s/m",
+    "A/(V.s)": "A/V/s",
+    "N.m": "N*m",
+    "N.m/rad": "N*m/rad",
+    "N.m.s/rad": "N*m*s/rad",
+    "kg.m2": "kg*m^2",
+    "m/s2": "m/s/s",
+    "rad/s2": "rad/s/s",
+}
 
 
 def former(name: str, contents: bytes) -> tuple[str, bytes]:
@@ -20,10 +29,14 @@ def former(name: str, contents: bytes) -> tuple[str, bytes]:
     if name != "modelDescription.xml":
         return name, contents
     text = re.sub(r'(?<=unit=")([^"]*)(?=")', lambda m: FORMER.get(m[1], m[1]), contents.decode())
-    return name, re.sub(r'(?<=<Unit name=")([^"]*)(?=")', lambda m: FORMER.get(m[1], m[1]), text).encode()
+    return name, re.sub(
+        r'(?<=<Unit name=")([^"]*)(?=")', lambda m: FORMER.get(m[1], m[1]), text
+    ).encode()
 
 
-@pytest.mark.parametrize("name", ["ppy_actuator", "foot_dynamic", "galvanostat", "degradation_estimator"])
+@pytest.mark.parametrize(
+    "name", ["ppy_actuator", "foot_dynamic", "galvanostat", "degradation_estimator"]
+)
 def test_former_and_present_fmus_are_read_alike_and_as_declared(fmu, tmp_path, name):
     present = find_model(str(fmu(name, "native")))
     before = edited(fmu(name, "native"), tmp_path / f"{name}.fmu", former)
@@ -36,13 +49,18 @@ def test_former_and_present_fmus_are_read_alike_and_as_declared(fmu, tmp_path, n
         for variable, signal in ours.items():
             if signal.type == "real":
                 unit = declared[variable].unit
-                assert (signal.unit, signal.display) == (unit, declared[variable].display or unit), variable
+                assert (signal.unit, signal.display) == (
+                    unit,
+                    declared[variable].display or unit,
+                ), variable
 
 
 def test_unit_that_nobody_knows_is_left_as_it_is(fmu, tmp_path):
     def strange(name: str, contents: bytes) -> tuple[str, bytes]:
-        return name, contents.replace(b'"Ohm"', b'"rev/min.x"') if name == "modelDescription.xml" else contents
+        return name, contents.replace(
+            b'"Ohm"', b'"rev/min.x"'
+        ) if name == "modelDescription.xml" else contents
 
-    assert find_model(str(edited(fmu("ppy_actuator", "native"), tmp_path / "x.fmu", strange))).parameters[
-        "R1"
-    ].unit == ("rev/min.x")
+    assert find_model(
+        str(edited(fmu("ppy_actuator", "native"), tmp_path / "x.fmu", strange))
+    ).parameters["R1"].unit == ("rev/min.x")

@@ -94,8 +94,13 @@ def test_derivatives_of_our_own_fmu_are_those_of_its_equations(fmu):
     for output in ("voltage", "displacement"):
         for k, name in enumerate(names):
             column = exact.sensitivities[output][:, k]
-            close = 1e-5 * np.abs(column).max() + 1e-12 * np.abs(exact.signals[output]).max() / at[name]
-            assert found.sensitivities[output][:, k] == pytest.approx(column, abs=close), (output, name)
+            close = (
+                1e-5 * np.abs(column).max() + 1e-12 * np.abs(exact.signals[output]).max() / at[name]
+            )
+            assert found.sensitivities[output][:, k] == pytest.approx(column, abs=close), (
+                output,
+                name,
+            )
 
 
 def record_of(tau, folder, seed=1):
@@ -141,7 +146,10 @@ def test_without_equations_the_fit_is_that_with_them(tmp_path):
     write(draw(None, seed=3, duration=60.0), tmp_path / "record.csv")
     with_them = ppy.find_model("ppy_actuator")
     names = ["R1", "R2", "C", "k1"]
-    fits = [ppy.fit(tmp_path / "record.csv", m, names) for m in (with_them, replace(with_them, cls=None))]
+    fits = [
+        ppy.fit(tmp_path / "record.csv", m, names)
+        for m in (with_them, replace(with_them, cls=None))
+    ]
     for name in names:
         low, high = fits[0].intervals[name]
         assert fits[1].values[name] == pytest.approx(fits[0].values[name], abs=0.01 * (high - low))
@@ -157,12 +165,17 @@ def test_a_comparison_of_any_fmu_recalibrates_it(lag, tmp_path):
 def test_what_the_fmu_refuses_on_one_side_is_looked_at_from_the_other(noisy):
     """Where the FMU fails at a smaller value, though it declares no range."""
     with FmuWithDifferences(noisy, ["tau"], ["x"]) as fmu:
-        found = fmu._slopes((TIME, {"u": np.ones(101)}), {"tau": 1.0}, rise(1.0)[:, np.newaxis], [("tau", 1.5)])
+        found = fmu._slopes(
+            (TIME, {"u": np.ones(101)}), {"tau": 1.0}, rise(1.0)[:, np.newaxis], [("tau", 1.5)]
+        )
     assert found[0][:, 0] == pytest.approx((rise(2.5) - rise(1.0)) / 1.5, abs=2e-3)
 
 
 def test_where_it_fails_itself_is_told_in_a_line(noisy):
-    with FmuWithDifferences(noisy, ["tau"], ["x"]) as fmu, pytest.raises(UserError, match=r"Noisy\.fmu: ") as refused:
+    with (
+        FmuWithDifferences(noisy, ["tau"], ["x"]) as fmu,
+        pytest.raises(UserError, match=r"Noisy\.fmu: ") as refused,
+    ):
         fmu.run(TIME, {"u": np.ones(101)}, {"tau": -1.0})
     assert "\n" not in str(refused.value)
 
@@ -187,6 +200,10 @@ def test_in_a_process_of_its_own_a_fit_is_the_same(lag):
 
 def test_an_fmu_that_ends_its_process_in_a_fit_is_told_in_a_line(tmp_path):
     bad = ppy.find_model(str(misbehaving.build("exits", tmp_path)))
-    with isolating(Limits()), FmuWithDifferences(bad, ["tau"], ["x"]) as fmu, pytest.raises(UserError) as refused:
+    with (
+        isolating(Limits()),
+        FmuWithDifferences(bad, ["tau"], ["x"]) as fmu,
+        pytest.raises(UserError) as refused,
+    ):
         fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.5})
     assert str(refused.value) == "exits.fmu: step from 1 s: its process ended (exit status 0)"

@@ -60,7 +60,9 @@ def test_figures_are_those_of_their_definition(model, record):
 
 def test_settings_change_the_model_and_a_fit_starts_there(model, record):
     result = comparing.compare(model, record, {"R1": 0.5, "R2": 2.35}, ["R1", "C"])
-    assert result.before["voltage"].simulated == pytest.approx(exact_voltage(0.5, 2.35, 2.7), abs=1e-8)
+    assert result.before["voltage"].simulated == pytest.approx(
+        exact_voltage(0.5, 2.35, 2.7), abs=1e-8
+    )
     assert result.fit is not None
     assert result.after is not None
     assert result.fit.estimates["R1"].nominal == 0.5
@@ -75,7 +77,9 @@ def test_a_constant_input_given_as_a_setting_reaches_the_fit_too(model, record):
     inputs = {"current": INPUTS["current"], "force": np.full(TIME.size, 1.5)}
     measured = EmulatedRig(RigParameters(k1=5000.0), displacement_noise=0.0).run(TIME, **inputs)
     signals = {"current": inputs["current"], "displacement": measured["displacement"]}
-    result = comparing.compare(model, Record(TIME, signals, UNITS, Path("r.csv")), {"force": 1.5}, ["k1"])
+    result = comparing.compare(
+        model, Record(TIME, signals, UNITS, Path("r.csv")), {"force": 1.5}, ["k1"]
+    )
     assert result.fit is not None
     assert result.fit.values["k1"] == pytest.approx(5000.0, rel=1e-5)
 
@@ -100,7 +104,12 @@ def test_json_is_plain_json_with_null_where_nothing_can_be_said(model, record):
     page = json.loads(json.dumps(result.to_dict()), parse_constant=refuse)
     assert page["outputs"]["displacement"]["fit_percent"] is None  # of a constant
     assert page["outputs"]["displacement"]["unit"] == "m"
-    assert page["record"] == {"file": "record.csv", "samples": 600, "seconds": pytest.approx(59.9), "notes": []}
+    assert page["record"] == {
+        "file": "record.csv",
+        "samples": 600,
+        "seconds": pytest.approx(59.9),
+        "notes": [],
+    }
     assert page["set"] == {"R2": 2.0}
     estimate = page["fitted"]["parameters"]["R1"]
     assert estimate["ci95"][0] < estimate["value"] < estimate["ci95"][1]
@@ -133,7 +142,9 @@ def test_a_comparison_is_printed_with_its_units_and_warnings(model, record):
     ]
     assert f"{result.after['voltage'].fit_percent:.2f} %" in lines[3]
     assert lines[4].split()[5] == "mm"  # not metres
-    assert lines[-len(result.fit.warnings) :] == [f"warning: {text}" for text in result.fit.warnings]
+    assert lines[-len(result.fit.warnings) :] == [
+        f"warning: {text}" for text in result.fit.warnings
+    ]
     assert "this record does not determine k1" in result.fit.warnings
     assert str(result.fit) == "\n".join(lines[lines.index("") + 1 :])
     assert not any(line != line.rstrip() for line in lines)
@@ -146,7 +157,10 @@ def test_a_fit_has_values_intervals_and_figures_by_name(model, record):
     fitted = comparing.compare(model, record, {}, ["R1", "alpha"]).fit
     low, high = fitted.intervals["R1"]
     assert low < fitted.values["R1"] < high
-    assert repr(fitted) == f"<Fit R1 = {fitted.values['R1']:.6g} ohm, alpha = {1e3 * fitted.values['alpha']:.6g} mm/C>"
+    assert (
+        repr(fitted)
+        == f"<Fit R1 = {fitted.values['R1']:.6g} ohm, alpha = {1e3 * fitted.values['alpha']:.6g} mm/C>"
+    )
     figures = fitted.to_dict()
     assert figures["parameters"]["R1"]["ci95"] == [low, high]
     assert figures["simulations"] == fitted.evaluations
@@ -155,8 +169,12 @@ def test_a_fit_has_values_intervals_and_figures_by_name(model, record):
 
 def test_a_comparison_is_drawn_and_written_if_wanted(model, record, tmp_path):
     plain = comparing.compare(model, record)
-    assert [axis.get_ylabel() for axis in plain.plot().axes] == ["voltage\n[V]", "residual\n[V]",
-                                                                "displacement\n[mm]", "residual\n[mm]"]  # fmt: skip
+    assert [axis.get_ylabel() for axis in plain.plot().axes] == [
+        "voltage\n[V]",
+        "residual\n[V]",
+        "displacement\n[mm]",
+        "residual\n[mm]",
+    ]
     fitted = comparing.compare(model, record, {}, ["R1", "C"])
     axes = fitted.plot(tmp_path / "c.png").axes
     assert (tmp_path / "c.png").stat().st_size > 10_000
@@ -185,7 +203,9 @@ def test_what_cannot_be_fitted_is_refused_before_anything_is_simulated(model, re
 
 def test_a_record_of_inputs_only_is_refused(model, tmp_path):
     write_record(tmp_path / "r.csv", TIME, INPUTS, UNITS)
-    with pytest.raises(UserError, match=r"r\.csv: no column is an output of ppy_actuator \(charge, voltage, "):
+    with pytest.raises(
+        UserError, match=r"r\.csv: no column is an output of ppy_actuator \(charge, voltage, "
+    ):
         comparing.read_for(model, tmp_path / "r.csv")
 
 
@@ -204,5 +224,14 @@ def test_communication_points_reach_the_stop_time(start, stop, step, expected):
 
 
 def test_a_recorded_input_is_held_until_its_next_sample():
-    record = Record(np.array([0.0, 1.0, 2.0]), {"u": np.array([3.0, 4.0, 5.0])}, {"u": "1"}, Path("r.csv"))
-    assert simulate.held(record, "u", np.array([0.0, 0.99, 1.0, 1.5, 2.0, 9.0])).tolist() == [3, 3, 4, 4, 5, 5]
+    record = Record(
+        np.array([0.0, 1.0, 2.0]), {"u": np.array([3.0, 4.0, 5.0])}, {"u": "1"}, Path("r.csv")
+    )
+    assert simulate.held(record, "u", np.array([0.0, 0.99, 1.0, 1.5, 2.0, 9.0])).tolist() == [
+        3,
+        3,
+        4,
+        4,
+        5,
+        5,
+    ]

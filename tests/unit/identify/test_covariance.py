@@ -15,19 +15,29 @@ RANDOM = np.random.default_rng(3)
 REGRESSORS = RANDOM.standard_normal((500, 4)) @ RANDOM.standard_normal((4, 4))
 
 
-@pytest.mark.parametrize("units", [np.ones(4), np.array([1e-9, 1.0, 1e7, 3.0])], ids=["alike", "of many sizes"])
+@pytest.mark.parametrize(
+    "units", [np.ones(4), np.array([1e-9, 1.0, 1e7, 3.0])], ids=["alike", "of many sizes"]
+)
 def test_standard_errors_are_those_of_least_squares(units):
     columns = REGRESSORS * units
-    oracle = sm.OLS(RANDOM.standard_normal(500), REGRESSORS).fit()  # statsmodels refuses the other units
+    oracle = sm.OLS(
+        RANDOM.standard_normal(500), REGRESSORS
+    ).fit()  # statsmodels refuses the other units
     found = covariance(columns.T @ columns)
     assert not found.unidentifiable.any()
-    assert found.standard_errors * units == pytest.approx(oracle.bse / np.sqrt(oracle.scale), rel=1e-8)
+    assert found.standard_errors * units == pytest.approx(
+        oracle.bse / np.sqrt(oracle.scale), rel=1e-8
+    )
 
 
 def test_a_prior_adds_its_precision():
     information, prior = REGRESSORS.T @ REGRESSORS, np.array([0.0, 1.0, 100.0, 0.0])
-    assert covariance(information, prior).matrix == pytest.approx(np.linalg.inv(information + np.diag(prior)), rel=1e-9)
-    assert covariance(information, 2.0).matrix == pytest.approx(np.linalg.inv(information + 2.0 * np.eye(4)), rel=1e-9)
+    assert covariance(information, prior).matrix == pytest.approx(
+        np.linalg.inv(information + np.diag(prior)), rel=1e-9
+    )
+    assert covariance(information, 2.0).matrix == pytest.approx(
+        np.linalg.inv(information + 2.0 * np.eye(4)), rel=1e-9
+    )
 
 
 def test_what_the_data_do_not_determine_is_named_and_the_others_are_none_the_worse():
@@ -47,7 +57,9 @@ def test_a_prior_determines_what_the_data_do_not():
     columns = np.column_stack([REGRESSORS[:, 0], REGRESSORS[:, 0]])
     found = covariance(columns.T @ columns, 1.0)
     assert not found.unidentifiable.any()
-    assert found.standard_errors == pytest.approx(np.sqrt(0.5), rel=1e-3)  # the difference is as uncertain as before
+    assert found.standard_errors == pytest.approx(
+        np.sqrt(0.5), rel=1e-3
+    )  # the difference is as uncertain as before
 
 
 @pytest.mark.parametrize("size", [0, 1])
@@ -64,8 +76,12 @@ def test_a_sandwich_is_the_covariance_under_coloured_noise(colour):
     noise = Noise(np.array([colour]) if colour else np.empty(0), 0.3)
     process = 0.09 / (1.0 - colour**2) * toeplitz(colour ** np.arange(n))
     half = np.linalg.inv(columns.T @ columns) @ columns.T
-    found = sandwich(covariance(columns.T @ columns), [columns[:800], columns[800:]], [noise, noise])
-    assert found.standard_errors == pytest.approx(np.sqrt(np.diag(half @ process @ half.T)), rel=0.03)
+    found = sandwich(
+        covariance(columns.T @ columns), [columns[:800], columns[800:]], [noise, noise]
+    )
+    assert found.standard_errors == pytest.approx(
+        np.sqrt(np.diag(half @ process @ half.T)), rel=0.03
+    )
 
 
 STRETCHES = np.arange(500) // 50
@@ -78,7 +94,9 @@ def test_stretches_without_a_common_error_are_those_of_least_squares_on_average(
     middle = np.zeros((4, 4))
     for k in range(10):
         x = REGRESSORS[k * 50 : (k + 1) * 50]
-        more = fractional_matrix_power(np.eye(50) - x @ np.linalg.inv(REGRESSORS.T @ REGRESSORS) @ x.T, -0.5).real
+        more = fractional_matrix_power(
+            np.eye(50) - x @ np.linalg.inv(REGRESSORS.T @ REGRESSORS) @ x.T, -0.5
+        ).real
         score = x.T @ more @ residual[k * 50 : (k + 1) * 50]
         middle += np.outer(score, score)
     found = clustered(bread, REGRESSORS, residual, STRETCHES).matrix
@@ -96,4 +114,6 @@ def test_an_error_that_lasts_over_a_stretch_counts_once():
         estimates.append(bread.matrix @ x.T @ y)
         told.append(np.diag(clustered(bread, x, y - x @ estimates[-1], STRETCHES).matrix))
     assert np.mean(told, axis=0) == pytest.approx(np.var(estimates, axis=0), rel=0.15)
-    assert np.all(np.var(estimates, axis=0) > 20.0 * np.diag(bread.matrix)), "50 samples of one error are not 50 errors"
+    assert np.all(np.var(estimates, axis=0) > 20.0 * np.diag(bread.matrix)), (
+        "50 samples of one error are not 50 errors"
+    )

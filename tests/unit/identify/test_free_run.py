@@ -62,7 +62,9 @@ def on_paper(values, u):
 
 
 def problem_of(y, u, start=None, names=NAMES, order=4):
-    return Problem(Pair, STEP * np.arange(len(u)), {"u": u}, {"y": y}, names, start or {}, order=order)
+    return Problem(
+        Pair, STEP * np.arange(len(u)), {"u": u}, {"y": y}, names, start or {}, order=order
+    )
 
 
 def square(n, dwell=80):
@@ -122,11 +124,15 @@ def test_a_look_without_colour_is_brief(monkeypatch):
 
 def test_a_search_is_kept_from_straying():
     u = square(1500)
-    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + np.cumsum(0.05 * np.random.default_rng(3).standard_normal(u.size))
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + np.cumsum(
+        0.05 * np.random.default_rng(3).standard_normal(u.size)
+    )
     problem = problem_of(y, u)
     free_run = fit_free_run(problem, starting_points(problem))
     size = float(np.sqrt(np.mean(free_run.residual["y"] ** 2)))
-    scale = size / np.sqrt(np.mean((free_run.residual["y"] / _scale(y)) ** 2))  # pooled errors are over the noise
+    scale = size / np.sqrt(
+        np.mean((free_run.residual["y"] / _scale(y)) ** 2)
+    )  # pooled errors are over the noise
     for allowed in (1.01, 1.25):
         kept = fit(problem, free_run.q, free_run.noise, farthest=allowed * size / scale)
         assert np.sqrt(np.mean(kept.residual["y"] ** 2)) <= allowed * size * (1.0 + 1e-9)
@@ -145,9 +151,13 @@ def test_in_heavy_tails_it_comes_close_to_the_bound():
     clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
     for seed in range(200):
         y = clean + 0.05 * np.random.default_rng(seed).standard_t(freedom, u.size)
-        problem = problem_of(y, u, {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}, ["gain"], order=0)
+        problem = problem_of(
+            y, u, {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}, ["gain"], order=0
+        )
         begin = problem.position(problem.start)
-        errors.append([f.values["gain"] - 2.0 for f in (fit(problem, begin), fit_free_run(problem, [begin]))])
+        errors.append(
+            [f.values["gain"] - 2.0 for f in (fit(problem, begin), fit_free_run(problem, [begin]))]
+        )
     robust, plain = np.mean(np.square(errors), axis=0)
     bound = (0.05**2 * (freedom + 3.0) / (freedom + 1.0)) / float((clean / 2.0) @ (clean / 2.0))
     assert robust < 1.4 * bound  # of 200 samples 1 in 1000 is beyond
@@ -175,12 +185,18 @@ def test_intervals_hold_where_noise_is_not_what_the_fit_takes_it_for(kind):
     truth = {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}
     for seed in range(30):
         noise = 0.02 * np.random.default_rng(seed).standard_normal(u.size)
-        noise = noise * np.where(np.arange(u.size) % 150 < 30, 4.0, 1.0) if kind == "level" else lfilter(
-            [1.0], [1.0, -0.9], noise
-        )  # fmt: skip
+        noise = (
+            noise * np.where(np.arange(u.size) % 150 < 30, 4.0, 1.0)
+            if kind == "level"
+            else lfilter([1.0], [1.0, -0.9], noise)
+        )
         problem = problem_of(clean + noise, u, truth)
         begin = problem.position(problem.start)
-        found = fit_free_run(problem, [begin]) if kind == "colour" else fit(problem, begin, white({"y": noise}))
+        found = (
+            fit_free_run(problem, [begin])
+            if kind == "colour"
+            else fit(problem, begin, white({"y": noise}))
+        )
         intervals = problem.intervals(found.q, found.covariance.standard_errors)
         inside += [low <= truth[n] <= high for n, (low, high) in intervals.items()]
     assert np.mean(inside) > 0.9
@@ -224,11 +240,15 @@ def test_a_limit_that_the_record_does_not_reach_is_left_alone(seed):
     decay = np.exp(-STEP / 0.3)
     x = lfilter([0.0, 1.0 - decay], [1.0, -decay], u)
     y = 1.1 * x + 0.02 * lfilter([1.0], [1.0, -0.9], random.standard_normal(u.size))
-    problem = Problem(Limited, STEP * np.arange(u.size), {"u": u}, {"y": y / 1.1}, ["limit", "lag"], {})
+    problem = Problem(
+        Limited, STEP * np.arange(u.size), {"u": u}, {"y": y / 1.1}, ["limit", "lag"], {}
+    )
     fitted = fit_free_run(problem, starting_points(problem))
     assert fitted.values["limit"] == pytest.approx(10.0)
     reached = fit_free_run(problem, [problem.position({"limit": u.max(), "lag": 0.3})])
-    assert (reached.residual["y"] ** 2).sum() == pytest.approx((fitted.residual["y"] ** 2).sum(), rel=0.01)
+    assert (reached.residual["y"] ** 2).sum() == pytest.approx(
+        (fitted.residual["y"] ** 2).sum(), rel=0.01
+    )
 
 
 def test_no_pass_is_made_twice(monkeypatch):

@@ -81,7 +81,9 @@ def test_start_values_are_parameters_too():
     time, inputs = stimulus(60.0, 0.1)
     measured = {"voltage": quiet(TRUTH, initial_charge=-0.6).run(time, **inputs)["voltage"]}
     result = fit(PpyActuator, time, inputs, measured, [*ELECTRICAL, "charge_start"])
-    assert result.values == pytest.approx({n: TRUE[n] for n in ELECTRICAL} | {"charge_start": -0.6}, rel=1e-6)
+    assert result.values == pytest.approx(
+        {n: TRUE[n] for n in ELECTRICAL} | {"charge_start": -0.6}, rel=1e-6
+    )
 
 
 # effect -> argument of with_effects, true value; the effect itself says which of its parameters switches it
@@ -109,7 +111,9 @@ def with_effects(time, current, resistance=0.0, growth=0.0, beta=0.0, saturation
     states = np.zeros((4, time.size))
     for a, b in pairwise([0, *(np.flatnonzero(np.diff(current)) + 1), time.size - 1]):
         span = (time[a], time[b])
-        solution = solve_ivp(slope, span, states[:, a], "DOP853", time[a : b + 1], args=(current[a],), rtol=1e-9)
+        solution = solve_ivp(
+            slope, span, states[:, a], "DOP853", time[a : b + 1], args=(current[a],), rtol=1e-9
+        )
         states[:, a : b + 1] = solution.y
     charge, leaked = states[0], p.R2 * (current - charging(states, current))
     elongation = p.alpha * (charge - lag / (lag + shortest) * states[2]) + beta * charge**2
@@ -126,7 +130,10 @@ def test_an_effect_is_fitted_from_its_neutral_value(effect):
     voltage, elongation = with_effects(time, inputs["current"], **{argument: value})
     rig = quiet()
     rig.run(time, **inputs)
-    measured = {"voltage": voltage, "displacement": elongation + rig.truth["mechanical_displacement"]}
+    measured = {
+        "voltage": voltage,
+        "displacement": elongation + rig.truth["mechanical_displacement"],
+    }
     # without any noise a search would go on among the rounding errors of two integrators
     noise = np.random.default_rng(0)
     measured = {o: y + 1e-6 * np.ptp(y) * noise.normal(size=y.size) for o, y in measured.items()}
@@ -145,7 +152,9 @@ def test_an_effect_that_is_not_there_is_not_made_up(effect):
     """Fitted to a rig without it, in noise: its interval holds the neutral value, at the end of the range of most."""
     time, inputs = stimulus(120.0, 0.1)
     name, measured = EFFECTS[effect].neutral, EmulatedRig(seed=1).run(time, **inputs)
-    estimates = fit(stack(PpyActuator, EFFECTS[effect]), time, inputs, measured, [name, "R1", "C", "alpha"]).estimates
+    estimates = fit(
+        stack(PpyActuator, EFFECTS[effect]), time, inputs, measured, [name, "R1", "C", "alpha"]
+    ).estimates
     low, high = estimates[name].interval
     assert low <= 0.0 <= high
     assert high - low < 0.1 * abs(HIDDEN[effect][1])
@@ -166,7 +175,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say(colour):
     held = tried = 0
     for seed in range(30):
         measured = EmulatedRig(TRUTH, seed=seed, noise_colour=colour).run(time, **inputs)
-        for name, estimate in fit(PpyActuator, time, inputs, measured, NAMES, TRUE).estimates.items():
+        for name, estimate in fit(
+            PpyActuator, time, inputs, measured, NAMES, TRUE
+        ).estimates.items():
             low, high = estimate.interval
             held, tried = held + (low <= TRUE[name] <= high), tried + 1
     assert tried == 240
@@ -180,7 +191,11 @@ def test_intervals_are_as_wide_as_the_estimates_scatter():
     time, inputs = stimulus(300.0, 0.5)
     values, told = [], []
     for seed in range(40):
-        measured = {"voltage": EmulatedRig(TRUTH, seed=seed, noise_colour=0.9).run(time, **inputs)["voltage"]}
+        measured = {
+            "voltage": EmulatedRig(TRUTH, seed=seed, noise_colour=0.9).run(time, **inputs)[
+                "voltage"
+            ]
+        }
         estimates = fit(PpyActuator, time, inputs, measured, ELECTRICAL, TRUE).estimates
         values.append([np.log(estimates[n].value) for n in ELECTRICAL])
         told.append([np.diff(np.log(estimates[n].interval))[0] / 2 / 1.959964 for n in ELECTRICAL])
@@ -191,7 +206,14 @@ def test_intervals_are_as_wide_as_the_estimates_scatter():
 def test_a_force_that_never_acts_says_nothing_about_stiffness():
     time, inputs = stimulus(60.0, 0.1)
     inputs["force"] = np.zeros(time.size)
-    result = fit(PpyActuator, time, inputs, EmulatedRig(TRUTH).run(time, **inputs), ["R1", "alpha", "k1", "b2"], TRUE)
+    result = fit(
+        PpyActuator,
+        time,
+        inputs,
+        EmulatedRig(TRUTH).run(time, **inputs),
+        ["R1", "alpha", "k1", "b2"],
+        TRUE,
+    )
     assert result.warnings == ["this record does not determine k1, b2"]
     assert result.estimates["k1"].interval == (0.0, np.inf)
     assert result.values["k1"] == pytest.approx(TRUE["k1"])  # left where it started
@@ -225,8 +247,12 @@ def test_undetermined_and_collinear_parameters_are_told_apart():
     inputs["force"] = np.full(time.size, 2.0)
     measured = {"displacement": EmulatedRig(TRUTH).run(time, **inputs)["displacement"]}
     # under a constant load its own spring and the start of the flow are one and the same offset
-    result = fit(PpyActuator, time, inputs, measured, ["k1", "maxwell_elongation_start", "k2"], TRUE)
-    assert "this record does not determine k1, maxwell_elongation_start separately" in result.warnings
+    result = fit(
+        PpyActuator, time, inputs, measured, ["k1", "maxwell_elongation_start", "k2"], TRUE
+    )
+    assert (
+        "this record does not determine k1, maxwell_elongation_start separately" in result.warnings
+    )
     inputs["force"] = np.zeros(time.size)
     result = fit(PpyActuator, time, inputs, measured, ["k1", "alpha"], TRUE)
     assert "this record does not determine k1" in result.warnings
@@ -267,8 +293,12 @@ def quiet_charge(parameters, time, inputs):
 
 def test_intervals_of_positive_parameters_are_positive_and_those_of_others_symmetric():
     time, inputs = stimulus(20.0, 0.1)
-    rig = EmulatedRig(TRUTH, voltage_noise=0.4, displacement_noise=3e-4)  # so much noise that a plain one would pass 0
-    estimates = fit(PpyActuator, time, inputs, rig.run(time, **inputs), ["C", "R2", "alpha"], TRUE).estimates
+    rig = EmulatedRig(
+        TRUTH, voltage_noise=0.4, displacement_noise=3e-4
+    )  # so much noise that a plain one would pass 0
+    estimates = fit(
+        PpyActuator, time, inputs, rig.run(time, **inputs), ["C", "R2", "alpha"], TRUE
+    ).estimates
     for name in ("C", "R2"):
         low, high = estimates[name].interval
         assert 0.0 < low < estimates[name].value < high
@@ -293,9 +323,13 @@ def test_mistakes_are_told():
         again(measured, ["R1", "C", "R1"])
     with pytest.raises(UserError, match="no parameter named 'R9'"):
         again(measured, ["R9"])
-    with pytest.raises(UserError, match=r"fit of R1 cannot start at -1 ohm; allowed is 0 … 1e\+06 ohm"):
+    with pytest.raises(
+        UserError, match=r"fit of R1 cannot start at -1 ohm; allowed is 0 … 1e\+06 ohm"
+    ):
         again(measured, ["R1"], {"R1": -1.0})
-    with pytest.raises(UserError, match="potentiostat is boolean; only real parameters can be fitted"):
+    with pytest.raises(
+        UserError, match="potentiostat is boolean; only real parameters can be fitted"
+    ):
         fit(component("galvanostat"), time, {}, {"current": inputs["current"]}, ["potentiostat"])
     few = {"voltage": np.where(np.arange(time.size) < 2, measured["voltage"], np.nan)}
     with pytest.raises(UserError, match="3 parameters cannot be fitted to 2 measured values"):
@@ -312,7 +346,9 @@ def test_a_lag_that_no_sample_shows_where_the_search_starts_is_not_determined():
         .run(time, {"current_command": command}, {"response_time": 4.0})
         .signals["current"]
     }
-    again = partial(fit, galvanostat, time, {"current_command": command}, measured, ["response_time"])
+    again = partial(
+        fit, galvanostat, time, {"current_command": command}, measured, ["response_time"]
+    )
     assert again({"response_time": 5e-5}).intervals["response_time"][1] == np.inf
     assert again({"response_time": 2.0}).values["response_time"] == pytest.approx(4.0, rel=1e-6)
 
@@ -330,7 +366,9 @@ def test_creep_of_a_melt_agrees_with_least_squares_on_the_solution_on_paper(publ
     """
     signals = {"force": "N", "displacement": "m"}
     mapping = {"stress": "force[N]", "strain": "displacement[m]"}
-    record = read_record(public_data("creep_polyethylene_cm3.csv"), signals, mapping=mapping, inputs=["force"])
+    record = read_record(
+        public_data("creep_polyethylene_cm3.csv"), signals, mapping=mapping, inputs=["force"]
+    )
     time, y = record.time, record.signals["displacement"]
     names = ["k1", "b1", "k2", "b2"]
     result = fit(PpyActuator, time, {"force": record.signals["force"]}, {"displacement": y}, names)
@@ -351,14 +389,18 @@ def test_creep_of_a_melt_agrees_with_least_squares_on_the_solution_on_paper(publ
     assert not whiteness(y - paper(own.x)).is_white  # one creep time is too few for this melt
     relative = least_squares(misfit, start, max_nfev=2000, args=(1e-3,))
     assert fit_percent(y, paper(relative.x)) == pytest.approx(95.05, abs=0.1)
-    explanation = (Path(__file__).parents[3] / "docs" / "explanation.md").read_text(encoding="utf-8")
+    explanation = (Path(__file__).parents[3] / "docs" / "explanation.md").read_text(
+        encoding="utf-8"
+    )
     for values in (own.x, relative.x):
         assert f"{fit_percent(y, paper(values)):.2f} %" in explanation
 
 
 def cell(public_data, age):
     record = read_record(
-        public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv"), {"current": "A", "voltage": "V"}, inputs=["current"]
+        public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv"),
+        {"current": "A", "voltage": "V"},
+        inputs=["current"],
     )
     return record.time, record.signals["current"], record.signals["voltage"]
 
@@ -384,9 +426,16 @@ def test_an_aged_cell_has_more_resistance_and_less_capacitance(public_data):
         assert ["varies slowly" in w for w in result.warnings] == [True]  # one RC branch is too few
         values = found[age] = result.values
         optimum = np.array([*np.log([values[n] for n in names[:3]]), values["charge_start"]])
-        residual = partial(lambda q, t, i, y: (cell_voltage(q[:3], t, i, q[3]) - y)[::4], t=time, i=current, y=y)
+        residual = partial(
+            lambda q, t, i, y: (cell_voltage(q[:3], t, i, q[3]) - y)[::4], t=time, i=current, y=y
+        )
         # from a point off the optimum, on every fourth sample: what separates the two is less than the intervals
-        own = least_squares(residual, optimum + np.array([0.1, 0.3, 0.05, 0.02]), x_scale=[1, 1, 1, 0.1], max_nfev=30)
+        own = least_squares(
+            residual,
+            optimum + np.array([0.1, 0.3, 0.05, 0.02]),
+            x_scale=[1, 1, 1, 0.1],
+            max_nfev=30,
+        )
         assert own.x[:3] == pytest.approx(optimum[:3], abs=0.02)
         assert own.x[3] == pytest.approx(optimum[3], abs=2e-3)
         best = fit_percent(y, cell_voltage(optimum[:3], time, current, optimum[3]))
@@ -463,6 +512,9 @@ def test_what_ends_at_the_end_of_its_range_is_not_beyond_it():
     assert np.exp(np.log(10.0)) > 10.0
     time = 0.1 * np.arange(200)
     u, rng = np.sin(time), np.random.default_rng(1)
-    measured = {"y": 1e-9 * u + 1e-7 * rng.standard_normal(200), "z": 1e3 * u + 0.1 * rng.standard_normal(200)}
+    measured = {
+        "y": 1e-9 * u + 1e-7 * rng.standard_normal(200),
+        "z": 1e3 * u + 0.1 * rng.standard_normal(200),
+    }
     found = fit(Gain, time, {"u": u}, measured, ["low", "high"])
     assert found.values == {"low": 1e-5, "high": 10.0}

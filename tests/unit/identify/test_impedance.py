@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 
 from fmus.kit.errors import UserError
 from orchestration.experiment.waveforms import square_wave
-from orchestration.identify.impedance import least_squares_windows, magnitude, tustin, zero_order_hold
+from orchestration.identify.impedance import (
+    least_squares_windows,
+    magnitude,
+    tustin,
+    zero_order_hold,
+)
 from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
 
 TRUE = (0.43, 2.35, 2.70)  # ohm, ohm, F
@@ -49,7 +54,9 @@ def test_conversions_invert_the_discretisations_of_control(r1, r2, c, period):
     for method, convert in (("zoh", zero_order_hold), ("tustin", tustin)):
         discrete = control.sample_system(circuit, period, method)
         (b0, b1), (one, a) = discrete.num[0][0], discrete.den[0][0]
-        assert convert([b0 / one, b1 / one, a / one], period) == pytest.approx((r1, r2, c), rel=1e-6)
+        assert convert([b0 / one, b1 / one, a / one], period) == pytest.approx(
+            (r1, r2, c), rel=1e-6
+        )
     assert magnitude((r1, r2, c), 0.7) == pytest.approx(abs(circuit(0.7j)), rel=1e-9)
 
 
@@ -63,7 +70,9 @@ def test_windows_of_a_clean_record_give_the_circuit():
     assert found.end == pytest.approx(100.0 * np.arange(1, 11))
     assert found.circuit == pytest.approx(np.tile(TRUE, (10, 1)), rel=1e-6)
     printed = least_squares_windows(*record(1000.1), PERIOD)
-    assert printed.circuit == pytest.approx(np.tile((0.412, 2.350, 2.718), (10, 1)), abs=6e-4)  # errata 8
+    assert printed.circuit == pytest.approx(
+        np.tile((0.412, 2.350, 2.718), (10, 1)), abs=6e-4
+    )  # errata 8
 
 
 def test_cumulative_windows_are_the_m_file():
@@ -89,7 +98,9 @@ def test_cumulative_windows_lag_behind_a_change_that_single_windows_show():
     """Errata 7: after nine windows at 0.43 ohm, one at 0.86 ohm is a tenth of what the printed loop knows."""
     current, voltage = joined(*[0.43] * 9, 0.86, 0.86)
     alone = least_squares_windows(current, voltage, PERIOD, conversion=zero_order_hold)
-    printed = least_squares_windows(current, voltage, PERIOD, cumulative=True, conversion=zero_order_hold)
+    printed = least_squares_windows(
+        current, voltage, PERIOD, cumulative=True, conversion=zero_order_hold
+    )
     # the tenth window starts with the one sample at the joint, which belongs to neither circuit
     assert alone.circuit[9, 0] == pytest.approx(0.86, rel=0.02)
     assert printed.circuit[8] == pytest.approx(TRUE, rel=0.02)
@@ -109,8 +120,18 @@ def test_noise_biases_either():
         (np.ones(5), np.ones(4), {}, "shape (5,) and voltage (4,)"),
         (np.ones(50), np.ones(50), {}, "record of 50 samples: a window of 1000 needs 1001"),
         (np.ones(50), np.ones(50), {"samples": 2}, "samples = 2"),
-        (np.ones(50), np.full(50, np.nan), {"samples": 20}, "sample 0: current and voltage must be finite"),
-        (np.ones(50), np.ones(50), {"samples": 20}, "window from 0 s to 2 s: the current does not vary enough"),
+        (
+            np.ones(50),
+            np.full(50, np.nan),
+            {"samples": 20},
+            "sample 0: current and voltage must be finite",
+        ),
+        (
+            np.ones(50),
+            np.ones(50),
+            {"samples": 20},
+            "window from 0 s to 2 s: the current does not vary enough",
+        ),
         (np.ones(50), np.ones(50), {"samples": 20, "period": 0.0}, "period = 0 s"),
     ],
 )

@@ -41,7 +41,9 @@ def test_where_coordinates_have_their_origin_does_not_matter(origin):
             way.append(q - shift)
             return rows(q - shift)
 
-        minimise(shifted, lambda q, shift=shift: slopes(q - shift), begin + shift, -wide, wide, 1e-12)
+        minimise(
+            shifted, lambda q, shift=shift: slopes(q - shift), begin + shift, -wide, wide, 1e-12
+        )
         ways.append(way)
     assert len(ways[0]) == len(ways[1])
     assert np.array(ways[1]) == pytest.approx(np.array(ways[0]), abs=1e-6)
@@ -56,13 +58,22 @@ def test_it_leaves_a_bound_that_it_starts_at():
 def test_what_hardly_does_anything_stays_about_where_it_is():
     """A step of one is a large one: along what changes nothing but rounding errors there is no way to go."""
     slope = np.array([[1.0, 1e-9], [0.0, 0.0]])
-    found = minimise(lambda q: slope @ q - [3.0, 1.0], lambda q: slope, np.zeros(2), np.full(2, -1e9), np.full(2, 1e9))
+    found = minimise(
+        lambda q: slope @ q - [3.0, 1.0],
+        lambda q: slope,
+        np.zeros(2),
+        np.full(2, -1e9),
+        np.full(2, 1e9),
+    )
     assert found.q == pytest.approx([3.0, 0.0], abs=1e-3)
 
 
 def test_there_is_nothing_to_search_where_it_starts_without_error():
     rows, slopes = valley(10.0)
-    assert minimise(rows, slopes, np.ones(2), -np.ones(2), 2.0 * np.ones(2)) == (pytest.approx(np.ones(2)), True)
+    assert minimise(rows, slopes, np.ones(2), -np.ones(2), 2.0 * np.ones(2)) == (
+        pytest.approx(np.ones(2)),
+        True,
+    )
 
 
 def test_a_search_that_used_up_its_trials_has_not_converged():
@@ -71,7 +82,9 @@ def test_a_search_that_used_up_its_trials_has_not_converged():
 
 
 def test_a_bound_is_kept_and_reached():
-    found = minimise(*valley(10.0), np.array([-1.2, 1.0]), np.full(2, -5.0), np.array([0.5, 5.0]), 1e-14)
+    found = minimise(
+        *valley(10.0), np.array([-1.2, 1.0]), np.full(2, -5.0), np.array([0.5, 5.0]), 1e-14
+    )
     assert found.q == pytest.approx([0.5, 0.25], rel=1e-4)
     assert found.q[0] == 0.5  # not merely close
 
@@ -87,7 +100,13 @@ def test_the_search_steps_back_from_what_is_not_finite():
     def rows(q):
         return np.array([np.log(q[0]) - 1.0 if q[0] > 0.0 else np.inf])
 
-    q = minimise(rows, lambda q: np.array([[1.0 / q[0]]]), np.array([9.0]), np.array([-1.0]), np.array([99.0])).q
+    q = minimise(
+        rows,
+        lambda q: np.array([[1.0 / q[0]]]),
+        np.array([9.0]),
+        np.array([-1.0]),
+        np.array([99.0]),
+    ).q
     assert q == pytest.approx([np.e], rel=1e-3)
 
 
@@ -114,13 +133,17 @@ def test_the_start_is_a_point_even_if_all_others_are_refused(start):
             raise UserError("there is no time left")
         return q - 3.0
 
-    found = minimise(rows, lambda q: np.eye(1), np.array([start]), np.array([-9.0]), np.array([9.0]))
+    found = minimise(
+        rows, lambda q: np.eye(1), np.array([start]), np.array([-9.0]), np.array([9.0])
+    )
     assert found == (pytest.approx([start]), False)
 
 
 def test_a_search_that_starts_at_what_is_not_finite_is_refused():
     with pytest.raises(UserError, match="not finite"):
-        minimise(lambda q: np.array([np.nan]), lambda q: np.eye(1), np.zeros(1), -np.ones(1), np.ones(1))
+        minimise(
+            lambda q: np.array([np.nan]), lambda q: np.eye(1), np.zeros(1), -np.ones(1), np.ones(1)
+        )
 
 
 def test_a_search_that_is_ended_keeps_its_best_point():
@@ -148,13 +171,24 @@ def test_slopes_are_asked_for_once_at_a_point():
         return np.array([[1.0, 0.0], [0.0, 2.0 * q[1]], [1.0, 1.0]])
 
     found = minimise(
-        lambda q: np.array([q[0] - 1.0, q[1] ** 2 - 4.0, q.sum() - 3.0]), slopes, np.array([5.0, 5.0]),
-        np.full(2, -10.0), np.full(2, 10.0),
-    )  # fmt: skip
+        lambda q: np.array([q[0] - 1.0, q[1] ** 2 - 4.0, q.sum() - 3.0]),
+        slopes,
+        np.array([5.0, 5.0]),
+        np.full(2, -10.0),
+        np.full(2, 10.0),
+    )
     assert found.q == pytest.approx([1.0, 2.0], abs=1e-3)
-    assert len(asked) <= len(set(asked)) + 1  # the best point once more if a search begins anew there
+    assert (
+        len(asked) <= len(set(asked)) + 1
+    )  # the best point once more if a search begins anew there
 
 
 def test_a_search_that_starts_where_a_slope_is_not_finite_is_refused():
     with pytest.raises(UserError, match="derivatives are not finite"):
-        minimise(lambda q: q, lambda q: np.full((1, 1), np.inf), np.ones(1), -np.ones(1), 2.0 * np.ones(1))
+        minimise(
+            lambda q: q,
+            lambda q: np.full((1, 1), np.inf),
+            np.ones(1),
+            -np.ones(1),
+            2.0 * np.ones(1),
+        )

@@ -79,7 +79,9 @@ def test_false_alarms_on_white_noise_are_about_one_percent(gaps):
     alarms = np.mean([not result.is_white for result in results])
     # Four standard deviations of a 1 % rate over 2000 records are 0.9 %; chi-square is itself an approximation.
     assert 0.002 < alarms < 0.021
-    assert np.mean([result.fraction_outside for result in results]) == pytest.approx(0.01, abs=0.0025)
+    assert np.mean([result.fraction_outside for result in results]) == pytest.approx(
+        0.01, abs=0.0025
+    )
     # p-values are uniform, not only right in the tail.
     assert np.mean([result.p_value < 0.5 for result in results]) == pytest.approx(0.5, abs=0.05)
 
@@ -87,7 +89,9 @@ def test_false_alarms_on_white_noise_are_about_one_percent(gaps):
 def test_short_records_keep_the_false_alarm_rate():
     random = np.random.default_rng(6)
     alarms = np.mean([not whiteness(random.standard_normal(100)).is_white for _ in range(4000)])
-    assert alarms == pytest.approx(0.01, abs=0.0063)  # four standard deviations of a 1 % rate over 4000 records
+    assert alarms == pytest.approx(
+        0.01, abs=0.0063
+    )  # four standard deviations of a 1 % rate over 4000 records
 
 
 @pytest.mark.parametrize(("phi", "least_power"), [(0.9, 1.0), (-0.5, 1.0), (0.25, 0.95)])

@@ -39,7 +39,9 @@ def test_a_filter_does_not_reach_over_a_gap():
     np.testing.assert_allclose(white[1001:], 2.5)
 
 
-@pytest.mark.parametrize("coefficients", [[], [0.9], [-0.6], [1.2, -0.5], [0.4, 0.2, -0.3]], ids=str)
+@pytest.mark.parametrize(
+    "coefficients", [[], [0.9], [-0.6], [1.2, -0.5], [0.4, 0.2, -0.3]], ids=str
+)
 @pytest.mark.parametrize("gaps", [[], [17], [0, 1, 2, 20, 22, 39]], ids=str)
 def test_the_likelihood_is_exact_from_the_first_sample_on(coefficients, gaps):
     """Against the density of a Gaussian vector with the covariance of the process, every stretch by itself."""
@@ -54,7 +56,9 @@ def test_the_likelihood_is_exact_from_the_first_sample_on(coefficients, gaps):
         covariance = toeplitz(autocovariance[: b - a])
         expected -= 2.0 * multivariate_normal(np.zeros(b - a), covariance).logpdf(values[a:b])
     expected -= len(values) * np.log(2.0 * np.pi)
-    assert noise.deviance(noise.whiten(values, present), present) == pytest.approx(expected, rel=1e-9)
+    assert noise.deviance(noise.whiten(values, present), present) == pytest.approx(
+        expected, rel=1e-9
+    )
 
 
 def test_from_rest_the_first_sample_tells_where_a_walk_began():
@@ -78,7 +82,11 @@ def test_a_likelihood_with_heavy_tails_is_student_s():
 @pytest.mark.parametrize(("freedom", "colour"), [(3.0, 0.0), (3.0, 0.8), (5.0, 0.0)])
 def test_heavy_tails_are_found_beneath_a_colour(freedom, colour):
     shocks = np.random.default_rng(5).standard_t(freedom, 6000)
-    noise = estimate(lfilter([1.0], [1.0, -colour], shocks), np.ones(6000, dtype=bool), calm=np.ones(6000, dtype=bool))
+    noise = estimate(
+        lfilter([1.0], [1.0, -colour], shocks),
+        np.ones(6000, dtype=bool),
+        calm=np.ones(6000, dtype=bool),
+    )
     assert noise.freedom == pytest.approx(freedom, rel=0.35)
     assert noise.deviation == pytest.approx(1.0, rel=0.06)
     assert sum(noise.coefficients) == pytest.approx(colour, abs=0.05)
@@ -97,7 +105,9 @@ def test_gaussian_noise_has_no_heavy_tails():
     random = np.random.default_rng(7)
     found = [heavy_tails(random.standard_normal(800))[0] for _ in range(400)]
     assert np.mean(np.isfinite(found)) < 0.01
-    assert np.isinf(heavy_tails(np.round(3.0 * random.standard_normal(800)))[0])  # the grid of a converter is no tail
+    assert np.isinf(
+        heavy_tails(np.round(3.0 * random.standard_normal(800)))[0]
+    )  # the grid of a converter is no tail
 
 
 def test_weights_are_those_of_the_score():
@@ -106,18 +116,26 @@ def test_weights_are_those_of_the_score():
     slope = (student.logpdf(r + 1e-6, 4.0) - student.logpdf(r - 1e-6, 4.0)) / 2e-6
     np.testing.assert_allclose(noise.weights(r) * r, -slope, atol=1e-7)
     root, steepness = tails.rooted(r, 4.0)
-    np.testing.assert_allclose(root**2, -2.0 * (student.logpdf(r, 4.0) - student.logpdf(0.0, 4.0)), atol=1e-12)
+    np.testing.assert_allclose(
+        root**2, -2.0 * (student.logpdf(r, 4.0) - student.logpdf(0.0, 4.0)), atol=1e-12
+    )
     differences = (tails.rooted(r + 1e-6, 4.0)[0] - tails.rooted(r - 1e-6, 4.0)[0]) / 2e-6
     np.testing.assert_allclose(steepness, differences, atol=1e-7)
-    bend = (student.logpdf(r + 1e-4, 4.0) - 2.0 * student.logpdf(r, 4.0) + student.logpdf(r - 1e-4, 4.0)) / 1e-8
+    bend = (
+        student.logpdf(r + 1e-4, 4.0) - 2.0 * student.logpdf(r, 4.0) + student.logpdf(r - 1e-4, 4.0)
+    ) / 1e-8
     np.testing.assert_allclose(tails.curvature(r, 4.0), -bend, atol=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("coefficients", "order"), [([0.9], 1), ([1.2, -0.5], 2), ([], 0), ([0.4, 0.2, -0.3], 3)], ids=str
+    ("coefficients", "order"),
+    [([0.9], 1), ([1.2, -0.5], 2), ([], 0), ([0.4, 0.2, -0.3], 3)],
+    ids=str,
 )
 def test_noise_models_are_recognised(coefficients, order):
-    noise = lfilter([0.3], [1.0, *(-c for c in coefficients)], np.random.default_rng(4).standard_normal(20000))
+    noise = lfilter(
+        [0.3], [1.0, *(-c for c in coefficients)], np.random.default_rng(4).standard_normal(20000)
+    )
     found, variance = autoregression(noise)
     assert len(found) == order
     assert found == pytest.approx(coefficients, abs=0.03)

@@ -16,7 +16,10 @@ def test_values_and_units_are_in_the_file(tmp_path):
     parameter_set.write(tmp_path / "creep.ssv", {"k1": 6295.5, "alpha": 6.8e-5}, DECLARED, "a step")
     root = ElementTree.parse(tmp_path / "creep.ssv").getroot()
     assert (root.get("name"), root.get("description")) == ("creep", "a step")
-    found = {p.get("name"): (float(p[0].get("value")), p[0].get("unit")) for p in root.iter(f"{SSV}Parameter")}
+    found = {
+        p.get("name"): (float(p[0].get("value")), p[0].get("unit"))
+        for p in root.iter(f"{SSV}Parameter")
+    }
     assert found == {"k1": (6295.5, "N/m"), "alpha": (6.8e-5, "m/C")}
 
 

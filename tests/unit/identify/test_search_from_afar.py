@@ -32,7 +32,9 @@ def from_the_truth(drawn, scales):
 
     def errors(q):
         values = {n: drawn.truth[n] * np.exp(x) for n, x in zip(names, q, strict=False)}
-        values |= {n: drawn.truth[n] + sizes[n] * x for n, x in zip(rest, q[len(names) :], strict=True)}
+        values |= {
+            n: drawn.truth[n] + sizes[n] * x for n, x in zip(rest, q[len(names) :], strict=True)
+        }
         simulated = drawn.simulated(values)
         return np.concatenate([(y - simulated[o]) / scales[o] for o, y in drawn.outputs.items()])
 
@@ -46,7 +48,9 @@ def test_a_search_ends_no_farther_off_than_least_squares_from_the_truth(case, be
     cls, given = find_model(drawn.plant.model).cls, dict(drawn.plant.settings)
     if case.plant == "VoiceCoil":
         given |= {"sample_period": drawn.step}
-    problem = Problem(cls, drawn.time, drawn.inputs, drawn.outputs, searched(cls), given, linear=drawn.smooth)
+    problem = Problem(
+        cls, drawn.time, drawn.inputs, drawn.outputs, searched(cls), given, linear=drawn.smooth
+    )
     scales = error_scales(problem)
     physical = np.array([not problem.declared[name].starts for name in problem.names])
     found = fit_free_run(problem, [starting_points(problem)[begin]], physical)

@@ -41,14 +41,36 @@ def added(effect, values, output="seen", base=Plain, **inputs):
 
 
 CORRECTIONS = [
-    (Plain, correction(Plain, "base", Of("drive", memory, 0.5, "V", 2.0, 0.3), shape, "V", 1.0, kind))
-    for memory in MEMORIES for shape, kind in (("cubic", "add"), ([-1.0, 0.5, 2.0], "multiply"))
+    (
+        Plain,
+        correction(Plain, "base", Of("drive", memory, 0.5, "V", 2.0, 0.3), shape, "V", 1.0, kind),
+    )
+    for memory in MEMORIES
+    for shape, kind in (("cubic", "add"), ([-1.0, 0.5, 2.0], "multiply"))
 ] + [
-    (PpyActuator, correction(PpyActuator, "film_voltage", Of("voltage", "lagged", 3.0, "V"), "saturating", "V")),
-    (PpyActuator, correction(PpyActuator, "charge_elongation", Of("time", "", 0.0, "s", 100.0), "linear", "m", 1e-4)),
-    (Pendulum, correction(Pendulum, "friction", Of("friction", unit="N*m"), "odd_quadratic", "N*m")),
-    (Galvanostat, correction(Galvanostat, "delivered_current", Of("sampled_voltage", unit="V"), [0.0, 1.0], "A")),
-]  # fmt: skip
+    (
+        PpyActuator,
+        correction(
+            PpyActuator, "film_voltage", Of("voltage", "lagged", 3.0, "V"), "saturating", "V"
+        ),
+    ),
+    (
+        PpyActuator,
+        correction(
+            PpyActuator, "charge_elongation", Of("time", "", 0.0, "s", 100.0), "linear", "m", 1e-4
+        ),
+    ),
+    (
+        Pendulum,
+        correction(Pendulum, "friction", Of("friction", unit="N*m"), "odd_quadratic", "N*m"),
+    ),
+    (
+        Galvanostat,
+        correction(
+            Galvanostat, "delivered_current", Of("sampled_voltage", unit="V"), [0.0, 1.0], "A"
+        ),
+    ),
+]
 each = pytest.mark.parametrize(("base", "effect"), CORRECTIONS, ids=lambda v: v.__name__)
 
 
@@ -57,11 +79,14 @@ each = pytest.mark.parametrize(("base", "effect"), CORRECTIONS, ids=lambda v: v.
 
 def drawn(cls, seed):
     rng = np.random.default_rng(seed)
-    values = {p.name: p.start * rng.uniform(0.3, 3.0) for p in cls.layout.parameters if p.type == "real"}
+    values = {
+        p.name: p.start * rng.uniform(0.3, 3.0) for p in cls.layout.parameters if p.type == "real"
+    }
     return values | {
         v.name: v.nominal * rng.normal() * 3.0
-        for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes) if v.type == "real"
-    }  # fmt: skip
+        for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes)
+        if v.type == "real"
+    }
 
 
 def evaluated(cls, values):
@@ -137,7 +162,9 @@ def linear(of, **about):
 )
 def test_a_signal_of_every_kind(of, expected):
     found = added(linear(of), {f"base_of_{of.name}": 3.0})
-    assert found == pytest.approx(3.0 * expected, abs=1e-3 if of.name == "level" else 1e-9), "straight between samples"
+    assert found == pytest.approx(3.0 * expected, abs=1e-3 if of.name == "level" else 1e-9), (
+        "straight between samples"
+    )
 
 
 def behind(x, constant, start, time=TIME):
@@ -152,8 +179,16 @@ def heat(constant, start):
 
 def accumulated(of):
     """Integral of a function of the wave, which is straight between samples."""
-    return solve_ivp(lambda t, y: [of(np.interp(t, TIME, WAVE))], (0.0, TIME[-1]), [0.0], "DOP853", TIME,
-                     rtol=1e-8, atol=1e-8, max_step=0.02).y[0]  # fmt: skip
+    return solve_ivp(
+        lambda t, y: [of(np.interp(t, TIME, WAVE))],
+        (0.0, TIME[-1]),
+        [0.0],
+        "DOP853",
+        TIME,
+        rtol=1e-8,
+        atol=1e-8,
+        max_step=0.02,
+    ).y[0]
 
 
 @pytest.mark.parametrize("start", [0.0, 0.4])
@@ -190,15 +225,23 @@ def test_what_is_remembered_may_be_computed_from_the_law():
     effect = linear(Of("of_base", "lagged", 0.7, "V"))
     found = run(stack(Plain, effect), {"base_of_of_base_lagged": -0.8})["seen"]
     solved = solve_ivp(
-        lambda t, s: [(2.0 * (2.0 + np.interp(t, TIME, WAVE) - 0.8 * s[0]) - s[0]) / 0.7], (0.0, 10.0), [0.0],
-        "DOP853", TIME, rtol=1e-9, atol=1e-10, max_step=0.02,
-    )  # fmt: skip
+        lambda t, s: [(2.0 * (2.0 + np.interp(t, TIME, WAVE) - 0.8 * s[0]) - s[0]) / 0.7],
+        (0.0, 10.0),
+        [0.0],
+        "DOP853",
+        TIME,
+        rtol=1e-9,
+        atol=1e-10,
+        max_step=0.02,
+    )
     assert found == pytest.approx(2.0 + WAVE - 0.8 * solved.y[0], abs=1e-5)
 
 
 def test_arguments_are_passed_on():
     effect = correction(Plain, "scaled", Of("drive"), "linear", "V")
-    assert added(effect, {"scaled_of_drive": 0.5}, "other") == pytest.approx(2.0 * 0.5 * WAVE), "it is called twice"
+    assert added(effect, {"scaled_of_drive": 0.5}, "other") == pytest.approx(2.0 * 0.5 * WAVE), (
+        "it is called twice"
+    )
 
 
 # --- by how much ------------------------------------------------------------------------------------------------------
@@ -219,8 +262,12 @@ def test_every_shape_with_a_constant_beside_it_counted_from_elsewhere(shape):
     values |= {"base_of_drive_width": 0.6} if SHAPES[shape].width else {}
     exact = [SHAPES[shape].form(float(x) - 0.7, 0.6, 2.0) - 0.4 for x in WAVE]
     assert added(effect, values) == pytest.approx(1.3 * np.array(exact), abs=1e-9)
-    assert added(effect, values | {"base_of_drive": 0.0}) == pytest.approx(0.0 * WAVE, abs=0.0), "one switch for both"
-    assert formula(effect.term.shape) == formula(with_constant(SHAPES[shape].text)), "and it can be typeset"
+    assert added(effect, values | {"base_of_drive": 0.0}) == pytest.approx(0.0 * WAVE, abs=0.0), (
+        "one switch for both"
+    )
+    assert formula(effect.term.shape) == formula(with_constant(SHAPES[shape].text)), (
+        "and it can be typeset"
+    )
 
 
 @pytest.mark.parametrize(
@@ -239,10 +286,14 @@ def test_formula_with_a_constant(shape, text):
 
 
 def test_unit_of_a_constant_is_that_of_the_shape():
-    effect = correction(Plain, "base", Of("drive", "integrated", unit="V"), "cubic", "N", beside=True)
+    effect = correction(
+        Plain, "base", Of("drive", "integrated", unit="V"), "cubic", "N", beside=True
+    )
     assert effect.declared["base_of_drive_integrated_beside"].unit == "((V)*s)^3"
     assert (
-        correction(Plain, "base", Of("drive", unit="V"), "sign", beside=True).declared["base_of_drive_beside"].unit
+        correction(Plain, "base", Of("drive", unit="V"), "sign", beside=True)
+        .declared["base_of_drive_beside"]
+        .unit
         == "1"
     )
 
@@ -277,10 +328,14 @@ def test_a_table_is_smooth(knots, seed, kind, fixed):
 def test_a_table_is_so_in_a_simulation():
     knots, heights = [-1.0, -0.2, 0.3, 1.6], [2.0, -1.0, 0.5, 3.0]
     effect = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V")
-    values = {"base_of_drive_lagged": 1.0} | {f"base_of_drive_lagged_at_{k}": y for k, y in enumerate(heights)}
+    values = {"base_of_drive_lagged": 1.0} | {
+        f"base_of_drive_lagged_at_{k}": y for k, y in enumerate(heights)
+    }
     exact = np.array([smooth_table(float(x), knots, heights) for x in behind(WAVE, 0.3, 0.0)])
     assert added(effect, values) == pytest.approx(exact, abs=1e-4)
-    fixed = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights, fixed=True)
+    fixed = correction(
+        Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights, fixed=True
+    )
     assert added(fixed, {"base_of_drive_lagged": 1.0}) == pytest.approx(exact, abs=1e-4)
     assert not any("_at_" in name for name in fixed.declared)
     given = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights)
@@ -305,8 +360,12 @@ def test_unit_of_the_switch(of, shape, kind, unit):
 
 def test_units_of_what_comes_with_it():
     table = correction(Plain, "base", Of("drive", "integrated", unit="V"), [0.0, 1.0], "N")
-    wanted = {"base_of_drive_integrated": "1", "base_of_drive_integrated_at_0": "N",
-              "base_of_drive_integrated_at_1": "N", "base_of_drive_integrated_memory": "(V)*s"}  # fmt: skip
+    wanted = {
+        "base_of_drive_integrated": "1",
+        "base_of_drive_integrated_at_0": "N",
+        "base_of_drive_integrated_at_1": "N",
+        "base_of_drive_integrated_memory": "(V)*s",
+    }
     assert {n: v.unit for n, v in table.declared.items()} == wanted
     table = correction(Plain, "base", Of("drive", unit="V"), [0.0, 1.0], "N", kind="multiply")
     assert table.declared["base_of_drive_at_0"].unit == "1"
@@ -342,9 +401,19 @@ def test_two_over_one_another():
 @pytest.mark.parametrize("memory", MEMORIES, ids=lambda m: m or "none")
 def test_builds_agree(memory, tmp_path):
     of = Of("squared", memory, 0.5, "V^2", 2.0, 0.3)
-    effects = [correction(Plain, "base", of, "saturating", "V"),
-               correction(Plain, "scaled", of, np.array([0.0, 0.7, 1.5]), "V", kind="multiply",
-                          values=np.array([0.2, -0.3, 0.4]), fixed=memory == "lagged")]  # fmt: skip
+    effects = [
+        correction(Plain, "base", of, "saturating", "V"),
+        correction(
+            Plain,
+            "scaled",
+            of,
+            np.array([0.0, 0.7, 1.5]),
+            "V",
+            kind="multiply",
+            values=np.array([0.2, -0.3, 0.4]),
+            fixed=memory == "lagged",
+        ),
+    ]
     cls = stack(Plain, *effects, name="corrected")
     values = {effect.neutral: 0.8 for effect in effects}
     check_that_builds_agree(cls, values, {"drive": (-2.0, 2.0)}, tmp_path)
@@ -358,8 +427,10 @@ def test_relaxations_of_one_signal_stand_beside_each_other(tmp_path):
     assert (effect_name(one), effect_name(two)) == ("base(drive_lagged)", "base(drive_lagged_2)")
     both = stack(Plain, one, two, name="both")
     values = {"base_of_drive_lagged": amounts[0], "base_of_drive_lagged_2": amounts[1]}
-    values |= {"base_of_drive_lagged_memory_constant": constants[0],
-               "base_of_drive_lagged_2_memory_constant": constants[1]}  # fmt: skip
+    values |= {
+        "base_of_drive_lagged_memory_constant": constants[0],
+        "base_of_drive_lagged_2_memory_constant": constants[1],
+    }
     assert [p.name for p in both.layout.parameters if p.name.endswith("constant")] == [*values][2:]
     check_that_builds_agree(both, values, {"drive": (-2.0, 2.0)}, tmp_path)
     model = both(**values)
@@ -375,7 +446,9 @@ def test_relaxations_of_one_signal_stand_beside_each_other(tmp_path):
 def test_a_value_out_of_range_is_refused_by_an_fmu(tmp_path):
     effect = correction(Plain, "base", Of("drive", "lagged", 0.5, "V"), "saturating", "V")
     cls = stack(Plain, effect, name="corrected")
-    check_that_bad_values_are_refused(cls, {"base_of_drive_lagged_width": 0.0}, "[1e-09, 1000] V", tmp_path)
+    check_that_bad_values_are_refused(
+        cls, {"base_of_drive_lagged_width": 0.0}, "[1e-09, 1000] V", tmp_path
+    )
 
 
 def test_it_is_made_again_from_what_it_was_made_with():
@@ -400,32 +473,140 @@ TABLE = [0.0, 1.0]
         ("level", Of("drive"), "cubic", {}, "plain: no law named 'level'"),
         ("rates", Of("drive"), "cubic", {}, "plain: no law named 'rates'"),
         ("pair", Of("drive"), "cubic", {}, "plain: pair gives several numbers, not one"),
-        ("base", Of("driv"), "cubic", {}, "plain: no input, state or law named 'driv' (did you mean drive?)"),
+        (
+            "base",
+            Of("driv"),
+            "cubic",
+            {},
+            "plain: no input, state or law named 'driv' (did you mean drive?)",
+        ),
         ("base", Of("factor"), "cubic", {}, "plain: no input, state or law named 'factor'"),
         ("base", Of("scaled"), "cubic", {}, "plain: scaled takes arguments, and is no signal"),
         ("scaled", Of("scaled"), "cubic", {}, "plain: scaled takes arguments, and is no signal"),
         ("base", Of("pair"), "cubic", {}, "plain: pair gives several numbers, not one"),
-        ("base", Of("of_base"), "cubic", {}, "plain: base cannot hang on of_base, which is computed from it"),
-        ("base", Of("doubled", "leading", 1.0), "cubic", {}, "plain: base cannot hang on doubled, which is computed"),
+        (
+            "base",
+            Of("of_base"),
+            "cubic",
+            {},
+            "plain: base cannot hang on of_base, which is computed from it",
+        ),
+        (
+            "base",
+            Of("doubled", "leading", 1.0),
+            "cubic",
+            {},
+            "plain: base cannot hang on doubled, which is computed",
+        ),
         ("base", Of("drive"), "cubik", {}, "no shape named 'cubik' (did you mean cubic?)"),
-        ("base", Of("drive", "laged", 1.0), "cubic", {}, "no memory named 'laged' (did you mean lagged?)"),
-        ("base", Of("drive"), "cubic", {"kind": "divide"}, "no kind named 'divide' (there are: add, multiply)"),
-        ("base", Of("drive", "lagged"), "cubic", {}, "time constant of a lag must be positive, which 0 is not"),
-        ("base", Of("drive", "leading", math.nan), "cubic", {}, "time constant of a lag must be positive, which nan"),
-        ("base", Of("drive", scale=0.0), "cubic", {}, "typical magnitude of drive must be positive, which 0 is not"),
-        ("base", Of("drive", scale=math.inf), "cubic", {}, "typical magnitude of drive must be positive, which inf"),
-        ("base", Of("drive"), "cubic", {"nominal": -1.0}, "typical magnitude of the law must be positive, which -1"),
-        ("base", Of("drive", start=math.nan), "cubic", {}, "what is remembered of drive at first must be a number"),
+        (
+            "base",
+            Of("drive", "laged", 1.0),
+            "cubic",
+            {},
+            "no memory named 'laged' (did you mean lagged?)",
+        ),
+        (
+            "base",
+            Of("drive"),
+            "cubic",
+            {"kind": "divide"},
+            "no kind named 'divide' (there are: add, multiply)",
+        ),
+        (
+            "base",
+            Of("drive", "lagged"),
+            "cubic",
+            {},
+            "time constant of a lag must be positive, which 0 is not",
+        ),
+        (
+            "base",
+            Of("drive", "leading", math.nan),
+            "cubic",
+            {},
+            "time constant of a lag must be positive, which nan",
+        ),
+        (
+            "base",
+            Of("drive", scale=0.0),
+            "cubic",
+            {},
+            "typical magnitude of drive must be positive, which 0 is not",
+        ),
+        (
+            "base",
+            Of("drive", scale=math.inf),
+            "cubic",
+            {},
+            "typical magnitude of drive must be positive, which inf",
+        ),
+        (
+            "base",
+            Of("drive"),
+            "cubic",
+            {"nominal": -1.0},
+            "typical magnitude of the law must be positive, which -1",
+        ),
+        (
+            "base",
+            Of("drive", start=math.nan),
+            "cubic",
+            {},
+            "what is remembered of drive at first must be a number",
+        ),
         ("base", Of("drive"), [], {}, "knots of a table must rise, which [] do not"),
-        ("base", Of("drive"), [0.0, 0.0], {}, "knots of a table must rise, which [0.0, 0.0] do not"),
-        ("base", Of("drive"), [-math.inf, 0.0], {}, "knots of a table must rise, which [-inf, 0.0] do not"),
-        ("base", Of("drive"), [0.0, math.nan], {}, "knots of a table must rise, which [0.0, nan] do not"),
-        ("base", Of("drive"), [0.0, math.inf], {}, "knots of a table must rise, which [0.0, inf] do not"),
-        ("base", Of("drive"), TABLE, {"values": [1.0]}, "a table of 2 knots has as many values, not 1"),
-        ("base", Of("drive"), TABLE, {"values": [1.0, 2.0, 3.0], "fixed": True}, "a table of 2 knots has as many"),
-        ("base", Of("drive"), TABLE, {"values": [1.0, math.nan]}, "values of a table must be numbers, which [1.0"),
+        (
+            "base",
+            Of("drive"),
+            [0.0, 0.0],
+            {},
+            "knots of a table must rise, which [0.0, 0.0] do not",
+        ),
+        (
+            "base",
+            Of("drive"),
+            [-math.inf, 0.0],
+            {},
+            "knots of a table must rise, which [-inf, 0.0] do not",
+        ),
+        (
+            "base",
+            Of("drive"),
+            [0.0, math.nan],
+            {},
+            "knots of a table must rise, which [0.0, nan] do not",
+        ),
+        (
+            "base",
+            Of("drive"),
+            [0.0, math.inf],
+            {},
+            "knots of a table must rise, which [0.0, inf] do not",
+        ),
+        (
+            "base",
+            Of("drive"),
+            TABLE,
+            {"values": [1.0]},
+            "a table of 2 knots has as many values, not 1",
+        ),
+        (
+            "base",
+            Of("drive"),
+            TABLE,
+            {"values": [1.0, 2.0, 3.0], "fixed": True},
+            "a table of 2 knots has as many",
+        ),
+        (
+            "base",
+            Of("drive"),
+            TABLE,
+            {"values": [1.0, math.nan]},
+            "values of a table must be numbers, which [1.0",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_told_in_one_line(law, of, shape, about, told):
     with pytest.raises(UserError) as caught:
         correction(Plain, law, of, shape, **about)

@@ -6,7 +6,18 @@ import sys
 import pytest
 
 import fmus
-from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, Preset, State, UserError, stack
+from fmus.kit import (
+    Component,
+    Discrete,
+    Effect,
+    Input,
+    Output,
+    Parameter,
+    Preset,
+    State,
+    UserError,
+    stack,
+)
 from fmus.kit.build.provenance import effect_name
 from fmus.kit.declare import OutputDeclaration, ParameterDeclaration
 from fmus.ppy_actuator.model import PpyActuator
@@ -15,14 +26,30 @@ from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warm
 
 def test_memory_layout_is_in_order_of_declaration():
     assert Thermostat.layout.names == [
-        "loss", "capacity", "setpoint", "heater", "enabled", "stages", "sampling",
-        "temperature_start", "energy_start", "on_start", "changes_start", "reading_start",
-        "outside", "boost",
-        "temperature", "energy",
-        "on", "changes", "reading",
-        "power", "warm",
-        "der(temperature)", "der(energy)",
-    ]  # fmt: skip
+        "loss",
+        "capacity",
+        "setpoint",
+        "heater",
+        "enabled",
+        "stages",
+        "sampling",
+        "temperature_start",
+        "energy_start",
+        "on_start",
+        "changes_start",
+        "reading_start",
+        "outside",
+        "boost",
+        "temperature",
+        "energy",
+        "on",
+        "changes",
+        "reading",
+        "power",
+        "warm",
+        "der(temperature)",
+        "der(energy)",
+    ]
 
 
 def test_start_parameters_take_after_their_state():
@@ -39,7 +66,9 @@ def test_a_layout_says_which_parameters_are_start_values():
     states = ["temperature", "energy", "on", "changes", "reading"]
     assert layout.start_of == {state: f"{state}_start" for state in states}
     assert layout.start_parameters == {f"{state}_start": state for state in states}
-    assert {p.name: p.starts for p in layout.parameters if p.starts is not None} == layout.start_parameters
+    assert {
+        p.name: p.starts for p in layout.parameters if p.starts is not None
+    } == layout.start_parameters
 
 
 def test_a_parameter_that_is_merely_called_like_one_is_no_start_value():
@@ -69,7 +98,13 @@ def test_description_of_an_output_is_the_first_line_of_its_docstring():
 
 
 def test_measurable_are_outputs_and_output_states():
-    assert [v.name for v in Thermostat.layout.measurable] == ["temperature", "on", "reading", "power", "warm"]
+    assert [v.name for v in Thermostat.layout.measurable] == [
+        "temperature",
+        "on",
+        "reading",
+        "power",
+        "warm",
+    ]
 
 
 def test_sampled_groups_by_period():
@@ -112,8 +147,16 @@ def test_a_subclass_overrides_a_law_and_adds_after_its_base():
             return self.supply - self.tap()
 
     assert Loaded.layout.names == [
-        "upper", "lower", "load", "heat_start", "supply", "heat", "tap", "drop", "der(heat)",
-    ]  # fmt: skip
+        "upper",
+        "lower",
+        "load",
+        "heat_start",
+        "supply",
+        "heat",
+        "tap",
+        "drop",
+        "der(heat)",
+    ]
     assert Loaded().outputs() == [18.0, -10.0]
     assert Loaded().rates() == [18.0]
     assert Divider.layout.names == ["upper", "lower", "supply", "tap"]
@@ -158,7 +201,9 @@ def test_stacks_are_named_and_remember_their_parts():
 
 
 def test_a_long_name_is_cut_and_stays_its_own():
-    many = [type(f"Effect{k}", (Effect,), {"id": f"a_rather_long_identifier_{k}"}) for k in range(12)]
+    many = [
+        type(f"Effect{k}", (Effect,), {"id": f"a_rather_long_identifier_{k}"}) for k in range(12)
+    ]
     name, other = stack(Thermostat, *many).name, stack(Thermostat, *many[::-1]).name
     assert name != other
     assert max(len(name), len(other)) <= 120
@@ -174,7 +219,14 @@ def test_stacking_on_a_stack_is_stacking_at_once():
 
 
 def test_a_stack_may_have_other_defaults():
-    values = {"loss": 0.7, "temperature_start": 280.0, "stages": 3, "enabled": False, "factor": 4.0, "age_start": 9.0}
+    values = {
+        "loss": 0.7,
+        "temperature_start": 280.0,
+        "stages": 3,
+        "enabled": False,
+        "factor": 4.0,
+        "age_start": 9.0,
+    }
     cls = stack(Thermostat, Warmer, Doubled, defaults=values)
     plain = stack(Thermostat, Warmer, Doubled)
     starts = {p.name: p.start for p in plain.layout.parameters}
@@ -188,14 +240,23 @@ def test_other_defaults_stay_when_more_is_laid_over():
     mended = stack(Thermostat, name="mended", defaults={"loss": 0.7, "capacity": 30.0})
     mended.remark = "Mended"
     cls = stack(mended, Warmer, defaults={"capacity": 40.0})
-    assert (cls().loss, cls().capacity, cls.remark, cls.name) == (0.7, 40.0, "Mended", "mended_with_warmer")
+    assert (cls().loss, cls().capacity, cls.remark, cls.name) == (
+        0.7,
+        40.0,
+        "Mended",
+        "mended_with_warmer",
+    )
     assert Thermostat.remark == ""
 
 
 def test_defaults_that_cannot_be_are_refused():
-    with pytest.raises(UserError, match=r"thermostat: no parameter named 'los' \(did you mean loss\?\)"):
+    with pytest.raises(
+        UserError, match=r"thermostat: no parameter named 'los' \(did you mean loss\?\)"
+    ):
         stack(Thermostat, defaults={"los": 1.0})
-    with pytest.raises(UserError, match=r"variable 'capacity' starts at 0 J/K, outside its range, 0\.001 to 1e"):
+    with pytest.raises(
+        UserError, match=r"variable 'capacity' starts at 0 J/K, outside its range, 0\.001 to 1e"
+    ):
         stack(Thermostat, defaults={"capacity": 0.0})
 
 
@@ -227,9 +288,13 @@ def test_a_variable_of_two_classes_is_refused():
         id = "startled"
         temperature_start = Parameter(0.0, "K")
 
-    with pytest.raises(UserError, match="thermostat: Warmer and Reheated both declare variable 'extra'"):
+    with pytest.raises(
+        UserError, match="thermostat: Warmer and Reheated both declare variable 'extra'"
+    ):
         stack(Thermostat, Warmer, Reheated)
-    with pytest.raises(UserError, match="thermostat: Thermostat and Shadow both declare variable 'loss'"):
+    with pytest.raises(
+        UserError, match="thermostat: Thermostat and Shadow both declare variable 'loss'"
+    ):
         stack(Thermostat, Shadow)
     with pytest.raises(UserError, match="variable 'temperature_start' is declared twice"):
         stack(Thermostat, Startled)
@@ -245,28 +310,56 @@ def test_effects_may_share_what_one_base_declares():
     class Two(Shared):
         id = "two"
 
-    assert [p.name for p in stack(Divider, One, Two).layout.parameters] == ["upper", "lower", "size"]
+    assert [p.name for p in stack(Divider, One, Two).layout.parameters] == [
+        "upper",
+        "lower",
+        "size",
+    ]
 
 
 def declare(concrete=True, **body):
     """A component class with this body; a law named ``law`` is there."""
-    return type("Faulty", (Component,), {"law": lambda self: 1.0, "name": "faulty" if concrete else ""} | body)
+    return type(
+        "Faulty",
+        (Component,),
+        {"law": lambda self: 1.0, "name": "faulty" if concrete else ""} | body,
+    )
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        "time", "tolerance", "experiment", "presets", "declared", "layout", "start", "laws", "rates", "outputs",
-        "author", "license", "law", "_hidden", "lambda", "a b", "1a", "",
+        "time",
+        "tolerance",
+        "experiment",
+        "presets",
+        "declared",
+        "layout",
+        "start",
+        "laws",
+        "rates",
+        "outputs",
+        "author",
+        "license",
+        "law",
+        "_hidden",
+        "lambda",
+        "a b",
+        "1a",
+        "",
     ],
-)  # fmt: skip
-@pytest.mark.parametrize("variable", [lambda: Parameter(1.0, "1"), lambda: Output("1")(lambda self: 1.0)])
+)
+@pytest.mark.parametrize(
+    "variable", [lambda: Parameter(1.0, "1"), lambda: Output("1")(lambda self: 1.0)]
+)
 def test_names_that_cannot_be_variables_are_refused(name, variable):
     body = {name: variable()}
     if name == "law" and isinstance(body[name], OutputDeclaration):
         declare(**body)  # replaces the method
         return
-    with pytest.raises(UserError, match=rf"test_declarations.Faulty: variable '{re.escape(name)}' "):
+    with pytest.raises(
+        UserError, match=rf"test_declarations.Faulty: variable '{re.escape(name)}' "
+    ):
         type("Faulty", (declare(),), {"__module__": __name__} | body)
 
 
@@ -282,10 +375,13 @@ def test_names_that_cannot_be_variables_are_refused(name, variable):
         (State("V", rate="lwa"), "has the rate 'lwa', which is no method"),
         (State("V", rate="tolerance"), "has the rate 'tolerance', which is no method"),
         (Discrete("V", update="lwa", period=0.1), "has the update 'lwa', which is no method"),
-        (Discrete("V", update="law", period="priod"), "has the period 'priod', which is neither a parameter nor"),
+        (
+            Discrete("V", update="law", period="priod"),
+            "has the period 'priod', which is neither a parameter nor",
+        ),
         (Discrete("V", update="law", period=0.0), "has the period 0.0, which is neither"),
     ],
-)  # fmt: skip
+)
 def test_declarations_that_cannot_work_are_refused(variable, message):
     with pytest.raises(UserError, match=f"Faulty: variable 'v' {message}"):
         declare(v=variable)
@@ -357,7 +453,10 @@ def test_a_component_without_variables():
         ({"α": Parameter(1.0, "1")}, "ASCII identifier"),
         ({"name": "my component"}, "'my component' must be an ASCII identifier"),
         ({"presets": {"big": Preset({"gone": 1.0}, "")}}, "preset 'big' sets gone to 1"),
-        ({"k": Parameter(1.0, "1", max=5.0), "presets": {"big": Preset({"k": 9.0}, "")}}, "preset 'big' sets k to 9"),
+        (
+            {"k": Parameter(1.0, "1", max=5.0), "presets": {"big": Preset({"k": 9.0}, "")}},
+            "preset 'big' sets k to 9",
+        ),
     ],
 )
 def test_what_would_show_far_away_is_told_at_the_class(body, says):

@@ -31,10 +31,32 @@ from fmus.kit import (
 )
 
 UNARY = {
-    "exp": exp, "log": log, "sqrt": sqrt, "sin": sin, "cos": cos, "tanh": tanh, "floor": floor, "sign": sign,
-    "absolute": absolute, "arccos": arccos,
-}  # fmt: skip
-EDGES = [0.0, -0.0, 1.0, -1.0, 0.5, 710.0, -746.0, 1e308, -1e308, 5e-324, math.inf, -math.inf, math.nan]
+    "exp": exp,
+    "log": log,
+    "sqrt": sqrt,
+    "sin": sin,
+    "cos": cos,
+    "tanh": tanh,
+    "floor": floor,
+    "sign": sign,
+    "absolute": absolute,
+    "arccos": arccos,
+}
+EDGES = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    710.0,
+    -746.0,
+    1e308,
+    -1e308,
+    5e-324,
+    math.inf,
+    -math.inf,
+    math.nan,
+]
 reals = st.one_of(st.sampled_from(EDGES), st.floats(-1e3, 1e3))
 
 
@@ -70,14 +92,33 @@ def test_floats_arrays_and_symbols_agree(name, x):
 @pytest.mark.parametrize(
     ("function", "x", "expected"),
     [
-        (exp, 1000.0, math.inf), (exp, -1000.0, 0.0), (log, 0.0, -math.inf), (log, -0.0, -math.inf),
-        (log, -1.0, math.nan), (sqrt, -1.0, math.nan), (sin, math.inf, math.nan), (cos, -math.inf, math.nan),
-        (tanh, math.inf, 1.0), (floor, -math.inf, -math.inf), (floor, math.inf, math.inf), (floor, math.nan, math.nan),
-        (floor, -0.5, -1.0), (sign, math.nan, math.nan), (sign, -0.0, 0.0), (sign, -3.0, -1.0),
-        (arccos, 1.5, math.nan), (arccos, -1.0, math.pi), (arccos, math.inf, math.nan), (absolute, -math.inf, math.inf),
-        (absolute, True, 1.0), (exp, math.nan, math.nan), (sqrt, 2.25, 1.5), (exp, True, math.e), (floor, 3, 3.0),
+        (exp, 1000.0, math.inf),
+        (exp, -1000.0, 0.0),
+        (log, 0.0, -math.inf),
+        (log, -0.0, -math.inf),
+        (log, -1.0, math.nan),
+        (sqrt, -1.0, math.nan),
+        (sin, math.inf, math.nan),
+        (cos, -math.inf, math.nan),
+        (tanh, math.inf, 1.0),
+        (floor, -math.inf, -math.inf),
+        (floor, math.inf, math.inf),
+        (floor, math.nan, math.nan),
+        (floor, -0.5, -1.0),
+        (sign, math.nan, math.nan),
+        (sign, -0.0, 0.0),
+        (sign, -3.0, -1.0),
+        (arccos, 1.5, math.nan),
+        (arccos, -1.0, math.pi),
+        (arccos, math.inf, math.nan),
+        (absolute, -math.inf, math.inf),
+        (absolute, True, 1.0),
+        (exp, math.nan, math.nan),
+        (sqrt, 2.25, 1.5),
+        (exp, True, math.e),
+        (floor, 3, 3.0),
     ],
-)  # fmt: skip
+)
 def test_special_values_are_those_of_c(function, x, expected):
     assert alike(function(x), expected)
 
@@ -92,7 +133,9 @@ def test_extrema_agree_and_pass_over_nan(a, b):
         # a number on either side of an array or a symbol
         assert alike(float(function(a, np.array([b]))[0]), expected)
         assert alike(float(function(np.array([a]), b)[0]), expected)
-        if math.isfinite(a):  # an infinite limit CasADi drops from the graph, and with it what it does to a NaN
+        if math.isfinite(
+            a
+        ):  # an infinite limit CasADi drops from the graph, and with it what it does to a NaN
             assert alike(symbolic(lambda x, a=a, function=function: function(a, x), b), expected)
 
 
@@ -130,7 +173,9 @@ def test_conditions_are_combined(a, b):
         assert function(a, b) is expected
         assert on_array(function, a, b) == expected
         assert symbolic(function, a, b) == expected
-        assert where(function(a, b), 2.0, 3.0) == symbolic(lambda x, y, f=function: where(f(x, y), 2.0, 3.0), a, b)
+        assert where(function(a, b), 2.0, 3.0) == symbolic(
+            lambda x, y, f=function: where(f(x, y), 2.0, 3.0), a, b
+        )
 
 
 @given(x=reals, low=st.floats(-10, 0), high=st.floats(0, 10))
@@ -164,7 +209,9 @@ def test_numpy_scalars_are_floats():
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=9, unique_by=lambda x: round(x, 2)).map(sorted),
+    st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=9, unique_by=lambda x: round(x, 2)).map(
+        sorted
+    ),
     st.integers(0, 999),
 )
 def test_a_smooth_table_is_hermite_with_slopes_of_parabolas(knots, seed):
@@ -172,18 +219,27 @@ def test_a_smooth_table_is_hermite_with_slopes_of_parabolas(knots, seed):
     assume(len(knots) > 1)
     heights = np.random.default_rng(seed).normal(size=len(knots))
     ends = [np.diff(heights[s]) / np.diff(knots[s]) for s in (slice(0, 2), slice(-2, None))]
-    inner = [np.polyval(np.polyder(np.polyfit(knots[k - 1 : k + 2], heights[k - 1 : k + 2], 2)), knots[k])
-             for k in range(1, len(knots) - 1)]  # fmt: skip
+    inner = [
+        np.polyval(
+            np.polyder(np.polyfit(knots[k - 1 : k + 2], heights[k - 1 : k + 2], 2)), knots[k]
+        )
+        for k in range(1, len(knots) - 1)
+    ]
     curve = CubicHermiteSpline(knots, heights, [*ends[0], *inner, *ends[1]])
     for x in np.random.default_rng(seed + 1).uniform(knots[0], knots[-1], 20):
-        assert smooth_table(float(x), knots, list(heights)) == pytest.approx(float(curve(x)), rel=1e-6, abs=1e-6)
+        assert smooth_table(float(x), knots, list(heights)) == pytest.approx(
+            float(curve(x)), rel=1e-6, abs=1e-6
+        )
     for x, k, slope in ((knots[0] - 1.3, 0, ends[0]), (knots[-1] + 0.7, -1, ends[1])):
         straight = heights[k] + float(slope[0]) * (x - knots[k])
         assert smooth_table(x, knots, list(heights)) == pytest.approx(straight, rel=1e-9, abs=1e-9)
 
 
 def test_a_smooth_table_may_step_at_zero():
-    knots, heights = [-2.0, -1.0, -0.01, 0.0, 0.01, 1.0, 2.0], [-1.0, -1.0, -1.0, 0.0, 1.0, 1.0, 1.0]
+    knots, heights = (
+        [-2.0, -1.0, -0.01, 0.0, 0.01, 1.0, 2.0],
+        [-1.0, -1.0, -1.0, 0.0, 1.0, 1.0, 1.0],
+    )
     x = np.linspace(-2.0, 2.0, 801)
     found = np.array([smooth_table(float(one), knots, heights) for one in x])
     assert found == pytest.approx(np.interp(x, knots, heights), abs=1e-12)

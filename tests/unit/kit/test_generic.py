@@ -11,7 +11,13 @@ from scipy.special import ellipj
 from fmus.kit import UserError, stack, units
 from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
-from fmus.kit.generic import asymmetric_friction, coulomb_friction, cubic_stiffness, extra_kelvin, force_offset
+from fmus.kit.generic import (
+    asymmetric_friction,
+    coulomb_friction,
+    cubic_stiffness,
+    extra_kelvin,
+    force_offset,
+)
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.trace import trace
 from orchestration.fmu.instance import Fmu
@@ -23,13 +29,19 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 STAGE, FOLLOWED, MASS, CREEP = (
     load_class(str(EXAMPLES / place))
     for place in (
-        "positioning_stage.py:PositioningStage", "positioning_stage.py:StageFollowed",
-        "mass_spring_damper.py:MassSpringDamper", "creep.py:Creep",
+        "positioning_stage.py:PositioningStage",
+        "positioning_stage.py:StageFollowed",
+        "mass_spring_damper.py:MassSpringDamper",
+        "creep.py:Creep",
     )
-)  # fmt: skip
+)
 BASES = (STAGE, FOLLOWED, MASS, CREEP)
-INPUTS = {STAGE: {"motor_voltage": 3.0}, FOLLOWED: {"velocity": 0.2, "acceleration": 2.0}, MASS: {"force": 0.2},
-          CREEP: {"stress": 20.0}}  # fmt: skip
+INPUTS = {
+    STAGE: {"motor_voltage": 3.0},
+    FOLLOWED: {"velocity": 0.2, "acceleration": 2.0},
+    MASS: {"force": 0.2},
+    CREEP: {"stress": 20.0},
+}
 ALL = [(base, effect) for base in BASES for effect in catalogue(base).values()]
 each = pytest.mark.parametrize(("base", "effect"), ALL, ids=[f"{b.name}-{e.id}" for b, e in ALL])
 
@@ -98,10 +110,15 @@ def test_what_is_not_there_is_told():
         coulomb_friction(STAGE, "frictio", "velocity")
     with pytest.raises(UserError, match="positioning_stage: no law named 'mass'"):
         force_offset(STAGE, "mass")
-    with pytest.raises(UserError, match=r"no input or state named 'velocit' \(did you mean velocity\?\)"):
+    with pytest.raises(
+        UserError, match=r"no input or state named 'velocit' \(did you mean velocity\?\)"
+    ):
         asymmetric_friction(STAGE, "friction", "velocit")
     with pytest.raises(UserError, match="'second_kelvin' is laid over it twice"):
-        stack(CREEP, *(extra_kelvin(CREEP, "elongation", "stress", "second", time) for time in (1.0, 2.0)))
+        stack(
+            CREEP,
+            *(extra_kelvin(CREEP, "elongation", "stress", "second", time) for time in (1.0, 2.0)),
+        )
 
 
 # --- neutral ----------------------------------------------------------------------------------------------------------
@@ -128,7 +145,10 @@ def test_neutral_is_bit_identical_in_the_graph(base, effect):
         values, found = random_values(cls, seed) | {effect.neutral: 0.0}, []
         for graph in (trace(base), trace(cls)):
             layout = graph.layout
-            point = [[float(values[v.name]) for v in g] for g in (layout.parameters, layout.inputs, layout.states)]
+            point = [
+                [float(values[v.name]) for v in g]
+                for g in (layout.parameters, layout.inputs, layout.states)
+            ]
             rates, outputs, *_ = graph.functions(tangent=False)
             n = len(base.layout.states)
             found.append((rates(0.0, *point, []).full()[:n], outputs(0.0, *point, []).full()))
@@ -139,11 +159,15 @@ def test_neutral_is_bit_identical_in_the_graph(base, effect):
 @each
 def test_slope_at_neutral_is_that_of_differences_and_not_zero(base, effect):
     cls, time = stack(base, effect), np.linspace(0.0, 2.0, 400)
-    inputs = {name: high * np.sin(7.0 * time + k) for k, (name, high) in enumerate(INPUTS[base].items())}
+    inputs = {
+        name: high * np.sin(7.0 * time + k) for k, (name, high) in enumerate(INPUTS[base].items())
+    }
     output, step = base.layout.outputs[0].name, 1e-4 * effect.declared[effect.neutral].nominal
     found = run(cls, time, {}, inputs, [effect.neutral]).sensitivities[output][:, 0]
     ends = [run(cls, time, {effect.neutral: k * step}, inputs).signals[output] for k in range(3)]
-    slope = (4.0 * ends[1] - ends[2] - 3.0 * ends[0]) / (2.0 * step)  # into the range, which may end at neutral
+    slope = (4.0 * ends[1] - ends[2] - 3.0 * ends[0]) / (
+        2.0 * step
+    )  # into the range, which may end at neutral
     assert found == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
     assert np.abs(slope).max() > 0.0
 
@@ -173,8 +197,13 @@ def test_coulomb_friction_against_another_integrator():
     for volts in (-2.0, 0.5):
         solved = solve_ivp(
             lambda t, v: (volts - 1.5 * v - 0.8 * np.tanh(v / 0.05)) / 2.0,  # noqa: B023
-            (0.0, 3.0), [0.0], "LSODA", TIME, rtol=1e-10, atol=1e-12,
-        )  # fmt: skip
+            (0.0, 3.0),
+            [0.0],
+            "LSODA",
+            TIME,
+            rtol=1e-10,
+            atol=1e-12,
+        )
         found = run(cls, TIME, values, {"motor_voltage": volts}).signals["velocity"]
         assert found == pytest.approx(solved.y[0], abs=1e-7)
 
@@ -184,7 +213,9 @@ def test_asymmetric_friction_and_offset_in_closed_form():
     values = PLAIN | {"damping": 1.5, "friction_asymmetry": 0.5, "friction_offset": -0.7}
     for volts, damping in ((3.0, 2.0), (-3.0, 1.0)):
         exact = (volts + 0.7) / damping * (1.0 - np.exp(-damping / 2.0 * TIME))
-        assert run(cls, TIME, values, {"motor_voltage": volts}).signals["velocity"] == pytest.approx(exact, abs=1e-7)
+        assert run(cls, TIME, values, {"motor_voltage": volts}).signals[
+            "velocity"
+        ] == pytest.approx(exact, abs=1e-7)
 
 
 def duffing(mass, stiffness, cubic, start):
@@ -200,7 +231,13 @@ def duffing(mass, stiffness, cubic, start):
 @pytest.mark.parametrize("cubic", [0.0, 5.0, -1.0])
 def test_cubic_stiffness_is_duffings(cubic):
     cls = stack(MASS, catalogue(MASS)["cubic_stiffness"])
-    values = {"mass": 0.3, "damping": 0.0, "stiffness": 4.0, "spring_force_cubic": cubic, "elongation_start": 1.2}
+    values = {
+        "mass": 0.3,
+        "damping": 0.0,
+        "stiffness": 4.0,
+        "spring_force_cubic": cubic,
+        "elongation_start": 1.2,
+    }
     found = run(cls, TIME, values).signals["position"]
     assert found == pytest.approx(duffing(0.3, 4.0, cubic, 1.2), abs=1e-5)
 
@@ -210,19 +247,29 @@ def test_kelvin_elements_add_up():
     elements = {"second": (2.0, 0.5), "third": (3.0, 2.0), "fourth": (0.5, 0.1)}
     values = {"modulus": 4.0, "viscosity": 7.0, "compliance": 0.3, "retardation_time": 1.0}
     for ordinal, (compliance, time) in elements.items():
-        values |= {f"{ordinal}_elongation_compliance": compliance, f"{ordinal}_elongation_time": time}
+        values |= {
+            f"{ordinal}_elongation_compliance": compliance,
+            f"{ordinal}_elongation_time": time,
+        }
     exact = 10.0 / 4.0 + 10.0 / 7.0 * TIME
     for compliance, time in ((0.3, 1.0), *elements.values()):
         exact = exact + 10.0 * compliance * (1.0 - np.exp(-TIME / time))
-    assert run(cls, TIME, values, {"stress": 10.0}).signals["strain"] == pytest.approx(exact, rel=1e-6)
+    assert run(cls, TIME, values, {"stress": 10.0}).signals["strain"] == pytest.approx(
+        exact, rel=1e-6
+    )
 
 
 def test_a_fit_finds_it_from_neutral():
     """In the swing of another equation, with noise."""
     noisy = duffing(0.3, 4.0, 0.6, 1.2) + 0.01 * np.random.default_rng(5).normal(size=TIME.size)
-    cls, given = stack(MASS, catalogue(MASS)["cubic_stiffness"]), {"mass": 0.3, "damping": 0.0, "elongation_start": 1.2}
+    cls, given = (
+        stack(MASS, catalogue(MASS)["cubic_stiffness"]),
+        {"mass": 0.3, "damping": 0.0, "elongation_start": 1.2},
+    )
     given |= {"stiffness": 4.0}
-    found = fit(cls, TIME, {}, {"position": noisy}, ["spring_force_cubic"], given).estimates["spring_force_cubic"]
+    found = fit(cls, TIME, {}, {"position": noisy}, ["spring_force_cubic"], given).estimates[
+        "spring_force_cubic"
+    ]
     assert found.nominal == 0.0
     assert found.interval[0] <= 0.6 <= found.interval[1]
     assert found.interval[0] > 0.5, "told from neutral, and well"

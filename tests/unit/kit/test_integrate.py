@@ -8,7 +8,18 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from fmus.kit import Component, Discrete, Input, Parameter, State, UserError, cos, maximum, sqrt, where
+from fmus.kit import (
+    Component,
+    Discrete,
+    Input,
+    Parameter,
+    State,
+    UserError,
+    cos,
+    maximum,
+    sqrt,
+    where,
+)
 from fmus.kit import integrate as module
 from fmus.kit.integrate import Integrator
 
@@ -106,7 +117,9 @@ def run(integrator, step, steps, start=0.0):
 def test_exponential(rate, step, steps):
     model = Decay(rate=rate)
     run(Integrator(model), step, steps)
-    assert model.x == pytest.approx(math.exp(-rate * step * steps), rel=1e-6, abs=10 * model.tolerance)
+    assert model.x == pytest.approx(
+        math.exp(-rate * step * steps), rel=1e-6, abs=10 * model.tolerance
+    )
 
 
 def test_one_internal_step_is_the_taylor_polynomial_of_fourth_order():
@@ -125,7 +138,9 @@ def test_error_follows_the_tolerance(tolerance):
     integrator = Integrator(model)
     integrator.tolerance = tolerance
     run(integrator, 0.5, 20)
-    error = max(abs(model.position - 2.0 * math.cos(10.0)), abs(model.velocity + 2.0 * math.sin(10.0)))
+    error = max(
+        abs(model.position - 2.0 * math.cos(10.0)), abs(model.velocity + 2.0 * math.sin(10.0))
+    )
     assert error < 1000 * tolerance
 
 
@@ -135,9 +150,13 @@ def test_nonlinear_against_scipy(step):
     model = Oscillator()
     run(Integrator(model), step, steps)
     exact = solve_ivp(
-        lambda t, y: [y[1], 5.0 * (1.0 - y[0] ** 2) * y[1] - y[0]], (0.0, step * steps), [2.0, 0.0],
-        method="DOP853", rtol=1e-12, atol=1e-13,
-    )  # fmt: skip
+        lambda t, y: [y[1], 5.0 * (1.0 - y[0] ** 2) * y[1] - y[0]],
+        (0.0, step * steps),
+        [2.0, 0.0],
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+    )
     assert [model.position, model.velocity] == pytest.approx(exact.y[:, -1], rel=1e-5, abs=1e-6)
 
 
@@ -203,7 +222,10 @@ def test_batch_agrees_with_one_by_one():
 
 
 def test_batch_of_one_takes_the_same_steps():
-    batch, single = Oscillator(position_start=np.array([2.0]), velocity_start=np.array([0.0])), Oscillator()
+    batch, single = (
+        Oscillator(position_start=np.array([2.0]), velocity_start=np.array([0.0])),
+        Oscillator(),
+    )
     arrays, floats = Integrator(batch, batch=True), Integrator(single)
     run(arrays, 0.3, 10)
     run(floats, 0.3, 10)
@@ -228,7 +250,10 @@ def instants(period, end):
 
 @settings(deadline=None)
 @given(
-    period=st.integers(1, 100), step=st.integers(1, 150), steps=st.integers(1, 25), start=st.sampled_from([0.0, 7.0])
+    period=st.integers(1, 100),
+    step=st.integers(1, 150),
+    steps=st.integers(1, 25),
+    start=st.sampled_from([0.0, 7.0]),
 )
 def test_samples_fall_on_exact_instants_for_any_communication_step(period, step, steps, start):
     model = Clocked(period=period / 100)
@@ -244,7 +269,10 @@ def test_samples_fall_on_exact_instants_for_any_communication_step(period, step,
     assert integrator.counters[1] == swaps
     assert (model.left, model.right) == ((2.0, 1.0) if swaps % 2 else (1.0, 2.0))
     # the ramp integrates the counter, held between samples
-    ramp = sum((k + 1) * (min(Fraction((k + 1) * period, 100), end) - Fraction(k * period, 100)) for k in range(taken))
+    ramp = sum(
+        (k + 1) * (min(Fraction((k + 1) * period, 100), end) - Fraction(k * period, 100))
+        for k in range(taken)
+    )
     assert model.ramp == pytest.approx(float(ramp), rel=1e-9)
 
 
@@ -318,11 +346,16 @@ def test_what_is_not_finite_is_reported_with_the_state(law, start, step):
 def test_batch_that_is_not_finite_is_reported_with_the_state():
     model = failing(lambda m: sqrt(m.wild))
     model.calm, model.wild = np.zeros(2), np.array([1.0, -1.0])
-    with np.errstate(invalid="ignore"), pytest.raises(UserError, match=r"^not finite: wild at 0 s$"):
+    with (
+        np.errstate(invalid="ignore"),
+        pytest.raises(UserError, match=r"^not finite: wild at 0 s$"),
+    ):
         Integrator(model, batch=True).advance(0.0, 1.0)
 
 
-@pytest.mark.parametrize("law", [lambda m: m.wild * m.wild, lambda m: m.wild**2], ids=["infinity", "exception"])
+@pytest.mark.parametrize(
+    "law", [lambda m: m.wild * m.wild, lambda m: m.wild**2], ids=["infinity", "exception"]
+)
 def test_escape_in_finite_time_ends_with_a_message_near_that_time(law):
     model = failing(law)
     integrator = Integrator(model)
@@ -353,7 +386,9 @@ def test_accuracy_that_cannot_be_reached_is_reported():
 
 def test_too_many_internal_steps_are_reported(monkeypatch):
     monkeypatch.setattr(module, "MAX_STEPS", 100)
-    with pytest.raises(UserError, match=r"^more than 100 internal steps in one communication step at "):
+    with pytest.raises(
+        UserError, match=r"^more than 100 internal steps in one communication step at "
+    ):
         Integrator(Oscillator()).advance(0.0, 1000.0)
 
 

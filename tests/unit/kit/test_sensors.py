@@ -92,7 +92,9 @@ def test_every_real_output_has_every_effect():
     for component in (PpyActuator, PpyActuatorLengthDriven, Thermostat):
         outputs = [o for o in component.layout.outputs if o.type == "real"]
         found = measurement_effects(component)
-        assert [(e.output, e.id) for e in found] == [(o.name, n) for o in outputs for n in PARAMETERS]
+        assert [(e.output, e.id) for e in found] == [
+            (o.name, n) for o in outputs for n in PARAMETERS
+        ]
         for effect, (output, (name, neutral, _)) in zip(
             found, itertools.product(outputs, PARAMETERS.values()), strict=True
         ):
@@ -118,7 +120,9 @@ def test_what_cannot_be_measured_is_told():
     lag = sensor_lag(PpyActuator, "voltage")
     with pytest.raises(UserError, match="'sensor_lag_of_voltage' is laid over it twice"):
         stack(PpyActuator, lag, sensor_lag(PpyActuator, "voltage"))
-    with pytest.raises(UserError, match=r"no measured output named 'voltag' \(did you mean voltage\?\)"):
+    with pytest.raises(
+        UserError, match=r"no measured output named 'voltag' \(did you mean voltage\?\)"
+    ):
         sensor_lag(PpyActuator, "voltag")
     with pytest.raises(UserError, match="ppy_actuator: no measured output named 'charge'"):
         sensor_gain(PpyActuator, "charge")  # a state, which laws see
@@ -164,7 +168,9 @@ def test_neutral_is_bit_identical_in_the_graph(name):
             groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
             rates, outputs, *_ = graph.functions(tangent=False)
             point = [np.array([values[v.name] for v in group]) for group in groups]
-            results.append((rates(values["time"], *point).full()[:3], outputs(values["time"], *point).full()))
+            results.append(
+                (rates(values["time"], *point).full()[:3], outputs(values["time"], *point).full())
+            )
         for found, expected in zip(*results, strict=True):
             np.testing.assert_array_equal(found, expected)
 
@@ -175,11 +181,21 @@ def test_slope_at_neutral_is_that_of_differences_and_not_zero(name):
     cls, time = stack(PpyActuator, effect), 0.05 * np.arange(400)
     inputs = {"current": 0.9 * np.sin(1.3 * time) + 0.2, "force": 1.0 + 0.0 * time}
     found = CompiledModel(cls, [effect.neutral]).run(time, inputs, linear=True).sensitivities
-    model, step = CompiledModel(cls), 1e-5  # into the range, which ends at neutral for the two times
-    ends = [model.run(time, inputs, {effect.neutral: neutral + k * step}, linear=True).signals for k in range(3)]
-    slope = (4.0 * ends[1]["voltage"] - ends[2]["voltage"] - 3.0 * ends[0]["voltage"]) / (2.0 * step)
+    model, step = (
+        CompiledModel(cls),
+        1e-5,
+    )  # into the range, which ends at neutral for the two times
+    ends = [
+        model.run(time, inputs, {effect.neutral: neutral + k * step}, linear=True).signals
+        for k in range(3)
+    ]
+    slope = (4.0 * ends[1]["voltage"] - ends[2]["voltage"] - 3.0 * ends[0]["voltage"]) / (
+        2.0 * step
+    )
     # where the present is a sample, a delay shorter than rounding has no slope
-    assert found["voltage"][1:, 0] == pytest.approx(slope[1:], rel=1e-3, abs=2e-3 * np.abs(slope).max())
+    assert found["voltage"][1:, 0] == pytest.approx(
+        slope[1:], rel=1e-3, abs=2e-3 * np.abs(slope).max()
+    )
     assert np.abs(slope).max() > 0.1 * np.std(ends[0]["voltage"])
     assert not found["displacement"].any()
 
@@ -194,13 +210,17 @@ def test_lag_follows_its_transfer_function(lag):
     rest = SHORTEST_LAG * np.exp(-lag / SHORTEST_LAG)
     # lsim holds the input from sample to sample; it starts at zero, so the deviation from the start is what it gets
     numerator = [rest, 1.0] if rest > 1e-9 else [1.0]  # a first-order lag
-    _, exact, _ = lsim((numerator, [lag + rest, 1.0]), force - force[0], time - time[0], interp=False)
+    _, exact, _ = lsim(
+        (numerator, [lag + rest, 1.0]), force - force[0], time - time[0], interp=False
+    )
     assert shown == pytest.approx(force[0] + exact, abs=1e-6)
 
 
 def test_a_ramp_is_late_by_the_lag_however_short():
     for lag in (0.002, 0.01, 0.1):
-        time, shown = measure(sensor_lag, 0.05 * np.arange(100), {"displacement_lag_time": lag}, linear=True)
+        time, shown = measure(
+            sensor_lag, 0.05 * np.arange(100), {"displacement_lag_time": lag}, linear=True
+        )
         assert shown[50:] == pytest.approx(time[50:] - lag, abs=1e-6)
 
 
@@ -212,14 +232,18 @@ def test_a_rig_at_rest_anywhere_shows_no_transient(effect, start):
     np.testing.assert_array_equal(shown, 5.0)
 
 
-delays = pytest.mark.parametrize("delay", [0.0, 0.013, 0.02, 0.113, 0.7, DELAY_PERIOD * DELAY_SAMPLES])
+delays = pytest.mark.parametrize(
+    "delay", [0.0, 0.013, 0.02, 0.113, 0.7, DELAY_PERIOD * DELAY_SAMPLES]
+)
 
 
 @delays
 @pytest.mark.parametrize("step", [0.02, 0.05, 0.0137])
 def test_delay_is_exact_on_ramps(delay, step):
     n = int(6.0 / step)
-    time, shown = measure(transport_delay, step * np.arange(n), {"displacement_delay": delay}, step, linear=True)
+    time, shown = measure(
+        transport_delay, step * np.arange(n), {"displacement_delay": delay}, step, linear=True
+    )
     assert shown == pytest.approx(np.maximum(time - delay, 0.0), abs=1e-9)
 
 
@@ -230,7 +254,7 @@ def test_delay_is_within_its_bound_on_a_sine(delay):
         fine = 0.001 * np.arange(6000)
         time, shown = measure(
             transport_delay, np.sin(omega * fine), {"displacement_delay": delay}, 0.001, linear=True
-        )  # fmt: skip
+        )
         error = np.abs(shown - np.sin(omega * np.maximum(time - delay, 0.0)))
         bound = (DELAY_PERIOD**2 + 0.001**2) / 8.0 * omega**2
         if delay < 1.0:  # the kink at the start is no smooth signal
@@ -250,12 +274,21 @@ def test_a_jump_arrives_after_the_delay_and_within_one_period():
 
 def test_slope_with_respect_to_a_delay():
     """Of what is shown, exactly, between the kinks; so of the signal, but for the period."""
-    cls, time = stack(PpyActuator, transport_delay(PpyActuator, "displacement")), 0.05 * np.arange(200)
+    cls, time = (
+        stack(PpyActuator, transport_delay(PpyActuator, "displacement")),
+        0.05 * np.arange(200),
+    )
     inputs, delay, step = {"force": np.sin(time)}, 0.113, 1e-4
     given = SPRING | {"displacement_delay": delay}
-    found = CompiledModel(cls, ["displacement_delay"]).run(time, inputs, given, linear=True).sensitivities
+    found = (
+        CompiledModel(cls, ["displacement_delay"])
+        .run(time, inputs, given, linear=True)
+        .sensitivities
+    )
     ends = [
-        CompiledModel(cls).run(time, inputs, given | {"displacement_delay": delay + s * step}, linear=True).signals
+        CompiledModel(cls)
+        .run(time, inputs, given | {"displacement_delay": delay + s * step}, linear=True)
+        .signals
         for s in (1.0, -1.0)
     ]
     slope = (ends[0]["displacement"] - ends[1]["displacement"]) / (2.0 * step)
@@ -272,22 +305,31 @@ BEFORE = {"displacement_delay_history_start": -0.6, "displacement_delay_history_
 def test_what_is_read_of_the_time_before_the_start_is_a_line(delay, start):
     """A ramp of 2/s that was there before the record shows 0.6 less at first, and goes on as it was."""
     force = 5.0 + 2.0 * 0.05 * np.arange(60)
-    time, shown = measure(transport_delay, force, {"displacement_delay": delay} | BEFORE, linear=True, start=start)
+    time, shown = measure(
+        transport_delay, force, {"displacement_delay": delay} | BEFORE, linear=True, start=start
+    )
     assert shown == pytest.approx(5.0 + 2.0 * (time - start - delay), abs=1e-9)
 
 
 def test_a_model_looked_at_earlier_is_the_register_before_the_start_too():
     """With derivatives by what was before: one, and the time since the start."""
-    cls, time = stack(PpyActuator, transport_delay(PpyActuator, "displacement")), 7.0 + 0.05 * np.arange(60)
-    inputs, given = {"force": 5.0 + 2.0 * (time - 7.0)}, SPRING | {"displacement_delay": 0.313} | BEFORE
+    cls, time = (
+        stack(PpyActuator, transport_delay(PpyActuator, "displacement")),
+        7.0 + 0.05 * np.arange(60),
+    )
+    inputs, given = (
+        {"force": 5.0 + 2.0 * (time - 7.0)},
+        SPRING | {"displacement_delay": 0.313} | BEFORE,
+    )
     known = {p.name: p.start for p in cls.layout.parameters} | given
     looked_at = DelayedModel(cls, list(BEFORE), linear=True).run(time, inputs, known)
     register = CompiledModel(cls, list(BEFORE)).run(time, inputs, given, linear=True)
     before = time - 7.0 < 0.313
     line = np.column_stack([before * 1.0, before * (time - 7.0)])
     for ran in (looked_at, register):
-        assert ran.signals["displacement"] == pytest.approx(np.where(before, 4.4 + 2.0 * (time - 7.0), 5.0 + 2.0 * (
-            time - 7.313)), abs=1e-9)  # fmt: skip
+        assert ran.signals["displacement"] == pytest.approx(
+            np.where(before, 4.4 + 2.0 * (time - 7.0), 5.0 + 2.0 * (time - 7.313)), abs=1e-9
+        )
         assert ran.sensitivities["displacement"] == pytest.approx(line, abs=1e-9)
         assert ran.signals["displacement_delay_history"] == pytest.approx(-0.6 + 2.0 * (time - 7.0))
 
@@ -304,15 +346,23 @@ def test_gain_offset_and_drift():
 
 def test_effects_are_laid_one_over_the_other():
     gain, offset = sensor_gain(PpyActuator, "voltage"), sensor_offset(PpyActuator, "voltage")
-    for order, shown in (((gain, offset), lambda u: 2.0 * u + 0.3), ((offset, gain), lambda u: 2.0 * (u + 0.3))):
-        model, base = stack(PpyActuator, *order)(voltage_gain=2.0, voltage_offset=0.3), PpyActuator()
+    for order, shown in (
+        ((gain, offset), lambda u: 2.0 * u + 0.3),
+        ((offset, gain), lambda u: 2.0 * (u + 0.3)),
+    ):
+        model, base = (
+            stack(PpyActuator, *order)(voltage_gain=2.0, voltage_offset=0.3),
+            PpyActuator(),
+        )
         model.current = base.current = 0.7
         assert model.voltage() == shown(base.voltage())
 
 
 def test_a_lag_over_a_delay_starts_in_equilibrium_and_adds_up():
     lag, delay = (make(PpyActuator, "displacement") for make in (sensor_lag, transport_delay))
-    model = stack(PpyActuator, delay, lag)(**SPRING, displacement_delay=0.3, displacement_lag_time=0.1)
+    model = stack(PpyActuator, delay, lag)(
+        **SPRING, displacement_delay=0.3, displacement_lag_time=0.1
+    )
     model.force, integrator = 2.0, Integrator(model)
     for k in range(100):
         assert model.displacement() == pytest.approx(2.0, rel=1e-12)
@@ -330,8 +380,13 @@ def test_a_lag_over_a_delay_starts_in_equilibrium_and_adds_up():
 
 
 def check_that_builds_agree(cls, values, inputs, outputs, folder, start=0.0):
-    time = start + np.concatenate([[0.0], np.cumsum(np.random.default_rng(3).choice([0.003, 0.02, 0.05, 0.3], 150))])
-    fed = {name: np.random.default_rng(4).uniform(0.0, high, time.size) for name, high in inputs.items()}
+    time = start + np.concatenate(
+        [[0.0], np.cumsum(np.random.default_rng(3).choice([0.003, 0.02, 0.05, 0.3], 150))]
+    )
+    fed = {
+        name: np.random.default_rng(4).uniform(0.0, high, time.size)
+        for name, high in inputs.items()
+    }
     results = {}
     for runtime in RUNTIMES:
         path = folder / f"{runtime}.fmu"
@@ -350,7 +405,9 @@ def test_builds_agree_on_all_of_them_at_once(tmp_path):
     """On one output, with effects of the physics and of another output beside; the clock starts anywhere."""
     heating = fmus.effects("ppy_actuator")["self_heating"]
     measured = [make(PpyActuator, "voltage") for make in MEASUREMENTS.values()]
-    cls = stack(PpyActuator, heating, *measured, sensor_lag(PpyActuator, "displacement"), name="measured")
+    cls = stack(
+        PpyActuator, heating, *measured, sensor_lag(PpyActuator, "displacement"), name="measured"
+    )
     values = VOLTAGE | {"displacement_lag_time": 0.05, "conductance_rise_per_kelvin": 0.02}
     inputs, outputs = {"current": 0.9, "force": 2.0}, ("voltage", "displacement", "charge")
     check_that_builds_agree(cls, values, inputs, outputs, tmp_path, start=100.0)
@@ -362,7 +419,9 @@ def test_builds_agree_on_all_of_them_at_once(tmp_path):
 def test_builds_agree_on_each(base, name, tmp_path):
     for output in base.layout.outputs:
         effect = MEASUREMENTS[name](base, output.name)
-        second = {PpyActuator: ("force", 2.0), PpyActuatorLengthDriven: ("length_change", 8e-4)}[base]
+        second = {PpyActuator: ("force", 2.0), PpyActuatorLengthDriven: ("length_change", 8e-4)}[
+            base
+        ]
         inputs = {"current": 0.9, second[0]: second[1]}
         values = {effect.neutral: PARAMETERS[name][2]}
         check_that_builds_agree(stack(base, effect), values, inputs, [output.name], tmp_path)

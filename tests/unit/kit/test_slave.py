@@ -27,7 +27,9 @@ def slave(cls, start_time=0.0, **values):
     known |= {s.name: known[f"{s.name}_start"] for s in (*layout.states, *layout.discretes)}
     for i, name in enumerate(layout.names):
         memory[i] = float(known.get(name, 0.0))
-    memory[len(layout.names) : len(layout.names) + 4] = array("d", [math.inf, start_time, cls.tolerance, 1.0])
+    memory[len(layout.names) : len(layout.names) + 4] = array(
+        "d", [math.inf, start_time, cls.tolerance, 1.0]
+    )
     instance = Slave(cls, memoryview(memory))
     assert instance.initialize() is None
     return instance, memory
@@ -116,7 +118,11 @@ def test_what_a_law_raises_becomes_a_sentence():
 
 
 def test_variables_may_have_the_names_that_the_machinery_uses():
-    exact = expm(np.array([[-0.5, 0.0, 0.5], [2.0, -2.0, 0.0], [0.0, 0.0, 0.0]]) * 2.0) @ [0.0, 0.3, 1.0]
+    exact = expm(np.array([[-0.5, 0.0, 0.5], [2.0, -2.0, 0.0], [0.0, 0.0, 0.0]]) * 2.0) @ [
+        0.0,
+        0.3,
+        1.0,
+    ]
     sampled = sum(1.0 - math.exp(-0.5 * 0.25 * k) for k in range(8))
     instance, memory = slave(Mixed)
     for k in range(5):
@@ -157,7 +163,9 @@ try:
 except KeyboardInterrupt:
     print("seen")
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=15)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=15
+    )
     assert done.stdout.split() == ["True", "seen"]
 
 
@@ -167,7 +175,9 @@ def test_memory_is_released_on_close():
     memory.append(0.0)  # refused by Python while someone looks at it
 
 
-@pytest.mark.parametrize("name", slow_but(["ppy_actuator", "ppy_actuator_length_driven"], "ppy_actuator"))
+@pytest.mark.parametrize(
+    "name", slow_but(["ppy_actuator", "ppy_actuator_length_driven"], "ppy_actuator")
+)
 def test_what_a_python_fmu_carries_runs_without_any_package(name, tmp_path):
     cls = stack(fmus.component(name), *EFFECTS.values())
     for path, contents in python_package(cls).items():
@@ -192,7 +202,11 @@ print(carried.MODEL.name, slave.initialize(), *(slave.advance(k * 0.5, 0.5) for 
       memory[layout.names.index("charge")])
 """
     done = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True, cwd=os.sep
+        [sys.executable, "-I", "-S", "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=os.sep,
     )
     title, *messages, charge = done.stdout.split()
     assert title == cls.name

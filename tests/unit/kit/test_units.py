@@ -15,16 +15,30 @@ from tests.support.kit_samples import Thermostat
 @pytest.mark.parametrize(
     ("value", "unit", "to", "expected"),
     [
-        (1.0, "in", "m", scipy.constants.inch), (1.0, "lbf", "N", scipy.constants.lbf),
-        (1.0, "deg", "rad", scipy.constants.degree), (1.0, "hour", "s", scipy.constants.hour),
-        (1.0, "eV", "J", scipy.constants.eV), (1.0, "g", "kg", scipy.constants.gram),
-        (1.0, "psi", "Pa", scipy.constants.psi), (0.0, "degC", "K", scipy.constants.zero_Celsius),
-        (212.0, "degF", "degC", 100.0), (25.0, "degC", "K", 298.15), (300.0, "K", "degC", 26.85),
-        (6.8e-5, "m/C", "mm/C", 0.068), (6300.0, "N/m", "N/mm", 6.3), (1.7e6, "N*s/m", "N*s/mm", 1.7e3),
-        (5.0, "%", "1", 0.05), (0.5, "1", "%", 50.0), (1.0, "mA*hour", "C", 3.6), (2.0, "kΩ", "ohm", 2000.0),
-        (3.0, "N·m", "J", 3.0), (1.0, "V/A", "ohm", 1.0), (4.0, "C/V", "F", 4.0), (7.0, "ohm", "ohm", 7.0),
+        (1.0, "in", "m", scipy.constants.inch),
+        (1.0, "lbf", "N", scipy.constants.lbf),
+        (1.0, "deg", "rad", scipy.constants.degree),
+        (1.0, "hour", "s", scipy.constants.hour),
+        (1.0, "eV", "J", scipy.constants.eV),
+        (1.0, "g", "kg", scipy.constants.gram),
+        (1.0, "psi", "Pa", scipy.constants.psi),
+        (0.0, "degC", "K", scipy.constants.zero_Celsius),
+        (212.0, "degF", "degC", 100.0),
+        (25.0, "degC", "K", 298.15),
+        (300.0, "K", "degC", 26.85),
+        (6.8e-5, "m/C", "mm/C", 0.068),
+        (6300.0, "N/m", "N/mm", 6.3),
+        (1.7e6, "N*s/m", "N*s/mm", 1.7e3),
+        (5.0, "%", "1", 0.05),
+        (0.5, "1", "%", 50.0),
+        (1.0, "mA*hour", "C", 3.6),
+        (2.0, "kΩ", "ohm", 2000.0),
+        (3.0, "N·m", "J", 3.0),
+        (1.0, "V/A", "ohm", 1.0),
+        (4.0, "C/V", "F", 4.0),
+        (7.0, "ohm", "ohm", 7.0),
     ],
-)  # fmt: skip
+)
 def test_conversion(value, unit, to, expected):
     assert convert(value, unit, to) == pytest.approx(expected, rel=1e-9)
 
@@ -61,17 +75,33 @@ def test_base_units(unit, exponents, factor, offset):
     assert base.offset == pytest.approx(offset, rel=1e-9, abs=1e-12)
 
 
-@given(value=st.floats(-1e6, 1e6), unit=st.sampled_from(["mm", "degC", "degF", "%", "lbf", "mV", "uF", "deg"]))
+@given(
+    value=st.floats(-1e6, 1e6),
+    unit=st.sampled_from(["mm", "degC", "degF", "%", "lbf", "mV", "uF", "deg"]),
+)
 def test_base_unit_says_what_convert_does(value, unit):
     base = base_unit(unit)
-    to = {"mm": "m", "degC": "K", "degF": "K", "%": "1", "lbf": "N", "mV": "V", "uF": "F", "deg": "rad"}[unit]
-    assert convert(value, unit, to) == pytest.approx(base.factor * value + base.offset, rel=1e-9, abs=1e-9)
+    to = {
+        "mm": "m",
+        "degC": "K",
+        "degF": "K",
+        "%": "1",
+        "lbf": "N",
+        "mV": "V",
+        "uF": "F",
+        "deg": "rad",
+    }[unit]
+    assert convert(value, unit, to) == pytest.approx(
+        base.factor * value + base.offset, rel=1e-9, abs=1e-9
+    )
 
 
 @given(value=st.floats(-1e9, 1e9))
 def test_there_and_back(value):
     for unit, display in (("m", "mm"), ("K", "degC"), ("m/C", "mm/C"), ("J", "kJ")):
-        assert convert(convert(value, unit, display), display, unit) == pytest.approx(value, rel=1e-12, abs=1e-9)
+        assert convert(convert(value, unit, display), display, unit) == pytest.approx(
+            value, rel=1e-12, abs=1e-9
+        )
 
 
 def test_arrays_keep_their_shape():
@@ -80,7 +110,9 @@ def test_arrays_keep_their_shape():
 
 
 def test_what_cannot_be_converted_is_named():
-    with pytest.raises(UserError, match=r"record.csv column force: unit 'mm' cannot be converted to 'N'"):
+    with pytest.raises(
+        UserError, match=r"record.csv column force: unit 'mm' cannot be converted to 'N'"
+    ):
         convert(1.0, "mm", "N", "record.csv column force")
 
 
@@ -93,7 +125,9 @@ def test_unknown_units_are_refused_in_one_line(unit):
 
 
 @pytest.mark.timeout(10)
-@pytest.mark.parametrize("unit", ["9**9**9**9", "m**9**9", "(9)**9", "m^(9**9)", "m^999", "m" * 10**6, "(" * 10**6])
+@pytest.mark.parametrize(
+    "unit", ["9**9**9**9", "m**9**9", "(9)**9", "m^(9**9)", "m^999", "m" * 10**6, "(" * 10**6]
+)
 def test_what_would_be_computed_for_ever_is_no_unit(unit):
     with pytest.raises(UserError, match="unknown unit") as caught:
         units.parse(unit)
@@ -120,7 +154,8 @@ def test_there_is_one_registry():
 
 
 @pytest.mark.parametrize(
-    ("unit", "to"), [("Hz", "rpm"), ("turn/s", "Hz"), ("deg/s", "Hz"), ("Hz", "rad/s"), ("deg", "1")]
+    ("unit", "to"),
+    [("Hz", "rpm"), ("turn/s", "Hz"), ("deg/s", "Hz"), ("Hz", "rad/s"), ("deg", "1")],
 )
 def test_an_angle_is_not_a_number(unit, to):
     with pytest.raises(UserError, match="cannot be converted"):
@@ -134,7 +169,10 @@ def test_angles_convert_among_themselves():
 
 
 def test_values_are_shown_in_the_unit_people_read():
-    v = {v.name: v for v in (*Thermostat.layout.variables, *fmus.component("ppy_actuator").layout.parameters)}
+    v = {
+        v.name: v
+        for v in (*Thermostat.layout.variables, *fmus.component("ppy_actuator").layout.parameters)
+    }
     assert shown(6.8e-5, v["alpha"]) == "0.068 mm/C"
     assert shown(295.0, v["setpoint"]) == "21.85 degC"
     assert shown(True, v["enabled"]) == "true"

@@ -82,7 +82,12 @@ def test_error_is_that_of_held_inputs_worked_out_on_paper(method):
             before, p = p, decay * p + (1 - decay) * q
             q = decay * q - 2.0 * (1 - decay) * (p if method == "gauss-seidel" else before)
             rows.append((p, q))
-        exact = np.array([expm(t * np.array([[-1, 1], [-2, -1]])) @ [1.0, 1.0] for t in step * np.arange(len(rows))])
+        exact = np.array(
+            [
+                expm(t * np.array([[-1, 1], [-2, -1]])) @ [1.0, 1.0]
+                for t in step * np.arange(len(rows))
+            ]
+        )
         errors = np.abs(rows - exact).max(axis=0) / np.abs(exact).max(axis=0)
         assert [found.errors["p.x"][k], found.errors["q.x"][k]] == pytest.approx(errors, rel=1e-6)
     assert found.order("p.x") == pytest.approx(1.0, abs=0.1)
@@ -118,15 +123,21 @@ def test_systems_that_ship_converge_with_first_order_and_extrapolated_with_secon
 
 
 @pytest.mark.parametrize("name", slow_but(SMOOTH, "dma_bench"))
-def test_gauss_seidel_has_the_better_constant_where_outputs_are_taken_as_they_stand_after_a_step(name):
+def test_gauss_seidel_has_the_better_constant_where_outputs_are_taken_as_they_stand_after_a_step(
+    name,
+):
     signal = SMOOTH[name][-1]
-    jacobi, seidel = (measured(name, quick=True, method=m, feedthrough=False) for m in ("jacobi", "gauss-seidel"))
+    jacobi, seidel = (
+        measured(name, quick=True, method=m, feedthrough=False) for m in ("jacobi", "gauss-seidel")
+    )
     assert (seidel.errors[signal] < 0.5 * jacobi.errors[signal]).all()
 
 
 def test_tension_that_follows_the_length_at_once_leaves_jacobi_nothing_to_lose_on_the_bench():
     """Only the creep of the actuator is a step old in one and not in the other."""
-    jacobi, seidel = (measured("dma_bench", quick=True, method=m) for m in ("jacobi", "gauss-seidel"))
+    jacobi, seidel = (
+        measured("dma_bench", quick=True, method=m) for m in ("jacobi", "gauss-seidel")
+    )
     for signal in ("bench.position", "actuator.tension"):
         assert seidel.errors[signal] == pytest.approx(jacobi.errors[signal], rel=1e-3)
 
@@ -136,7 +147,9 @@ def test_tension_that_follows_the_length_at_once_leaves_jacobi_nothing_to_lose_o
 OSCILLATOR = connect("mass.position -> spring.length_change", "spring.tension -> mass.tension")
 
 
-@pytest.mark.parametrize(("method", "extrapolation"), [("jacobi", 0), ("gauss-seidel", 0), ("jacobi", 1)])
+@pytest.mark.parametrize(
+    ("method", "extrapolation"), [("jacobi", 0), ("gauss-seidel", 0), ("jacobi", 1)]
+)
 def test_what_the_coupling_makes_is_what_an_oscillator_gains(method, extrapolation):
     system = system_of({"mass": Mass, "spring": Spring}, OSCILLATOR)
     time = 0.01 * np.arange(401)
@@ -148,7 +161,9 @@ def test_what_the_coupling_makes_is_what_an_oscillator_gains(method, extrapolati
     assert (gain[-1] > 0.1 * energy[0]) == (extrapolation == 0)
     travelled = np.abs(np.diff(0.5 * 20.0 * signals["mass.position"] ** 2)).sum()
     assert found.exchanged == pytest.approx(travelled, rel=1e-9)
-    assert found.relative == pytest.approx(abs(gain[-1]) / travelled, rel=(1e-8, 0.02)[extrapolation])
+    assert found.relative == pytest.approx(
+        abs(gain[-1]) / travelled, rel=(1e-8, 0.02)[extrapolation]
+    )
 
 
 def test_imbalance_is_counted_in_the_units_of_either_side():
@@ -160,13 +175,17 @@ def test_imbalance_is_counted_in_the_units_of_either_side():
     (coupling,) = mechanical(system_of({"mass": Mass, "spring": Spring}, lever))
     assert str(coupling) == "mass.position <-> spring.tension"
     x = np.cumsum([0.0, 0.1, -0.3, 0.05, 0.2])
-    found = imbalance([coupling], {"mass.position": x, "spring.tension": 20.0 * 2.0 * x})[str(coupling)]
+    found = imbalance([coupling], {"mass.position": x, "spring.tension": 20.0 * 2.0 * x})[
+        str(coupling)
+    ]
     assert found.energy == pytest.approx(np.append(0.0, np.cumsum(0.5 * 80.0 * np.diff(x) ** 2)))
 
 
 def test_couplings_of_the_systems_that_ship_are_found_and_their_imbalance_is_of_first_order():
     found = measured("foot_gait", quick=True)
-    assert set(found.imbalances) == {f"foot.{a}_length_change <-> {a}.tension" for a in library.FEET}
+    assert set(found.imbalances) == {
+        f"foot.{a}_length_change <-> {a}.tension" for a in library.FEET
+    }
     for name in found.imbalances:
         assert found.order(name) == pytest.approx(1.0, abs=0.02)
     assert mechanical(library.system("degradation_watch")) == []
@@ -174,6 +193,8 @@ def test_couplings_of_the_systems_that_ship_are_found_and_their_imbalance_is_of_
 
 def test_mistakes_are_told():
     system = system_of(PAIR, loop(1.0))
-    with pytest.raises(UserError, match=r"^stop time 1 s is no multiple of the communication step 0.3 s$"):
+    with pytest.raises(
+        UserError, match=r"^stop time 1 s is no multiple of the communication step 0.3 s$"
+    ):
         coupling_error(system, [0.3], 1.0, {})
     assert np.isnan(coupling_error(system, [0.1], 1.0, {}).order("p.x"))

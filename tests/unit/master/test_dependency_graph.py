@@ -30,21 +30,34 @@ def structures(draw):
             outside.append(port)
     fed = {name: [port for port in inputs if port.member == name] for name in names}
     wanted = {name: [port for port in outputs if port.member == name] for name in names}
-    feedthrough = {port: tuple(i for i in fed[port.member] if draw(st.booleans())) for port in outputs}
+    feedthrough = {
+        port: tuple(i for i in fed[port.member] if draw(st.booleans())) for port in outputs
+    }
     return Structure(sources, fed, wanted, feedthrough)
 
 
 def knots(structure):
     """Strongly connected ports, of which there are at least two, by scipy."""
-    ports = [port for group in (structure.fed, structure.wanted) for own in group.values() for port in own]
+    ports = [
+        port
+        for group in (structure.fed, structure.wanted)
+        for own in group.values()
+        for port in own
+    ]
     number = {port: k for k, port in enumerate(ports)}
     edges = [(number[source], number[target]) for target, source in structure.sources.items()]
-    edges += [(number[i], number[port]) for port, needed in structure.feedthrough.items() for i in needed]
+    edges += [
+        (number[i], number[port]) for port, needed in structure.feedthrough.items() for i in needed
+    ]
     if not edges:
         return set()
-    matrix = coo_array((np.ones(len(edges)), tuple(zip(*edges, strict=True))), shape=(len(ports), len(ports)))
+    matrix = coo_array(
+        (np.ones(len(edges)), tuple(zip(*edges, strict=True))), shape=(len(ports), len(ports))
+    )
     _, labels = connected_components(matrix, directed=True, connection="strong")
-    groups = [frozenset(port for port in ports if labels[number[port]] == label) for label in set(labels)]
+    groups = [
+        frozenset(port for port in ports if labels[number[port]] == label) for label in set(labels)
+    ]
     return {group for group in groups if len(group) > 1}
 
 
@@ -59,7 +72,8 @@ def test_every_value_is_there_when_it_is_needed(structure):
         if isinstance(operation, Write):
             written += operation.ports
             assert all(
-                structure.sources.get(port, read[0] if read else None) in [*read, None] for port in operation.ports
+                structure.sources.get(port, read[0] if read else None) in [*read, None]
+                for port in operation.ports
             )
             continue
         if isinstance(operation, Loop):
@@ -77,10 +91,21 @@ def test_every_value_is_there_when_it_is_needed(structure):
 @given(structures(), st.sets(st.sampled_from("abcde")))
 def test_who_does_not_take_part_is_not_asked(structure, due):
     found = plan(structure, due)
-    asked = {port.member for operation in found.operations for port in operation[1]} | set(found.early)
+    asked = {port.member for operation in found.operations for port in operation[1]} | set(
+        found.early
+    )
     assert asked <= due
-    assert {p for o in found.operations if isinstance(o, Write) for p in o.ports if p not in structure.sources} == {
-        p for name in due & set(structure.fed) for p in structure.fed[name] if p not in structure.sources
+    assert {
+        p
+        for o in found.operations
+        if isinstance(o, Write)
+        for p in o.ports
+        if p not in structure.sources
+    } == {
+        p
+        for name in due & set(structure.fed)
+        for p in structure.fed[name]
+        if p not in structure.sources
     }
 
 
@@ -98,8 +123,10 @@ def test_a_bench_and_its_actuator_take_one_call_each():
     found = plan(structure, ["actuator", "bench"])
     assert found.early == {"actuator": (), "bench": (position,)}
     assert found.operations == [
-        Write("actuator", (length, current)), Read("actuator", (tension, voltage)), Write("bench", (load,)),
-    ]  # fmt: skip
+        Write("actuator", (length, current)),
+        Read("actuator", (tension, voltage)),
+        Write("bench", (load,)),
+    ]
     assert order(structure) == ["actuator", "bench"], "in a circle, as the system names them"
 
 
@@ -134,7 +161,8 @@ def test_values_that_are_not_continuous_are_passed_around():
 
 
 @pytest.mark.parametrize(
-    "g", [np.exp, lambda v: v + 1.0, lambda v: v * np.nan, lambda v: np.where(v == 0.3, 1.0, np.nan)]
+    "g",
+    [np.exp, lambda v: v + 1.0, lambda v: v * np.nan, lambda v: np.where(v == 0.3, 1.0, np.nan)],
 )
 def test_no_fixed_point(g):
     with pytest.raises(UserError, match=r"no solution found in|is no number"):

@@ -34,11 +34,16 @@ def ones(points=TIME.size):
     return {"u": np.ones(points)}
 
 
-@pytest.mark.parametrize("options", [{}, {"method": "jacobi"}, {"extrapolation": 1}, {"rates": {"bad": 3}}])
+@pytest.mark.parametrize(
+    "options", [{}, {"method": "jacobi"}, {"extrapolation": 1}, {"rates": {"bad": 3}}]
+)
 @pytest.mark.parametrize(
     ("status", "told"),
     [
-        (DISCARD, "failed (discard, it reached 3 s, it asks to end the simulation): I have had enough"),
+        (
+            DISCARD,
+            "failed (discard, it reached 3 s, it asks to end the simulation): I have had enough",
+        ),
         (ERROR, "failed (error): I have had enough"),
         (FATAL, "failed (fatal): I have had enough"),
     ],
@@ -59,7 +64,10 @@ def test_a_step_that_fails_stops_the_run(member, status, told, options):
 def test_a_slow_member_fails_in_a_step_of_its_own(member):
     with pytest.raises(Stopped) as caught:
         run(chain(member, status=ERROR, when=2.8), TIME, ones(), rates={"bad": 0.25})
-    assert str(caught.value) == "bad: member.fmu: step from 2.8 s to 3.2 s failed (error): I have had enough"
+    assert (
+        str(caught.value)
+        == "bad: member.fmu: step from 2.8 s to 3.2 s failed (error): I have had enough"
+    )
     assert caught.value.run.time[-1] == TIME[31]
 
 
@@ -76,8 +84,19 @@ def test_warnings_are_counted_and_told(member):
 
 
 def test_warnings_of_one_fmu_alone_are_told_too(member, tmp_path):
-    done = ppy("simulate", member, "--set", f"status={WARNING}", "--set", "when=3", "--stop", "5s", "--step", "0.1s",
-               cwd=tmp_path)  # fmt: skip
+    done = ppy(
+        "simulate",
+        member,
+        "--set",
+        f"status={WARNING}",
+        "--set",
+        "when=3",
+        "--stop",
+        "5s",
+        "--step",
+        "0.1s",
+        cwd=tmp_path,
+    )
     assert done.returncode == 0
     assert "20 calls ended with a warning (I have had enough" in " ".join(done.stderr.split())
 
@@ -91,12 +110,16 @@ def test_a_step_that_is_pending_is_waited_for(tmp_path, member):
 
 
 def test_a_pending_step_of_one_that_is_not_allowed_to(member):
-    with pytest.raises(Stopped, match=r"bad: member.fmu: step from 0 s to 0.1 s failed \(pending\)"):
+    with pytest.raises(
+        Stopped, match=r"bad: member.fmu: step from 0 s to 0.1 s failed \(pending\)"
+    ):
         run(chain(member, status=PENDING, when=0.0), TIME, ones())
 
 
 def test_what_is_no_number_is_not_passed_on(member):
-    system = ring(member, {"bad": {"nan": 1.0, "when": 3.0}, "good": {}}, "bad.y -> good.u", u="bad.u")
+    system = ring(
+        member, {"bad": {"nan": 1.0, "when": 3.0}, "good": {}}, "bad.y -> good.u", u="bad.u"
+    )
     with pytest.raises(Stopped, match=r"^bad: its output y is nan at 3 s$") as caught:
         run(system, TIME, ones())
     assert caught.value.run.time[-1] == TIME[29]
@@ -105,21 +128,32 @@ def test_what_is_no_number_is_not_passed_on(member):
 @pytest.mark.parametrize("options", [{}, {"tolerance": 1e-3}])
 def test_what_is_only_recorded_may_be_no_number(member, options):
     """y of bad is passed on to nobody; x is as without it."""
-    found, plain = (run(chain(member, nan=nan, when=3.0), TIME, ones(), **options).signals for nan in (1.0, 0.0))
+    found, plain = (
+        run(chain(member, nan=nan, when=3.0), TIME, ones(), **options).signals for nan in (1.0, 0.0)
+    )
     assert np.isnan(found["bad.y"]).tolist() == (TIME > 3.0 - 1e-9).tolist()
     assert found["bad.x"].tolist() == plain["bad.x"].tolist()
 
 
 def test_a_member_that_fails_in_initialization(member, scratch):
-    with pytest.raises(UserError, match=r"^bad: member.fmu: initialization failed: I do not want to begin$"):
+    with pytest.raises(
+        UserError, match=r"^bad: member.fmu: initialization failed: I do not want to begin$"
+    ):
         run(chain(member, init=ERROR), TIME, ones())
     assert list(scratch.iterdir()) == []
 
 
 def test_why_it_does_not_begin_matters_more_than_what_follows_from_it(member):
     """Values that are no number during initialization come from parameters that are refused at its end."""
-    system = ring(member, {"bad": {"nan": 1.0, "when": -1.0, "init": ERROR}, "good": {}}, "bad.y -> good.u", u="bad.u")
-    with pytest.raises(UserError, match=r"^bad: member\.fmu: initialization failed: I do not want to begin$"):
+    system = ring(
+        member,
+        {"bad": {"nan": 1.0, "when": -1.0, "init": ERROR}, "good": {}},
+        "bad.y -> good.u",
+        u="bad.u",
+    )
+    with pytest.raises(
+        UserError, match=r"^bad: member\.fmu: initialization failed: I do not want to begin$"
+    ):
         run(system, TIME, ones())
 
 
@@ -202,7 +236,9 @@ def saved(monkeypatch):
 LOOP = "good.y -> bad.u; bad.y -> -1 good.u + 1"
 
 
-@pytest.mark.parametrize(("wires", "options"), [(LOOP, {}), ("good.x -> bad.u; bad.x -> good.u", {"tolerance": 1e-3})])
+@pytest.mark.parametrize(
+    ("wires", "options"), [(LOOP, {}), ("good.x -> bad.u; bad.x -> good.u", {"tolerance": 1e-3})]
+)
 @pytest.mark.parametrize(
     ("bad", "left"),
     [
@@ -240,7 +276,11 @@ def test_ctrl_c_at_the_very_end_leaves_nothing_unchecked(member):
             raise KeyboardInterrupt
 
     result = run(chain(member), TIME, ones(), progress=press)
-    assert (result.time.size, result.complete, result.message) == (TIME.size, False, "interrupted at 5 s of 5 s")
+    assert (result.time.size, result.complete, result.message) == (
+        TIME.size,
+        False,
+        "interrupted at 5 s of 5 s",
+    )
 
 
 def test_progress_and_statistics(member):
@@ -271,5 +311,8 @@ def test_an_fmu_is_unzipped_once_and_removed(member, scratch):
 
 def test_an_fmu_that_runs_once_only(tmp_path):
     fmu = build_member(tmp_path, canBeInstantiatedOnlyOncePerProcess=True)
-    with pytest.raises(UserError, match=r"^bad: member.fmu can run once only \(canBeInstantiatedOnlyOncePerProcess\)$"):
+    with pytest.raises(
+        UserError,
+        match=r"^bad: member.fmu can run once only \(canBeInstantiatedOnlyOncePerProcess\)$",
+    ):
         run(chain(fmu), TIME, ones())

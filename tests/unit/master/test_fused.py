@@ -44,9 +44,15 @@ def bench(times, reference, current):
         i, x, v, force, position, charge, kelvin, _ = y
         pull = tension(y)
         return [
-            (volts - R * i - K * v) / L, v, (K * i - B * v - pull) / M, CORNER * (pull - force),
-            CORNER * (x - position), (R2 * amperes - charge / C) / (R1 + R2), (pull - K2 * kelvin) / B2, pull / B1,
-        ]  # fmt: skip
+            (volts - R * i - K * v) / L,
+            v,
+            (K * i - B * v - pull) / M,
+            CORNER * (pull - force),
+            CORNER * (x - position),
+            (R2 * amperes - charge / C) / (R1 + R2),
+            (pull - K2 * kelvin) / B2,
+            pull / B1,
+        ]
 
     for at, until in zip(events, np.append(events[1:], np.nan), strict=True):
         row = np.searchsorted(times, at + 1e-9) - 1
@@ -58,12 +64,25 @@ def bench(times, reference, current):
             rows.append([y[1], R1 * charging + y[5] / C, tension(y), y[3], y[5]])
         if at < events[-1]:
             y = solve_ivp(
-                slope, (at, until), y, "LSODA", args=(volts, current[row]), rtol=1e-10, atol=1e-13, max_step=5e-3
+                slope,
+                (at, until),
+                y,
+                "LSODA",
+                args=(volts, current[row]),
+                rtol=1e-10,
+                atol=1e-13,
+                max_step=5e-3,
             ).y[:, -1]
     return np.array(rows).T
 
 
-SEEN = ["bench.position", "actuator.voltage", "actuator.tension", "bench.force_measured", "actuator.charge"]
+SEEN = [
+    "bench.position",
+    "actuator.voltage",
+    "actuator.tension",
+    "bench.force_measured",
+    "actuator.charge",
+]
 
 
 def close(found, exact, tolerance):
@@ -87,7 +106,11 @@ def test_bench_is_the_monolithic_solution_slack_and_saturation_included():
 
 
 def test_foot_under_four_currents_is_the_motion_of_its_points():
-    system, feet, currents = library.system("foot_gait"), library.FEET, np.array([1.0, -0.6, 0.5, -0.8])
+    system, feet, currents = (
+        library.system("foot_gait"),
+        library.FEET,
+        np.array([1.0, -0.6, 0.5, -0.8]),
+    )
     flowed = [system.member(a).parameters["maxwell_elongation_start"] for a in feet]
 
     def parts(y):
@@ -99,10 +122,18 @@ def test_foot_under_four_currents_is_the_motion_of_its_points():
     def slope(_, y):
         angles, rates, charge, kelvin, pull = parts(y)
         turned = points.acceleration(angles, rates, np.append(pull, [0.0, 0.0]))
-        return [*rates, *turned, *(R2 * currents - charge / C) / (R1 + R2), *(pull - K2 * kelvin) / B2, *pull / B1]
+        return [
+            *rates,
+            *turned,
+            *(R2 * currents - charge / C) / (R1 + R2),
+            *(pull - K2 * kelvin) / B2,
+            *pull / B1,
+        ]
 
     time = np.array([0.0, 0.05, 0.1, 0.2, 0.4])
-    y = solve_ivp(slope, (0.0, 0.4), [*np.zeros(14), *flowed], "DOP853", t_eval=time, rtol=1e-10, atol=1e-13).y
+    y = solve_ivp(
+        slope, (0.0, 0.4), [*np.zeros(14), *flowed], "DOP853", t_eval=time, rtol=1e-10, atol=1e-13
+    ).y
     exact = {f"foot.{joint}_angle": y[i] for i, joint in ((0, "ankle"), (2, "mtp"))}
     exact |= {f"{a}.tension": [parts(row)[4][i] for row in y.T] for i, a in enumerate(feet)}
     inputs = {f"{a}_current": np.full(time.size, i) for a, i in zip(feet, currents, strict=True)}
@@ -130,14 +161,31 @@ def test_watch_takes_its_samples_in_the_order_of_its_members():
     for t, wanted in zip(time.tolist(), command.tolist(), strict=True):
         galvanostat.current_command = wanted
         actuator.current = galvanostat.current()  # of the sample before
-        galvanostat.voltage, galvanostat.voltage_limit = actuator.voltage(), estimator.voltage_limit()
-        rows.append([actuator.current, galvanostat.voltage, estimator.R1, estimator.impedance(), actuator.throughput])
+        galvanostat.voltage, galvanostat.voltage_limit = (
+            actuator.voltage(),
+            estimator.voltage_limit(),
+        )
+        rows.append(
+            [
+                actuator.current,
+                galvanostat.voltage,
+                estimator.R1,
+                estimator.impedance(),
+                actuator.throughput,
+            ]
+        )
         integrators[0].advance(t, step)
         actuator.current = estimator.current = galvanostat.current()
         estimator.voltage = actuator.voltage()
         for integrator in integrators[1:]:
             integrator.advance(t, step)
-    names = ["galvanostat.current", "actuator.voltage", "estimator.R1", "estimator.impedance", "actuator.throughput"]
+    names = [
+        "galvanostat.current",
+        "actuator.voltage",
+        "estimator.R1",
+        "estimator.impedance",
+        "actuator.throughput",
+    ]
     found = CompiledModel(fuse(system)).run(time, {"current_command": command}).signals
     close(found, dict(zip(names, np.array(rows).T, strict=True)), 1e-6)
     for happened in ("galvanostat.recovering", "estimator.estimate_valid"):
@@ -163,7 +211,12 @@ def test_sensitivities_to_parameters_of_members_are_central_differences():
     graph = fuse(library.system("dma_bench"))
     time = 0.01 * np.arange(61)
     inputs = {"force_reference": 3.0 + 0.0 * time, "current": np.where(time < 0.3, 0.2, -0.4)}
-    values = {"actuator.k1": 6300.0, "actuator.alpha": 6.8e-5, "bench.K": 3.9, "bench.error_gain": 0.66}
+    values = {
+        "actuator.k1": 6300.0,
+        "actuator.alpha": 6.8e-5,
+        "bench.K": 3.9,
+        "bench.error_gain": 0.66,
+    }
     plain, found = CompiledModel(graph), CompiledModel(graph, list(values)).run(time, inputs)
     for i, (name, value) in enumerate(values.items()):
         ends = [plain.run(time, inputs, {name: value * (1 + s)}).signals for s in (1e-3, -1e-3)]
@@ -247,18 +300,26 @@ def test_a_chain_is_the_linear_system_worked_out_on_paper():
 
 
 def test_an_input_of_the_system_reaches_all_its_ports():
-    system = system_of({"one": Leak, "two": Leak}, (), {n: {"bias": 0.0} for n in ("one", "two")},
-                       {"drive": (Port("one", "u"), Port("two", "u"))})  # fmt: skip
+    system = system_of(
+        {"one": Leak, "two": Leak},
+        (),
+        {n: {"bias": 0.0} for n in ("one", "two")},
+        {"drive": (Port("one", "u"), Port("two", "u"))},
+    )
     graph = fuse(system)
     _, B, _, _ = graph.linearise()
-    np.testing.assert_array_equal(B[:, [v.name for v in graph.layout.inputs].index("drive")], [1, 1])
+    np.testing.assert_array_equal(
+        B[:, [v.name for v in graph.layout.inputs].index("drive")], [1, 1]
+    )
 
 
 def test_samples_that_coincide_are_taken_in_the_order_of_the_members():
     time = 0.25 * np.arange(10)
     taken = np.ceil(time / 0.5)  # a sample at a communication point shows at the next one
     for first, second in (("a", "b"), ("b", "a")):
-        system = system_of({first: Count, second: Count}, connect("a.count -> b.other", "b.count -> a.other"))
+        system = system_of(
+            {first: Count, second: Count}, connect("a.count -> b.other", "b.count -> a.other")
+        )
         found = CompiledModel(fuse(system)).run(time, {}).signals
         np.testing.assert_array_equal(found["a.count"], taken)
         np.testing.assert_array_equal(found[f"{first}.seen"], np.maximum(taken - 1, 0))
@@ -271,16 +332,24 @@ def test_members_keep_their_own_sample_periods():
     time = 0.1 * np.arange(200)
     inputs = {"current_command": 1.3 * np.sin(3.0 * time)}
     found = CompiledModel(fuse(system)).run(time, inputs, parameters).signals
-    changes = {n: np.flatnonzero(np.diff(found[n])) for n in ("galvanostat.sampled_voltage", "estimator.b0")}
+    changes = {
+        n: np.flatnonzero(np.diff(found[n]))
+        for n in ("galvanostat.sampled_voltage", "estimator.b0")
+    }
     assert set(changes["galvanostat.sampled_voltage"] % 3) == {0}
     assert set(changes["estimator.b0"] % 2) == {0}
     assert min(map(len, changes.values())) > 20
 
 
 def test_what_cannot_be_fused_is_told():
-    system = system_of({"q": Leak, "p": Leak}, connect("q.through -> p.u", "p.through -> q.u"),
-                       {n: {"bias": 0.0} for n in ("q", "p")})  # fmt: skip
-    with pytest.raises(UserError, match=r"^system small: an algebraic loop cannot be fused: .*q\.u.*p\.u[^\n]*$"):
+    system = system_of(
+        {"q": Leak, "p": Leak},
+        connect("q.through -> p.u", "p.through -> q.u"),
+        {n: {"bias": 0.0} for n in ("q", "p")},
+    )
+    with pytest.raises(
+        UserError, match=r"^system small: an algebraic loop cannot be fused: .*q\.u.*p\.u[^\n]*$"
+    ):
         fuse(system)
     foreign = replace(system, members=(replace(system.members[0], cls=None), system.members[1]))
     with pytest.raises(UserError, match=r"^system small: q \(leak\.fmu\) cannot be fused, [^\n]*$"):
@@ -292,7 +361,12 @@ def test_a_fused_single_component_is_the_component():
     inputs = {"current": square_wave(time, 0.9, 0.5), "force": 1.0 + np.sin(time)}
     cls = component("ppy_actuator")
     system = system_of({"m": cls}, (), {}, {n: (Port("m", n),) for n in inputs})
-    alone, fused = CompiledModel(trace(cls)).run(time, inputs), CompiledModel(fuse(system)).run(time, inputs)
+    alone, fused = (
+        CompiledModel(trace(cls)).run(time, inputs),
+        CompiledModel(fuse(system)).run(time, inputs),
+    )
     for name, values in alone.signals.items():
         np.testing.assert_array_equal(fused.signals[f"m.{name}"], values)
-    assert fuse(system).layout.start_of == {f"m.{k}": f"m.{v}" for k, v in cls.layout.start_of.items()}
+    assert fuse(system).layout.start_of == {
+        f"m.{k}": f"m.{v}" for k, v in cls.layout.start_of.items()
+    }

@@ -42,9 +42,14 @@ def done(*arguments, **options):
     counted = {name: spent.steps for name, spent in found.statistics.components.items()}
     steps = found.statistics.steps, found.statistics.evaluations
     return {
-        "signals": signals, "time": found.time.tobytes(), "message": found.message, "notes": found.notes,
-        "counted": counted, "steps": steps, "told": told,
-    }  # fmt: skip
+        "signals": signals,
+        "time": found.time.tobytes(),
+        "message": found.message,
+        "notes": found.notes,
+        "counted": counted,
+        "steps": steps,
+        "told": told,
+    }
 
 
 def both_ways(*arguments, **options):
@@ -59,7 +64,9 @@ def both_ways(*arguments, **options):
 def steps_in_python(monkeypatch):
     """Steps that the executor makes itself."""
     made, plain = [], Executor.step
-    monkeypatch.setattr(Executor, "step", lambda *arguments: made.append(arguments) or plain(*arguments))
+    monkeypatch.setattr(
+        Executor, "step", lambda *arguments: made.append(arguments) or plain(*arguments)
+    )
     return made
 
 
@@ -72,7 +79,9 @@ def test_a_system_of_native_fmus(options, steps_in_python):
     wire = str(system.connections[0].target)
     run(system, time, inputs, **options)
     assert steps_in_python == []
-    found = both_ways(system, time, inputs, {wire: 1e-6 * rng.standard_normal(time.size)}, **options)
+    found = both_ways(
+        system, time, inputs, {wire: 1e-6 * rng.standard_normal(time.size)}, **options
+    )
     assert found["message"] == ""
 
 
@@ -96,7 +105,11 @@ def test_systems_of_all_kinds(member, wires, options, method):
 
 
 def test_a_loop_is_the_only_thing_that_is_done_in_python(member, steps_in_python):
-    system = ring(member, {"a": {"d": 0.5, "start": 1.0}, "b": {"d": 0.5}}, "a.y -> b.u; b.y -> -0.5 a.u + 0.25")
+    system = ring(
+        member,
+        {"a": {"d": 0.5, "start": 1.0}, "b": {"d": 0.5}},
+        "a.y -> b.u; b.y -> -0.5 a.u + 0.25",
+    )
     assert run(system, TIME).statistics.evaluations > TIME.size
     assert steps_in_python == []
 
@@ -114,9 +127,14 @@ def test_integers_and_booleans_pass_from_member_to_member(tmp_path, runtime, ste
     assert steps_in_python == []
     found = both_ways(system, TIME, {"on": on}, **jacobi)
     assert found["message"] == ""
-    assert np.frombuffer(found["signals"]["two.off"])[2:].tolist() == on[:-2].tolist()  # two steps later
+    assert (
+        np.frombuffer(found["signals"]["two.off"])[2:].tolist() == on[:-2].tolist()
+    )  # two steps later
     on[100] = 0.5
-    assert "one.on: 0.5 is neither true (1) nor false (0)" in both_ways(system, TIME, {"on": on}, **jacobi)["message"]
+    assert (
+        "one.on: 0.5 is neither true (1) nor false (0)"
+        in both_ways(system, TIME, {"on": on}, **jacobi)["message"]
+    )
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "jacobi"])
@@ -124,7 +142,10 @@ def test_integers_and_booleans_pass_from_member_to_member(tmp_path, runtime, ste
     ("bad", "told"),
     [
         ({"status": WARNING}, ""),
-        ({"status": DISCARD}, "bad: member.fmu: step from 30 s to 30.1 s failed (discard, it reached 30 s, "),
+        (
+            {"status": DISCARD},
+            "bad: member.fmu: step from 30 s to 30.1 s failed (discard, it reached 30 s, ",
+        ),
         ({"status": ERROR}, "bad: member.fmu: step from 30 s to 30.1 s failed (error)"),
         ({"status": FATAL}, "bad: member.fmu: step from 30 s to 30.1 s failed (fatal)"),
         ({"status": PENDING}, "bad: member.fmu: step from 30 s to 30.1 s failed (pending)"),
@@ -140,13 +161,17 @@ def test_failures_are_named_as_in_python(member, bad, told, method):
     assert found["message"].startswith(told)
     assert bool(found["message"]) == bool(told)
     if not told:
-        assert found["notes"][0].startswith("bad: 100 calls ended with a warning (I have had enough")
+        assert found["notes"][0].startswith(
+            "bad: 100 calls ended with a warning (I have had enough"
+        )
 
 
 def test_a_step_that_is_pending_is_waited_for_in_python(tmp_path):
     waits = build_member(tmp_path, canRunAsynchronuously=True)
     system = ring(
-        waits, {"a": {"start": 1.0, "status": float(PENDING), "when": 0.0}, "b": {}}, "a.x -> b.u; b.x -> a.u"
+        waits,
+        {"a": {"start": 1.0, "status": float(PENDING), "when": 0.0}, "b": {}},
+        "a.x -> b.u; b.x -> a.u",
     )
     assert both_ways(system, TIME[:11])["message"] == ""
 
@@ -154,7 +179,10 @@ def test_a_step_that_is_pending_is_waited_for_in_python(tmp_path):
 def test_seconds_are_those_of_who_spent_them(tmp_path, member):
     """One sleeps 1 ms in every step, the other does next to nothing."""
     path = build_sleeper(tmp_path)
-    members = (Member("slow", path, {"delay": 1e-3, "until": 1e9}), Member("quick", member, {"u": 1.0}))
+    members = (
+        Member("slow", path, {"delay": 1e-3, "until": 1e9}),
+        Member("quick", member, {"u": 1.0}),
+    )
     system = System("pair", members, ())
     statistics = run(system, 1e-3 * np.arange(201)).statistics
     slow, fast = (statistics.components[name].seconds for name in ("slow", "quick"))
@@ -164,7 +192,9 @@ def test_seconds_are_those_of_who_spent_them(tmp_path, member):
 
 def test_ctrl_c_is_heard_long_before_progress_is_told(tmp_path):
     """Progress is told every 2 s here; an interrupt waits for a pulse, and what was computed stays."""
-    system = System("alone", (Member("slow", build_sleeper(tmp_path), {"delay": 0.01, "until": 1e9}),), ())
+    system = System(
+        "alone", (Member("slow", build_sleeper(tmp_path), {"delay": 0.01, "until": 1e9}),), ()
+    )
     told, pressed = [], []
 
     def press():
@@ -175,7 +205,9 @@ def test_ctrl_c_is_heard_long_before_progress_is_told(tmp_path):
     found = run(system, 0.01 * np.arange(40_000.0), progress=told.append)
     waited = clock.perf_counter() - pressed[0]
     assert told == []
-    assert waited < 1.0  # by far less than what is left of the 2 s; 0.1 s on a machine that has nothing else to do
+    assert (
+        waited < 1.0
+    )  # by far less than what is left of the 2 s; 0.1 s on a machine that has nothing else to do
     assert not found.complete
     assert found.message == f"interrupted at {found.time[-1]:.10g} s of 399.99 s"
     assert found.signals["slow.voltage_age"].size == found.time.size > 10

@@ -53,10 +53,14 @@ def test_a_paced_run_is_the_same_to_the_last_bit_and_never_early(tmp_path, optio
     pace = RealTime(watch=lambda k, values, lag, missed: came.append(perf_counter()))
     fast, paced = run(system, time, **options), run(system, time, real_time=pace, **options)
     assert fast.statistics.pacing is None
-    assert [v.tobytes() for v in paced.signals.values()] == [v.tobytes() for v in fast.signals.values()]
+    assert [v.tobytes() for v in paced.signals.values()] == [
+        v.tobytes() for v in fast.signals.values()
+    ]
     assert (np.array(came[1:]) - came[0] >= time[:-1] - 1e-6).all()
     assert time[-1] <= paced.statistics.wall
-    assert came[-1] - came[0] <= time[-1] + paced.statistics.pacing.worst_lag + LATE, "what is late is told"
+    assert came[-1] - came[0] <= time[-1] + paced.statistics.pacing.worst_lag + LATE, (
+        "what is late is told"
+    )
     assert paced.statistics.pacing.deadlines == sum(paced.statistics.pacing.counts) == time.size - 1
 
 
@@ -72,8 +76,15 @@ def test_errors_do_not_add_up(sleeper):
 def test_the_watch_sees_every_point_with_the_recorded_values(sleeper):
     seen = []
     pace = RealTime(watch=lambda k, values, lag, missed: seen.append((k, *values)))
-    done = run(sleeping(sleeper), points(0.01, 0.1), record=["a.link_state", "a.voltage_age"], real_time=pace)
-    expected = zip(range(11), done.signals["a.link_state"], done.signals["a.voltage_age"], strict=True)
+    done = run(
+        sleeping(sleeper),
+        points(0.01, 0.1),
+        record=["a.link_state", "a.voltage_age"],
+        real_time=pace,
+    )
+    expected = zip(
+        range(11), done.signals["a.link_state"], done.signals["a.voltage_age"], strict=True
+    )
     assert seen == list(expected)
 
 
@@ -81,7 +92,11 @@ def test_missed_deadlines_are_counted(sleeper):
     """A step of 20 ms that takes 80 ms ends 60 ms late; the next ones 40 ms and 20 ms, for they take no time."""
     lags = []
     pace = RealTime(watch=lambda k, values, lag, missed: lags.append(lag))
-    done = run(sleeping(sleeper, delay=0.08, until=0.11, **{"from": 0.1}), points(0.02, 0.4), real_time=pace)
+    done = run(
+        sleeping(sleeper, delay=0.08, until=0.11, **{"from": 0.1}),
+        points(0.02, 0.4),
+        real_time=pace,
+    )
     pacing = done.statistics.pacing
     assert done.complete
     assert lags[7] >= 0.06 - 1e-6  # of point 6, told at the next
@@ -98,8 +113,14 @@ def test_missed_deadlines_are_counted(sleeper):
 
 def test_a_missed_deadline_can_end_the_run_and_the_record_stays(sleeper):
     pace = RealTime(missed="stop", allowance=0.2)
-    with pytest.raises(Stopped, match=r"deadline missed: 0.15 s was reached \d+ ms late; 200 ms are allowed") as caught:
-        run(sleeping(sleeper, delay=0.4, until=9.0, **{"from": 0.1}), points(0.05, 1.0), real_time=pace)
+    with pytest.raises(
+        Stopped, match=r"deadline missed: 0.15 s was reached \d+ ms late; 200 ms are allowed"
+    ) as caught:
+        run(
+            sleeping(sleeper, delay=0.4, until=9.0, **{"from": 0.1}),
+            points(0.05, 1.0),
+            real_time=pace,
+        )
     partial = caught.value.run
     assert (partial.complete, partial.message) == (False, str(caught.value))
     assert partial.time.tolist() == points(0.05, 0.15).tolist()
@@ -109,7 +130,9 @@ def test_a_missed_deadline_can_end_the_run_and_the_record_stays(sleeper):
 
 def test_a_lag_beyond_its_bound_ends_the_run_in_any_case(sleeper):
     """Steps of 100 ms that take 300 ms are 200 ms later each time: beyond 500 ms at the third, at the latest."""
-    with pytest.raises(Stopped, match=r"not in real time: .* s late; the lag may be 0\.5 s") as caught:
+    with pytest.raises(
+        Stopped, match=r"not in real time: .* s late; the lag may be 0\.5 s"
+    ) as caught:
         run(sleeping(sleeper, delay=0.3, until=9.0), points(0.1, 5.0), real_time=RealTime(lag=0.5))
     assert 2 <= caught.value.run.time.size <= 4
     assert caught.value.run.statistics.pacing.worst_lag > 0.5
@@ -135,7 +158,9 @@ def test_nothing_is_left_of_what_keeps_a_run_undisturbed():
         assert gc.get_freeze_count() > before[0]
         if affinity is not None:
             assert os.sched_getaffinity(0) == {min(affinity)}
-        assert os.getpriority(os.PRIO_PROCESS, 0) == -10 or notes[-1].startswith("a higher priority is not to be had")
+        assert os.getpriority(os.PRIO_PROCESS, 0) == -10 or notes[-1].startswith(
+            "a higher priority is not to be had"
+        )
     assert gc.isenabled()
     assert (gc.get_freeze_count(), os.getpriority(os.PRIO_PROCESS, 0)) == before
     assert affinity is None or os.sched_getaffinity(0) == affinity

@@ -76,7 +76,9 @@ def test_two_members_in_a_circle(member, method):
 def test_who_feeds_steps_first(member):
     """A chain that is written down backwards: every member sees the newest."""
     parameters = {name: {"tau": TAU["a"]} for name in "cba"}
-    result = run(ring(member, parameters, "a.x -> b.u; b.x -> c.u", u="a.u"), TIME, {"u": np.ones(TIME.size)})
+    result = run(
+        ring(member, parameters, "a.x -> b.u; b.x -> c.u", u="a.u"), TIME, {"u": np.ones(TIME.size)}
+    )
     x = np.zeros(3)
     for k in range(TIME.size):
         assert [result.signals[f"{name}.x"][k] for name in "abc"] == pytest.approx(x, abs=1e-14)
@@ -91,12 +93,16 @@ def test_steps_of_any_size(member):
     a, b = 0.3, 0.0
     for k, h in enumerate(np.diff(time)):
         a, b = lag(a, 1 - 2 * b, exp(-h / TAU["a"])), lag(b, a, exp(-h / TAU["b"]))
-        assert (result.signals["a.x"][k + 1], result.signals["b.x"][k + 1]) == pytest.approx((a, b), abs=1e-12)
+        assert (result.signals["a.x"][k + 1], result.signals["b.x"][k + 1]) == pytest.approx(
+            (a, b), abs=1e-12
+        )
 
 
 def test_outputs_show_the_inputs_of_the_same_point(member):
     """Through two members at once: y = d u, and the next one's y too; the first point included."""
-    system = ring(member, {"b": {"c": 0.0, "d": 3.0}, "a": {"c": 0.0, "d": 2.0}}, "a.y -> b.u + 1", u="a.u")
+    system = ring(
+        member, {"b": {"c": 0.0, "d": 3.0}, "a": {"c": 0.0, "d": 2.0}}, "a.y -> b.u + 1", u="a.u"
+    )
     u = np.sin(TIME) + 0.5
     result = run(system, TIME, {"u": u}, record=["b.y", "a.u", "b.u"])
     assert result.signals["b.y"] == pytest.approx(3 * (2 * u + 1), abs=1e-14)
@@ -105,7 +111,9 @@ def test_outputs_show_the_inputs_of_the_same_point(member):
 
 
 def test_without_feedthrough_an_output_is_a_step_late(member):
-    system = ring(member, {"a": {"c": 0.0, "d": 2.0}, "b": {"c": 0.0, "d": 3.0}}, "a.y -> b.u", u="a.u")
+    system = ring(
+        member, {"a": {"c": 0.0, "d": 2.0}, "b": {"c": 0.0, "d": 3.0}}, "a.y -> b.u", u="a.u"
+    )
     u = np.sin(TIME) + 0.5
     result = run(system, TIME, {"u": u}, method="jacobi", feedthrough=False)
     assert result.signals["a.y"][1:] == pytest.approx(2 * u[:-1], abs=1e-14)
@@ -162,14 +170,19 @@ def test_a_member_with_several_steps_in_one(member, extrapolation):
     result = run(system, TIME, method="jacobi", extrapolation=extrapolation, rates={"b": 4})
     a, b, slope = 0.3, 0.0, {"a": 0.0, "b": 0.0}
     for k in range(TIME.size):
-        assert (result.signals["a.x"][k], result.signals["b.x"][k]) == pytest.approx((a, b), abs=1e-13)
+        assert (result.signals["a.x"][k], result.signals["b.x"][k]) == pytest.approx(
+            (a, b), abs=1e-13
+        )
         u = {"a": 1 - 2 * b, "b": a}
         a += H / TAU["a"] * (u["a"] + slope["a"] * H / 2 - a)
         for part in range(4):
             b += H / 4 / TAU["b"] * (u["b"] + slope["b"] * H * (part + 0.5) / 4 - b)
         if extrapolation:
             slope = {"a": (1 - 2 * b - u["a"]) / H, "b": (a - u["b"]) / H}
-    assert {name: spent.steps for name, spent in result.statistics.components.items()} == {"a": 30, "b": 120}
+    assert {name: spent.steps for name, spent in result.statistics.components.items()} == {
+        "a": 30,
+        "b": 120,
+    }
 
 
 @pytest.mark.parametrize("method", ["jacobi", "gauss-seidel"])
@@ -182,7 +195,9 @@ def test_a_slow_member_keeps_its_outputs_between_its_steps(member, method):
         if k % 4 == 0 or k == TIME.size - 1:
             b = lag(b, a if method == "gauss-seidel" else u, DECAY["b"] ** (k - since))
             u, since = a, k
-        assert (result.signals["a.x"][k], result.signals["b.x"][k]) == pytest.approx((a, b), abs=1e-13)
+        assert (result.signals["a.x"][k], result.signals["b.x"][k]) == pytest.approx(
+            (a, b), abs=1e-13
+        )
     assert result.statistics.components["b"].steps == 8
 
 
@@ -198,7 +213,9 @@ def test_a_slow_member_with_linear_inputs(members):
             b = ramp(b, u_b, slope_b, 2 * H, TAU["b"])
             u_b, slope_b = a, (a - u_b) / (2 * H)
         slope_a = (1 - 2 * b - u_a) / H
-        assert (result.signals["a.x"][k], result.signals["b.x"][k]) == pytest.approx((a, b), abs=1e-12)
+        assert (result.signals["a.x"][k], result.signals["b.x"][k]) == pytest.approx(
+            (a, b), abs=1e-12
+        )
 
 
 # --- order of convergence -------------------------------------------------------------------------------------------
@@ -215,7 +232,9 @@ def two_masses(folder, runtime):
         Member("s", paths[Spring]),
         Member("b", paths[Mass], {"m": 0.5, "right": 0.0}),
     )
-    wires = connect("a.position -> s.one", "b.position -> s.other", "s.force -> a.right", "s.force -> b.left")
+    wires = connect(
+        "a.position -> s.one", "b.position -> s.other", "s.force -> a.right", "s.force -> b.left"
+    )
     return System("chain", members, wires)
 
 
@@ -234,13 +253,17 @@ def exact_chain(stop):
 
 def chain_error(chain, steps, **options):
     result = run(chain, np.linspace(0.0, 4.0, steps + 1), **options)
-    return np.abs([result.signals["a.position"][-1], result.signals["b.position"][-1]] - exact_chain(4.0)).max()
+    return np.abs(
+        [result.signals["a.position"][-1], result.signals["b.position"][-1]] - exact_chain(4.0)
+    ).max()
 
 
 @pytest.mark.parametrize(("extrapolation", "order"), [(0, 1), (1, 2)])
 @pytest.mark.parametrize("method", ["jacobi", "gauss-seidel"])
 def test_order_of_convergence(chain, method, extrapolation, order):
-    errors = [chain_error(chain, n, method=method, extrapolation=extrapolation) for n in (160, 320, 640)]
+    errors = [
+        chain_error(chain, n, method=method, extrapolation=extrapolation) for n in (160, 320, 640)
+    ]
     observed = np.log2(np.array(errors[:-1]) / errors[1:])
     assert observed == pytest.approx(order, abs=0.15)
 
@@ -249,7 +272,9 @@ def test_order_of_convergence(chain, method, extrapolation, order):
 @pytest.mark.parametrize(("rates", "order"), [({"b": 4}, 2), ({"s": 1 / 2}, 1)])
 def test_order_where_a_member_has_a_rate_of_its_own(chain, method, rates, order):
     """Outputs of a slow member are held in between, whatever is extrapolated."""
-    errors = [chain_error(chain, n, method=method, extrapolation=1, rates=rates) for n in (320, 640, 1280)]
+    errors = [
+        chain_error(chain, n, method=method, extrapolation=1, rates=rates) for n in (320, 640, 1280)
+    ]
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(order, abs=0.15)
 
 
@@ -263,7 +288,9 @@ def test_order_where_no_fmu_can_interpolate(tmp_path, method):
 
 def test_one_after_another_is_better_than_all_at_once(chain):
     for steps in (160, 640):
-        assert chain_error(chain, steps, method="gauss-seidel") < 0.8 * chain_error(chain, steps, method="jacobi")
+        assert chain_error(chain, steps, method="gauss-seidel") < 0.8 * chain_error(
+            chain, steps, method="jacobi"
+        )
 
 
 # --- disturbances -----------------------------------------------------------------------------------------------------
@@ -275,7 +302,9 @@ def test_a_disturbance_is_added_to_what_is_connected(member, method):
     disturbance = np.random.default_rng(0).standard_normal(TIME.size)
     parameters = {"a": {"start": 0.5, "u": 0.5}, "b": {"start": 1.0, "tau": TAU["b"]}}
     system = ring(member, parameters, "a.x -> 2 b.u + 1")
-    found = run(system, TIME, disturbances={"b.u": disturbance}, record=["b.x", "b.u"], method=method).signals
+    found = run(
+        system, TIME, disturbances={"b.u": disturbance}, record=["b.x", "b.u"], method=method
+    ).signals
     wanted = [1.0]
     for added in disturbance[:-1]:
         wanted.append(lag(wanted[-1], 2.0 + added, DECAY["b"]))
@@ -287,9 +316,14 @@ def test_a_disturbance_is_what_a_voltmeter_adds():
     watch = library.system("degradation_watch")
     time = 0.1 * np.arange(300)
     inputs = {"current_command": np.where(time % 5.0 < 2.5, 1.3, -1.3)}
-    noise, record = 0.02 * np.random.default_rng(1).standard_normal(time.size), ["actuator.voltage", "estimator.R2"]
+    noise, record = (
+        0.02 * np.random.default_rng(1).standard_normal(time.size),
+        ["actuator.voltage", "estimator.R2"],
+    )
     measured = library.with_voltmeter(watch, "actuator.voltage")
-    one = run(measured, time, inputs | {"voltage_error": noise}, record=record, method="jacobi").signals
+    one = run(
+        measured, time, inputs | {"voltage_error": noise}, record=record, method="jacobi"
+    ).signals
     both = {"galvanostat.voltage": noise, "estimator.voltage": noise}
     other = run(watch, time, inputs, disturbances=both, record=record, method="jacobi").signals
     for name, values in one.items():
@@ -325,8 +359,12 @@ def test_a_loop_with_a_known_solution(member):
     result = run(ring(member, parameters, "a.y -> b.u; b.y -> -1 a.u"), TIME, method="jacobi")
     a, b = 0.3, 0.0
     for k in range(TIME.size):
-        y = np.linalg.solve([[1.0, 0.5], [-4.0, 1.0]], [a, b])  # a_y + b_y / 2 = a;  -4 a_y + b_y = b
-        assert [result.signals[f"{name}.y"][k] for name in "ab"] == pytest.approx(y.tolist(), abs=1e-9)
+        y = np.linalg.solve(
+            [[1.0, 0.5], [-4.0, 1.0]], [a, b]
+        )  # a_y + b_y / 2 = a;  -4 a_y + b_y = b
+        assert [result.signals[f"{name}.y"][k] for name in "ab"] == pytest.approx(
+            y.tolist(), abs=1e-9
+        )
         assert [result.signals[f"{name}.x"][k] for name in "ab"] == pytest.approx([a, b], abs=1e-9)
         a, b = lag(a, -y[1], DECAY["a"]), lag(b, y[0], DECAY["b"])
     assert result.notes[0].startswith("algebraic loop of a.u, a.y, b.u, b.y: solved with ")
@@ -337,7 +375,9 @@ def test_a_loop_with_a_known_solution(member):
 def test_a_loop_that_is_not_linear(member, e, gain):
     """u = gain e cos(u); with slope 5 sin(u) > 1 passing it around diverges."""
     parameters = {"a": {"c": 0.0, "e": e}, "b": {"c": 0.0, "d": gain}}
-    result = run(ring(member, parameters, "a.y -> b.u; b.y -> a.u"), TIME[:5], record=["a.u", "b.y"])
+    result = run(
+        ring(member, parameters, "a.y -> b.u; b.y -> a.u"), TIME[:5], record=["a.u", "b.y"]
+    )
     u = result.signals["a.u"]
     assert u == pytest.approx(gain * e * np.cos(u), abs=1e-9)
     if e == 1.0:
@@ -346,7 +386,10 @@ def test_a_loop_that_is_not_linear(member, e, gain):
 
 def test_trials_leave_no_trace(member):
     """Setting the input of b changes its state; at each point it was set once, however long the search."""
-    parameters = {"a": {"start": 2.0, "e": 0.9}, "b": {"c": 0.0, "d": -1.0, "tau": 1e15, "trace": 1e-3}}
+    parameters = {
+        "a": {"start": 2.0, "e": 0.9},
+        "b": {"c": 0.0, "d": -1.0, "tau": 1e15, "trace": 1e-3},
+    }
     result = run(ring(member, parameters, "a.y -> b.u; b.y -> a.u"), TIME, method="jacobi")
     assert result.statistics.evaluations > 2 * TIME.size
     assert result.signals["b.x"] == pytest.approx(1e-3 * np.arange(TIME.size), abs=1e-12)
@@ -362,7 +405,9 @@ def test_a_loop_beside_what_it_does_not_touch(member):
 
 def test_a_loop_without_solution_is_named(member):
     parameters = {"a": {"c": 0.0, "d": 1.0}, "b": {"d": 1.0, "start": 1.0}}
-    with pytest.raises(UserError, match=r"^algebraic loop of a\.u, a\.y, b\.u, b\.y, at 0 s: no solution found in "):
+    with pytest.raises(
+        UserError, match=r"^algebraic loop of a\.u, a\.y, b\.u, b\.y, at 0 s: no solution found in "
+    ):
         run(ring(member, parameters, "a.y -> b.u; b.y -> a.u"), TIME)
 
 
@@ -370,7 +415,9 @@ def test_a_loop_whose_member_cannot_go_back_is_refused(member, members):
     fmus = {"a": member, "b": members(canGetAndSetFMUstate=False)}
     parameters = {"a": {"d": 0.5}, "b": {"d": 0.5, "start": 1.0}}
     system = ring(fmus, parameters, "a.y -> b.u; b.y -> a.u")
-    with pytest.raises(UserError, match=r"^algebraic loop of a\.u, a\.y, b\.u, b\.y: b cannot restore its state") as e:
+    with pytest.raises(
+        UserError, match=r"^algebraic loop of a\.u, a\.y, b\.u, b\.y: b cannot restore its state"
+    ) as e:
         run(system, TIME)
     assert "\n" not in str(e.value)
     assert run(system, TIME, feedthrough=False).complete
@@ -381,7 +428,9 @@ def test_what_an_fmu_does_not_say_is_assumed_and_told(members, method):
     """Without a list of dependencies a circle might be a loop; as x does not depend on u, it is the same recurrence."""
     mute = members(dependencies=None, canGetAndSetFMUstate=False)
     result = run(ring(mute, BOTH, CIRCLE), TIME, method=method, record=["a.x", "b.x"])
-    assert result.signals["b.x"] == pytest.approx(recurrence(method == "gauss-seidel")[1], abs=1e-14)
+    assert result.signals["b.x"] == pytest.approx(
+        recurrence(method == "gauss-seidel")[1], abs=1e-14
+    )
     assert [note.split(":")[0] for note in result.notes] == ["a.x", "b.x"]
     assert "at the end of a step" in result.notes[0]
     can_go_back = run(ring(members(dependencies=None), BOTH, CIRCLE), TIME, method="jacobi")
@@ -393,7 +442,9 @@ def test_a_loop_in_adaptive_steps(member):
     """Solved by hand the loop leaves an ordinary differential equation."""
     parameters = {"a": {"d": 0.5, "tau": 0.7, "start": 0.3}, "b": {"d": 4.0, "tau": 0.4}}
     time = np.linspace(0.0, 2.0, 5)
-    result = run(ring(member, parameters, "a.y -> b.u; b.y -> -1 a.u"), time, tolerance=1e-5, extrapolation=1)
+    result = run(
+        ring(member, parameters, "a.y -> b.u; b.y -> -1 a.u"), time, tolerance=1e-5, extrapolation=1
+    )
 
     def rates(t, x):
         y = np.linalg.solve([[1.0, 0.5], [-4.0, 1.0]], x)
@@ -432,7 +483,9 @@ def test_steps_are_short_where_something_happens_and_long_where_nothing_does(mem
     result = run(system, time, {"u": np.array([1.0, -1.0, -1.0])}, tolerance=1e-4)
     response = 1.0 - 6.0 * exp(-5.0)  # of two lags of 1 s in a row, after 5 s
     assert result.signals["b.x"][1] == pytest.approx(response, abs=5e-3)
-    assert result.signals["b.x"][2] == pytest.approx(1.0 - 11.0 * exp(-10.0) - 2.0 * response, abs=5e-3)
+    assert result.signals["b.x"][2] == pytest.approx(
+        1.0 - 11.0 * exp(-10.0) - 2.0 * response, abs=5e-3
+    )
     assert 0 < result.statistics.rollbacks < result.statistics.steps < 1000
 
 
@@ -442,7 +495,9 @@ def test_a_tolerance_is_relative_to_nominal_values(members):
     for scale, nominal in ((1.0, 1.0), (1e-6, 1e-6), (1e-6, 1.0)):
         parameters = {"a": {"tau": 0.7, "start": scale}, "b": {"tau": 0.4}}
         fmu = members(nominal=nominal)
-        result = run(ring(fmu, parameters, "a.x -> b.u; b.x -> -2 a.u"), TIME[[0, 30]], tolerance=1e-4)
+        result = run(
+            ring(fmu, parameters, "a.x -> b.u; b.x -> -2 a.u"), TIME[[0, 30]], tolerance=1e-4
+        )
         steps.append(result.statistics.steps)
     assert steps[0] == steps[1] > 10 * steps[2]
 
@@ -456,22 +511,46 @@ def test_a_tolerance_is_relative_to_nominal_values(members):
             {"tolerance": 1e-3},
             "a: its steps must all be of one size",
         ),
-        ({"canHandleVariableCommunicationStepSize": False}, {"rates": {"a": 0.25}}, "a: its steps must all be of one"),
-        ({}, {"tolerance": 1e-3, "rates": {"a": 0.25}}, "a: a rate below 1 does not go with a tolerance"),
-        ({}, {"rates": {"a": 1.5}}, "rate 1.5 of a: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3"),
+        (
+            {"canHandleVariableCommunicationStepSize": False},
+            {"rates": {"a": 0.25}},
+            "a: its steps must all be of one",
+        ),
+        (
+            {},
+            {"tolerance": 1e-3, "rates": {"a": 0.25}},
+            "a: a rate below 1 does not go with a tolerance",
+        ),
+        (
+            {},
+            {"rates": {"a": 1.5}},
+            "rate 1.5 of a: steps per step of the system must be 1, 2, 3, ... or 1/2, 1/3",
+        ),
         ({}, {"rates": {"z": 2}}, "no member named 'z'"),
         ({}, {"method": "newton"}, "method 'newton'; there are: gauss-seidel, jacobi"),
         ({}, {"extrapolation": 2}, "extrapolation 2: 0 "),
         ({}, {"tolerance": -1.0}, "tolerance -1.0: must be a number between 0 and 1"),
         ({}, {"tolerance": "1e-3"}, "tolerance '1e-3': must be a number between 0 and 1"),
-        ({}, {"rates": {"a": "2"}}, "rate '2' of a: steps per step of the system must be 1, 2, 3, "),
-        ({}, {"rates": {"a": None}}, "rate None of a: steps per step of the system must be 1, 2, 3, "),
+        (
+            {},
+            {"rates": {"a": "2"}},
+            "rate '2' of a: steps per step of the system must be 1, 2, 3, ",
+        ),
+        (
+            {},
+            {"rates": {"a": None}},
+            "rate None of a: steps per step of the system must be 1, 2, 3, ",
+        ),
         ({}, {"inputs": {"v": TIME}}, "no input named 'v'"),
         ({}, {"inputs": {"a.u": TIME}}, "input a.u: a.u is fed by b.x already"),
         ({}, {"inputs": {"u": TIME[1:]}}, r"input u: shape \(30,\) for 31 communication points"),
         ({}, {"inputs": {"u": TIME * np.nan}}, "input u: nan at point 0 is no finite number"),
         ({}, {"record": ["a.z"]}, "a: no variable named 'z'"),
-        ({}, {"time": np.array([0.0, 1.0, 1.0])}, "communication points must be at least two finite numbers"),
+        (
+            {},
+            {"time": np.array([0.0, 1.0, 1.0])},
+            "communication points must be at least two finite numbers",
+        ),
     ],
 )
 def test_what_cannot_be_done_is_told_at_once(members, abilities, options, told):
@@ -488,7 +567,9 @@ def test_what_cannot_be_done_is_told_at_once(members, abilities, options, told):
 
 def test_fmus_of_stock_pythonfmu_in_a_circle(tmp_path):
     """They save no states and list no dependencies. In a process of its own, which their clean-up may crash."""
-    finished = finish_in_subprocess("tests.support.master.stock:circle", str(tmp_path), clean_exit=False)
+    finished = finish_in_subprocess(
+        "tests.support.master.stock:circle", str(tmp_path), clean_exit=False
+    )
     assert finished.returncode == 0, finished.output
     signals, notes, told, ends = finished.result
     assert ends == [TIME[30], TIME[30], TIME[30]]

@@ -64,10 +64,14 @@ def test_a_file_that_ends_its_parser_is_refused(deadly, tmp_path):
     path.write_bytes(deadly)
     told = []
     while not (told and "its reader ended" in told[-1]) and len(told) < 20:
-        with pytest.raises(UserError) as caught:  # what the parser makes of it depends on what is in its memory
+        with pytest.raises(
+            UserError
+        ) as caught:  # what the parser makes of it depends on what is in its memory
             read_table(path)
         told.append(str(caught.value))
-    assert all(re.match(rf"{re.escape(str(path))}: the (MATLAB )?file is damaged: ", each) for each in told)
+    assert all(
+        re.match(rf"{re.escape(str(path))}: the (MATLAB )?file is damaged: ", each) for each in told
+    )
     assert told[-1].startswith(f"{path}: the file is damaged: its reader ended, by SIG")
 
 
@@ -141,8 +145,12 @@ def test_a_machine_that_is_slow_at_starting_damages_no_file(tmp_path, monkeypatc
     ],
 )
 def test_what_a_reader_does_is_told(reader, said, tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))  # where the process finds these readers
-    monkeypatch.setattr("orchestration.records.formats.apart._SECONDS", 1.0 if reader is endless else 20.0)
+    monkeypatch.setenv(
+        "PYTHONPATH", str(Path(__file__).parents[3])
+    )  # where the process finds these readers
+    monkeypatch.setattr(
+        "orchestration.records.formats.apart._SECONDS", 1.0 if reader is endless else 20.0
+    )
     with pytest.raises(UserError) as caught:
         apart(reader)(tmp_path / "some.mat", b"some")
     assert str(caught.value).startswith(f"{tmp_path / 'some.mat'}: ")

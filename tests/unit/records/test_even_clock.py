@@ -52,10 +52,21 @@ def test_an_autoregression_bears_as_much_jitter_as_is_called_even(pole):
 def test_a_clean_record_with_jitter_is_diagnosed_like_any(kind):
     deviations = []
     for seed in range(40, 45):
-        data = record(kind, kind == "multilevel", seed, duration=60.0, rate=50.0, force="multilevel", jitter=5e-3)
+        data = record(
+            kind,
+            kind == "multilevel",
+            seed,
+            duration=60.0,
+            rate=50.0,
+            force="multilevel",
+            jitter=5e-3,
+        )
         assert np.ptp(np.diff(data.time)) > 0.015
         diagnosis = diagnose(
-            PpyActuator, data, [*SENSORS, EFFECTS["double_layer"]], held=PpyActuator.layout.start_parameters
+            PpyActuator,
+            data,
+            [*SENSORS, EFFECTS["double_layer"]],
+            held=PpyActuator.layout.start_parameters,
         )
         assert diagnosis.causes == []
         assert diagnosis.verdict == "recalibrate"
@@ -63,6 +74,8 @@ def test_a_clean_record_with_jitter_is_diagnosed_like_any(kind):
         assert diagnosis.intersample["current"].linear is (kind == "chirp")
         for name in ("R1", "R2", "C", "alpha"):
             low, high = diagnosis.estimates[name].interval
-            deviations.append((diagnosis.estimates[name].value - TRUE[name]) / ((high - low) / 3.92))
+            deviations.append(
+                (diagnosis.estimates[name].value - TRUE[name]) / ((high - low) / 3.92)
+            )
     assert np.mean(np.abs(deviations) < 1.96) >= 0.85
     assert np.abs(deviations).max() < 4.0

@@ -37,7 +37,9 @@ def refusal(path, signals=SIGNALS, **options):
     return message
 
 
-PLAIN = "time [s],current [A],displacement [m]\n0,0.1,1e-3\n0.5,-0.2,2e-3\n1,0.3,4e-3\n1.5,0.4,3e-3\n"
+PLAIN = (
+    "time [s],current [A],displacement [m]\n0,0.1,1e-3\n0.5,-0.2,2e-3\n1,0.3,4e-3\n1.5,0.4,3e-3\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +68,9 @@ def test_dialects_of_text_give_the_same_record(tmp_path, text):
 
 
 def test_a_file_that_is_not_utf8_is_read_and_said_to_be(tmp_path):
-    record = read_record(write(tmp_path, "time [s],T [°C]\n0,20\n1,21\n".encode("cp1252")), {"T": "K"})
+    record = read_record(
+        write(tmp_path, "time [s],T [°C]\n0,20\n1,21\n".encode("cp1252")), {"T": "K"}
+    )
     np.testing.assert_allclose(record.signals["T"], [293.15, 294.15])
     assert [r.kind for r in record.repairs] == ["encoding"]
 
@@ -91,7 +95,9 @@ def test_parquet_null_is_missing_and_instants_become_seconds(tmp_path):
     arrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     instants = np.datetime64("2020-01-01T00:00:00") + (TIME * 1000).astype("timedelta64[ms]")
-    table = arrow.table({"time": instants, "displacement [m]": arrow.array([1e-3, None, 4e-3, 3e-3])})
+    table = arrow.table(
+        {"time": instants, "displacement [m]": arrow.array([1e-3, None, 4e-3, 3e-3])}
+    )
     parquet.write_table(table, tmp_path / "r.parquet")
     record = read_record(tmp_path / "r.parquet", SIGNALS)
     np.testing.assert_allclose(record.time, TIME)
@@ -113,7 +119,9 @@ def test_tdms(tmp_path, clock):
         writer.write_segment(channels)
     record = read_record(tmp_path / "r.tdms", SIGNALS)
     check(record)
-    assert [r.kind for r in record.repairs] == (["clock from header"] if clock == "waveform" else [])
+    assert [r.kind for r in record.repairs] == (
+        ["clock from header"] if clock == "waveform" else []
+    )
 
 
 @pytest.mark.parametrize(("lost", "complete"), [(8, 7), (9, 6), (33, 4), (100, 4)])
@@ -123,7 +131,9 @@ def test_a_tdms_file_cut_off_keeps_its_complete_rows_and_says_so(tmp_path, lost,
     with nptdms.TdmsWriter(path) as writer:
         for origin in (0.0, 2.0):
             channels = {"time [s]": TIME + origin, "current [A]": CURRENT}
-            writer.write_segment([nptdms.ChannelObject("g", name, values) for name, values in channels.items()])
+            writer.write_segment(
+                [nptdms.ChannelObject("g", name, values) for name, values in channels.items()]
+            )
     path.write_bytes(path.read_bytes()[:-lost])
     record = read_record(path, SIGNALS)
     np.testing.assert_array_equal(record.time, 0.5 * np.arange(complete))
@@ -141,7 +151,12 @@ def test_a_tdms_file_cut_off_keeps_its_complete_rows_and_says_so(tmp_path, lost,
 def test_mat(tmp_path, units):
     from scipy.io import savemat
 
-    content = {"displacement": DISPLACEMENT[:, None], "current": CURRENT * 1e3, "time": TIME, "units": units}
+    content = {
+        "displacement": DISPLACEMENT[:, None],
+        "current": CURRENT * 1e3,
+        "time": TIME,
+        "units": units,
+    }
     savemat(tmp_path / "r.mat", {**content, "rig": "left", "matrix": np.eye(3)})
     record = read_record(tmp_path / "r.mat", SIGNALS)
     check(record)
@@ -186,7 +201,10 @@ X_Value\tcurrent\tdisplacement\tComment
         LVM,
         LVM.replace(".", ",").replace("Decimal_Separator\t,", "Decimal_Separator\t,"),
         LVM.replace("\tComment", ""),
-        LVM.replace("0\t100", "\t100").replace("0.5\t-", "\t-").replace("1\t300", "\t300").replace("1.5\t400", "\t400"),
+        LVM.replace("0\t100", "\t100")
+        .replace("0.5\t-", "\t-")
+        .replace("1\t300", "\t300")
+        .replace("1.5\t400", "\t400"),
     ],
 )
 def test_labview_text(tmp_path, text):
@@ -215,7 +233,10 @@ def test_a_second_labview_segment_is_refused_with_its_row(tmp_path):
         (b"PK\x03\x04aaaa", "spreadsheet"),
         (b"PAR1 and then nothing", "damaged"),
         (b"TDSm and then nothing of the kind at all", "TDMS file holds no complete row"),
-        ("time [s],current [A]\n0,1\n1,abc\n2,3\n", "row 3, column 'current': 'abc' is not a number"),
+        (
+            "time [s],current [A]\n0,1\n1,abc\n2,3\n",
+            "row 3, column 'current': 'abc' is not a number",
+        ),
         ("time [s],current [A]\n0,1\n1,1_0\n2,3\n", "row 3, column 'current': '1_0'"),
         ("time [s],current [A]\n0,1\nnoon,2\n2,3\n", "row 3, column 'time': 'noon'"),
         ("time [s],current [A]\n0,1\n1\n2,3\n", "row 3: 1 cells where the header has 2"),
@@ -250,7 +271,9 @@ def test_channels_of_unequal_length_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "module"), [("r.parquet", "pyarrow"), ("r.tdms", "nptdms")])
-def test_an_absent_library_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch, name, module):
+def test_an_absent_library_is_named_with_the_command_that_installs_it(
+    tmp_path, monkeypatch, name, module
+):
     original = builtins.__import__
 
     def without(target, *arguments, **options):
@@ -261,7 +284,9 @@ def test_an_absent_library_is_named_with_the_command_that_installs_it(tmp_path, 
     path = write(tmp_path, b"PAR1" if module == "pyarrow" else b"TDSm", name)
     monkeypatch.setattr(builtins, "__import__", without)
     (tmp_path / f"{module}.py").write_text("raise ImportError")  # for a process that reads
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])]))
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])])
+    )
     assert "pip install 'ppy-rig[records]'" in refusal(path)
 
 
@@ -313,4 +338,6 @@ def test_a_frequency_is_not_taken_for_an_angular_speed(tmp_path):
     path = write(tmp_path, "time [s],speed [Hz]\n0,1\n1,2\n")
     assert "cannot be converted" in refusal(path, {"speed": "rad/s"})
     path = write(tmp_path, "time [s],speed [rpm]\n0,60\n1,30\n")
-    np.testing.assert_allclose(read_record(path, {"speed": "rad/s"}).signals["speed"], [2 * np.pi, np.pi])
+    np.testing.assert_allclose(
+        read_record(path, {"speed": "rad/s"}).signals["speed"], [2 * np.pi, np.pi]
+    )

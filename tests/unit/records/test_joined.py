@@ -30,14 +30,18 @@ def test_every_run_starts_anew_with_its_own_values(data, model):
     """The oracle is the exact solution."""
     ran = model.run(data.time, data.inputs, VALUES, runs=data.runs)
     for run in data.runs:
-        own = voltage(data.inputs["current"][run.samples], STARTS[run.label], OCVS[run.label], **TRUE)
+        own = voltage(
+            data.inputs["current"][run.samples], STARTS[run.label], OCVS[run.label], **TRUE
+        )
         assert ran.signals["voltage"][run.samples] == pytest.approx(own, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_derivatives_are_by_the_value_of_their_own_run(data, model, name):
     """The oracle is a central difference of the exact solution; other runs do not feel it."""
-    slopes = model.run(data.time, data.inputs, VALUES, runs=data.runs).sensitivities["voltage"][:, NAMES.index(name)]
+    slopes = model.run(data.time, data.inputs, VALUES, runs=data.runs).sensitivities["voltage"][
+        :, NAMES.index(name)
+    ]
     h = 1e-5
     for run in data.runs:
         i, ends = data.inputs["current"][run.samples], []
@@ -53,7 +57,9 @@ def test_derivatives_are_by_the_value_of_their_own_run(data, model, name):
 def test_other_runs_have_no_part_in_what_is_fitted_runs_own(model):
     """Of a run that was not fitted nothing is known: its values are the common ones."""
     other = several("de")
-    ran = model.run(other.time, other.inputs, VALUES | {"ocv": 3.0, "relaxed_start@d": 7.0}, runs=other.runs)
+    ran = model.run(
+        other.time, other.inputs, VALUES | {"ocv": 3.0, "relaxed_start@d": 7.0}, runs=other.runs
+    )
     own = [k for k, name in enumerate(NAMES) if "@" in name]
     assert not ran.sensitivities["voltage"][:, own].any()
     for run, start in zip(other.runs, (7.0, 0.0), strict=True):
@@ -65,31 +71,55 @@ def test_other_runs_have_no_part_in_what_is_fitted_runs_own(model):
 def test_a_change_in_one_run_is_its_own_beside_the_common_value(data):
     """``R0`` of all runs and ``R0@c`` of one: each acts where the other does not."""
     names = ["R0", "R0@c"]
-    slopes = ModelOverRuns(Cell, names, False, data.runs).run(data.time, data.inputs, VALUES, runs=data.runs)
+    slopes = ModelOverRuns(Cell, names, False, data.runs).run(
+        data.time, data.inputs, VALUES, runs=data.runs
+    )
     for run in data.runs:
         acting = slopes.sensitivities["voltage"][run.samples].any(axis=0).tolist()
         assert acting == [run.label != "c", run.label == "c"]
 
 
 def test_a_problem_has_what_is_said_of_a_parameter_for_every_run(data):
-    problem = Problem(Cell, data.time, data.inputs, data.measured, NAMES, {"ocv": 3.1, "ocv@b": 3.2}, runs=data.several)
-    assert {n: problem.start[n] for n in NAMES if n.startswith("ocv")} == {"ocv@a": 3.1, "ocv@b": 3.2, "ocv@c": 3.1}
+    problem = Problem(
+        Cell,
+        data.time,
+        data.inputs,
+        data.measured,
+        NAMES,
+        {"ocv": 3.1, "ocv@b": 3.2},
+        runs=data.several,
+    )
+    assert {n: problem.start[n] for n in NAMES if n.startswith("ocv")} == {
+        "ocv@a": 3.1,
+        "ocv@b": 3.2,
+        "ocv@c": 3.1,
+    }
     assert problem.declared["ocv@a"] is problem.declared["ocv"]
     assert problem.even
     q = problem.position(VALUES)
-    assert problem.evaluate(q)[0]["voltage"].shape == (sum(run.last - run.first for run in data.runs),)
+    assert problem.evaluate(q)[0]["voltage"].shape == (
+        sum(run.last - run.first for run in data.runs),
+    )
 
 
 def test_runs_of_different_rates_are_not_sampled_alike():
     time = np.concatenate([np.arange(100.0), 200.0 + 0.5 * np.arange(100.0)])
     halves = (Run("a", 0, 100), Run("b", 100, 200))
-    assert [sampled_alike(time, runs) for runs in (halves, halves[:1], halves[1:])] == [False, True, True]
+    assert [sampled_alike(time, runs) for runs in (halves, halves[:1], halves[1:])] == [
+        False,
+        True,
+        True,
+    ]
 
 
 words = st.text(st.characters(codec="ascii", categories=["L", "N"]), min_size=1)
 
 
-@given(name=words, labels=st.lists(st.text(min_size=1), min_size=1, max_size=5, unique=True), value=st.floats())
+@given(
+    name=words,
+    labels=st.lists(st.text(min_size=1), min_size=1, max_size=5, unique=True),
+    value=st.floats(),
+)
 def test_a_value_is_that_of_its_run_whatever_the_label(name, labels, value):
     runs = [Run(label, 10 * k, 10 * k + 5) for k, label in enumerate(labels)]
     (first, *others) = [run.values({name: 0.0, runs[0].own(name): value}) for run in runs]
@@ -102,5 +132,9 @@ def test_a_value_is_that_of_its_run_whatever_the_label(name, labels, value):
 
 def test_a_record_by_itself_needs_no_name():
     alone = Run("", 0, 5)
-    assert (alone.own("R0"), names_in([alone], ["R0"], ["R0"]), shown_name("R0")) == ("R0", ["R0"], "R0")
+    assert (alone.own("R0"), names_in([alone], ["R0"], ["R0"]), shown_name("R0")) == (
+        "R0",
+        ["R0"],
+        "R0",
+    )
     assert shown_name("ocv@3") == "ocv (run 3)"

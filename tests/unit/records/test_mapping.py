@@ -27,7 +27,10 @@ def test_the_only_column_of_a_member_is_taken_and_told(written):
     record = read_record(path, SIGNALS)
     assert record.signals["voltage"] == pytest.approx(values["proxy.voltage"])
     messages = [repair.message for repair in record.repairs if not repair.changed_data]
-    assert "column 'proxy.voltage' is read as voltage: the only one of a member of this name" in messages
+    assert (
+        "column 'proxy.voltage' is read as voltage: the only one of a member of this name"
+        in messages
+    )
 
 
 def test_a_column_of_the_very_name_goes_first(written):

@@ -15,7 +15,10 @@ PUBLIC = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[4] / "sha
 
 def make(folder, rows, header="time [s],u [V],y [m]", end="\n"):
     path = folder / "record.csv"
-    path.write_text("\n".join([header, *(",".join(str(cell) for cell in row) for row in rows)]) + end, encoding="utf-8")
+    path.write_text(
+        "\n".join([header, *(",".join(str(cell) for cell in row) for row in rows)]) + end,
+        encoding="utf-8",
+    )
     return path
 
 
@@ -54,7 +57,9 @@ def test_repeated_times_are_averaged_and_counted(tmp_path):
 
 
 def test_rows_that_repeat_exactly_keep_their_exact_value(tmp_path):
-    record, kinds = read(make(tmp_path, [[0, 0.1, 0.3], [1, 0.7, 0.1], [1, 0.7, 0.1], [1, 0.7, 0.1], [2, 0.2, 0.3]]))
+    record, kinds = read(
+        make(tmp_path, [[0, 0.1, 0.3], [1, 0.7, 0.1], [1, 0.7, 0.1], [1, 0.7, 0.1], [2, 0.2, 0.3]])
+    )
     assert record.signals["u"].tolist() == [0.1, 0.7, 0.2]
     assert "identical values" in kinds["duplicates"].message
 
@@ -110,7 +115,9 @@ def test_logarithmic_sampling_is_uneven_and_not_full_of_gaps(tmp_path):
     assert set(kinds) == {"uneven sampling"}
 
 
-@pytest.mark.parametrize("cell", ["", "NaN", "n/a", "null", "1.#QNAN", "inf", "-Infinity", "1.#INF", "1e999"])
+@pytest.mark.parametrize(
+    "cell", ["", "NaN", "n/a", "null", "1.#QNAN", "inf", "-Infinity", "1.#INF", "1e999"]
+)
 def test_a_missing_output_is_masked_and_its_row_kept(tmp_path, cell):
     rows = varied(20)
     rows[4][2] = cell
@@ -131,7 +138,11 @@ def test_a_short_hole_in_an_input_is_interpolated_in_time(tmp_path):
 
 @pytest.mark.parametrize(
     ("hole", "says"),
-    [(range(5, 11), "rows 7 to 12: 6 samples"), (range(2), "rows 2 to 3, at the start"), ([19], "row 21, at the end")],
+    [
+        (range(5, 11), "rows 7 to 12: 6 samples"),
+        (range(2), "rows 2 to 3, at the start"),
+        ([19], "row 21, at the end"),
+    ],
 )
 def test_a_long_or_outer_hole_in_an_input_is_refused(tmp_path, hole, says):
     rows = varied(20)
@@ -150,7 +161,9 @@ def test_a_row_without_time_is_dropped_and_said(tmp_path):
 
 def test_row_numbers_are_those_of_an_editor(tmp_path):
     path = tmp_path / "record.csv"
-    path.write_text("# one\n\n# three\ntime [s],u [V],y [m]\n0,1,2\n\n1,2,\n2,3,x\n", encoding="utf-8")
+    path.write_text(
+        "# one\n\n# three\ntime [s],u [V],y [m]\n0,1,2\n\n1,2,\n2,3,x\n", encoding="utf-8"
+    )
     assert "row 8, column 'y': 'x'" in refusal(path)
     path.write_text(path.read_text(encoding="utf-8").replace("x", "9"), encoding="utf-8")
     _, kinds = read(path)
@@ -158,7 +171,9 @@ def test_row_numbers_are_those_of_an_editor(tmp_path):
     assert kinds["masked"].rows == (7,)
 
 
-@pytest.mark.parametrize("torn", ["20", "20,", "20,1.5", "20,1.5,", "20,1.5,-", "20,1.5,3e-", '20,"1.5'])
+@pytest.mark.parametrize(
+    "torn", ["20", "20,", "20,1.5", "20,1.5,", "20,1.5,-", "20,1.5,3e-", '20,"1.5']
+)
 def test_a_torn_last_line_is_dropped_and_said(tmp_path, torn):
     path = make(tmp_path, varied(20))
     path.write_text(path.read_text(encoding="utf-8") + torn, encoding="utf-8")
@@ -203,7 +218,9 @@ def test_an_empty_column_counts_as_absent(tmp_path):
 
 
 def test_values_at_the_edge_of_the_doubles_do_no_harm(tmp_path):
-    record, _ = read(make(tmp_path, [[k, (-1) ** k * 1.7e308, y] for k, _, y in varied(100)] + [[1.7e308, 0, 0]]))
+    record, _ = read(
+        make(tmp_path, [[k, (-1) ** k * 1.7e308, y] for k, _, y in varied(100)] + [[1.7e308, 0, 0]])
+    )
     assert record.signals["u"][:2].tolist() == [1.7e308, -1.7e308]
 
 
@@ -217,10 +234,28 @@ def test_values_at_the_edge_of_the_doubles_do_no_harm(tmp_path):
             279,
             {"unit replaced", "duplicates", "uneven sampling", "constant"},
         ),
-        ("emps_positioning_stage.csv", {"position": "m", "motor_voltage": "V"}, {}, 24841, {"ignored columns"}),
+        (
+            "emps_positioning_stage.csv",
+            {"position": "m", "motor_voltage": "V"},
+            {},
+            24841,
+            {"ignored columns"},
+        ),
         ("silverbox_snls80mV.csv", {"input": "V", "output": "V"}, {}, 131072, set()),
-        ("supercapacitor_before_ageing_5mV_per_s.csv", {"voltage": "V", "current": "A"}, {}, 24373, set()),
-        ("supercapacitor_after_ageing_5mV_per_s.csv", {"voltage": "V", "current": "A"}, {}, 24364, set()),
+        (
+            "supercapacitor_before_ageing_5mV_per_s.csv",
+            {"voltage": "V", "current": "A"},
+            {},
+            24373,
+            set(),
+        ),
+        (
+            "supercapacitor_after_ageing_5mV_per_s.csv",
+            {"voltage": "V", "current": "A"},
+            {},
+            24364,
+            set(),
+        ),
         (
             "two_layer_wall.csv",
             {"internal_temperature": "K", "external_temperature": "K", "heat_flux": "1"},
@@ -246,4 +281,6 @@ def test_public_records_agree_with_a_plain_reading(name, signals, mapping, size,
         means = [raw["strain_1"][plain == instant].mean() for instant in record.time]
         np.testing.assert_allclose(record.signals["displacement"], means, rtol=1e-9, atol=1e-18)
     if "heat_flux" in signals:
-        np.testing.assert_allclose(record.signals["internal_temperature"], raw["internal_temperature_degC"] + 273.15)
+        np.testing.assert_allclose(
+            record.signals["internal_temperature"], raw["internal_temperature_degC"] + 273.15
+        )

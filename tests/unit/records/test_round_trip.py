@@ -12,7 +12,9 @@ from orchestration.records import read_record, write_record
 
 SIGNALS = {"u": "V", "y": "m"}
 finite = st.floats(-1e150, 1e150)
-QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 
 
 def attempt(path):
@@ -31,7 +33,11 @@ def attempt(path):
 def test_write_then_read_gives_the_same_doubles(tmp_path, times, data):
     time = np.array(sorted(times))
     u = np.array(data.draw(st.lists(finite, min_size=time.size, max_size=time.size)))
-    y = np.array(data.draw(st.lists(st.one_of(finite, st.just(math.nan)), min_size=time.size, max_size=time.size)))
+    y = np.array(
+        data.draw(
+            st.lists(st.one_of(finite, st.just(math.nan)), min_size=time.size, max_size=time.size)
+        )
+    )
     assume(not np.isnan(y).all())
     write_record(tmp_path / "r.csv", time, {"u": u, "y": y}, SIGNALS)
     record = read_record(tmp_path / "r.csv", SIGNALS, inputs=["u"])
@@ -87,7 +93,12 @@ def test_any_text_below_a_header_gives_a_record_or_one_line(tmp_path, text):
 
 
 def test_numbers_are_written_with_no_more_digits_than_needed(tmp_path):
-    write_record(tmp_path / "r.csv", [0, 0.1], {"a,b": [1 / 3, math.nan], "y": [1e-3, 2]}, {"a,b": "V", "y": "1"})
+    write_record(
+        tmp_path / "r.csv",
+        [0, 0.1],
+        {"a,b": [1 / 3, math.nan], "y": [1e-3, 2]},
+        {"a,b": "V", "y": "1"},
+    )
     expected = 'time [s],"a,b [V]",y [1]\n0.0,0.3333333333333333,0.001\n0.1,,2.0\n'
     assert (tmp_path / "r.csv").read_text(encoding="utf-8") == expected
     record = read_record(tmp_path / "r.csv", {"a,b": "V", "y": "1"})

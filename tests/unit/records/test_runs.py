@@ -14,7 +14,11 @@ from orchestration.records.clock import restarts
 SIGNALS = {"voltage": "V"}
 
 
-@given(st.lists(st.integers(25, 80), min_size=1, max_size=6), st.floats(0.001, 100.0), st.floats(0.0, 1e4))
+@given(
+    st.lists(st.integers(25, 80), min_size=1, max_size=6),
+    st.floats(0.001, 100.0),
+    st.floats(0.0, 1e4),
+)
 def test_a_clock_restarts_where_the_next_run_begins(lengths, step, origin):
     time = np.concatenate([origin + step * np.arange(n) for n in lengths])
     assert restarts(time) == np.cumsum(lengths)[:-1].tolist()
@@ -46,7 +50,9 @@ def test_runs_of_a_restarting_clock_are_numbered_and_noted(tmp_path):
     assert [run.signals["voltage"][0] for run in runs] == [10.0, 20.0, 30.0]
     assert all(np.array_equal(run.time, np.arange(25.0)) for run in runs)
     (note,) = [repair for repair in runs[0].repairs if repair.kind == "runs"]
-    assert note.message == "the clock restarts 2 times, first before row 27: taken as 3 runs, 1 to 3"
+    assert (
+        note.message == "the clock restarts 2 times, first before row 27: taken as 3 runs, 1 to 3"
+    )
     assert not note.changed_data
     with pytest.raises(UserError, match="the clock restarts"):
         read_record(path, SIGNALS)
@@ -61,9 +67,13 @@ def test_one_run_has_no_label(tmp_path):
 
 def test_a_column_tells_runs_apart_wherever_their_rows_are(tmp_path):
     rows = [f"{t},{10 * k + t},{k}" for t in range(25) for k in (2, 1)]
-    runs = read_runs(written(tmp_path, rows, "time [s],voltage [V],pulse [1]"), SIGNALS, column="pulse")
+    runs = read_runs(
+        written(tmp_path, rows, "time [s],voltage [V],pulse [1]"), SIGNALS, column="pulse"
+    )
     assert [run.label for run in runs] == ["2", "1"]
-    assert [run.signals["voltage"].tolist() for run in runs] == [[10.0 * k + t for t in range(25)] for k in (2, 1)]
+    assert [run.signals["voltage"].tolist() for run in runs] == [
+        [10.0 * k + t for t in range(25)] for k in (2, 1)
+    ]
     assert not any("pulse" in repair.message for run in runs for repair in run.repairs)
 
 
@@ -77,7 +87,11 @@ def test_labels_may_be_words(tmp_path):
     ("column", "mapping", "message"),
     [
         ("puls", {}, "--runs puls: no column is called 'puls' (did you mean pulse?)"),
-        ("other", {"other": "voltage"}, "--runs other: this column is mapped to the signal voltage"),
+        (
+            "other",
+            {"other": "voltage"},
+            "--runs other: this column is mapped to the signal voltage",
+        ),
         ("gap", {}, "row 3: no value in column 'gap', which tells the runs"),
     ],
 )

@@ -14,7 +14,9 @@ def told(monkeypatch):
     """What is printed on standard error, which is no terminal."""
     stream = io.StringIO()
     monkeypatch.setattr(console, "_EVERY", 0.2)
-    monkeypatch.setattr(console, "err", console.Console(file=stream, highlight=False, markup=False, emoji=False))
+    monkeypatch.setattr(
+        console, "err", console.Console(file=stream, highlight=False, markup=False, emoji=False)
+    )
     return lambda: stream.getvalue().splitlines()
 
 
@@ -96,7 +98,13 @@ def test_verbose_tells_times_and_details(told):
         console.detail("wanted")
         tell("simulating")
         tell("fitting")
-    assert [line.split(": took ")[0] for line in told()] == ["wanted", "simulating", "simulating", "fitting", "fitting"]
+    assert [line.split(": took ")[0] for line in told()] == [
+        "wanted",
+        "simulating",
+        "simulating",
+        "fitting",
+        "fitting",
+    ]
     assert all(line.endswith(" s") for line in told() if "took" in line)
 
 
@@ -115,4 +123,8 @@ def test_columns_of_numbers_end_together():
     table.add_row("a", "1")
     table.add_row("b", "100")
     console.Console(file=stream, width=40).print(table)
-    assert [line.rstrip() for line in stream.getvalue().splitlines()] == ["name  value", "a         1", "b       100"]
+    assert [line.rstrip() for line in stream.getvalue().splitlines()] == [
+        "name  value",
+        "a         1",
+        "b       100",
+    ]

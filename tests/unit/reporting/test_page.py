@@ -11,7 +11,13 @@ from tests.support.pages import figures_of
 
 def test_a_title_cannot_end_the_script_it_stands_in():
     made = Page("code", "code")
-    made.plot(stacked([Panel("</script><script>", 100, [Trace("</script>", np.arange(2.0), np.ones(2), {})])], ""), "")
+    made.plot(
+        stacked(
+            [Panel("</script><script>", 100, [Trace("</script>", np.arange(2.0), np.ones(2), {})])],
+            "",
+        ),
+        "",
+    )
     (figure,) = figures_of("".join(made.parts))
     assert figure["data"][0]["legendgroup"] == "</script>"
 

@@ -38,7 +38,12 @@ def test_a_long_record_makes_no_large_page():
     lines = [Trace(str(k), time, values, {}) for k in range(7)]
     made = Page("long", "long")
     made.plot(
-        stacked([Panel("a", 100, lines), Panel("b", 100, lines)], "time [h]", boundary=Boundary(3.0, "a", "b")), ""
+        stacked(
+            [Panel("a", 100, lines), Panel("b", 100, lines)],
+            "time [h]",
+            boundary=Boundary(3.0, "a", "b"),
+        ),
+        "",
     )
     assert len("".join(made.parts)) < 2e6
     assert 4e6 < len(made.html()) < 8e6

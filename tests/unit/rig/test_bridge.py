@@ -72,8 +72,21 @@ class Carrying:
 
     def __init__(self, server_port, client_file, port=None):
         self.port = free_port() if port is None else port
-        command = [sys.executable, "-m", "orchestration.cli", "rig", "bridge", "--port", str(self.port)]
-        command += ["--endpoint", f"tcp://127.0.0.1:{server_port}", "--credentials", str(client_file)]
+        command = [
+            sys.executable,
+            "-m",
+            "orchestration.cli",
+            "rig",
+            "bridge",
+            "--port",
+            str(self.port),
+        ]
+        command += [
+            "--endpoint",
+            f"tcp://127.0.0.1:{server_port}",
+            "--credentials",
+            str(client_file),
+        ]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
 
@@ -86,12 +99,23 @@ class Carrying:
         self.process.communicate()
 
 
-CONNECT = {"inputs": {"current": "A", "force": "N"}, "outputs": {"voltage": "V", "displacement": "m"}, "time": 0.0}
+CONNECT = {
+    "inputs": {"current": "A", "force": "N"},
+    "outputs": {"voltage": "V", "displacement": "m"},
+    "time": 0.0,
+}
 
 
 def exchange(client, session, sequence, current):
     return client.ask(
-        "exchange", session=session, sequence=sequence, sent=0.0, seen=0.0, time=0.0, step=0.1, values=[current, 0.0]
+        "exchange",
+        session=session,
+        sequence=sequence,
+        sent=0.0,
+        seen=0.0,
+        time=0.0,
+        step=0.1,
+        values=[current, 0.0],
     )
 
 
@@ -103,8 +127,15 @@ def test_a_plain_client_reaches_a_server_with_keys(keys, plain):
         assert accepted["type"] == "accepted"
         for sequence in range(1, 30):
             sample = exchange(client, accepted["session"], sequence, 0.01 * sequence)
-            assert (sample["type"], sample["sequence"], sample["refused"]) == ("sample", sequence, [])
-        assert client.ask("disconnect", session=accepted["session"]) == {"ppy": 1, "type": "disconnected"}
+            assert (sample["type"], sample["sequence"], sample["refused"]) == (
+                "sample",
+                sequence,
+                [],
+            )
+        assert client.ask("disconnect", session=accepted["session"]) == {
+            "ppy": 1,
+            "type": "disconnected",
+        }
         assert [m["values"][0] for m in rig.of_type("exchange")] == [0.01 * k for k in range(1, 30)]
 
 
@@ -139,7 +170,11 @@ def test_clients_are_told_apart(keys, plain):
 
 
 def test_telemetry_is_carried_too(keys):
-    with SmallRig(keys=keys[0]) as rig, Carrying(rig.port, keys[1]) as bridge, zmq.Context() as context:
+    with (
+        SmallRig(keys=keys[0]) as rig,
+        Carrying(rig.port, keys[1]) as bridge,
+        zmq.Context() as context,
+    ):
         watcher = context.socket(zmq.SUB)
         watcher.linger = 0
         watcher.connect(f"tcp://127.0.0.1:{bridge.port + 1}")
@@ -190,7 +225,10 @@ def test_more_clients_than_connections_only_cost_the_silent_ones(keys, plain):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("served", [True, False])
 def test_it_ends_at_once(keys, plain, number, served):
-    with SmallRig(keys=keys[0]) as rig, Carrying(rig.port if served else free_port(), keys[1]) as bridge:
+    with (
+        SmallRig(keys=keys[0]) as rig,
+        Carrying(rig.port if served else free_port(), keys[1]) as bridge,
+    ):
         client = plain(bridge.port)
         for _ in range(20):
             client.send("status")
@@ -198,7 +236,9 @@ def test_it_ends_at_once(keys, plain, number, served):
         began = time.monotonic()
         bridge.process.send_signal(number)
         _, complaints = bridge.process.communicate(timeout=PATIENCE)
-        assert time.monotonic() - began < 3.0  # at once, and what a loaded machine takes to end Python
+        assert (
+            time.monotonic() - began < 3.0
+        )  # at once, and what a loaded machine takes to end Python
         assert bridge.process.returncode == 0
         assert "Traceback" not in complaints
 
@@ -209,15 +249,23 @@ def test_a_port_that_is_taken(keys, tmp_path):
         taken.listen()
         port = taken.getsockname()[1]
         line = refused(
-            tmp_path, "rig", "bridge", "--endpoint", "tcp://127.0.0.1:5999", "--credentials", keys[1],
-            "--port", min(port, 65534),
-        )  # fmt: skip
+            tmp_path,
+            "rig",
+            "bridge",
+            "--endpoint",
+            "tcp://127.0.0.1:5999",
+            "--credentials",
+            keys[1],
+            "--port",
+            min(port, 65534),
+        )
         assert str(port) in line
         assert "--port" in line
 
 
 @pytest.mark.parametrize(
-    "text", ["127.0.0.1:5570", "udp://127.0.0.1:5570", "tcp://127.0.0.1", "tcp://h:0", "tcp://h:65535"]
+    "text",
+    ["127.0.0.1:5570", "udp://127.0.0.1:5570", "tcp://127.0.0.1", "tcp://h:0", "tcp://h:65535"],
 )
 def test_endpoints_that_are_none(keys, tmp_path, text):
     line = refused(tmp_path, "rig", "bridge", "--endpoint", text, "--credentials", keys[1])
@@ -230,7 +278,11 @@ def test_only_the_loopback_address_listens(keys):
     port = free_port()
     bridge = Bridge(read_endpoint("tcp://127.0.0.1:5999", keys[1]), port)
     try:
-        rows = [row.split() for table in ("tcp", "tcp6") for row in Path("/proc/net", table).read_text().splitlines()]
+        rows = [
+            row.split()
+            for table in ("tcp", "tcp6")
+            for row in Path("/proc/net", table).read_text().splitlines()
+        ]
     except FileNotFoundError:
         pytest.skip("no /proc/net/tcp here")
     finally:

@@ -64,10 +64,19 @@ def read(folder: Path, text: str) -> Calibration:
 def test_volts_become_si(tmp_path: Path) -> None:
     rig = read(tmp_path, GOOD)
     assert rig.inputs["current"].volts(0.6) == pytest.approx(1.0)  # 0.5 * 1 + 0.1
-    assert rig.outputs["displacement"].measured(2.0) == pytest.approx(-9.16e-3)  # -(5.08 * 2 - 1) mm
+    assert rig.outputs["displacement"].measured(2.0) == pytest.approx(
+        -9.16e-3
+    )  # -(5.08 * 2 - 1) mm
     assert rig.outputs["temperature"].measured(2.0) == pytest.approx(293.15)  # 20 degC
-    assert {name: channel.unit for name, channel in rig.outputs.items()} == {"displacement": "m", "temperature": "K"}
-    assert (rig.limits["current"].min, rig.limits["current"].max, rig.limits["current"].rate) == (-0.8, 0.8, 5.0)
+    assert {name: channel.unit for name, channel in rig.outputs.items()} == {
+        "displacement": "m",
+        "temperature": "K",
+    }
+    assert (rig.limits["current"].min, rig.limits["current"].max, rig.limits["current"].rate) == (
+        -0.8,
+        0.8,
+        5.0,
+    )
     displacement = rig.limits["displacement"]
     assert (displacement.min, displacement.max, displacement.rate) == (-math.inf, 0.01, math.inf)
     assert "temperature" not in rig.limits
@@ -78,16 +87,25 @@ def test_volts_become_si(tmp_path: Path) -> None:
 
 def test_volts_that_make_no_sense_are_no_value(tmp_path: Path) -> None:
     channel = read(tmp_path, GOOD).outputs["displacement"]
-    assert [math.isnan(channel.measured(v)) for v in (-0.001, 0.0, 10.0, 10.001, math.nan, math.inf)] == [
-        True, False, False, True, True, True,
-    ]  # fmt: skip
+    assert [
+        math.isnan(channel.measured(v)) for v in (-0.001, 0.0, 10.0, 10.001, math.nan, math.inf)
+    ] == [
+        True,
+        False,
+        False,
+        True,
+        True,
+        True,
+    ]
 
 
 def test_a_command_beyond_the_range_is_refused(tmp_path: Path) -> None:
     channel = read(tmp_path, GOOD).inputs["current"]
     assert channel.volts(1.35) == 2.5
     for value in (1.36, -0.91, math.nan, math.inf):
-        with pytest.raises(UserError, match=r"current = .* A needs .* V at ao1; its range is -2 … 2.5 V"):
+        with pytest.raises(
+            UserError, match=r"current = .* A needs .* V at ao1; its range is -2 … 2.5 V"
+        ):
             channel.volts(value)
 
 
@@ -103,11 +121,22 @@ def channels(draw: st.DrawFn) -> Channel:
     size = st.floats(1e-3, 1e3)
     low = draw(st.floats(-10, 9))
     return Channel(
-        "x", "m", "ai0", "", "default", draw(size) * draw(st.sampled_from([-1, 1])), draw(st.floats(-10, 10)),
-        draw(st.sampled_from([-1, 1])), low, low + draw(st.floats(0.1, 10)), 0.0,
-        draw(st.sampled_from([1.0, 1e-3, 1e-6, 4.4482216])), draw(st.sampled_from([0.0, 273.15])),
-        datetime.date(2007, 5, 1), "",
-    )  # fmt: skip
+        "x",
+        "m",
+        "ai0",
+        "",
+        "default",
+        draw(size) * draw(st.sampled_from([-1, 1])),
+        draw(st.floats(-10, 10)),
+        draw(st.sampled_from([-1, 1])),
+        low,
+        low + draw(st.floats(0.1, 10)),
+        0.0,
+        draw(st.sampled_from([1.0, 1e-3, 1e-6, 4.4482216])),
+        draw(st.sampled_from([0.0, 273.15])),
+        datetime.date(2007, 5, 1),
+        "",
+    )
 
 
 @given(channels(), st.floats(0, 1))
@@ -131,37 +160,89 @@ CURRENT = "[inputs.current]\n"
     [
         ("rate = 30\n", "", "[rig] rate is missing: a finite number above 0 is wanted"),
         ("rate = 30\n", "rate = 0\n", "[rig] rate = 0: a finite number above 0 is wanted"),
-        ("watchdog = 0.2", "watchdog = true", "[rig] watchdog = True: a finite number above 0 is wanted"),
-        ("rate = 30\n", "rate = 30\nrte = 3\n", "[rig] rte = 3: there is no such key (did you mean rate?)"),
+        (
+            "watchdog = 0.2",
+            "watchdog = true",
+            "[rig] watchdog = True: a finite number above 0 is wanted",
+        ),
+        (
+            "rate = 30\n",
+            "rate = 30\nrte = 3\n",
+            "[rig] rte = 3: there is no such key (did you mean rate?)",
+        ),
         ("gain = 0.5", 'gain = "0.5"', "[inputs.current] gain = '0.5': a finite number is wanted"),
         ("gain = 0.5", "gain = 0", "[inputs.current] gain = 0: must not be zero"),
         ("gain = 0.5", "gain = nan", "[inputs.current] gain = nan: a finite number is wanted"),
         ("gain = 0.5\n", "", "[inputs.current] gain is missing: a finite number is wanted"),
-        ("range = [-2, 2.5]", "range = [2, -2]",
-         "[inputs.current] range = [2, -2]: [low, high] of two finite numbers is wanted, the lower one first"),
+        (
+            "range = [-2, 2.5]",
+            "range = [2, -2]",
+            "[inputs.current] range = [2, -2]: [low, high] of two finite numbers is wanted, the lower one first",
+        ),
         ("sign = -1", "sign = 2", "[outputs.displacement] sign = 2: allowed are 1, -1"),
-        ('unit = "A"\nrange', 'unit = "mm"\nrange',
-         "[inputs.current] unit = 'mm': current: unit 'mm' cannot be converted"),
-        ('unit = "A"\nrange', 'unit = "amper"\nrange', "[inputs.current] unit = 'amper': unknown unit 'amper'"),
+        (
+            'unit = "A"\nrange',
+            'unit = "mm"\nrange',
+            "[inputs.current] unit = 'mm': current: unit 'mm' cannot be converted",
+        ),
+        (
+            'unit = "A"\nrange',
+            'unit = "amper"\nrange',
+            "[inputs.current] unit = 'amper': unknown unit 'amper'",
+        ),
         ('si = "K"\n', "", "[outputs.temperature] unit = 'degC': temperature is not known by name"),
-        ("date = 2007-05-01\n\n[outputs.dis", 'date = "May"\n\n[outputs.dis',
-         "[inputs.current] date = 'May': a date is wanted, such as 2007-05-01"),
+        (
+            "date = 2007-05-01\n\n[outputs.dis",
+            'date = "May"\n\n[outputs.dis',
+            "[inputs.current] date = 'May': a date is wanted, such as 2007-05-01",
+        ),
         ('channel = "ao1"', "channel = 1", "[inputs.current] channel = 1: a text is wanted"),
-        ('channel = "ao1"', 'instrument = "dmm"', "[inputs.current] instrument = 'dmm': there is no [instruments.dmm]"),
-        ('channel = "ai1"', 'channel = "ai1"\nterminal = "rse"',
-         "[outputs.displacement] terminal = 'rse': allowed are 'default', 'differential', 'referenced'"),
-        ("[limits.current]", "[limits.curent]", "[limits.curent]: no such signal (did you mean current?)"),
-        ("max = 800", "max = 1400", "[limits.current] max = 1400: the range of ao1 allows -0.9 … 1.35 A only"),
-        ("max = 800", "max = -900", "[limits.current] max = -900: the lower limit must be below the upper one"),
-        ('rate = 5000\nunit = "mA"', 'rate = 0\nunit = "mA"', "[limits.current] rate = 0: a finite number above 0"),
-        ("max = 800", "maxi = 800", "[limits.current] maxi = 800: there is no such key (did you mean max?)"),
+        (
+            'channel = "ao1"',
+            'instrument = "dmm"',
+            "[inputs.current] instrument = 'dmm': there is no [instruments.dmm]",
+        ),
+        (
+            'channel = "ai1"',
+            'channel = "ai1"\nterminal = "rse"',
+            "[outputs.displacement] terminal = 'rse': allowed are 'default', 'differential', 'referenced'",
+        ),
+        (
+            "[limits.current]",
+            "[limits.curent]",
+            "[limits.curent]: no such signal (did you mean current?)",
+        ),
+        (
+            "max = 800",
+            "max = 1400",
+            "[limits.current] max = 1400: the range of ao1 allows -0.9 … 1.35 A only",
+        ),
+        (
+            "max = 800",
+            "max = -900",
+            "[limits.current] max = -900: the lower limit must be below the upper one",
+        ),
+        (
+            'rate = 5000\nunit = "mA"',
+            'rate = 0\nunit = "mA"',
+            "[limits.current] rate = 0: a finite number above 0",
+        ),
+        (
+            "max = 800",
+            "maxi = 800",
+            "[limits.current] maxi = 800: there is no such key (did you mean max?)",
+        ),
         ("[outputs.temperature]", "[outputs.current]", "[outputs.current]: is an input, too"),
-        ("offset = 0.1", "offset = 0.1\nsafe = 0.9", "[inputs.current] safe = 0.9 A: is beyond its limits"),
+        (
+            "offset = 0.1",
+            "offset = 0.1\nsafe = 0.9",
+            "[inputs.current] safe = 0.9 A: is beyond its limits",
+        ),
         ("[rig]", "[rig", "rig.toml: "),
         ("[rig]", "[ring]", "[rig] rate is missing"),
         ("[rig]\n", "inputs = 3\n[rig]\n", "rig.toml: "),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_told_in_a_line(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in GOOD
     with pytest.raises(UserError) as caught:
@@ -176,12 +257,17 @@ def test_what_is_wrong_is_told_in_a_line(tmp_path: Path, old: str, new: str, mes
     [
         ('write = "VOLT {volts:.3f}"', ""),
         ('write = "VOLT 3"', "[inputs.current] write = 'VOLT 3': a message is wanted with {volts}"),
-        ('write = "VOLT {ampere}"', "[inputs.current] write = 'VOLT {ampere}': a message is wanted with {volts}"),
+        (
+            'write = "VOLT {ampere}"',
+            "[inputs.current] write = 'VOLT {ampere}': a message is wanted with {volts}",
+        ),
         ('write = "VOLT {volts:y}"', "a message is wanted with {volts}"),
         ("", "[inputs.current] write is missing: a text is wanted"),
     ],
 )
-def test_messages_of_instruments_have_a_place_for_the_number(tmp_path: Path, message: str, wrong: str) -> None:
+def test_messages_of_instruments_have_a_place_for_the_number(
+    tmp_path: Path, message: str, wrong: str
+) -> None:
     text = GOOD.replace('channel = "ao1"', f'instrument = "generator"\n{message}')
     text += '\n[instruments.generator]\nresource = "GPIB0::1::INSTR"\n'
     if not wrong:
@@ -198,7 +284,9 @@ def test_a_timeout_that_would_hold_up_the_rig_is_refused(tmp_path: Path) -> None
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"thesi: no such calibration file or preset \(did you mean thesis\?\)"):
+    with pytest.raises(
+        UserError, match=r"thesi: no such calibration file or preset \(did you mean thesis\?\)"
+    ):
         read_calibration("thesi")
     (tmp_path / "rig.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(UserError, match="not a text in UTF-8"):

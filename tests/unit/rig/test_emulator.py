@@ -37,7 +37,10 @@ def square_wave(time, amplitude, period):
 
 RIG = [
     *Path(emulator.__file__).parent.glob("hidden_*.py"),
-    *(Path(emulator.__file__).with_name(n) for n in ("emulator.py", "physics.py", "refit.py", "variations.py")),
+    *(
+        Path(emulator.__file__).with_name(n)
+        for n in ("emulator.py", "physics.py", "refit.py", "variations.py")
+    ),
 ]
 
 
@@ -52,8 +55,13 @@ def test_the_rig_imports_nothing_of_the_models(path):
             imported.add(node.module or "")
     own = {name for name in imported if name.startswith("orchestration.rig.emulator")}
     assert {name.split(".")[0] for name in imported - own} <= {
-        "__future__", "collections", "dataclasses", "typing", "numpy", "scipy",
-    }  # fmt: skip
+        "__future__",
+        "collections",
+        "dataclasses",
+        "typing",
+        "numpy",
+        "scipy",
+    }
 
 
 def test_loading_the_rig_loads_nothing_of_the_models():
@@ -61,7 +69,9 @@ def test_loading_the_rig_loads_nothing_of_the_models():
         "import sys, orchestration.rig.emulator.variations, orchestration.rig.emulator.emulator; "
         "print([m for m in sys.modules if m.split('.')[0] in ('fmus', 'casadi') or m.startswith('orchestration.')])"
     )
-    answer = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout
+    answer = subprocess.run(
+        [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
+    ).stdout
     assert all(
         name == "orchestration.rig" or name.startswith("orchestration.rig.emulator")
         for name in ast.literal_eval(answer)
@@ -86,7 +96,9 @@ def test_self_discharge_and_electrical_steady_state():
     p, time = NOMINAL, np.linspace(0, 400, 4001)
     rig = quiet(initial_charge=2.0)
     measured = rig.run(time, 0.0, 0.0)
-    np.testing.assert_allclose(rig.truth["charge"], 2.0 * np.exp(-time / ((p.R1 + p.R2) * p.C)), rtol=1e-10)
+    np.testing.assert_allclose(
+        rig.truth["charge"], 2.0 * np.exp(-time / ((p.R1 + p.R2) * p.C)), rtol=1e-10
+    )
     assert measured["voltage"][0] == pytest.approx(2.0 / p.C * p.R2 / (p.R1 + p.R2), rel=1e-12)
     settled = quiet().run(time, 0.5, 0.0)["voltage"][-1]
     assert settled == pytest.approx(0.5 * p.R2, rel=1e-12)
@@ -104,11 +116,14 @@ def test_force_step_creeps_like_a_burgers_body_and_leaves_plastic_set():
     recovered = quiet().run(time, 0.0, np.where(released, 0.0, newtons))["displacement"]
     after = time[released]
     np.testing.assert_allclose(
-        recovered[released], newtons * (compliance(after) - compliance(after - 400)), rtol=1e-10, atol=1e-17
+        recovered[released],
+        newtons * (compliance(after) - compliance(after - 400)),
+        rtol=1e-10,
+        atol=1e-17,
     )
-    set_after_long = quiet().run(np.array([0.0, 400.0, 10000.0]), 0.0, np.array([newtons, 0.0, 0.0]))["displacement"][
-        -1
-    ]
+    set_after_long = quiet().run(
+        np.array([0.0, 400.0, 10000.0]), 0.0, np.array([newtons, 0.0, 0.0])
+    )["displacement"][-1]
     assert set_after_long == pytest.approx(newtons * 400 / p.b1, rel=1e-12)
 
 
@@ -121,14 +136,18 @@ def test_agrees_with_transfer_functions_of_the_thesis(parameters):
     force = np.repeat(random.uniform(0.5, 2.75, 30), 50)
     impedance = control.tf([p.R1 * p.R2 * p.C, p.R2], [(p.R1 + p.R2) * p.C, 1])  # 3.9
     electrical = control.tf([p.alpha * p.R2 * p.C], [(p.R1 + p.R2) * p.C, 1])  # 3.6
-    mechanical = control.tf([p.b2 / p.k1, 1 + p.k2 / p.k1 + p.b2 / p.b1, p.k2 / p.b1], [p.b2, p.k2, 0])  # 3.7
+    mechanical = control.tf(
+        [p.b2 / p.k1, 1 + p.k2 / p.k1 + p.b2 / p.b1, p.k2 / p.b1], [p.b2, p.k2, 0]
+    )  # 3.7
 
     def respond(system, signal):
         held = control.c2d(control.ss(system), step, method="zoh")
         return control.forced_response(held, time, signal).outputs
 
     measured = quiet(p).run(time, current, force)
-    np.testing.assert_allclose(measured["voltage"], respond(impedance, current), rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(
+        measured["voltage"], respond(impedance, current), rtol=1e-9, atol=1e-10
+    )
     total = respond(electrical, current) + respond(mechanical, force)  # 3.8
     np.testing.assert_allclose(measured["displacement"], total, rtol=1e-9, atol=1e-13)
 
@@ -139,7 +158,10 @@ def test_uneven_sampling_gives_the_same_trajectory():
     keep = np.concatenate([[0], keep])
     # The inputs change at one kept instant only, so both samplings describe the same held input.
     switch = even[keep[60]]
-    runs = [quiet().run(t, np.where(t < switch, 0.9, -0.4), np.where(t < switch, 1.0, 2.0)) for t in (even, even[keep])]
+    runs = [
+        quiet().run(t, np.where(t < switch, 0.9, -0.4), np.where(t < switch, 1.0, 2.0))
+        for t in (even, even[keep])
+    ]
     for name in ("voltage", "displacement"):
         np.testing.assert_allclose(runs[1][name], runs[0][name][keep], rtol=1e-10, atol=1e-15)
 
@@ -163,7 +185,10 @@ def test_the_integrator_agrees_with_an_adaptive_one(step):
         expected.append(state)
     amplitude = np.max(np.abs(expected), axis=0)
     # The rate of the throughput has kinks, where an integrator of constant steps is of second order.
-    assert np.all(np.max(np.abs(run.state.T - expected), axis=0) < np.array([1e-6, 1e-9, 1e-9, 1e-5]) * amplitude)
+    assert np.all(
+        np.max(np.abs(run.state.T - expected), axis=0)
+        < np.array([1e-6, 1e-9, 1e-9, 1e-5]) * amplitude
+    )
 
 
 def test_between_samples_linear_physics_is_exact():
@@ -173,7 +198,9 @@ def test_between_samples_linear_physics_is_exact():
     held = inputs[:, np.searchsorted(time, fine + 1e-9, side="right") - 1]
     start = np.array([0.3, 1e-5, 2e-5])
     state, at_once = propagate(Physics(NOMINAL), time, inputs, start).at(fine)
-    np.testing.assert_allclose(state, propagate(Physics(NOMINAL), fine, held, start).state, rtol=1e-11, atol=1e-18)
+    np.testing.assert_allclose(
+        state, propagate(Physics(NOMINAL), fine, held, start).state, rtol=1e-11, atol=1e-18
+    )
     np.testing.assert_array_equal(at_once, held)
 
 
@@ -184,7 +211,9 @@ def test_saturating_strain_changes_the_stroke_only():
     np.testing.assert_array_equal(first["voltage"], second["voltage"])
     charge = plain.truth["charge"]
     strain = NOMINAL.alpha * charge / (1 + (charge / 2.0) ** 3) ** (1 / 3)
-    np.testing.assert_allclose(hidden.truth["electrochemical_displacement"], strain, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(
+        hidden.truth["electrochemical_displacement"], strain, rtol=1e-12, atol=1e-18
+    )
     # Odd, linear where small, bounded by alpha Qs.
     law = SaturatingStrain(NOMINAL, 1 / 2.0).electrochemical_length
     assert law(-1.3) == -law(1.3)
@@ -197,9 +226,9 @@ def test_growing_resistance_follows_its_throughput():
     parameters = RigParameters(R2=1e12)
     time = np.arange(0, 50, 0.1)
     current = square_wave(time, 0.9, 10.0)
-    voltage = quiet(parameters, hidden=partial(GrowingResistance, growth=0.8, endurance=30.0)).run(time, current, 0.0)[
-        "voltage"
-    ]
+    voltage = quiet(parameters, hidden=partial(GrowingResistance, growth=0.8, endurance=30.0)).run(
+        time, current, 0.0
+    )["voltage"]
     charge = np.concatenate([[0.0], np.cumsum(current[:-1]) * 0.1])
     moved = 0.9 * time
     expected = charge / parameters.C + parameters.R1 * (1 + 0.8 * moved / (30.0 + moved)) * current
@@ -224,8 +253,12 @@ def test_load_dependent_voltage_shifts_and_relaxes():
     rig = quiet(hidden=partial(LoadDependentVoltage, sensitivity=slope, levelling_load=1e12))
     voltage = rig.run(time, 0.0, newtons)["voltage"]
     decay = np.exp(-time / ((p.R1 + p.R2) * p.C))
-    np.testing.assert_allclose(voltage, slope * newtons * p.R2 / (p.R1 + p.R2) * decay, rtol=1e-9, atol=1e-13)
-    np.testing.assert_allclose(rig.truth["charge"], -p.C * slope * newtons * (1 - decay), rtol=1e-9, atol=1e-14)
+    np.testing.assert_allclose(
+        voltage, slope * newtons * p.R2 / (p.R1 + p.R2) * decay, rtol=1e-9, atol=1e-13
+    )
+    np.testing.assert_allclose(
+        rig.truth["charge"], -p.C * slope * newtons * (1 - decay), rtol=1e-9, atol=1e-14
+    )
 
 
 def test_a_variation_may_leak_in_a_nonlinear_way():
@@ -238,8 +271,13 @@ def test_a_variation_may_leak_in_a_nonlinear_way():
 
 def test_variations_combine():
     time = np.arange(0, 20, 0.1)
-    both, growing = quiet(hidden=together([SaturatingStrain, GrowingResistance])), quiet(hidden=GrowingResistance)
-    np.testing.assert_array_equal(both.run(time, 0.9, 0.5)["voltage"], growing.run(time, 0.9, 0.5)["voltage"])
+    both, growing = (
+        quiet(hidden=together([SaturatingStrain, GrowingResistance])),
+        quiet(hidden=GrowingResistance),
+    )
+    np.testing.assert_array_equal(
+        both.run(time, 0.9, 0.5)["voltage"], growing.run(time, 0.9, 0.5)["voltage"]
+    )
     assert both.truth["displacement"][-1] < growing.truth["displacement"][-1]
 
 
@@ -250,19 +288,28 @@ def test_noise_has_the_declared_spread_and_colour(colour):
     rig = EmulatedRig(seed=11, noise_colour=colour)
     measured = rig.run(time, 0.1, 0.5)
     noise = {name: measured[name] - rig.truth[name] for name in measured}
-    effective = samples * (1 - colour) / (1 + colour)  # independent samples worth, for the mean of an AR(1) series
+    effective = (
+        samples * (1 - colour) / (1 + colour)
+    )  # independent samples worth, for the mean of an AR(1) series
     for name, deviation in (("voltage", 4e-3), ("displacement", 3e-6)):
         series = noise[name] / deviation
         assert abs(np.mean(series)) < 4 / np.sqrt(effective)
         # Bartlett: the variance estimate of an AR(1) series spreads by sqrt(2 (1 + phi^2) / (1 - phi^2) / n).
-        assert abs(np.var(series) - 1) < 4 * np.sqrt(2 * (1 + colour**2) / (1 - colour**2) / samples)
+        assert abs(np.var(series) - 1) < 4 * np.sqrt(
+            2 * (1 + colour**2) / (1 - colour**2) / samples
+        )
         for lag in (1, 5):
             assert np.mean(series[lag:] * series[:-lag]) == pytest.approx(colour**lag, abs=0.03)
-    assert abs(np.mean(noise["voltage"] * noise["displacement"])) / (4e-3 * 3e-6) < 4 / np.sqrt(effective)
+    assert abs(np.mean(noise["voltage"] * noise["displacement"])) / (4e-3 * 3e-6) < 4 / np.sqrt(
+        effective
+    )
 
 
 def test_coloured_noise_is_stationary_from_the_first_sample():
-    first = [EmulatedRig(seed=s, noise_colour=0.9).run([0.0, 0.1], 0.0, 0.0)["voltage"] for s in range(1500)]
+    first = [
+        EmulatedRig(seed=s, noise_colour=0.9).run([0.0, 0.1], 0.0, 0.0)["voltage"]
+        for s in range(1500)
+    ]
     spread = np.std(np.array(first) / 4e-3, axis=0)
     np.testing.assert_allclose(spread, 1.0, atol=4 / np.sqrt(2 * 1500))
 
@@ -293,7 +340,9 @@ def test_drawn_specimens():
     assert RigParameters.scattered(1) == RigParameters.scattered(1) != RigParameters.scattered(2)
     assert RigParameters.scattered(1, spread=0.0) == NOMINAL
     nominal = np.array(list(asdict(NOMINAL).values()))
-    factors = np.array([list(asdict(RigParameters.scattered(s)).values()) for s in range(1000)]) / nominal
+    factors = (
+        np.array([list(asdict(RigParameters.scattered(s)).values()) for s in range(1000)]) / nominal
+    )
     np.testing.assert_allclose(np.std(np.log(factors), axis=0), 0.15, rtol=4 / np.sqrt(2 * 1000))
 
 
@@ -301,9 +350,16 @@ def test_voltage_agrees_with_lsim_of_the_state_space_form():
     p, time = NOMINAL, np.arange(0, 30, 0.05)
     current = np.sin(0.7 * time)
     constant = (p.R1 + p.R2) * p.C
-    system = ([[-1 / constant]], [[p.R2 / (p.R1 + p.R2)]], [[p.R2 / constant]], [[p.R1 * p.R2 / (p.R1 + p.R2)]])
+    system = (
+        [[-1 / constant]],
+        [[p.R2 / (p.R1 + p.R2)]],
+        [[p.R2 / constant]],
+        [[p.R1 * p.R2 / (p.R1 + p.R2)]],
+    )
     _, expected, _ = lsim(system, current, time, interp=False)
-    np.testing.assert_allclose(quiet().run(time, current, 0.0)["voltage"], expected.ravel(), rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(
+        quiet().run(time, current, 0.0)["voltage"], expected.ravel(), rtol=1e-9, atol=1e-11
+    )
 
 
 @pytest.mark.parametrize(

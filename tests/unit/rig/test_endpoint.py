@@ -8,13 +8,19 @@ from orchestration.rig.endpoint import host_and_port, read_endpoint
 
 @pytest.mark.parametrize(
     ("text", "host", "port"),
-    [("tcp://127.0.0.1:5570", "127.0.0.1", 5570), ("tcp://[::1]:1", "[::1]", 1), ("tcp://*:0", "*", 0)],
+    [
+        ("tcp://127.0.0.1:5570", "127.0.0.1", 5570),
+        ("tcp://[::1]:1", "[::1]", 1),
+        ("tcp://*:0", "*", 0),
+    ],
 )
 def test_host_and_port(text, host, port):
     assert host_and_port(text) == (host, port)
 
 
-@pytest.mark.parametrize("text", ["127.0.0.1:5570", "ipc://x", "tcp://host", "tcp://host:123456", "tcp://::1:5570"])
+@pytest.mark.parametrize(
+    "text", ["127.0.0.1:5570", "ipc://x", "tcp://host", "tcp://host:123456", "tcp://::1:5570"]
+)
 def test_what_is_no_endpoint_is_none_for_either(text):
     for read in (host_and_port, read_endpoint):
         with pytest.raises(UserError, match="write tcp://HOST:PORT"):

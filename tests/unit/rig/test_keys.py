@@ -40,7 +40,9 @@ def test_nobody_else_can_read_them(tmp_path):
     finally:
         os.umask(before)
     assert [stat.S_IMODE(path.stat().st_mode) for path in files] == [0o600] * 3
-    assert stat.S_IMODE((tmp_path / "rig-server.toml").stat().st_mode) == 0o600  # which was written anew
+    assert (
+        stat.S_IMODE((tmp_path / "rig-server.toml").stat().st_mode) == 0o600
+    )  # which was written anew
 
 
 @posix
@@ -61,14 +63,20 @@ def test_a_file_that_others_can_read_is_told(tmp_path, mode):
 def test_one_more_client(tmp_path):
     server_file, first = make_keys(tmp_path)
     second, third = add_client(tmp_path, "lab"), add_client(tmp_path, "my-2nd_PC")
-    server, clients = read_server_keys(server_file), [read_client_keys(path) for path in (first, second, third)]
+    server, clients = (
+        read_server_keys(server_file),
+        [read_client_keys(path) for path in (first, second, third)],
+    )
     assert server.clients == tuple(client.public_key for client in clients)
     assert {client.server_key for client in clients} == {server.public_key}
     assert "# lab" in server_file.read_text()
     assert "# first client" in server_file.read_text()
     assert {path.name for path in tmp_path.iterdir()} == {
-        "rig-server.toml", "rig-client.toml", "rig-client-lab.toml", "rig-client-my-2nd_PC.toml",
-    }  # fmt: skip
+        "rig-server.toml",
+        "rig-client.toml",
+        "rig-client-lab.toml",
+        "rig-client-my-2nd_PC.toml",
+    }
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -122,7 +130,10 @@ BAD = {
     "a number": ('server_key = 5\npublic_key = "{k}"\nsecret_key = "{k}"', "must be a text"),
     "short": ('server_key = "abc"\npublic_key = "{k}"\nsecret_key = "{k}"', "3 characters"),
     "quoted": ("server_key = '{t}\"'\npublic_key = '{k}'\nsecret_key = '{k}'", "not Z85"),
-    "too large": ("server_key = '{h}#####'\npublic_key = '{k}'\nsecret_key = '{k}'", "no four bytes"),
+    "too large": (
+        "server_key = '{h}#####'\npublic_key = '{k}'\nsecret_key = '{k}'",
+        "no four bytes",
+    ),
     "of a server": ("public_key = '{k}'\nsecret_key = '{k}'\nclients = []", "key file of a server"),
 }
 
@@ -149,7 +160,8 @@ def test_a_missing_file_a_folder_and_a_long_one(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("clients", "why"), [("5", "clients must be"), ('["x"]', r"clients\[0\] has 1"), ("[5]", "must be a text")]
+    ("clients", "why"),
+    [("5", "clients must be"), ('["x"]', r"clients\[0\] has 1"), ("[5]", "must be a text")],
 )
 def test_clients_of_a_server_are_keys(tmp_path, clients, why):
     path = tmp_path / "server.toml"

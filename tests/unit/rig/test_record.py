@@ -23,7 +23,14 @@ from orchestration.rig.keys import make_keys
 from orchestration.rig.record.plan import plan
 from tests.support.command import here, posix, refused
 from tests.support.pace import slow_but
-from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS, SmallRig, free_port, small_rig_process
+from tests.support.rig.small_rig import (
+    INPUTS,
+    LIMITS,
+    OUTPUTS,
+    SmallRig,
+    free_port,
+    small_rig_process,
+)
 
 pytestmark = pytest.mark.real_time
 
@@ -59,7 +66,18 @@ SOME = 12  # exchanges, after which something happens: counted, as a loaded mach
 
 
 def record(rig, folder, stimulus, *more, out="run.nc"):
-    return here("rig", "record", "--stimulus", stimulus, "--out", out, "--endpoint", rig.endpoint, *more, cwd=folder)
+    return here(
+        "rig",
+        "record",
+        "--stimulus",
+        stimulus,
+        "--out",
+        out,
+        "--endpoint",
+        rig.endpoint,
+        *more,
+        cwd=folder,
+    )
 
 
 def recorded(rig, folder, stimulus, *more, out="run.nc"):
@@ -72,7 +90,9 @@ def recorded(rig, folder, stimulus, *more, out="run.nc"):
 def belongs_together(data):
     """Whether every output is what the small rig makes of the inputs of the same row: none is a row late."""
     np.testing.assert_allclose(data.voltage, 0.6 * data.current, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(data.displacement, 1e-4 * data.force - 2e-5 * data.current, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        data.displacement, 1e-4 * data.force - 2e-5 * data.current, rtol=0, atol=1e-12
+    )
 
 
 # --- what is recorded -----------------------------------------------------------------------------------------------
@@ -93,7 +113,9 @@ def test_an_output_belongs_to_the_command_of_its_row(tmp_path, experiment, perio
     belongs_together(data.isel(time=heard))
     steps = [values for k, values in enumerate(sent) if k == 0 or values != sent[k - 1]]
     known = np.isfinite(data.current.values)
-    assert set(data.current.values[known]) <= {values[0] for values in steps} <= {-0.9, 0.0, 0.5, 1.2}
+    assert (
+        set(data.current.values[known]) <= {values[0] for values in steps} <= {-0.9, 0.0, 0.5, 1.2}
+    )
 
 
 def test_it_is_the_signal_that_ppy_run_would_send(tmp_path, experiment):
@@ -106,24 +128,56 @@ def test_it_is_the_signal_that_ppy_run_would_send(tmp_path, experiment):
     known = np.isfinite(data.current.values)
     np.testing.assert_array_equal(data.current.values[known], model.current.values[known])
     np.testing.assert_array_equal(data.time, model.time)
-    expected = {"title": "Levels", "seed": 3, "duration": 1.0, "step": 0.05, "complete": 1, "over": "time"}
+    expected = {
+        "title": "Levels",
+        "seed": 3,
+        "duration": 1.0,
+        "step": 0.05,
+        "complete": 1,
+        "over": "time",
+    }
     assert {name: data.attrs[name] for name in expected} == expected
     assert set(model.attrs) <= set(data.attrs)
     assert json.loads(data.attrs["experiment"]) == json.loads(model.attrs["experiment"])
     assert {name: a.role for name, a in data.items()} == {
-        "current": "input", "force": "input", "voltage": "output", "displacement": "output",
-        "voltage_age": "output", "displacement_age": "output",
-    }  # fmt: skip
-    assert {name: a.units for name, a in data.items()} == INPUTS | OUTPUTS | {f"{name}_age": "s" for name in OUTPUTS}
+        "current": "input",
+        "force": "input",
+        "voltage": "output",
+        "displacement": "output",
+        "voltage_age": "output",
+        "displacement_age": "output",
+    }
+    assert {name: a.units for name, a in data.items()} == INPUTS | OUTPUTS | {
+        f"{name}_age": "s" for name in OUTPUTS
+    }
 
 
 def test_what_the_experiment_wants_recorded(tmp_path, experiment):
     path = experiment(0.3)
     with SmallRig() as rig:
         only = recorded(rig, tmp_path, path, "--set", 'record=["displacement", "charge"]')
-        whatever = recorded(rig, tmp_path, experiment(0.3, text=LEVELS.replace('record = ["voltage"', '# ["voltage"')))
-        arguments = ("rig", "record", "--stimulus", path, "--out", "other.nc", "--endpoint", rig.endpoint)
-        refused(tmp_path, *arguments, "--set", 'record=["charge"]', parts=["record", "voltage, displacement"])
+        whatever = recorded(
+            rig,
+            tmp_path,
+            experiment(0.3, text=LEVELS.replace('record = ["voltage"', '# ["voltage"')),
+        )
+        arguments = (
+            "rig",
+            "record",
+            "--stimulus",
+            path,
+            "--out",
+            "other.nc",
+            "--endpoint",
+            rig.endpoint,
+        )
+        refused(
+            tmp_path,
+            *arguments,
+            "--set",
+            'record=["charge"]',
+            parts=["record", "voltage, displacement"],
+        )
     assert list(only) == ["current", "force", "displacement", "displacement_age"]
     assert {"voltage", "displacement"} <= set(whatever)
 
@@ -174,14 +228,19 @@ def test_an_old_value_never_looks_fresh(tmp_path, experiment):
 
 @pytest.mark.slow
 def test_max_age(tmp_path, experiment):
-    still = LEVELS.replace('kind = "multilevel"', 'kind = "constant"').split("levels =")[0] + 'value = "0.5 A"\n'
+    still = (
+        LEVELS.replace('kind = "multilevel"', 'kind = "constant"').split("levels =")[0]
+        + 'value = "0.5 A"\n'
+    )
     path = experiment(1.5, 0.05, still)
     for max_age, last in (("0.2s", False), ("5s", True)):
         with SmallRig() as rig:
             rig.then[SOME] = lambda rig=rig: setattr(rig, "measures", False)
             data = recorded(rig, tmp_path, path, "--max-age", max_age)
         assert np.isfinite(data.voltage.values[5])
-        assert np.isfinite(data.voltage.values[-1]) == last  # the input stands still, so that it would belong to it
+        assert (
+            np.isfinite(data.voltage.values[-1]) == last
+        )  # the input stands still, so that it would belong to it
         told = data.voltage_age.values[np.isfinite(data.voltage_age.values)]
         assert told.max() < (0.2 if not last else 5.0)
 
@@ -190,13 +249,25 @@ def test_a_record_of_gaps_alone_is_no_success(tmp_path, experiment):
     with SmallRig() as rig:
         done = record(rig, tmp_path, experiment(0.3), "--max-age", "1e-9s")
     assert done.returncode == 2
-    assert "run.nc holds no measured value: none was younger than 1e-09 s (--max-age)" in done.stderr
+    assert (
+        "run.nc holds no measured value: none was younger than 1e-09 s (--max-age)" in done.stderr
+    )
     assert (tmp_path / "run.nc").exists()
 
 
 def test_rate_and_set(tmp_path, experiment):
     with SmallRig(period=0.01) as rig:
-        data = recorded(rig, tmp_path, experiment(), "--rate", 40, "--set", "duration=0.5", "--set", "inputs.force=2 N")
+        data = recorded(
+            rig,
+            tmp_path,
+            experiment(),
+            "--rate",
+            40,
+            "--set",
+            "duration=0.5",
+            "--set",
+            "inputs.force=2 N",
+        )
     np.testing.assert_allclose(data.time, 0.025 * np.arange(21), atol=1e-12)
     assert set(data.force.values[np.isfinite(data.force.values)]) == {2.0}
 
@@ -204,7 +275,9 @@ def test_rate_and_set(tmp_path, experiment):
 def test_with_keys(tmp_path, experiment):
     server, client = make_keys(tmp_path / "keys")
     with SmallRig(keys=server) as rig:
-        assert recorded(rig, tmp_path, experiment(0.3), "--credentials", client).attrs["complete"] == 1
+        assert (
+            recorded(rig, tmp_path, experiment(0.3), "--credentials", client).attrs["complete"] == 1
+        )
 
 
 @pytest.mark.slow
@@ -230,9 +303,20 @@ BAD = {
 @pytest.mark.parametrize("what", BAD)
 def test_what_does_not_fit_the_rig(tmp_path, experiment, what):
     line, _, parts = BAD[what]
-    path = experiment(text=LEVELS.replace('force = "1 N"', line if what != "lacks an input" else ""))
+    path = experiment(
+        text=LEVELS.replace('force = "1 N"', line if what != "lacks an input" else "")
+    )
     with SmallRig() as rig:
-        arguments = ("rig", "record", "--stimulus", path, "--out", "run.nc", "--endpoint", rig.endpoint)
+        arguments = (
+            "rig",
+            "record",
+            "--stimulus",
+            path,
+            "--out",
+            "run.nc",
+            "--endpoint",
+            rig.endpoint,
+        )
         refused(tmp_path, *arguments, parts=[str(path), *parts])
         assert {message["type"] for message in rig.heard} <= {"status"}
 
@@ -250,9 +334,17 @@ def test_more_than_the_rig_allows(tmp_path, experiment):
     ):
         with SmallRig(**kinds) as rig:
             refused(
-                tmp_path, "rig", "record", "--stimulus", experiment(), "--out", "run.nc", "--endpoint", rig.endpoint,
+                tmp_path,
+                "rig",
+                "record",
+                "--stimulus",
+                experiment(),
+                "--out",
+                "run.nc",
+                "--endpoint",
+                rig.endpoint,
                 parts=parts,
-            )  # fmt: skip
+            )
             assert {message["type"] for message in rig.heard} <= {"status"}
 
 
@@ -260,10 +352,17 @@ def test_a_rig_that_is_not_to_be_had(tmp_path, experiment):
     arguments = ["rig", "record", "--stimulus", experiment(), "--out", "run.nc", "--endpoint"]
     with SmallRig(watchdog=1e9) as rig:  # nobody commands it while it is running
         rig.safe("no command for 0.2 s")
-        refused(tmp_path, *arguments, rig.endpoint, parts=["safe state", "no command for 0.2 s", "ppy rig acknowledge"])
+        refused(
+            tmp_path,
+            *arguments,
+            rig.endpoint,
+            parts=["safe state", "no command for 0.2 s", "ppy rig acknowledge"],
+        )
         rig.state, rig.client = "running", "somebody"
         refused(tmp_path, *arguments, rig.endpoint, parts=["a client already", "somebody"])
-    refused(tmp_path, *arguments, f"tcp://127.0.0.1:{free_port()}", parts=["no answer", "ppy rig serve"])
+    refused(
+        tmp_path, *arguments, f"tcp://127.0.0.1:{free_port()}", parts=["no answer", "ppy rig serve"]
+    )
 
 
 def test_options_that_make_no_sense(tmp_path, experiment):
@@ -273,7 +372,9 @@ def test_options_that_make_no_sense(tmp_path, experiment):
     refused(tmp_path, *base, "--out", "run.nc", "--rate", "0", parts=["--rate"])
     refused(tmp_path, *base, "--out", "run.nc", "--max-age", "-1s", parts=["--max-age"])
     refused(tmp_path, *base, "--out", "run.nc", "--max-age", "1 V", parts=["1 V"])
-    refused(tmp_path, "rig", "record", "--stimulus", "none.toml", "--out", "run.nc", parts=["none.toml"])
+    refused(
+        tmp_path, "rig", "record", "--stimulus", "none.toml", "--out", "run.nc", parts=["none.toml"]
+    )
 
 
 def test_a_record_that_a_killed_run_left_is_not_lost(tmp_path, experiment):
@@ -281,22 +382,38 @@ def test_a_record_that_a_killed_run_left_is_not_lost(tmp_path, experiment):
     (tmp_path / "run.nc.part.csv").write_text("mine")
     with SmallRig() as rig:
         refused(
-            tmp_path, "rig", "record", "--stimulus", path, "--out", "run.nc", "--endpoint", rig.endpoint,
+            tmp_path,
+            "rig",
+            "record",
+            "--stimulus",
+            path,
+            "--out",
+            "run.nc",
+            "--endpoint",
+            rig.endpoint,
             parts=["run.nc.part.csv"],
-        )  # fmt: skip
+        )
         assert rig.of_type("connect") == []
 
 
 def test_limits_are_inclusive_and_rates_are_of_commands():
     """Against the numbers by hand: the step to 0.5 A is made in one command, every 0.05 s."""
     given = {
-        "component": "ppy_actuator", "duration": 1.0, "step": 0.05,
+        "component": "ppy_actuator",
+        "duration": 1.0,
+        "step": 0.05,
         "inputs": {"force": 3.0, "current": {"kind": "steps", "times": [0.5], "levels": [0.5]}},
-    }  # fmt: skip
+    }
     rig = {
-        "mode": "real-time", "state": "idle", "reason": "", "client": "", "inputs": INPUTS, "outputs": OUTPUTS,
-        "period": 0.05, "watchdog": 1.0,
-    }  # fmt: skip
+        "mode": "real-time",
+        "state": "idle",
+        "reason": "",
+        "client": "",
+        "inputs": INPUTS,
+        "outputs": OUTPUTS,
+        "period": 0.05,
+        "watchdog": 1.0,
+    }
     wanted = parse(given, "here")
     for rate, fits in ((10.0, True), (9.99, False), (None, True)):
         limits = {"force": LIMITS["force"], "current": {"min": 0.0, "max": 0.5, "rate": rate}}
@@ -344,7 +461,9 @@ def test_a_lost_link_ends_it(tmp_path, experiment):
         rig.then[SOME] = lambda: setattr(rig, "answers", False)
         began = time.monotonic()
         done = record(rig, tmp_path, experiment(30.0))
-        assert time.monotonic() - began < 15.0  # 0.6 s, the second of silence, and what a loaded machine needs besides
+        assert (
+            time.monotonic() - began < 15.0
+        )  # 0.6 s, the second of silence, and what a loaded machine needs besides
     data = incomplete(done, tmp_path, "no answer from tcp://")
     assert np.isnan(data.voltage.values[-3:]).all()
     assert np.isnan(data.current.values[-3:]).all()  # nobody knows what was applied
@@ -360,12 +479,21 @@ def kills(server, journal):
 def test_a_server_that_is_killed(tmp_path, experiment):
     port = free_port()
     with small_rig_process(port) as server:
-        threading.Thread(target=kills, args=(server, tmp_path / "run.nc.part.csv"), daemon=True).start()
+        threading.Thread(
+            target=kills, args=(server, tmp_path / "run.nc.part.csv"), daemon=True
+        ).start()
         path = experiment(30.0)
         done = here(
-            "rig", "record", "--stimulus", path, "--out", "run.nc", "--endpoint", f"tcp://127.0.0.1:{port}",
+            "rig",
+            "record",
+            "--stimulus",
+            path,
+            "--out",
+            "run.nc",
+            "--endpoint",
+            f"tcp://127.0.0.1:{port}",
             cwd=tmp_path,
-        )  # fmt: skip
+        )
     incomplete(done, tmp_path, "no answer from tcp://")
 
 
@@ -377,13 +505,28 @@ def test_a_server_that_was_started_again_knows_no_such_session(tmp_path, experim
 
 
 def process(rig, folder, stimulus, out="run.nc", before=None):
-    command = [sys.executable, "-m", "orchestration.cli", "rig", "record", "--stimulus", str(stimulus), "--out", out]
+    command = [
+        sys.executable,
+        "-m",
+        "orchestration.cli",
+        "rig",
+        "record",
+        "--stimulus",
+        str(stimulus),
+        "--out",
+        out,
+    ]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     pipe = subprocess.PIPE
     return subprocess.Popen(
-        [*command, "--endpoint", rig.endpoint], cwd=folder, stdout=pipe, stderr=pipe, text=True, preexec_fn=before,
+        [*command, "--endpoint", rig.endpoint],
+        cwd=folder,
+        stdout=pipe,
+        stderr=pipe,
+        text=True,
+        preexec_fn=before,
         env=environment,
-    )  # fmt: skip
+    )
 
 
 @posix
@@ -487,4 +630,11 @@ def test_a_shipped_one_by_its_name(tmp_path):
     with SmallRig() as rig:
         data = recorded(rig, tmp_path, "fig_3_3", "--set", "duration=0.5")
     assert data.attrs["title"].startswith("Fig. 3-3")
-    assert set(data) == {"current", "force", "voltage", "displacement", "voltage_age", "displacement_age"}
+    assert set(data) == {
+        "current",
+        "force",
+        "voltage",
+        "displacement",
+        "voltage_age",
+        "displacement_age",
+    }

@@ -57,14 +57,17 @@ def test_one_value_beyond_its_limit_keeps_all_of_them_back_and_every_fault_is_to
     assert commands.take([1.0, 1.0], 1.0) == []
     assert commands.take([0.5, 3.5], 1.0) == ["force 3.5 N is above 3 N; 1 N goes on"]
     assert commands.take([-2.0, -1.0], 1.0) == [
-        "current -2 A is below -1.3 A; 1 A goes on", "force -1 N is below 0 N; 1 N goes on",
-    ]  # fmt: skip
+        "current -2 A is below -1.3 A; 1 A goes on",
+        "force -1 N is below 0 N; 1 N goes on",
+    ]
     assert commands.applied == (1.0, 1.0)
 
 
 def test_a_rate_counts_from_the_value_that_is_applied_not_from_one_that_was_refused():
     commands = CommandFilter({"current": "A"}, {"current": Limit(rate=1.0)})
-    assert commands.take([5.0], 0.1) == ["current 5 A is a change by +5 A in 0.1 s, faster than 1 A/s; 0 A goes on"]
+    assert commands.take([5.0], 0.1) == [
+        "current 5 A is a change by +5 A in 0.1 s, faster than 1 A/s; 0 A goes on"
+    ]
     assert commands.take([5.05], 0.1), "0.05 from the refused one, 5.05 from the applied one"
     assert commands.take([0.1], 0.1) == []
     commands.rest()
@@ -91,7 +94,9 @@ def test_a_measured_value_that_changes_too_fast_is_told():
     assert monitor.check({"force": 100.0}, 0.0) == "", "there is nothing before the first one"
     assert monitor.check({"force": 100.9}, 0.1) == ""
     assert monitor.check({"force": nan}, 0.2) == ""
-    assert monitor.check({"force": 102.8}, 0.3) == "", "1.9 N in the 0.2 s since the last finite value"
+    assert monitor.check({"force": 102.8}, 0.3) == "", (
+        "1.9 N in the 0.2 s since the last finite value"
+    )
     assert "faster than 10 N/s" in monitor.check({"force": 104.0}, 0.4)
 
 
@@ -100,17 +105,22 @@ def test_outputs_without_limits_may_be_missing_as_long_as_one_is_there():
     for tenth in range(10):
         assert monitor.check({"a": nan, "b": 1.0}, 0.1 * tenth) == ""
     assert monitor.check({"a": nan, "b": nan}, 1.05) == ""
-    assert monitor.check({"a": nan, "b": nan}, 1.2) == "the device delivers nothing finite for 0.2 s"
+    assert (
+        monitor.check({"a": nan, "b": nan}, 1.2) == "the device delivers nothing finite for 0.2 s"
+    )
     assert MeasurementMonitor({}, {}, 0.2).check({}, 1e6) == "", "a rig may measure nothing"
 
 
-@pytest.mark.parametrize(("age", "over"), [(0.0, False), (0.1999, False), (0.2, True), (1.0, True), (nan, True)])
+@pytest.mark.parametrize(
+    ("age", "over"), [(0.0, False), (0.1999, False), (0.2, True), (1.0, True), (nan, True)]
+)
 def test_a_command_expires_after_the_watchdog_time(age, over):
     assert expired(0.0, age, 0.2) is over
 
 
 @pytest.mark.parametrize(
-    ("seen", "part"), [(10.0, ""), (9.8001, ""), (9.79, "under way for 0.21 s"), (10.001, "more of the rig's time")]
+    ("seen", "part"),
+    [(10.0, ""), (9.8001, ""), (9.79, "under way for 0.21 s"), (10.001, "more of the rig's time")],
 )
 def test_a_message_is_as_fresh_as_what_its_sender_has_seen(seen, part):
     reason = stale(seen, 10.0, 0.2)

@@ -67,13 +67,19 @@ def test_draws_have_the_covariance_that_is_given():
     """A sample covariance of n draws has a standard error of ``sqrt((s_ii s_jj + s_ij^2) / n)`` (Wishart)."""
     errors, count = np.array([0.3, 0.02, 5.0]), 40_000
     correlations = {("a", "B"): 0.8, ("a", "c"): -0.5, ("B", "c"): 0.1}
-    given = distribution(estimates(a=(1.0, 0.3), B=(7.0, 0.02), c=(-40.0, 5.0)), correlations, ["B"])
-    matrix = np.array([[1.0, 0.8, -0.5], [0.8, 1.0, 0.1], [-0.5, 0.1, 1.0]]) * np.outer(errors, errors)
+    given = distribution(
+        estimates(a=(1.0, 0.3), B=(7.0, 0.02), c=(-40.0, 5.0)), correlations, ["B"]
+    )
+    matrix = np.array([[1.0, 0.8, -0.5], [0.8, 1.0, 0.1], [-0.5, 0.1, 1.0]]) * np.outer(
+        errors, errors
+    )
     drawn = given.draws(count, seed=3)
     searched = np.array([drawn["a"], np.log(drawn["B"]), drawn["c"]])
     spread = np.sqrt((np.outer(np.diag(matrix), np.diag(matrix)) + matrix**2) / count)
     assert (np.abs(np.cov(searched) - matrix) < 4.0 * spread).all()
-    assert (np.abs(searched.mean(axis=1) - [1.0, np.log(7.0), -40.0]) < 4.0 * errors / np.sqrt(count)).all()
+    assert (
+        np.abs(searched.mean(axis=1) - [1.0, np.log(7.0), -40.0]) < 4.0 * errors / np.sqrt(count)
+    ).all()
 
 
 def test_draws_of_parameters_that_are_known_together_only():
@@ -103,7 +109,9 @@ def test_what_cannot_be_drawn_is_told_in_a_line():
             given.draws(count, seed)
 
 
-@pytest.mark.parametrize(("opposed", "allowed"), [(-0.9, False), (-0.5001, False), (-0.5, True), (-0.50000001, True)])
+@pytest.mark.parametrize(
+    ("opposed", "allowed"), [(-0.9, False), (-0.5001, False), (-0.5, True), (-0.50000001, True)]
+)
 def test_correlations_that_contradict_each_other_are_refused(opposed, allowed):
     """Of three that all oppose each other alike the matrix has the eigenvalue ``1 + 2 r``, whatever their units."""
     of = estimates(a=(1.0, 0.3), b=(2e-9, 1e-10), c=(5e6, 1e5))
@@ -112,7 +120,8 @@ def test_correlations_that_contradict_each_other_are_refused(opposed, allowed):
         assert np.isfinite(given.draws(5)["b"]).all()
     else:
         with pytest.raises(
-            UserError, match=f"correlations of a, b, c contradict each other.*{1.0 + 2.0 * opposed:.3g}"
+            UserError,
+            match=f"correlations of a, b, c contradict each other.*{1.0 + 2.0 * opposed:.3g}",
         ):
             given.draws(5)
 
@@ -138,14 +147,18 @@ def test_draws_of_a_fit_have_the_covariance_of_least_squares():
 def test_bands_of_a_linear_law_are_gaussian():
     """Of ``offset + gain u`` the variance is ``s_o^2 + 2 r s_o s_g u + s_g^2 u^2``, whatever the course of u."""
     count, levels, u = 4000, (0.05, 0.5, 0.95), np.sin(TIME)
-    given = distribution(estimates(offset=(1.0, 0.2), gain=(2.0, 0.3)), {("offset", "gain"): -0.6}, [])
+    given = distribution(
+        estimates(offset=(1.0, 0.2), gain=(2.0, 0.3)), {("offset", "gain"): -0.6}, []
+    )
     drawn = given.draws(count, seed=2)
     found = ppy.sweep(Straight, drawn, {"u": u}, time=TIME, kind="draws", keep=["trace", "last"])
     band = ppy.bands(found)
     deviation = np.sqrt(0.2**2 - 2.0 * 0.6 * 0.2 * 0.3 * u + 0.3**2 * u**2)
     for level in levels:
         exact = 1.0 + 2.0 * u + norm.ppf(level) * deviation
-        spread = np.sqrt(level * (1.0 - level) / count) / norm.pdf(norm.ppf(level)) * deviation  # of a sample quantile
+        spread = (
+            np.sqrt(level * (1.0 - level) / count) / norm.pdf(norm.ppf(level)) * deviation
+        )  # of a sample quantile
         assert (np.abs(band["y_band"].sel(quantile=level).values - exact) < 4.0 * spread).all()
     assert band["y_last_band"].values == pytest.approx(band["y_band"].isel(time=-1).values)
     assert (band["y_band"].units, band["y_band"].dims) == ("V", ("quantile", "time"))
@@ -172,8 +185,12 @@ def test_bands_are_of_cases_that_count_alike():
 
 def test_no_band_is_of_part_of_the_cases(tmp_path):
     step = "    def do_step(self, current_time, step_size):\n"
-    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + "        if self.u >= 5.0:\n            return False\n")
-    fragile = str(build_pythonfmu(tmp_path, "refusing_some", source.replace("Minimal", "RefusingSome")))
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(
+        step, step + "        if self.u >= 5.0:\n            return False\n"
+    )
+    fragile = str(
+        build_pythonfmu(tmp_path, "refusing_some", source.replace("Minimal", "RefusingSome"))
+    )
     found = ppy.sweep(fragile, {"u": [1.0, 6.0, 2.0]}, time=TIME[:5], kind="draws", keep=["trace"])
     with pytest.raises(UserError, match=r"no bands: 1 of 3 cases failed"):
         ppy.bands(found)
@@ -189,11 +206,32 @@ def folder(tmp_path_factory):
     build_one_state_fmu(folder)
     x = 1.0 - np.exp(-TIME / 0.73) + np.random.default_rng(1).normal(0.0, 0.02, 101)
     write_record(folder / "r.csv", TIME, {"u": np.ones(101), "x": x}, {"u": "1", "x": "1"})
-    works("identify", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--json", "fit.json", cwd=folder)
+    works(
+        "identify",
+        "r.csv",
+        "--model",
+        "one_state.fmu",
+        "--fit",
+        "tau",
+        "--json",
+        "fit.json",
+        cwd=folder,
+    )
     return folder
 
 
-CALL = ("sweep", "one_state.fmu", "--fitted", "fit.json", "--set", "u=2", "--stop", "2s", "--step", "0.1s")
+CALL = (
+    "sweep",
+    "one_state.fmu",
+    "--fitted",
+    "fit.json",
+    "--set",
+    "u=2",
+    "--stop",
+    "2s",
+    "--step",
+    "0.1s",
+)
 
 
 def test_bands_are_printed_written_and_drawn(folder):
@@ -201,10 +239,16 @@ def test_bands_are_printed_written_and_drawn(folder):
     said = works(*CALL, "--samples", 500, "--out", "b.nc", "--plot", "b.png", cwd=folder)
     assert (folder / "b.png").read_bytes().startswith(PNG)
     read = xarray.load_dataset(folder / "b.nc", engine="scipy")
-    exact = [2.0 * (1.0 - np.exp(-2.0 / t)) for t in np.quantile(read["tau"].values, [0.95, 0.5, 0.05])]
+    exact = [
+        2.0 * (1.0 - np.exp(-2.0 / t)) for t in np.quantile(read["tau"].values, [0.95, 0.5, 0.05])
+    ]
     assert read["x_band"].sel(time=2.0).values == pytest.approx(exact, rel=1e-4)
-    end = next(line.split() for line in said.splitlines() if line.startswith("x ") and " 2 s " in line)
-    assert [float(word) for word in end[3:6]] == pytest.approx(read["x_band"].isel(time=-1).values.tolist(), rel=1e-5)
+    end = next(
+        line.split() for line in said.splitlines() if line.startswith("x ") and " 2 s " in line
+    )
+    assert [float(word) for word in end[3:6]] == pytest.approx(
+        read["x_band"].isel(time=-1).values.tolist(), rel=1e-5
+    )
     fit = ppy.fit(folder / "r.csv", str(folder / "one_state.fmu"), ["tau"])
     assert read["tau"].values == pytest.approx(fit.draws(500, seed=0)["tau"], rel=1e-12)
 
@@ -212,8 +256,13 @@ def test_bands_are_printed_written_and_drawn(folder):
 def test_the_seed_chooses_the_draws(folder):
     values = []
     for k, seed in enumerate((5, 5, 6)):
-        assert here(*CALL, "--samples", 20, "--seed", seed, "--out", f"{k}.nc", cwd=folder).returncode == 0
-        values.append(xarray.load_dataset(folder / f"{k}.nc", engine="scipy")["tau"].values.tolist())
+        assert (
+            here(*CALL, "--samples", 20, "--seed", seed, "--out", f"{k}.nc", cwd=folder).returncode
+            == 0
+        )
+        values.append(
+            xarray.load_dataset(folder / f"{k}.nc", engine="scipy")["tau"].values.tolist()
+        )
     assert values[0] == values[1] != values[2]
 
 
@@ -226,7 +275,9 @@ def test_a_file_may_name_a_fit(folder):
     found = ppy.sweep_file(folder / "s.toml")
     assert found["x"].dims == ("case", "time")
     assert found["tau"].values == pytest.approx(
-        read_fitted(folder / "fit.json", ppy.find_model(str(folder / "one_state.fmu"))).draws(20, 3)["tau"]
+        read_fitted(folder / "fit.json", ppy.find_model(str(folder / "one_state.fmu"))).draws(
+            20, 3
+        )["tau"]
     )
     assert "quantiles of" in here("sweep", "s.toml", cwd=folder).stdout
     for old, new, told in (
@@ -243,8 +294,12 @@ def test_what_was_set_otherwise_in_the_fit_is_noted(tmp_path):
     """The fit holds with it."""
     answer = {"fitted": {"parameters": {}, "correlations": []}, "set": {"gain": 3.0}}
     answer["fitted"]["parameters"]["offset"] = {
-        "value": 1.0, "ci95": [0.9, 1.1], "nominal": 1.0, "unit": "V", "logarithmic": False,
-    }  # fmt: skip
+        "value": 1.0,
+        "ci95": [0.9, 1.1],
+        "nominal": 1.0,
+        "unit": "V",
+        "logarithmic": False,
+    }
     (tmp_path / "fit.json").write_text(json.dumps(answer))
     fit = read_fitted(tmp_path / "fit.json", model_of(Line))
     assert fit.differences({"gain": 3.0}) == []
@@ -254,8 +309,15 @@ def test_what_was_set_otherwise_in_the_fit_is_noted(tmp_path):
 
 def test_draws_that_the_model_does_not_allow_are_refused(tmp_path):
     """A gain cannot be negative; a third of these would be."""
-    parameter = {"value": 1.0, "ci95": [1.0 - 2.0 * HALF, 1.0 + 2.0 * HALF], "nominal": 1.0, "unit": "ohm"}
-    answer = {"fitted": {"parameters": {"gain": parameter | {"logarithmic": False}}, "correlations": []}}
+    parameter = {
+        "value": 1.0,
+        "ci95": [1.0 - 2.0 * HALF, 1.0 + 2.0 * HALF],
+        "nominal": 1.0,
+        "unit": "ohm",
+    }
+    answer = {
+        "fitted": {"parameters": {"gain": parameter | {"logarithmic": False}}, "correlations": []}
+    }
     (tmp_path / "fit.json").write_text(json.dumps(answer))
     fit = read_fitted(tmp_path / "fit.json", model_of(Line))
     with pytest.raises(
@@ -271,15 +333,36 @@ def test_draws_that_the_model_does_not_allow_are_refused(tmp_path):
     [
         (lambda a: a.pop("fitted"), "holds no fit"),
         (lambda a: a["fitted"].pop("correlations"), "fitted.correlations is missing"),
-        (lambda a: a["fitted"]["parameters"]["tau"].pop("logarithmic"), "fitted.parameters.tau.logarithmic is missing"),
+        (
+            lambda a: a["fitted"]["parameters"]["tau"].pop("logarithmic"),
+            "fitted.parameters.tau.logarithmic is missing",
+        ),
         (lambda a: a["fitted"]["parameters"]["tau"].update(unit="ms"), "tau is in ms"),
-        (lambda a: a["fitted"]["parameters"]["tau"].update(ci95=[0.5, None]), "does not determine tau"),
-        (lambda a: a["fitted"]["parameters"]["tau"].update(ci95=[-0.5, 1.0]), "no positive value and interval"),
-        (lambda a: a["fitted"]["parameters"].update(R1=a["fitted"]["parameters"].pop("tau")), "has no parameter R1"),
-        (lambda a: a["fitted"]["correlations"].append({"between": ["tau", "R"], "value": 0.5}), "not fitted"),
-        (lambda a: a["fitted"]["correlations"].append({"between": ["tau", "R"], "value": 1.5}), "value = 1.5"),
+        (
+            lambda a: a["fitted"]["parameters"]["tau"].update(ci95=[0.5, None]),
+            "does not determine tau",
+        ),
+        (
+            lambda a: a["fitted"]["parameters"]["tau"].update(ci95=[-0.5, 1.0]),
+            "no positive value and interval",
+        ),
+        (
+            lambda a: a["fitted"]["parameters"].update(R1=a["fitted"]["parameters"].pop("tau")),
+            "has no parameter R1",
+        ),
+        (
+            lambda a: a["fitted"]["correlations"].append({"between": ["tau", "R"], "value": 0.5}),
+            "not fitted",
+        ),
+        (
+            lambda a: a["fitted"]["correlations"].append({"between": ["tau", "R"], "value": 1.5}),
+            "value = 1.5",
+        ),
         (lambda a: a.update(fitted=[]), "fitted = []: should be a table"),
-        (lambda a: a["fitted"]["parameters"].update(tau=[1.0]), "fitted.parameters.tau = [1.0]: should be a table"),
+        (
+            lambda a: a["fitted"]["parameters"].update(tau=[1.0]),
+            "fitted.parameters.tau = [1.0]: should be a table",
+        ),
     ],
 )
 def test_a_file_that_is_no_fit_of_the_model_is_refused_in_a_line(folder, tmp_path, change, told):
@@ -320,8 +403,14 @@ def pairs(*pairs):
     [
         (pairs(), "the correlation of offset and gain is missing"),
         (pairs(("gain", "gain")), "a correlation of gain with itself"),
-        (pairs(("gain", "offset"), ("offset", "gain")), "the correlation of offset and gain is there twice"),
-        (pairs(("gain", "offset"), ("gain", "offset")), "the correlation of gain and offset is there twice"),
+        (
+            pairs(("gain", "offset"), ("offset", "gain")),
+            "the correlation of offset and gain is there twice",
+        ),
+        (
+            pairs(("gain", "offset"), ("gain", "offset")),
+            "the correlation of gain and offset is there twice",
+        ),
     ],
 )
 def test_every_pair_has_one_correlation(tmp_path, correlations, told):
@@ -329,9 +418,17 @@ def test_every_pair_has_one_correlation(tmp_path, correlations, told):
     parameter = {"value": 3.0, "ci95": [2.9, 3.1], "nominal": 1.0, "logarithmic": False}
     parameters = {"offset": parameter | {"unit": "V"}, "gain": parameter | {"unit": "ohm"}}
     path = tmp_path / "fit.json"
-    path.write_text(json.dumps({"fitted": {"parameters": parameters, "correlations": pairs(("gain", "offset"))}}))
+    path.write_text(
+        json.dumps(
+            {"fitted": {"parameters": parameters, "correlations": pairs(("gain", "offset"))}}
+        )
+    )
     drawn = read_fitted(path, model_of(Line)).draws(4000, 1)
-    assert np.corrcoef(drawn["offset"], drawn["gain"])[0, 1] == pytest.approx(0.5, abs=4.0 * 0.75 / np.sqrt(4000))
-    path.write_text(json.dumps({"fitted": {"parameters": parameters, "correlations": correlations}}))
+    assert np.corrcoef(drawn["offset"], drawn["gain"])[0, 1] == pytest.approx(
+        0.5, abs=4.0 * 0.75 / np.sqrt(4000)
+    )
+    path.write_text(
+        json.dumps({"fitted": {"parameters": parameters, "correlations": correlations}})
+    )
     with pytest.raises(UserError, match=told):
         read_fitted(path, model_of(Line))

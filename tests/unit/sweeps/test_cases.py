@@ -88,7 +88,10 @@ def test_a_grid_has_every_value_with_every_other(model):
 
 
 def test_a_list_takes_values_together(model):
-    assert design(ranges(model, "R1=0.3,0.5", "C=5,10"), "list").cases.tolist() == [[0.3, 5.0], [0.5, 10.0]]
+    assert design(ranges(model, "R1=0.3,0.5", "C=5,10"), "list").cases.tolist() == [
+        [0.3, 5.0],
+        [0.5, 10.0],
+    ]
 
 
 def test_a_latin_hypercube_has_one_value_in_every_part_of_every_parameter(model):
@@ -98,7 +101,9 @@ def test_a_latin_hypercube_has_one_value_in_every_part_of_every_parameter(model)
         assert sorted(np.floor(share * 50).astype(int)) == list(range(50))
     again = design(ranges(model, "R1=0.2..0.6", "C=1..100 log"), "latin-hypercube", 50, seed=3)
     assert np.array_equal(found.cases, again.cases)
-    assert not np.array_equal(found.cases, design(again.ranges, "latin-hypercube", 50, seed=4).cases)
+    assert not np.array_equal(
+        found.cases, design(again.ranges, "latin-hypercube", 50, seed=4).cases
+    )
 
 
 def test_points_of_sobol_fill_every_box(model):

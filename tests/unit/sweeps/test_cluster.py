@@ -30,15 +30,26 @@ def lag(tmp_path_factory):
 @pytest.fixture(scope="module")
 def workers():
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),  # of workers at a case, until it has failed
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made,
+        dask.config.set(
+            {"distributed.scheduler.allowed-failures": 1}
+        ),  # of workers at a case, until it has failed
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as made,
     ):
         yield made
 
 
 def test_any_fmu_comes_to_the_same_bits_and_the_closed_form(lag, workers):
-    call = {"over": {"tau": "0.1..10:37 log", "u": [1.0, -2.0]}, "time": TIME, "keep": ["last", "mean", "trace"]}
-    here, there = ppy.sweep(lag, **call), ppy.sweep(lag, **call, scheduler=workers.scheduler_address)
+    call = {
+        "over": {"tau": "0.1..10:37 log", "u": [1.0, -2.0]},
+        "time": TIME,
+        "keep": ["last", "mean", "trace"],
+    }
+    here, there = (
+        ppy.sweep(lag, **call),
+        ppy.sweep(lag, **call, scheduler=workers.scheduler_address),
+    )
     assert there.identical(here)
     exact = there["u"].values * (1.0 - np.exp(-TIME[-1] / there["tau"].values[:, None]))
     assert there["x_last"].values == pytest.approx(exact, abs=1e-12)
@@ -63,9 +74,17 @@ def test_what_was_done_on_a_cluster_is_gone_on_with_here(lag, workers, tmp_path)
 
     call = {"over": {"tau": "0.5..4:200"}, "inputs": {"u": 1.0}, "time": TIME}
     with pytest.raises(KeyboardInterrupt):
-        ppy.sweep(lag, **call, folder=tmp_path / "part", progress=interrupt, scheduler=workers.scheduler_address)
+        ppy.sweep(
+            lag,
+            **call,
+            folder=tmp_path / "part",
+            progress=interrupt,
+            scheduler=workers.scheduler_address,
+        )
     seen = []
-    again = ppy.sweep(lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done))
+    again = ppy.sweep(
+        lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done)
+    )
     assert seen[0] == reached[-1] < 200
     assert again.identical(ppy.sweep(lag, **call))
 
@@ -75,7 +94,9 @@ def test_a_case_that_ends_its_worker_fails_alone(tmp_path, workers):
     ends = "        if self.u == 3.0:\n            import os\n\n            os._exit(7)\n"
     source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + ends).replace("Minimal", "Ending")
     fragile = str(build_pythonfmu(tmp_path, "ending", source))
-    found = ppy.sweep(fragile, {"u": [1.0, 2.0, 3.0, 4.0]}, time=TIME, scheduler=workers.scheduler_address)
+    found = ppy.sweep(
+        fragile, {"u": [1.0, 2.0, 3.0, 4.0]}, time=TIME, scheduler=workers.scheduler_address
+    )
     bad = found["u"].values == 3.0
     assert "process that ran it ended" in str(found["failure"].values[bad][0])
     assert (found["failure"].values[~bad] == "").all()
@@ -84,7 +105,11 @@ def test_a_case_that_ends_its_worker_fails_alone(tmp_path, workers):
 
 def unpacked(folder):
     """What of an FMU stands anywhere in a folder."""
-    return [path for path in folder.rglob("*") if path.suffix in (".fmu", ".so", ".xml") or "ppy-" in path.name]
+    return [
+        path
+        for path in folder.rglob("*")
+        if path.suffix in (".fmu", ".so", ".xml") or "ppy-" in path.name
+    ]
 
 
 @pytest.mark.parametrize("ends", slow_but(["by itself", "killed", "interrupted"], "killed"))
@@ -101,10 +126,19 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
         if done >= 20 and ends == "killed" and killed:
             os.kill(killed.pop(), signal.SIGKILL)
 
-    call = {"over": {"tau": "0.5..4:200"}, "inputs": {"u": 1.0}, "time": np.linspace(0.0, 5.0, 5001), "progress": watch}
+    call = {
+        "over": {"tau": "0.5..4:200"},
+        "inputs": {"u": 1.0},
+        "time": np.linspace(0.0, 5.0, 5001),
+        "progress": watch,
+    }
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            local_directory=str(tmp_path),
         ) as made,
         distributed.Client(made, set_as_default=False) as client,
     ):
@@ -122,7 +156,9 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
 @pytest.mark.slow
 def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
     call = {"over": {"tau": "0.5..4:5"}, "time": TIME}
-    with pytest.raises(UserError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers there"):
+    with pytest.raises(
+        UserError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers there"
+    ):
         ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UserError, match="of this machine"):
         ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9", workers=2)
@@ -141,7 +177,18 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
 )
 def test_what_is_no_address_is_told_at_once_and_in_one_line(tmp_path, address, told):
     """In a process of its own: what a client says that was made half is said when it goes."""
-    call = ("sweep", "ppy_actuator", "--over", "R1=0.3,0.5", "--set", "current=0.5", "--stop", "1s", "--step", "0.1s")
+    call = (
+        "sweep",
+        "ppy_actuator",
+        "--over",
+        "R1=0.3,0.5",
+        "--set",
+        "current=0.5",
+        "--stop",
+        "1s",
+        "--step",
+        "0.1s",
+    )
     begun = time.monotonic()
     done = command(*call, "--scheduler", address, cwd=tmp_path)
     assert done.returncode == 2

@@ -44,27 +44,47 @@ def lag(tmp_path_factory):
 @pytest.mark.parametrize(
     ("model", "effects", "over", "inputs"),
     [
-        ("ppy_actuator", [], {"R1": "0.3..0.7:3", "current": "-1..1:3"}, {"force": 1.0 + np.sin(TIME)}),
-        ("ppy_actuator", ["strain_saturation", "sensor_lag(voltage)"], {"C": "5..10:3"}, {"current": np.sin(TIME)}),
+        (
+            "ppy_actuator",
+            [],
+            {"R1": "0.3..0.7:3", "current": "-1..1:3"},
+            {"force": 1.0 + np.sin(TIME)},
+        ),
+        (
+            "ppy_actuator",
+            ["strain_saturation", "sensor_lag(voltage)"],
+            {"C": "5..10:3"},
+            {"current": np.sin(TIME)},
+        ),
         ("galvanostat", [], {"current_command": "-0.5..0.5:3"}, {}),
         ("voice_coil_dma", [], {"target": "0..1e-3:2"}, {}),
         ("degradation_estimator", [], {"voltage": "0.2..0.8:3"}, {}),
         ("foot_dynamic", [], {}, {}),
-        (Thermostat, [], {"loss": "0.2..0.8:3", "outside": "270..285:2"}, {"boost": TIME % 2.0 < 1.0}),
+        (
+            Thermostat,
+            [],
+            {"loss": "0.2..0.8:3", "outside": "270..285:2"},
+            {"boost": TIME % 2.0 < 1.0},
+        ),
         (Mixed, [], {}, {}),
     ],
 )
 def test_both_engines_come_to_the_same_numbers(model, effects, over, inputs):
-    subject = ppy.find_model(model, effects=effects) if isinstance(model, str) else compiled_model(model)
+    subject = (
+        ppy.find_model(model, effects=effects) if isinstance(model, str) else compiled_model(model)
+    )
     known = {**subject.parameters, **subject.inputs}
     over = {name: values for name, values in over.items() if name in known} or start_values(subject)
     fmu, fast = (
-        ppy.sweep(subject, over, inputs, time=TIME, keep=["last", "mean", "rms", "trace"], engine=e) for e in ENGINES
+        ppy.sweep(subject, over, inputs, time=TIME, keep=["last", "mean", "rms", "trace"], engine=e)
+        for e in ENGINES
     )
     assert (fmu.attrs["engine"], fast.attrs["engine"]) == ENGINES
     for name in (n for n in fmu if n != "failure"):
         size = np.nanmax(np.abs(fmu[name].values))
-        np.testing.assert_allclose(fast[name].values, fmu[name].values, rtol=1e-9, atol=1e-9 * size, err_msg=str(name))
+        np.testing.assert_allclose(
+            fast[name].values, fmu[name].values, rtol=1e-9, atol=1e-9 * size, err_msg=str(name)
+        )
     assert fast.get("failure", fast).identical(fmu.get("failure", fmu)) or "failure" not in fmu
 
 
@@ -76,14 +96,20 @@ def compiled_model(cls):
 
 def start_values(model):
     """Two values around that of the first real parameter that has one."""
-    name, signal = next((n, s) for n, s in model.parameters.items() if s.type == "real" and s.default not in (0.0, ""))
+    name, signal = next(
+        (n, s)
+        for n, s in model.parameters.items()
+        if s.type == "real" and s.default not in (0.0, "")
+    )
     return {name: sorted([float(signal.default), 1.01 * float(signal.default)])}
 
 
 def test_the_course_is_that_of_the_closed_form():
     """The root of the level falls evenly: sqrt(y) = 1 - a t / 2, until the vessel is empty."""
     time = 0.01 * np.arange(101)
-    found = ppy.sweep(Draining, {"outflow": [0.2, 0.5, 1.0]}, time=time, keep=["trace"], engine="compiled")
+    found = ppy.sweep(
+        Draining, {"outflow": [0.2, 0.5, 1.0]}, time=time, keep=["trace"], engine="compiled"
+    )
     exact = (1.0 - 0.5 * found["outflow"].values[:, None] * time) ** 2
     assert found["level"].values == pytest.approx(exact, abs=1e-7)
 
@@ -101,7 +127,9 @@ def test_a_case_that_fails_says_what_the_fmu_says(workers):
 @pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
 def test_a_value_that_the_fmu_refuses_is_refused(bad):
     model = compiled_model(Draining)
-    task = Task(model.path, ("outflow",), {}, TIME[:6], {}, ("level",), ("last",), chosen(model, "compiled"))
+    task = Task(
+        model.path, ("outflow",), {}, TIME[:6], {}, ("level",), ("last",), chosen(model, "compiled")
+    )
     told = []
     for one in (task, replace(task, equations=None)):
         with Repeated(one) as case:
@@ -118,7 +146,9 @@ def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypa
     monkeypatch.setattr(compiled, "_MOST", 10.0)
     ran = []
     monkeypatch.setattr(
-        task_module.RepeatedFmu, "run", lambda *given, known=task_module.RepeatedFmu.run: ran.append(1) or known(*given)
+        task_module.RepeatedFmu,
+        "run",
+        lambda *given, known=task_module.RepeatedFmu.run: ran.append(1) or known(*given),
     )
     found = ppy.sweep("ppy_actuator", **call, engine="compiled")
     assert ran == [1, 1]
@@ -126,8 +156,14 @@ def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypa
 
 
 def test_workers_come_to_the_same_bits():
-    call = {"over": {"R1": "0.3..0.7:37"}, "inputs": {"current": np.sin(TIME)}, "keep": [*REDUCTIONS, "trace"]}
-    one, two = (ppy.sweep("ppy_actuator", **call, time=TIME, workers=n, engine="compiled") for n in (1, 2))
+    call = {
+        "over": {"R1": "0.3..0.7:37"},
+        "inputs": {"current": np.sin(TIME)},
+        "keep": [*REDUCTIONS, "trace"],
+    }
+    one, two = (
+        ppy.sweep("ppy_actuator", **call, time=TIME, workers=n, engine="compiled") for n in (1, 2)
+    )
     assert one.identical(two)
 
 

@@ -62,9 +62,13 @@ def test_an_experiment_is_made_at_every_value(folder):
 
 
 def test_inputs_can_be_swept_in_a_file(folder):
-    text = LAG.replace("parameters.tau = 9", "parameters.tau = 1").replace('tau = "0.5..2:4"', "u = [1.0, -3.0]")
+    text = LAG.replace("parameters.tau = 9", "parameters.tau = 1").replace(
+        'tau = "0.5..2:4"', "u = [1.0, -3.0]"
+    )
     found = ppy.sweep_file(written(folder, text))
-    assert found["x_last"].values == pytest.approx(found["u"].values * (1.0 - np.exp(-5.0)), abs=1e-12)
+    assert found["x_last"].values == pytest.approx(
+        found["u"].values * (1.0 - np.exp(-5.0)), abs=1e-12
+    )
 
 
 def test_an_experiment_can_be_named(folder):
@@ -73,15 +77,24 @@ def test_an_experiment_can_be_named(folder):
     asked = read_sweep(folder / "sweep.toml")
     assert sorted(asked.inputs) == ["current", "force"]
     assert found.attrs["design"] == "latin-hypercube"
-    assert [n for n in found if n.endswith("_last")] == ["voltage_last", "displacement_last", "charge_last"]
+    assert [n for n in found if n.endswith("_last")] == [
+        "voltage_last",
+        "displacement_last",
+        "charge_last",
+    ]
     for case in range(5):
         settings = asked.settings | {n: float(found[n][case]) for n in ("R1", "C")}
         alone = ppy.simulate("ppy_actuator", asked.inputs, time=asked.time, settings=settings)
         assert float(found["voltage_last"][case]) == pytest.approx(alone["voltage"][-1], rel=1e-9)
-    inner = "\n".join(line.removeprefix("experiment.") for line in LAG.partition("[experiment]")[2].splitlines()[:6])
+    inner = "\n".join(
+        line.removeprefix("experiment.")
+        for line in LAG.partition("[experiment]")[2].splitlines()[:6]
+    )
     written(folder, inner, "inner.toml")
     beside = 'experiment = "inner.toml"\nover.tau = [1.0]\n'
-    assert float(ppy.sweep_file(written(folder, beside))["x_last"][0]) == pytest.approx(2.0 * (1.0 - np.exp(-5.0)))
+    assert float(ppy.sweep_file(written(folder, beside))["x_last"][0]) == pytest.approx(
+        2.0 * (1.0 - np.exp(-5.0))
+    )
 
 
 def test_what_stays_where_it_was_is_told_of_inputs_that_are_not_swept(folder):
@@ -129,6 +142,8 @@ def test_a_file_that_is_not_there_is_told(tmp_path):
 
 def test_on_the_command_line_the_file_says_what_is_run(folder):
     written(folder, LAG, "a.toml")
-    assert "4 cases, FMU" in works("sweep", "a.toml", "--engine", "fmu", "--out", "a.nc", cwd=folder)
+    assert "4 cases, FMU" in works(
+        "sweep", "a.toml", "--engine", "fmu", "--out", "a.nc", cwd=folder
+    )
     assert (folder / "a.nc").exists()
     refused(folder, "sweep", "a.toml", "--stop", "3s", parts=["--stop: the file says what is run"])

@@ -20,7 +20,18 @@ from tests.support.command import refused, works
 from tests.support.hosts import build_one_state_fmu
 
 TIME = 0.1 * np.arange(51)
-CALL = ("sweep", "one_state.fmu", "--set", "u=2", "--stop", "5s", "--step", "0.1s", "--over", "tau=0.5..2:3")
+CALL = (
+    "sweep",
+    "one_state.fmu",
+    "--set",
+    "u=2",
+    "--stop",
+    "5s",
+    "--step",
+    "0.1s",
+    "--over",
+    "tau=0.5..2:3",
+)
 needs_zarr = pytest.mark.skipif(find_spec("zarr") is None, reason="no Zarr without zarr")
 
 
@@ -42,7 +53,12 @@ def interrupted(folder, **more):
         if done >= 3:
             raise KeyboardInterrupt
 
-    call = {"over": {"tau": "0.5..4:20"}, "inputs": {"u": 1.0}, "time": TIME, "folder": folder / "part"} | more
+    call = {
+        "over": {"tau": "0.5..4:20"},
+        "inputs": {"u": 1.0},
+        "time": TIME,
+        "folder": folder / "part",
+    } | more
     with pytest.raises(KeyboardInterrupt):
         ppy.sweep(str(folder / "one_state.fmu"), **call, progress=interrupt)
     return lambda: ppy.sweep(str(folder / "one_state.fmu"), **call)
@@ -55,7 +71,13 @@ def test_a_folder_of_somebody_else_is_no_journal(folder, out, mine):
     path = folder / f"{out}.part" / mine
     path.parent.mkdir(parents=True)
     path.write_text("dear")
-    refused(folder, *CALL, "--out", out, parts=[f"{out}.part: holds {mine.split('/')[0]}", "name another --out"])
+    refused(
+        folder,
+        *CALL,
+        "--out",
+        out,
+        parts=[f"{out}.part: holds {mine.split('/')[0]}", "name another --out"],
+    )
     assert path.read_text() == "dear"
     assert [*path.parent.iterdir()] == [path]
 
@@ -71,8 +93,12 @@ def test_a_folder_beside_a_store_stays(folder):
     for ending in ("new", "old", "tmp"):
         assert (folder / f"a.zarr.{ending}" / "mine.txt").read_text() == "dear"
     assert sorted(path.name for path in folder.iterdir()) == [
-        "a.zarr", "a.zarr.new", "a.zarr.old", "a.zarr.tmp", "one_state.fmu",
-    ]  # fmt: skip
+        "a.zarr",
+        "a.zarr.new",
+        "a.zarr.old",
+        "a.zarr.tmp",
+        "one_state.fmu",
+    ]
 
 
 def test_what_comes_into_the_folder_meanwhile_stays(folder):
@@ -91,7 +117,9 @@ def test_a_store_with_anything_else_in_it_is_not_replaced(folder, place):
     (folder / "a.zarr" / place).parent.mkdir(exist_ok=True)
     (folder / "a.zarr" / place).write_text("dear")
     first = place.removesuffix("/mine.txt") if place.startswith("data") else place
-    refused(folder, *CALL, "--out", "a.zarr", parts=[f"a.zarr: holds {first}, which is not of a store"])
+    refused(
+        folder, *CALL, "--out", "a.zarr", parts=[f"a.zarr: holds {first}, which is not of a store"]
+    )
     assert not (folder / "a.zarr.part").exists(), "it is told before any work"
     assert (folder / "a.zarr" / place).read_text() == "dear"
 
@@ -161,7 +189,9 @@ def holding(text):
 def test_what_is_damaged_is_told_in_a_line(folder, name, damage):
     goes_on = interrupted(folder, keep=["last", "mean", "rms", "trace"])
     damage(folder / "part" / name)
-    with pytest.raises(UserError, match=r"part: is damaged \(.*\); remove it to begin anew") as told:
+    with pytest.raises(
+        UserError, match=r"part: is damaged \(.*\); remove it to begin anew"
+    ) as told:
         goes_on()
     assert "\n" not in str(told.value)
 
@@ -193,7 +223,9 @@ def test_two_processes_do_not_work_on_one_sweep(folder):
     with subprocess.Popen([sys.executable, "-c", HOLDS, part], stdout=subprocess.PIPE) as other:
         try:
             assert other.stdout.readline() == b"held\n"
-            told = refused(folder, *CALL, "--out", "a.nc", parts=["a.nc.part: another process works on it"])
+            told = refused(
+                folder, *CALL, "--out", "a.nc", parts=["a.nc.part: another process works on it"]
+            )
             assert str(other.pid) in told
         finally:
             other.kill()
@@ -208,7 +240,9 @@ def test_nor_do_two_sweeps_of_one_process(folder):
         with pytest.raises(UserError, match="another process works on it"):
             ppy.sweep(str(folder / "one_state.fmu"), {"tau": [1.0, 2.0]}, time=TIME, folder=part)
 
-    ppy.sweep(str(folder / "one_state.fmu"), {"tau": [1.0, 2.0]}, time=TIME, folder=part, progress=twice)
+    ppy.sweep(
+        str(folder / "one_state.fmu"), {"tau": [1.0, 2.0]}, time=TIME, folder=part, progress=twice
+    )
     assert not (part / "lock").exists()
 
 
@@ -216,7 +250,9 @@ def test_a_lock_of_a_process_that_had_our_number_is_stale(folder):
     """As in a container, where the same command has the same number again."""
     (folder / "part").mkdir()
     (folder / "part" / "lock").write_text(f"{os.getpid()}\n")
-    found = ppy.sweep(str(folder / "one_state.fmu"), {"tau": [1.0, 2.0]}, time=TIME, folder=folder / "part")
+    found = ppy.sweep(
+        str(folder / "one_state.fmu"), {"tau": [1.0, 2.0]}, time=TIME, folder=folder / "part"
+    )
     assert found["x_last"].shape == (2,)
 
 

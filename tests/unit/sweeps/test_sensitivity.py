@@ -65,7 +65,9 @@ def ishigami_exact():
 
 
 def swept(model, over, **more):
-    return ppy.sweep(model, over, time=TIME, **{"keep": ["last"], "kind": "sobol-indices", "samples": 64} | more)
+    return ppy.sweep(
+        model, over, time=TIME, **{"keep": ["last"], "kind": "sobol-indices", "samples": 64} | more
+    )
 
 
 def test_indices_of_ishigami_are_those_of_the_closed_form():
@@ -74,9 +76,9 @@ def test_indices_of_ishigami_are_those_of_the_closed_form():
     assert found.sizes["case"] == 5 * 8192
     shares = ppy.sensitivity(found)
     assert shares["y_last_index"].dims == ("index", "parameter")
-    assert shares["y_last_index"].sel(index=["first", "total"], parameter=["x1", "x2", "x3"]).values == pytest.approx(
-        ishigami_exact(), abs=0.01
-    )
+    assert shares["y_last_index"].sel(
+        index=["first", "total"], parameter=["x1", "x2", "x3"]
+    ).values == pytest.approx(ishigami_exact(), abs=0.01)
 
 
 def test_indices_of_a_linear_law_are_its_shares_of_the_variance():
@@ -85,7 +87,9 @@ def test_indices_of_a_linear_law_are_its_shares_of_the_variance():
     found = ppy.sensitivity(swept(Laws, over, samples=1024))
     weight = np.array([2.0 * 1.0, 1.0 * 3.0, 4.0 * 0.5]) ** 2
     for order in ("first", "total"):
-        assert found["linear_last_index"].sel(index=order).values == pytest.approx(weight / weight.sum(), abs=0.01)
+        assert found["linear_last_index"].sel(index=order).values == pytest.approx(
+            weight / weight.sum(), abs=0.01
+        )
     assert np.isnan(found["still_last_index"].values).all()
     assert found["linear_last_index"].units == "1"
 
@@ -132,26 +136,42 @@ def test_a_tornado_is_that_of_the_closed_form():
     expected = {"a": [16.0, 16.0], "b": [8.0, 20.0], "u": [12.0, 24.0]}
     for parameter, ends in expected.items():
         assert found["product_last_tornado"].sel(parameter=parameter).values == pytest.approx(ends)
-    assert found["linear_last_tornado"].sel(parameter="a", end="from").item() == pytest.approx(2.0 + 4.0 - 4.0)
+    assert found["linear_last_tornado"].sel(parameter="a", end="from").item() == pytest.approx(
+        2.0 + 4.0 - 4.0
+    )
     assert found["ends"].sel(parameter="b").values.tolist() == [2.0, 5.0]
-    assert (found["product_last_tornado"].units, found["parameter_units"].values.tolist()) == ("V", ["V", "ohm", "A"])
+    assert (found["product_last_tornado"].units, found["parameter_units"].values.tolist()) == (
+        "V",
+        ["V", "ohm", "A"],
+    )
     with pytest.raises(UserError, match=r"b=5..7: its start value 3 ohm is not among these"):
         swept(Laws, {"b": "5..7"}, **call)
 
 
 def test_what_moves_most_stands_first():
-    found = ppy.tornado(swept(Laws, {"a": "1..2", "u": "3..6", "b": "2..5"}, kind="tornado", samples=None))
+    found = ppy.tornado(
+        swept(Laws, {"a": "1..2", "u": "3..6", "b": "2..5"}, kind="tornado", samples=None)
+    )
     rows = [*zip(*(column.cells for column in tornado.table(found).columns), strict=True)]
     assert [r[1] for r in rows if r[0] == "product_last"] == ["b", "u", "a"]
     assert [r[1] for r in rows if r[0] == "linear_last"] == ["b", "a", "u"]
-    assert rows[[r[:2] for r in rows].index(("product_last", "u"))][2:] == ("3 A", "6 A", "12", "9", "18", "V")
+    assert rows[[r[:2] for r in rows].index(("product_last", "u"))][2:] == (
+        "3 A",
+        "6 A",
+        "12",
+        "9",
+        "18",
+        "V",
+    )
 
 
 @pytest.fixture(scope="module")
 def fragile(tmp_path_factory):
     """An FMU that refuses a step where its input is 5 and more."""
     step = "    def do_step(self, current_time, step_size):\n"
-    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + "        if self.u >= 5.0:\n            return False\n")
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(
+        step, step + "        if self.u >= 5.0:\n            return False\n"
+    )
     folder = tmp_path_factory.mktemp("fragile")
     return str(build_pythonfmu(folder, "refusing_most", source.replace("Minimal", "RefusingMost")))
 
@@ -160,14 +180,18 @@ def test_nothing_stands_in_for_a_case_that_failed(fragile):
     found = swept(fragile, {"u": "1..6"}, samples=16)
     count = int((found["failure"].values != "").sum())
     assert 0 < count < 48
-    with pytest.raises(UserError, match=rf"no Sobol indices: {count} of 48 cases failed.*step from 0 s failed") as told:
+    with pytest.raises(
+        UserError, match=rf"no Sobol indices: {count} of 48 cases failed.*step from 0 s failed"
+    ) as told:
         ppy.sensitivity(found)
     assert "\n" not in str(told.value)
     moved = ppy.tornado(swept(fragile, {"u": "0..6"}, kind="tornado", samples=None))
     assert np.isfinite(moved["x_last_tornado"].values[0]).tolist() == [True, False]
     assert [*tornado.table(moved).columns][6]._cells == ["failed"]
     with pytest.raises(UserError, match=r"no tornado plot.*cases failed"):
-        ppy.tornado(swept(fragile, {"u": "0..6"}, settings={"u": 5.5}, kind="tornado", samples=None))
+        ppy.tornado(
+            swept(fragile, {"u": "0..6"}, settings={"u": 5.5}, kind="tornado", samples=None)
+        )
 
 
 @pytest.mark.parametrize(
@@ -213,18 +237,40 @@ def folder(tmp_path_factory):
     return folder
 
 
-CALL = ("sweep", "one_state.fmu", "--set", "u=2", "--stop", "1s", "--step", "0.1s", "--over", "tau=0.5..2")
+CALL = (
+    "sweep",
+    "one_state.fmu",
+    "--set",
+    "u=2",
+    "--stop",
+    "1s",
+    "--step",
+    "0.1s",
+    "--over",
+    "tau=0.5..2",
+)
 
 
 def words(picture):
     """What is written in a picture; its texts are drawn as glyphs beside comments that say them."""
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     tree = ElementTree.parse(picture, parser)
-    return [str(element.text).strip() for element in tree.iter() if element.tag is ElementTree.Comment]
+    return [
+        str(element.text).strip() for element in tree.iter() if element.tag is ElementTree.Comment
+    ]
 
 
 def test_indices_are_printed_written_and_drawn(folder):
-    call = [*CALL[:2], *CALL[4:], "--over", "u=1..2", "--design", "sobol-indices", "--samples", "64"]
+    call = [
+        *CALL[:2],
+        *CALL[4:],
+        "--over",
+        "u=1..2",
+        "--design",
+        "sobol-indices",
+        "--samples",
+        "64",
+    ]
     said = works(*call, "--keep", "last", "--out", "i.nc", "--plot", "i.svg", cwd=folder)
     assert "256 cases" in said
     assert "95 % interval" in said
@@ -232,8 +278,12 @@ def test_indices_are_printed_written_and_drawn(folder):
     again = ppy.sensitivity(read)
     xarray.testing.assert_allclose(read["x_last_index"], again["x_last_index"])
     assert {"tau", "u", "first order", "total", "x last", "parameter"} <= {*words(folder / "i.svg")}
-    one = next(line.split() for line in said.splitlines() if line.startswith("x_last") and " tau " in line)
-    assert float(one[2]) == pytest.approx(float(again["x_last_index"].sel(index="first", parameter="tau")), abs=6e-4)
+    one = next(
+        line.split() for line in said.splitlines() if line.startswith("x_last") and " tau " in line
+    )
+    assert float(one[2]) == pytest.approx(
+        float(again["x_last_index"].sel(index="first", parameter="tau")), abs=6e-4
+    )
 
 
 def test_a_tornado_is_printed_written_and_drawn(folder):
@@ -259,7 +309,18 @@ def test_a_file_says_where_the_others_stay(folder):
 
 
 def test_cases_are_kept_where_indices_are_refused(fragile, tmp_path):
-    call = ("sweep", fragile, "--over", "u=1..6", "--design", "sobol-indices", "--samples", 16, "--stop", "1s")
+    call = (
+        "sweep",
+        fragile,
+        "--over",
+        "u=1..6",
+        "--design",
+        "sobol-indices",
+        "--samples",
+        16,
+        "--stop",
+        "1s",
+    )
     ended = here(*call, "--keep", "last", "--out", "f.nc", cwd=tmp_path)
     assert ended.returncode == 2
     assert "error: no Sobol indices: " in ended.stderr
@@ -273,11 +334,15 @@ def test_pictures_have_bars_as_long_as_the_numbers(tmp_path, monkeypatch):
     """What is drawn, read off the figure that is saved."""
     drawn = []
     monkeypatch.setattr(indices.pictures, "save", lambda figure, path: drawn.append(figure))
-    shares = ppy.sensitivity(swept(Laws, {"a": "1..2", "b": "0..3"}, samples=64, outputs=["linear"]))
+    shares = ppy.sensitivity(
+        swept(Laws, {"a": "1..2", "b": "0..3"}, samples=64, outputs=["linear"])
+    )
     indices.draw(shares, tmp_path / "a.png")
     bars = sorted((bar.get_x(), bar.get_height()) for bar in drawn[0].axes[0].patches)
     assert [h for _, h in bars] == pytest.approx(shares["linear_last_index"].values.T.ravel())
-    moved = ppy.tornado(swept(Laws, {"u": "3..6"}, kind="tornado", samples=None, outputs=["product"]))
+    moved = ppy.tornado(
+        swept(Laws, {"u": "3..6"}, kind="tornado", samples=None, outputs=["product"])
+    )
     tornado.draw(moved, tmp_path / "b.png")
     reached = sorted(bar.get_x() + bar.get_width() for bar in drawn[1].axes[0].patches)
     assert reached == pytest.approx([9.0, 18.0])

@@ -19,7 +19,18 @@ from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, b
 
 pytest.importorskip("zarr", reason="no Zarr without zarr")
 TIME = 0.1 * np.arange(51)
-CALL = ("sweep", "one_state.fmu", "--set", "u=2", "--stop", "5s", "--step", "0.1s", "--keep", "last,trace")
+CALL = (
+    "sweep",
+    "one_state.fmu",
+    "--set",
+    "u=2",
+    "--stop",
+    "5s",
+    "--step",
+    "0.1s",
+    "--keep",
+    "last,trace",
+)
 MEASURED = """
 import re, resource, sys
 from orchestration.cli import app
@@ -77,9 +88,22 @@ def test_a_store_is_replaced_and_nothing_else_is(folder):
 
 def test_failures_are_in_a_store(tmp_path):
     step = "    def do_step(self, current_time, step_size):\n"
-    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + "        if self.u >= 5.0:\n            return False\n")
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(
+        step, step + "        if self.u >= 5.0:\n            return False\n"
+    )
     fragile = build_pythonfmu(tmp_path, "refusing_few", source.replace("Minimal", "RefusingFew"))
-    call = ("sweep", fragile, "--over", "u=1,6,2", "--stop", "1s", "--step", "0.1s", "--keep", "last,trace")
+    call = (
+        "sweep",
+        fragile,
+        "--over",
+        "u=1,6,2",
+        "--stop",
+        "1s",
+        "--step",
+        "0.1s",
+        "--keep",
+        "last,trace",
+    )
     works(*call, "--out", "f.zarr", cwd=tmp_path)
     works(*call, "--out", "f.nc", cwd=tmp_path)
     store = opened(tmp_path / "f.zarr").load()
@@ -117,7 +141,9 @@ def test_what_a_sweep_comes_to_is_in_the_store(folder):
 
 def peak(*arguments, cwd):
     """The largest resident memory of the command, MB."""
-    done = subprocess.run([sys.executable, "-c", MEASURED, *arguments], cwd=cwd, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURED, *arguments], cwd=cwd, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     return int(done.stdout.splitlines()[-1]) / (1e6 if sys.platform == "darwin" else 1e3)
 
@@ -157,7 +183,9 @@ def test_traces_are_read_where_they_are_used(folder, tmp_path):
         assert one[:, :, ::-3].values.tolist() == other[:, :, ::-3].tolist()
         assert one[[3, 0, 3], [2], 4].values.tolist() == other[[3, 0, 3]][:, [2]][:, :, 4].tolist()
         assert one[:0].values.shape == (0, 3, 51)
-    assert lazy.chunk(R1=1)["voltage"].mean().compute().item() == pytest.approx(whole["voltage"].values.mean())
+    assert lazy.chunk(R1=1)["voltage"].mean().compute().item() == pytest.approx(
+        whole["voltage"].values.mean()
+    )
 
 
 def test_pieces_are_all_there_is(monkeypatch):
@@ -165,12 +193,16 @@ def test_pieces_are_all_there_is(monkeypatch):
     monkeypatch.setattr(traces, "_AT_ONCE", 8 * 10)
     parts = [*traces.pieces(array)]
     assert max(part.nbytes for part in parts) <= 80
-    assert np.concatenate([part.ravel() for part in parts]).tolist() == array.values.ravel().tolist()
+    assert (
+        np.concatenate([part.ravel() for part in parts]).tolist() == array.values.ravel().tolist()
+    )
 
 
 def test_without_zarr_it_is_told_before_anything_runs(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "zarr", None)
-    with pytest.raises(UserError, match=r"x.zarr: writing Zarr needs zarr and dask: pip install 'ppy-rig\[zarr\]'"):
+    with pytest.raises(
+        UserError, match=r"x.zarr: writing Zarr needs zarr and dask: pip install 'ppy-rig\[zarr\]'"
+    ):
         stored.check(folder / "x.zarr")
     done = here(*CALL, "--over", "tau=0.5..2:4", "--out", "x.zarr", cwd=folder)
     assert done.returncode == 2

@@ -32,13 +32,17 @@ def fragile(tmp_path_factory):
     step = "    def do_step(self, current_time, step_size):\n"
     ends = "        if self.u == 3.0:\n            import os\n\n            os._exit(7)\n"
     refuses = "        if self.u == 5.0:\n            return False\n"
-    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + ends + refuses).replace("Minimal", "Fragile")
+    source = MINIMAL_PYTHONFMU_SOURCE.replace(step, step + ends + refuses).replace(
+        "Minimal", "Fragile"
+    )
     return str(build_pythonfmu(tmp_path_factory.mktemp("fragile"), "fragile", source))
 
 
 def test_numbers_and_courses_are_those_of_the_closed_form(lag):
     taus, levels = np.array([0.5, 1.0, 4.0]), np.array([1.0, -2.0])
-    found = ppy.sweep(lag, {"tau": taus, "u": levels}, time=TIME, keep=["last", "mean", "largest", "trace"])
+    found = ppy.sweep(
+        lag, {"tau": taus, "u": levels}, time=TIME, keep=["last", "mean", "largest", "trace"]
+    )
     exact = levels[None, :, None] * (1.0 - np.exp(-TIME / taus[:, None, None]))
     assert found["x"].dims == ("tau", "u", "time")
     assert found["x"].values == pytest.approx(exact, abs=1e-12)
@@ -63,14 +67,18 @@ def test_several_workers_come_to_the_same_bits(lag):
 
 
 def test_units_and_words_go_with_the_numbers():
-    found = ppy.sweep("ppy_actuator", {"R1": "300mohm..0.7:2"}, {"current": 0.5}, stop=1.0, step=0.1)
+    found = ppy.sweep(
+        "ppy_actuator", {"R1": "300mohm..0.7:2"}, {"current": 0.5}, stop=1.0, step=0.1
+    )
     assert (found["voltage_last"].units, found["R1"].units) == ("V", "ohm")
     assert found["R1"].long_name
     assert found.attrs["design"] == "grid"
 
 
 def test_a_sampled_design_has_its_cases_beside_it(lag):
-    found = ppy.sweep(lag, {"tau": "0.5..4", "u": "-1..1"}, time=TIME, kind="sobol", samples=16, seed=2)
+    found = ppy.sweep(
+        lag, {"tau": "0.5..4", "u": "-1..1"}, time=TIME, kind="sobol", samples=16, seed=2
+    )
     exact = found["u"].values * (1.0 - np.exp(-TIME[-1] / found["tau"].values))
     assert found["x_last"].dims == ("case",)
     assert found["x_last"].values == pytest.approx(exact, abs=1e-12)
@@ -85,12 +93,19 @@ def test_what_was_done_is_not_done_again(lag, tmp_path):
         if done >= 7:
             raise KeyboardInterrupt
 
-    call = {"over": {"tau": "0.5..4:20"}, "inputs": {"u": 1.0}, "time": TIME, "keep": ["last", "trace"]}
+    call = {
+        "over": {"tau": "0.5..4:20"},
+        "inputs": {"u": 1.0},
+        "time": TIME,
+        "keep": ["last", "trace"],
+    }
     with pytest.raises(KeyboardInterrupt):
         ppy.sweep(lag, **call, folder=tmp_path / "part", progress=interrupt)
     done = seen[-1]
     seen.clear()
-    again = ppy.sweep(lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done))
+    again = ppy.sweep(
+        lag, **call, folder=tmp_path / "part", progress=lambda done, whole: seen.append(done)
+    )
     assert (seen[0], seen[-1]) == (done, 20), "from there on"
     assert again.identical(ppy.sweep(lag, **call))
     seen.clear()
@@ -123,12 +138,19 @@ def test_another_fmu_is_refused(lag, tmp_path):
         if done >= 3:
             raise KeyboardInterrupt
 
-    call = {"over": {"tau": "0.5..4:20"}, "inputs": {"u": 1.0}, "time": TIME, "folder": tmp_path / "part"}
+    call = {
+        "over": {"tau": "0.5..4:20"},
+        "inputs": {"u": 1.0},
+        "time": TIME,
+        "folder": tmp_path / "part",
+    }
     model = ppy.find_model(lag)
     with pytest.raises(KeyboardInterrupt):
         ppy.sweep(model, **call, progress=interrupt)
     (tmp_path / "part" / "sweep.json").write_text(
-        (tmp_path / "part" / "sweep.json").read_text().replace('"the FMU": "', '"the FMU": "another')
+        (tmp_path / "part" / "sweep.json")
+        .read_text()
+        .replace('"the FMU": "', '"the FMU": "another')
     )
     with pytest.raises(UserError, match="the FMU differ"):
         ppy.sweep(replace(model), **call)
@@ -142,14 +164,20 @@ def interrupted(lag, tmp_path):
         if done >= 3:
             raise KeyboardInterrupt
 
-    call = {"over": {"tau": "0.5..4:20"}, "inputs": {"u": 1.0}, "time": TIME, "folder": tmp_path / "part"}
+    call = {
+        "over": {"tau": "0.5..4:20"},
+        "inputs": {"u": 1.0},
+        "time": TIME,
+        "folder": tmp_path / "part",
+    }
     with pytest.raises(KeyboardInterrupt):
         ppy.sweep(lag, **call, progress=interrupt)
     return call
 
 
 @pytest.mark.parametrize(
-    ("name", "contents"), [("sweep.json", b"{"), ("numbers.npy", b"none"), ("failures.jsonl", b"none\n")]
+    ("name", "contents"),
+    [("sweep.json", b"{"), ("numbers.npy", b"none"), ("failures.jsonl", b"none\n")],
 )
 def test_a_damaged_folder_is_refused_in_a_line(lag, interrupted, name, contents):
     (interrupted["folder"] / name).write_bytes(contents)
@@ -184,7 +212,9 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, kills):
 def test_there_are_no_more_workers_than_cases(lag, monkeypatch):
     asked, known = [], run.outcomes
     monkeypatch.setattr(
-        run, "outcomes", lambda task, cases, which, count: asked.append(count) or known(task, cases, which, count)
+        run,
+        "outcomes",
+        lambda task, cases, which, count: asked.append(count) or known(task, cases, which, count),
     )
     call = {"over": {"tau": [1.0, 2.0]}, "inputs": {"u": 1.0}, "time": TIME}
     assert ppy.sweep(lag, **call, workers=1000).identical(ppy.sweep(lag, **call))
@@ -202,8 +232,14 @@ def test_workers_end_with_an_interrupt(lag):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        ppy.sweep(lag, {"tau": "0.5..4:4000"}, {"u": 1.0}, time=np.linspace(0.0, 5.0, 5001), workers=2,
-                  progress=interrupt)  # fmt: skip
+        ppy.sweep(
+            lag,
+            {"tau": "0.5..4:4000"},
+            {"u": 1.0},
+            time=np.linspace(0.0, 5.0, 5001),
+            workers=2,
+            progress=interrupt,
+        )
     assert children() <= before
 
 
@@ -227,7 +263,9 @@ def test_a_killed_worker_costs_nothing(lag):
 def test_a_case_that_ends_its_process_fails_alone(fragile):
     found = ppy.sweep(fragile, {"u": [1.0, 2.0, 3.0, 4.0, 6.0, 7.0]}, time=TIME, workers=2)
     bad = found["u"].values == 3.0
-    assert "step from 0 s: its process ended (exit status 7)" in str(found["failure"].values[bad][0])
+    assert "step from 0 s: its process ended (exit status 7)" in str(
+        found["failure"].values[bad][0]
+    )
     assert (found["failure"].values[~bad] == "").all()
     assert np.isnan(found["x_last"].values[bad]).all()
     growth = 1.0 - 0.9 ** (len(TIME) - 1)  # Euler's method with a tenth of the time constant

@@ -20,9 +20,12 @@ from tests.support.system.samples import pair, tiny_fmu
 def system(tmp_path):
     """drive.force -> load.force; everything else of the load has a value."""
     return System(
-        "sample", pair(tmp_path), connect("drive.force -> load.force"), {"command": (Port("drive", "command"),)},
+        "sample",
+        pair(tmp_path),
+        connect("drive.force -> load.force"),
+        {"command": (Port("drive", "command"),)},
         {"tension": Port("load", "tension")},
-    )  # fmt: skip
+    )
 
 
 def refused(system, *parts):
@@ -57,20 +60,35 @@ def test_a_good_system_passes(system):
 @pytest.mark.parametrize(
     ("connection", "parts"),
     [
-        ("drive.force -> load.length", ["drive.force -> load.length", "'N' of drive.force", "'mm' of load.length"]),
-        ("drive.way -> load.length", ["drive.way is in 'm'", "load.length in 'mm'", "it needs factor 1000"]),
+        (
+            "drive.force -> load.length",
+            ["drive.force -> load.length", "'N' of drive.force", "'mm' of load.length"],
+        ),
+        (
+            "drive.way -> load.length",
+            ["drive.way is in 'm'", "load.length in 'mm'", "it needs factor 1000"],
+        ),
         ("drive.heat -> load.warm", ["'degC'", "'K'", "it needs factor 1 and offset 273.15"]),
-        ("drive.odd -> load.length", ["'furlongish' of drive.odd cannot become 'mm' of load.length"]),
+        (
+            "drive.odd -> load.length",
+            ["'furlongish' of drive.odd cannot become 'mm' of load.length"],
+        ),
         ("drive.count -> load.hold", ["drive.count is integer", "load.hold is boolean"]),
         ("drive.ready -> load.level", ["drive.ready is boolean", "load.level is integer"]),
         ("drive.force -> load.level", ["drive.force is real", "load.level is integer"]),
-        ("drive.command -> load.length", ["drive.command -> load.length", "drive.command is an input", "an output is"]),
+        (
+            "drive.command -> load.length",
+            ["drive.command -> load.length", "drive.command is an input", "an output is"],
+        ),
         ("drive.gain -> load.length", ["drive.gain is a parameter where an output is needed"]),
         ("drive.force -> load.tension", ["load.tension is an output where an input is needed"]),
         ("drive.force -> load.mass", ["load.mass is a parameter where an input is needed"]),
         ("drive.frce -> load.length", ["drive has no output named 'frce'", "did you mean force"]),
         ("drive.force -> load.lenth", ["load has no input named 'lenth'", "did you mean length"]),
-        ("driv.force -> load.length", ["driv.force -> load.length", "no member named 'driv'", "did you mean drive"]),
+        (
+            "driv.force -> load.length",
+            ["driv.force -> load.length", "no member named 'driv'", "did you mean drive"],
+        ),
         ("drive.force -> drive.command", ["a member cannot be connected with itself"]),
     ],
 )
@@ -97,23 +115,37 @@ def test_connections_that_fit(system, connection, factor, offset):
 
 @pytest.mark.parametrize("factor", [math.nan, math.inf])
 def test_a_factor_that_is_no_number(system, factor):
-    refused(wired(system, "drive.way -> load.length", factor), "drive.way -> load.length", f"factor {factor}")
+    refused(
+        wired(system, "drive.way -> load.length", factor),
+        "drive.way -> load.length",
+        f"factor {factor}",
+    )
 
 
 def test_a_factor_of_what_is_counted(system):
-    refused(wired(system, "drive.count -> load.level", 2.0), "factor 2 is for real variables, these are integer")
+    refused(
+        wired(system, "drive.count -> load.level", 2.0),
+        "factor 2 is for real variables, these are integer",
+    )
 
 
 def test_a_factor_against_the_units_is_told(system):
     (text,) = [t for t in warnings(wired(system, "drive.way -> load.length", 0.001)) if "->" in t]
-    assert text == "drive.way -> load.length: from 'm' to 'mm' the units ask for factor 1000, given is factor 0.001"
+    assert (
+        text
+        == "drive.way -> load.length: from 'm' to 'mm' the units ask for factor 1000, given is factor 0.001"
+    )
 
 
-@pytest.mark.parametrize(("unit", "to"), [("m", "mm"), ("degC", "K"), ("K", "degF"), ("rpm", "rad/s"), ("N", "N")])
+@pytest.mark.parametrize(
+    ("unit", "to"), [("m", "mm"), ("degC", "K"), ("K", "degF"), ("rpm", "rad/s"), ("N", "N")]
+)
 @pytest.mark.parametrize("value", [-3.0, 0.0, 1e3])
 def test_factor_and_offset_are_those_of_the_units(unit, to, value):
     factor, offset = conversion(unit, to)
-    assert factor * value + offset == pytest.approx(float(units.convert(value, unit, to)), rel=1e-12, abs=1e-12)
+    assert factor * value + offset == pytest.approx(
+        float(units.convert(value, unit, to)), rel=1e-12, abs=1e-12
+    )
 
 
 def test_what_cannot_be_converted_has_no_factor():
@@ -122,23 +154,43 @@ def test_what_cannot_be_converted_has_no_factor():
 
 
 def test_an_input_without_a_source(system):
-    refused(free(system, "hold"), "load.hold is not connected", "no input of the system feeds it", "no value")
+    refused(
+        free(system, "hold"),
+        "load.hold is not connected",
+        "no input of the system feeds it",
+        "no value",
+    )
     refused(replace(system, connections=()), "load.force is not connected")
     refused(replace(system, inputs={}), "drive.command is not connected")
 
 
 def test_two_sources_for_one_input(system):
     twice = (*system.connections, Connection(Port("drive", "force"), Port("load", "force"), 2.0))
-    refused(replace(system, connections=twice), "load.force has two sources, drive.force and drive.force")
+    refused(
+        replace(system, connections=twice),
+        "load.force has two sources, drive.force and drive.force",
+    )
     both = {**system.inputs, "pull": (Port("load", "force"),)}
-    refused(replace(system, inputs=both), "load.force has two sources, drive.force and system input pull")
+    refused(
+        replace(system, inputs=both),
+        "load.force has two sources, drive.force and system input pull",
+    )
     two = {**system.inputs, "again": (Port("drive", "command"),)}
-    refused(replace(system, inputs=two), "drive.command has two sources, system input command and system input again")
+    refused(
+        replace(system, inputs=two),
+        "drive.command has two sources, system input command and system input again",
+    )
 
 
 def test_inputs_and_outputs_of_the_system_must_be_of_its_members(system):
-    refused(replace(system, inputs={"command": (Port("drive", "force"),)}), "drive.force is an output where an input")
-    refused(replace(system, outputs={"tension": Port("load", "force")}), "load.force is an input where an output")
+    refused(
+        replace(system, inputs={"command": (Port("drive", "force"),)}),
+        "drive.force is an output where an input",
+    )
+    refused(
+        replace(system, outputs={"tension": Port("load", "force")}),
+        "load.force is an input where an output",
+    )
     refused(replace(system, outputs={"tension": Port("lod", "tension")}), "no member named 'lod'")
     one = (Port("drive", "command"), Port("load", "length"))
     refused(
@@ -147,7 +199,10 @@ def test_inputs_and_outputs_of_the_system_must_be_of_its_members(system):
     )
     mixed = (Port("load", "length"), Port("load", "level"))
     bare = free(free(system, "length"), "level")
-    refused(replace(bare, inputs={**system.inputs, "both": mixed}), "of type 'real' and load.level of type 'integer'")
+    refused(
+        replace(bare, inputs={**system.inputs, "both": mixed}),
+        "of type 'real' and load.level of type 'integer'",
+    )
 
 
 def test_an_input_of_the_system_that_feeds_nothing_is_told(system):
@@ -172,7 +227,9 @@ def test_values_that_cannot_be_set(system, values, parts):
 
 
 def test_a_value_out_of_range(fmu):
-    member = Member("films", fmu("ppy_actuator", "native"), {"C": 0.0, "current": 0.0, "force": 0.0})
+    member = Member(
+        "films", fmu("ppy_actuator", "native"), {"C": 0.0, "current": 0.0, "force": 0.0}
+    )
     refused(System("one", (member,), ()), "member films: C: 0 F is out of range", "1e-09")
 
 
@@ -182,8 +239,14 @@ def test_a_value_out_of_range(fmu):
         ({"step": 0.0}, "step 0 s"),
         ({"stop": math.nan}, "stop time nan s"),
         ({"members": ()}, "no members"),
-        ({"outputs": {"command": Port("load", "tension")}}, "two system connectors are named 'command'"),
-        ({"outputs": {"": Port("load", "tension")}}, "'' is no name for one of its system connectors"),
+        (
+            {"outputs": {"command": Port("load", "tension")}},
+            "two system connectors are named 'command'",
+        ),
+        (
+            {"outputs": {"": Port("load", "tension")}},
+            "'' is no name for one of its system connectors",
+        ),
     ],
 )
 def test_what_a_system_as_a_whole_must_have(system, change, part):
@@ -192,11 +255,17 @@ def test_what_a_system_as_a_whole_must_have(system, change, part):
 
 @pytest.mark.parametrize("name", ["a.b", "", " drive"])
 def test_names_of_members(system, name):
-    refused(replace(system, members=(replace(system.members[0], name=name), *system.members)), repr(name))
+    refused(
+        replace(system, members=(replace(system.members[0], name=name), *system.members)),
+        repr(name),
+    )
 
 
 def test_two_members_of_one_name(system):
-    refused(replace(system, members=(*system.members, system.members[0])), "two members are named 'drive'")
+    refused(
+        replace(system, members=(*system.members, system.members[0])),
+        "two members are named 'drive'",
+    )
 
 
 def test_an_fmu_that_is_missing_or_none(system, tmp_path):
@@ -204,7 +273,11 @@ def test_an_fmu_that_is_missing_or_none(system, tmp_path):
     gone = replace(drive, fmu=tmp_path / "gone.fmu")
     refused(replace(system, members=(gone, load)), "member drive", "gone.fmu: no such file")
     (tmp_path / "text.fmu").write_text("text", encoding="utf-8")
-    refused(replace(system, members=(replace(drive, fmu=tmp_path / "text.fmu"), load)), "member drive", "not an FMU")
+    refused(
+        replace(system, members=(replace(drive, fmu=tmp_path / "text.fmu"), load)),
+        "member drive",
+        "not an FMU",
+    )
 
 
 def test_an_fmu_that_was_replaced_is_read_again(system, tmp_path):
@@ -216,7 +289,8 @@ def test_an_fmu_that_was_replaced_is_read_again(system, tmp_path):
 
 def test_an_fmu_without_a_binary_for_this_machine_is_told(system):
     assert warnings(system) == [
-        f"{name}: {name}.fmu has no binary for {fmpy.platform}; it has none" for name in ("drive", "load")
+        f"{name}: {name}.fmu has no binary for {fmpy.platform}; it has none"
+        for name in ("drive", "load")
     ]
 
 

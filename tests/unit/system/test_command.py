@@ -49,18 +49,27 @@ def test_list(tmp_path):
 def test_show(folder, name):
     text = done(folder, "show", name)
     for part in (
-        "dma_bench", "voice_coil_dma.fmu", "hold=0", "bench.position", "actuator.length_change", "input current",
-        "output tension", "step 0.0001 s, duration 5 s",
-    ):  # fmt: skip
+        "dma_bench",
+        "voice_coil_dma.fmu",
+        "hold=0",
+        "bench.position",
+        "actuator.length_change",
+        "input current",
+        "output tension",
+        "step 0.0001 s, duration 5 s",
+    ):
         assert part in text
 
 
 def test_show_tells_a_factor(folder):
-    other = repacked(folder / "bench.ssp", lambda text: text.replace(
-        'startConnector="position" endElement="actuator" endConnector="length_change" />',
-        'startConnector="position" endElement="actuator" endConnector="length_change">'
-        '<ssc:LinearTransformation factor="2" offset="-0.5"/></ssd:Connection>',
-    ))  # fmt: skip
+    other = repacked(
+        folder / "bench.ssp",
+        lambda text: text.replace(
+            'startConnector="position" endElement="actuator" endConnector="length_change" />',
+            'startConnector="position" endElement="actuator" endConnector="length_change">'
+            '<ssc:LinearTransformation factor="2" offset="-0.5"/></ssd:Connection>',
+        ),
+    )
     assert "bench.position × 2 -0.5" in done(folder, "show", other.name)
 
 
@@ -89,7 +98,9 @@ def test_export_and_check(folder, runtime):
         exported = found.read("resources/voice_coil_dma.fmu")
     member = library.system("dma_bench", runtime).members[0]
     assert exported == member.fmu.read_bytes()
-    assert "dma_bench.ssp: 2 members, 2 connections, no errors, 0 warnings" in done(folder, "check", "dma_bench.ssp")
+    assert "dma_bench.ssp: 2 members, 2 connections, no errors, 0 warnings" in done(
+        folder, "check", "dma_bench.ssp"
+    )
     done(folder, "export", "dma_bench.ssp", "--out", "copy.ssp", "--connectors")
     done(folder, "export", "copy.ssp", "--out", "again.ssp")
     assert (folder / "again.ssp").read_bytes() == (folder / "dma_bench.ssp").read_bytes()
@@ -119,19 +130,39 @@ WIRE = 'endElement="bench" endConnector="tension" />'
 @pytest.mark.parametrize(
     ("change", "parts"),
     [
-        (lambda t: t.replace('startConnector="tension" ' + WIRE, 'startConnector="charge" ' + WIRE),
-         ["actuator.charge -> bench.tension", "'C' of actuator.charge", "'N' of bench.tension"]),
-        (lambda t: t.replace('<ssd:Connection startElement="actuator" startConnector="tension" ' + WIRE, ""),
-         ["bench.tension is not connected"]),
-        (lambda t: t.replace("</ssd:Connections>",
-                             '<ssd:Connection startElement="actuator" startConnector="tension" ' + WIRE
-                             + "</ssd:Connections>", 1), ["bench.tension has two sources"]),
-        (lambda t: t.replace("resources/voice_coil_dma.fmu", "resources/gone.fmu"),
-         ["member bench", "resources/gone.fmu is missing"]),
-        (lambda t: t.replace("resources/voice_coil_dma.fmu", "../gone.fmu"), ["bench", "'../gone.fmu' leads out"]),
+        (
+            lambda t: t.replace(
+                'startConnector="tension" ' + WIRE, 'startConnector="charge" ' + WIRE
+            ),
+            ["actuator.charge -> bench.tension", "'C' of actuator.charge", "'N' of bench.tension"],
+        ),
+        (
+            lambda t: t.replace(
+                '<ssd:Connection startElement="actuator" startConnector="tension" ' + WIRE, ""
+            ),
+            ["bench.tension is not connected"],
+        ),
+        (
+            lambda t: t.replace(
+                "</ssd:Connections>",
+                '<ssd:Connection startElement="actuator" startConnector="tension" '
+                + WIRE
+                + "</ssd:Connections>",
+                1,
+            ),
+            ["bench.tension has two sources"],
+        ),
+        (
+            lambda t: t.replace("resources/voice_coil_dma.fmu", "resources/gone.fmu"),
+            ["member bench", "resources/gone.fmu is missing"],
+        ),
+        (
+            lambda t: t.replace("resources/voice_coil_dma.fmu", "../gone.fmu"),
+            ["bench", "'../gone.fmu' leads out"],
+        ),
     ],
     ids=["unit", "unconnected", "two sources", "missing FMU", "FMU outside"],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("command", ["check", "show", "draw", "export"])
 def test_files_that_make_no_sense(folder, command, change, parts):
     repacked(folder / "bench.ssp", change, name="bad.ssp")
@@ -141,7 +172,13 @@ def test_files_that_make_no_sense(folder, command, change, parts):
 
 def test_an_archive_that_escapes(folder):
     repacked(folder / "bench.ssp", None, [("../outside.txt", "x")], name="bad.ssp")
-    line = refused(folder, "system", "check", "bad.ssp", parts=["bad.ssp", "'../outside.txt' leads out of the archive"])
+    line = refused(
+        folder,
+        "system",
+        "check",
+        "bad.ssp",
+        parts=["bad.ssp", "'../outside.txt' leads out of the archive"],
+    )
     assert line == "error: bad.ssp: '../outside.txt' leads out of the archive; it is not opened"
 
 
@@ -171,7 +208,9 @@ def test_what_cannot_be_done(folder, arguments, parts):
 
 def test_a_folder_in_the_way(folder):
     (folder / "there.ssp").mkdir()
-    refused(folder, "system", "export", "dma_bench", "--out", "there.ssp", parts=["there.ssp", "folder"])
+    refused(
+        folder, "system", "export", "dma_bench", "--out", "there.ssp", parts=["there.ssp", "folder"]
+    )
 
 
 def test_what_was_unpacked_is_gone(folder, tmp_path_factory, monkeypatch):

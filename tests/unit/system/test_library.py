@@ -44,22 +44,39 @@ def test_each_makes_sense_in_both_builds(name, runtime):
     check(system)
     assert warnings(system) == []
     assert system.doc == library.SUMMARIES[name]
-    assert all(member.cls is not None and member.fmu.stem == member.cls.name for member in system.members)
+    assert all(
+        member.cls is not None and member.fmu.stem == member.cls.name for member in system.members
+    )
 
 
 def test_what_is_connected_with_what():
     """As section 6 of the design has it."""
-    found = {n: {str(c.source): str(c.target) for c in library.system(n).connections} for n in library.NAMES}
-    assert found["dma_bench"] == {"bench.position": "actuator.length_change", "actuator.tension": "bench.tension"}
-    assert found["hil_bench"] == {"bench.position": "proxy.length_change", "proxy.tension": "bench.tension"}
+    found = {
+        n: {str(c.source): str(c.target) for c in library.system(n).connections}
+        for n in library.NAMES
+    }
+    assert found["dma_bench"] == {
+        "bench.position": "actuator.length_change",
+        "actuator.tension": "bench.tension",
+    }
+    assert found["hil_bench"] == {
+        "bench.position": "proxy.length_change",
+        "proxy.tension": "bench.tension",
+    }
     feet = {f"foot.{a}_length_change": f"{a}.length_change" for a in ("an", "po", "do", "pl")}
-    assert found["foot_gait"] == feet | {f"{a}.tension": f"foot.{a}_tension" for a in ("an", "po", "do", "pl")}
-    watch = {(str(c.source), str(c.target)) for c in library.system("degradation_watch").connections}
+    assert found["foot_gait"] == feet | {
+        f"{a}.tension": f"foot.{a}_tension" for a in ("an", "po", "do", "pl")
+    }
+    watch = {
+        (str(c.source), str(c.target)) for c in library.system("degradation_watch").connections
+    }
     assert watch == {
-        ("galvanostat.current", "actuator.current"), ("galvanostat.current", "estimator.current"),
-        ("actuator.voltage", "estimator.voltage"), ("actuator.voltage", "galvanostat.voltage"),
+        ("galvanostat.current", "actuator.current"),
+        ("galvanostat.current", "estimator.current"),
+        ("actuator.voltage", "estimator.voltage"),
+        ("actuator.voltage", "galvanostat.voltage"),
         ("estimator.voltage_limit", "galvanostat.voltage_limit"),
-    }  # fmt: skip
+    }
 
 
 def test_the_bench_settles_at_its_reference_at_any_step(run):
@@ -67,7 +84,9 @@ def test_the_bench_settles_at_its_reference_at_any_step(run):
     force = "bench.force_measured"
     coarse, fine = (run("dma_bench", 0.5, inputs, [force], part)[force] for part in (1, 2))
     assert coarse[-1] == pytest.approx(1.0, rel=0.005)
-    assert coarse == pytest.approx(fine[1::2], abs=0.03)  # of 1 N; the largest difference is in the first oscillation
+    assert coarse == pytest.approx(
+        fine[1::2], abs=0.03
+    )  # of 1 N; the largest difference is in the first oscillation
 
 
 def test_an_actuator_takes_the_place_of_the_proxy_and_the_bench_does_not_notice():
@@ -85,7 +104,10 @@ def test_the_proxy_has_every_signal_of_the_actuator():
     """Not the other way round: it tells of its link, too."""
     models = [
         interface(m)
-        for m in (library.system("dma_bench").member("actuator"), library.system("hil_bench", "python").member("proxy"))
+        for m in (
+            library.system("dma_bench").member("actuator"),
+            library.system("hil_bench", "python").member("proxy"),
+        )
     ]
     for group in ("inputs", "outputs"):
         actuator, proxy = (getattr(model, group) for model in models)
@@ -100,7 +122,13 @@ def test_the_foot_rests_under_tension_and_stays_taut(run):
     still = run("foot_gait", 0.5, {}, ["foot.ankle_angle", "foot.mtp_angle", *tensions], 0.5)
     assert np.abs(still["foot.ankle_angle"]).max() < 1e-9
     assert np.abs(still["foot.mtp_angle"]).max() < 1e-9
-    driven = run("foot_gait", 2.0, {"po.current": 1.3, "do.current": 1.3}, ["foot.ankle_angle", *tensions], 0.5)
+    driven = run(
+        "foot_gait",
+        2.0,
+        {"po.current": 1.3, "do.current": 1.3},
+        ["foot.ankle_angle", *tensions],
+        0.5,
+    )
     assert driven["foot.ankle_angle"][-1] > 1e-3  # the longer one at the heel lets the foot rise
     for name in tensions:
         assert driven[name].min() > 3.0
@@ -111,7 +139,10 @@ def test_the_watch_sees_its_actuator(run):
     """The current is what was wanted, the limit that of the start, and the actuator charges."""
     wanted = {"galvanostat.current_command": 1.0}
     found = run(
-        "degradation_watch", 5.0, wanted, ["galvanostat.current", "actuator.voltage", "estimator.voltage_limit"]
+        "degradation_watch",
+        5.0,
+        wanted,
+        ["galvanostat.current", "actuator.voltage", "estimator.voltage_limit"],
     )
     assert set(found["galvanostat.current"]) == {1.0}
     assert set(found["estimator.voltage_limit"]) == {library.ESTIMATOR["initial_voltage_limit"]}
@@ -130,7 +161,9 @@ def test_wires_touch_no_box_and_do_not_lie_on_each_other(name):
         for connection in connections:
             points = route(boxes, connection, lanes[source])
             assert points[0] == boxes[source.member].end(source.variable, output=True)
-            assert points[-1] == boxes[connection.target.member].end(connection.target.variable, output=False)
+            assert points[-1] == boxes[connection.target.member].end(
+                connection.target.variable, output=False
+            )
             segments += [(source, *sorted(ends)) for ends in pairwise(points) if ends[0] != ends[1]]
     for _, (x0, y0), (x1, y1) in segments:
         assert x0 == x1 or y0 == y1
@@ -159,11 +192,15 @@ def test_a_picture_names_everything(name, tmp_path, monkeypatch):
     assert system.name in words
     for member in system.members:
         assert f"{member.name}: {member.fmu.stem}" in words
-    ends = {(c.source, True) for c in system.connections} | {(c.target, False) for c in system.connections}
+    ends = {(c.source, True) for c in system.connections} | {
+        (c.target, False) for c in system.connections
+    }
     ends |= {(port, False) for ports in system.inputs.values() for port in ports}
     ends |= {(port, True) for port in system.outputs.values()}
     wanted = (
-        [port.variable for port, _ in ends] + [n for n, ps in system.inputs.items() for _ in ps] + [*system.outputs]
+        [port.variable for port, _ in ends]
+        + [n for n, ps in system.inputs.items() for _ in ps]
+        + [*system.outputs]
     )
     for word in set(wanted):
         assert words.count(word) == wanted.count(word), word

@@ -42,7 +42,12 @@ def test_a_disconnected_input_stays_at_its_value(system):
 def relaxing(runtime):
     """An actuator that discharges, its voltage measured twice over and fed to a galvanostat."""
     held = {"charge_start": 2.0, "current": 0.0, "force": 0.0}
-    watch = {"current_command": 0.0, "voltage_limit": 0.5, "voltage_command": 0.0, "protection_period": 0.1}
+    watch = {
+        "current_command": 0.0,
+        "voltage_limit": 0.5,
+        "voltage_command": 0.0,
+        "protection_period": 0.1,
+    }
     members = (
         Member.of("actuator", component("ppy_actuator"), held, runtime),
         Member.of("galvanostat", component("galvanostat"), watch, runtime),
@@ -54,14 +59,19 @@ def test_what_received_a_voltage_receives_what_is_measured(relaxing, runtime):
     measured = library.with_voltmeter(relaxing, "actuator.voltage", runtime)
     check(measured)
     assert {(str(c.source), str(c.target)) for c in measured.connections} == {
-        ("actuator.voltage", "voltmeter.voltage"), ("voltmeter.measured_voltage", "galvanostat.voltage"),
-    }  # fmt: skip
+        ("actuator.voltage", "voltmeter.voltage"),
+        ("voltmeter.measured_voltage", "galvanostat.voltage"),
+    }
     error = 0.01 * np.random.default_rng(0).standard_normal(TIME.size)
     record = ["actuator.voltage", "voltmeter.measured_voltage", "galvanostat.sampled_voltage"]
-    found = master.run(measured, TIME, {"voltage_error": error}, record=record, method="jacobi").signals
+    found = master.run(
+        measured, TIME, {"voltage_error": error}, record=record, method="jacobi"
+    ).signals
     shown = found["voltmeter.measured_voltage"]
     assert np.array_equal(shown, found["actuator.voltage"] + error), "at once"
-    assert np.array_equal(found["galvanostat.sampled_voltage"][1:], shown[:-1]), "what was there at the sample"
+    assert np.array_equal(found["galvanostat.sampled_voltage"][1:], shown[:-1]), (
+        "what was there at the sample"
+    )
 
 
 def test_without_an_error_nothing_changes(relaxing, runtime):

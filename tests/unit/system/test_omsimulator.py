@@ -62,12 +62,14 @@ def test_the_systems_that_ship_have_names_and_times_that_it_takes(tmp_path, name
     root = written(system, tmp_path / "a.ssp")
     top = only(root, "ssd:System")
     members = children(only(top, "ssd:Elements"), "ssd:Component")
-    assert {child.nodeName for child in root.childNodes if child.nodeType == child.ELEMENT_NODE} <= {
-        "ssd:System", "ssd:Units", "ssd:Enumerations", "ssd:DefaultExperiment"
-    }  # fmt: skip
+    assert {
+        child.nodeName for child in root.childNodes if child.nodeType == child.ELEMENT_NODE
+    } <= {"ssd:System", "ssd:Units", "ssd:Enumerations", "ssd:DefaultExperiment"}
     for element in (top, *members):
         assert IDENTIFIER.fullmatch(element.getAttribute("name"))
-    assert {member.getAttribute("type") for member in members} == {"application/x-fmu-sharedlibrary"}
+    assert {member.getAttribute("type") for member in members} == {
+        "application/x-fmu-sharedlibrary"
+    }
     experiment = only(root, "ssd:DefaultExperiment")
     assert float(experiment.getAttribute("startTime")) == 0.0
     assert float(experiment.getAttribute("stopTime")) == system.stop
@@ -76,7 +78,9 @@ def test_the_systems_that_ship_have_names_and_times_that_it_takes(tmp_path, name
 def test_what_it_writes_itself_is_passed_over(tmp_path):
     """Buses and a variable step in the system, a result file in the experiment: none of it is ours to follow."""
     drive, _ = pair(tmp_path / "fmus")
-    system = System("two", (drive,), (), {"command": (Port("drive", "command"),)}, step=0.5, stop=3.0)
+    system = System(
+        "two", (drive,), (), {"command": (Port("drive", "command"),)}, step=0.5, stop=3.0
+    )
     ssp.write(system, tmp_path / "a.ssp")
     solver = '<oms:VariableStepSolver description="cvode" maximumStepSize="0.001"/>'
     result = '<oms:SimulationInformation resultFile="r.mat" loggingInterval="0.0" bufferSize="10" signalFilter=""/>'
@@ -84,7 +88,9 @@ def test_what_it_writes_itself_is_passed_over(tmp_path):
 
     def change(text):
         text = re.sub("<oms:FixedStepMaster.*/>", f"{solver}", text)
-        text = text.replace("<oms:Annotations>", '<oms:Annotations><oms:Buses><oms:Bus name="b"/></oms:Buses>')
+        text = text.replace(
+            "<oms:Annotations>", '<oms:Annotations><oms:Buses><oms:Bus name="b"/></oms:Buses>'
+        )
         first, _, last = text.rpartition("<ssd:Annotations>")
         return f"{first}<ssd:Annotations>{annotation.format(result)}{last}"
 

@@ -32,7 +32,10 @@ SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 
 def contents(system):
     """The system with the bytes of its FMUs in place of their paths, and without classes."""
-    bare = tuple(replace(m, cls=None, fmu=m.fmu.read_bytes(), parameters=dict(m.parameters)) for m in system.members)
+    bare = tuple(
+        replace(m, cls=None, fmu=m.fmu.read_bytes(), parameters=dict(m.parameters))
+        for m in system.members
+    )
     return replace(system, members=bare)
 
 
@@ -60,7 +63,9 @@ def system(tmp_path):
         "nothing": (),
     }
     outputs = {"pull": Port("load", "tension"), "tension": Port("second load", "tension")}
-    return System("sample", (drive, warm, second), wires, inputs, outputs, 'a "doc" & <more>', 0.1 + 0.2, 1e-3)
+    return System(
+        "sample", (drive, warm, second), wires, inputs, outputs, 'a "doc" & <more>', 0.1 + 0.2, 1e-3
+    )
 
 
 @pytest.fixture
@@ -99,7 +104,9 @@ def test_what_is_written_reads_back_the_same(system, tmp_path, connectors):
 def test_a_bare_description_with_its_files_beside_it(system, tmp_path):
     (tmp_path / "bare").mkdir()
     ssp.write(system, tmp_path / "bare" / "sample.ssd")
-    assert contents(ssp.read(tmp_path / "bare" / "sample.ssd", tmp_path / "unused")) == contents(system)
+    assert contents(ssp.read(tmp_path / "bare" / "sample.ssd", tmp_path / "unused")) == contents(
+        system
+    )
     assert not (tmp_path / "unused").exists()
     (tmp_path / "bare" / "resources" / "drive.fmu").write_bytes(b"somebody else's")
     with pytest.raises(UserError, match=r"drive\.fmu is there with other contents"):
@@ -123,11 +130,19 @@ def test_fmpy_reads_what_is_written(system, tmp_path):
     read = fmpy.ssp.ssd.read_ssd(str(tmp_path / "a.ssp"))
     top = read.system
     assert [e.name for e in top.elements] == ["drive", "load", "second load"]
-    assert [e.source for e in top.elements] == [f"resources/{name}.fmu" for name in ("drive", "load", "load")]
+    assert [e.source for e in top.elements] == [
+        f"resources/{name}.fmu" for name in ("drive", "load", "load")
+    ]
     assert {c.name: c.kind for c in top.connectors} == {
-        "command": "input", "room": "input", "nothing": "input", "pull": "output", "tension": "output"
-    }  # fmt: skip
-    wires = {(c.startElement, c.startConnector, c.endElement, c.endConnector) for c in top.connections}
+        "command": "input",
+        "room": "input",
+        "nothing": "input",
+        "pull": "output",
+        "tension": "output",
+    }
+    wires = {
+        (c.startElement, c.startConnector, c.endElement, c.endConnector) for c in top.connections
+    }
     assert ("drive", "way", "second load", "length") in wires
     assert (None, "room", "load", "warm") in wires
     assert ("load", "tension", None, "pull") in wires
@@ -161,10 +176,14 @@ def test_different_fmus_of_one_name_are_kept_apart(tmp_path):
 
 
 def test_names_of_files_are_the_same_as_uri_and_as_path_and_apart_without_case(tmp_path):
-    fmus = [tiny_fmu(tmp_path / k / f"{name}.fmu", f"output {k} Real", "parameter p Real")
-            for k, name in (("x", "größe 1"), ("y", "GRÖßE 1"), ("z", "%20"))]  # fmt: skip
+    fmus = [
+        tiny_fmu(tmp_path / k / f"{name}.fmu", f"output {k} Real", "parameter p Real")
+        for k, name in (("x", "größe 1"), ("y", "GRÖßE 1"), ("z", "%20"))
+    ]
     names = ("a b", "A B", "a_b", "ü#?&")
-    members = tuple(Member(n, f, {"p": k}) for k, (n, f) in enumerate(zip(names, [*fmus, fmus[0]], strict=True)))
+    members = tuple(
+        Member(n, f, {"p": k}) for k, (n, f) in enumerate(zip(names, [*fmus, fmus[0]], strict=True))
+    )
     system = System("names", members, ())
     ssp.write(system, tmp_path / "names.ssp")
     assert contents(ssp.read(tmp_path / "names.ssp", tmp_path / "u")) == contents(system)
@@ -191,17 +210,27 @@ def random_systems(draw, fmu):
         elif source == "":
             inputs[f"to {name}"] = (Port(name, "x"),)
         else:
-            connections.append(Connection(Port(source, "y"), Port(name, "x"), draw(NUMBERS), draw(NUMBERS)))
+            connections.append(
+                Connection(Port(source, "y"), Port(name, "x"), draw(NUMBERS), draw(NUMBERS))
+            )
         members.append(Member(name, fmu, values))
     outputs = {f"of {name}": Port(name, "y") for name in draw(st.sets(st.sampled_from(names)))}
     positive = st.floats(1e-6, 1e6)
     return System(
-        draw(NAMES), tuple(members), tuple(connections), inputs, outputs, draw(st.text("a b")).strip(),
-        draw(positive), draw(positive),
-    )  # fmt: skip
+        draw(NAMES),
+        tuple(members),
+        tuple(connections),
+        inputs,
+        outputs,
+        draw(st.text("a b")).strip(),
+        draw(positive),
+        draw(positive),
+    )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(data=st.data(), connectors=st.booleans())
 def test_random_systems_there_and_back(tmp_path, data, connectors):
     fmu = tmp_path / "gain.fmu"
@@ -251,7 +280,9 @@ def parameters(path, folder):
 
 
 def test_values_are_converted_to_the_units_of_the_fmu(archive, tmp_path):
-    text = INLINE.format('<ssv:Parameter name="gain"><ssv:Real value="2e3" unit="mN/A"/></ssv:Parameter>')
+    text = INLINE.format(
+        '<ssv:Parameter name="gain"><ssv:Real value="2e3" unit="mN/A"/></ssv:Parameter>'
+    )
     other = repacked(archive, bound(text))
     assert parameters(other, tmp_path / "u") == {"gain": pytest.approx(2.0)}
 
@@ -266,7 +297,9 @@ def test_values_in_a_file_of_their_own(archive, tmp_path):
 
 def test_values_of_the_system_go_over_those_of_the_member(archive, tmp_path):
     values = INLINE.format('<ssv:Parameter name="drive.gain"><ssv:Real value="7"/></ssv:Parameter>')
-    block = f"{BINDINGS.format(values)}<ssd:Elements>".replace("<ssv:ParameterSet", f"<ssv:ParameterSet {NAMESPACES}")
+    block = f"{BINDINGS.format(values)}<ssd:Elements>".replace(
+        "<ssv:ParameterSet", f"<ssv:ParameterSet {NAMESPACES}"
+    )
     other = repacked(archive, lambda text: text.replace("<ssd:Elements>", block))
     assert parameters(other, tmp_path / "u") == {"gain": 7.0, "steps": -3.0, "armed": 1.0}
 
@@ -274,15 +307,39 @@ def test_values_of_the_system_go_over_those_of_the_member(archive, tmp_path):
 @pytest.mark.parametrize(
     ("value", "parts"),
     [
-        ('<ssv:Parameter name="gian"><ssv:Real value="1"/></ssv:Parameter>', ["'gian'", "did you mean gain"]),
-        ('<ssv:Parameter name="gain"><ssv:Real value="1" unit="V"/></ssv:Parameter>', ["gain", "'V'", "'N/A'"]),
-        ('<ssv:Parameter name="gain"><ssv:Real value="1" unit="bananas"/></ssv:Parameter>', ["gain", "bananas"]),
-        ('<ssv:Parameter name="gain"><ssv:Real value="much"/></ssv:Parameter>', ["gain", "'much' is not a number"]),
+        (
+            '<ssv:Parameter name="gian"><ssv:Real value="1"/></ssv:Parameter>',
+            ["'gian'", "did you mean gain"],
+        ),
+        (
+            '<ssv:Parameter name="gain"><ssv:Real value="1" unit="V"/></ssv:Parameter>',
+            ["gain", "'V'", "'N/A'"],
+        ),
+        (
+            '<ssv:Parameter name="gain"><ssv:Real value="1" unit="bananas"/></ssv:Parameter>',
+            ["gain", "bananas"],
+        ),
+        (
+            '<ssv:Parameter name="gain"><ssv:Real value="much"/></ssv:Parameter>',
+            ["gain", "'much' is not a number"],
+        ),
         ('<ssv:Parameter name="gain"><ssv:Real/></ssv:Parameter>', ["'' is not a number"]),
-        ('<ssv:Parameter name="gain"><ssv:Integer value="1"/></ssv:Parameter>', ["given as integer", "has it as real"]),
-        ('<ssv:Parameter name="armed"><ssv:Boolean value="on"/></ssv:Parameter>', ["'on' is neither true nor false"]),
-        ('<ssv:Parameter name="gain"><ssv:String value="1"/></ssv:Parameter>', ["given as string", "has it as real"]),
-        ('<ssv:Parameter name="gain"><ssv:Binary value="1"/></ssv:Parameter>', ["parameter gain is Binary"]),
+        (
+            '<ssv:Parameter name="gain"><ssv:Integer value="1"/></ssv:Parameter>',
+            ["given as integer", "has it as real"],
+        ),
+        (
+            '<ssv:Parameter name="armed"><ssv:Boolean value="on"/></ssv:Parameter>',
+            ["'on' is neither true nor false"],
+        ),
+        (
+            '<ssv:Parameter name="gain"><ssv:String value="1"/></ssv:Parameter>',
+            ["given as string", "has it as real"],
+        ),
+        (
+            '<ssv:Parameter name="gain"><ssv:Binary value="1"/></ssv:Parameter>',
+            ["parameter gain is Binary"],
+        ),
         ('<ssv:Parameter name="gain"/>', ["parameter gain is nothing"]),
     ],
 )
@@ -296,12 +353,18 @@ def test_parameters_that_cannot_be_set(archive, tmp_path, value, parts):
         ('<ssd:ParameterBinding source="resources/gone.ssv"/>', "resources/gone.ssv is missing"),
         ('<ssd:ParameterBinding source="../gone.ssv"/>', "'../gone.ssv' leads out"),
         ('<ssd:ParameterBinding source="file:///etc/passwd"/>', "'file:///etc/passwd' leads out"),
-        ('<ssd:ParameterBinding source="SystemStructure.ssd"/>', "is a SystemStructureDescription, not a ParameterSet"),
+        (
+            '<ssd:ParameterBinding source="SystemStructure.ssd"/>',
+            "is a SystemStructureDescription, not a ParameterSet",
+        ),
         ('<ssd:ParameterBinding source="resources/drive.fmu"/>', "it is not well-formed XML"),
-        ('<ssd:ParameterBinding><ssd:ParameterMapping/></ssd:ParameterBinding>', "parameter mappings are not known"),
+        (
+            "<ssd:ParameterBinding><ssd:ParameterMapping/></ssd:ParameterBinding>",
+            "parameter mappings are not known",
+        ),
         ('<ssd:ParameterBinding sourceBase="component" source="x"/>', "inside of an FMU"),
     ],
-)  # fmt: skip
+)
 def test_bindings_that_cannot_be_followed(archive, tmp_path, binding, part):
     refused(repacked(archive, bound(binding)), tmp_path / "u", part)
 
@@ -316,45 +379,103 @@ WIRE = '<ssd:Connection startElement="drive" startConnector="force" endElement="
     ("old", "new", "parts"),
     [
         ('name="drive" type', 'name="load" type', ["two members have one name"]),
-        ("resources/drive.fmu", "resources/gone.fmu", ["member drive", "resources/gone.fmu is missing"]),
+        (
+            "resources/drive.fmu",
+            "resources/gone.fmu",
+            ["member drive", "resources/gone.fmu is missing"],
+        ),
         ("resources/drive.fmu", "../drive.fmu", ["member drive", "'../drive.fmu' leads out"]),
         ("resources/drive.fmu", "resources/%2e%2e/%2e%2e/drive.fmu", ["member drive", "leads out"]),
         ("resources/drive.fmu", "/drive.fmu", ["member drive", "leads out"]),
         ("resources/drive.fmu", "C:/drive.fmu", ["member drive", "leads out"]),
         ("resources/drive.fmu", "", ["member drive", "'' leads out"]),
-        ("resources/drive.fmu", "SystemStructure.ssd", ["SystemStructure.ssd", "not a zip archive"]),
-        ("application/x-fmu-sharedlibrary", "application/x-ssp-package", ["of type application/x-ssp-package"]),
+        (
+            "resources/drive.fmu",
+            "SystemStructure.ssd",
+            ["SystemStructure.ssd", "not a zip archive"],
+        ),
+        (
+            "application/x-fmu-sharedlibrary",
+            "application/x-ssp-package",
+            ["of type application/x-ssp-package"],
+        ),
         ('implementation="CoSimulation"', 'implementation="ModelExchange"', ["model exchange"]),
         ("ssd:Elements", "ssd:Parts", ["Parts, in System sample, is not known to this program"]),
-        ('version="1.0" name="sample"', 'version="2.0" name="sample"', ["SSP version 2.0", "knows SSP 1.0"]),
-        ('baseStepSize="0.30000000000000004"', 'baseStepSize="fast"', ["baseStepSize 'fast'", "not a finite number"]),
+        (
+            'version="1.0" name="sample"',
+            'version="2.0" name="sample"',
+            ["SSP version 2.0", "knows SSP 1.0"],
+        ),
+        (
+            'baseStepSize="0.30000000000000004"',
+            'baseStepSize="fast"',
+            ["baseStepSize 'fast'", "not a finite number"],
+        ),
         ('stopTime="0.001"', 'stopTime="-1"', ["stop time -1 s"]),
-        (WAY, WAY.replace("second ", "third "), ["drive.way -> third load.length", "no member named 'third load'"]),
+        (
+            WAY,
+            WAY.replace("second ", "third "),
+            ["drive.way -> third load.length", "no member named 'third load'"],
+        ),
         (WAY, WAY.replace("way", "wax"), ["drive has no output named 'wax'", "did you mean way"]),
-        (WAY, WAY.replace('startConnector="way"', ""), ["a Connection has no attribute 'startConnector'"]),
-        ('suppressUnitConversion="true"', "", ["drive.way -> second load.length", "'m' to 'mm'", "suppressUnit"]),
+        (
+            WAY,
+            WAY.replace('startConnector="way"', ""),
+            ["a Connection has no attribute 'startConnector'"],
+        ),
+        (
+            'suppressUnitConversion="true"',
+            "",
+            ["drive.way -> second load.length", "'m' to 'mm'", "suppressUnit"],
+        ),
         ('factor="1000.0"', 'factor="x"', ["factor 'x' of a LinearTransformation"]),
-        ("ssc:LinearTransformation", "ssc:IntegerMappingTransformation", ["MappingTransformation, in Connection"]),
+        (
+            "ssc:LinearTransformation",
+            "ssc:IntegerMappingTransformation",
+            ["MappingTransformation, in Connection"],
+        ),
         (WIRE, "", ["load.force is not connected"]),
         (WIRE, WIRE + WIRE, ["load.force has two sources, drive.force and drive.force"]),
-        ('startConnector="room"', 'startConnector="roof"', ["roof -> load.warm", "leads from no input of the system"]),
-        ('startElement="load" startConnector="tension" endConnector="pull"',
-         'startElement="load" startConnector="tension" endConnector="tension"', ["tension", "two sources"]),
-        ('<ssd:Connection startElement="load" startConnector="tension" endConnector="pull" />', "",
-         ["system output pull is connected with nothing"]),
-        ('<ssd:Connection startConnector="command" endElement="drive" endConnector="command" />',
-         '<ssd:Connection startConnector="command" endElement="drive" endConnector="command">'
-         '<ssc:LinearTransformation factor="2"/></ssd:Connection>', ["command -> drive.command", "is not known"]),
-        ("</ssd:Elements>", '<ssd:System name="inner"/></ssd:Elements>', ["inner is a system within the system"]),
-        ("</ssd:Elements>", '<ssd:SignalDictionaryReference name="bus"/></ssd:Elements>',
-         ["bus is a SignalDictionaryReference"]),
+        (
+            'startConnector="room"',
+            'startConnector="roof"',
+            ["roof -> load.warm", "leads from no input of the system"],
+        ),
+        (
+            'startElement="load" startConnector="tension" endConnector="pull"',
+            'startElement="load" startConnector="tension" endConnector="tension"',
+            ["tension", "two sources"],
+        ),
+        (
+            '<ssd:Connection startElement="load" startConnector="tension" endConnector="pull" />',
+            "",
+            ["system output pull is connected with nothing"],
+        ),
+        (
+            '<ssd:Connection startConnector="command" endElement="drive" endConnector="command" />',
+            '<ssd:Connection startConnector="command" endElement="drive" endConnector="command">'
+            '<ssc:LinearTransformation factor="2"/></ssd:Connection>',
+            ["command -> drive.command", "is not known"],
+        ),
+        (
+            "</ssd:Elements>",
+            '<ssd:System name="inner"/></ssd:Elements>',
+            ["inner is a system within the system"],
+        ),
+        (
+            "</ssd:Elements>",
+            '<ssd:SignalDictionaryReference name="bus"/></ssd:Elements>',
+            ["bus is a SignalDictionaryReference"],
+        ),
         ("?>", "?><!DOCTYPE x []>", ["document type declaration"]),
         ("</ssd:Elements>", "", ["SystemStructure.ssd cannot be read: it is not well-formed XML"]),
     ],
-)  # fmt: skip
+)
 def test_descriptions_that_cannot_be_followed(system, tmp_path, old, new, parts):
     ssp.write(system, tmp_path / "with.ssp", connectors=True)
-    refused_one(repacked(tmp_path / "with.ssp", lambda text: text.replace(old, new)), tmp_path / "u", *parts)
+    refused_one(
+        repacked(tmp_path / "with.ssp", lambda text: text.replace(old, new)), tmp_path / "u", *parts
+    )
 
 
 def declared(owner, connector, **changes):
@@ -363,7 +484,9 @@ def declared(owner, connector, **changes):
     def change(description):
         root = ElementTree.fromstring(description)
         parts = [
-            node for node in root.iter() if node.tag.endswith(("}Component", "}System")) and node.get("name") == owner
+            node
+            for node in root.iter()
+            if node.tag.endswith(("}Component", "}System")) and node.get("name") == owner
         ]
         (found,) = parts[0].findall(f"{{*}}Connectors/{{*}}Connector[@name='{connector}']")
         for key in {"name", "kind"} & set(changes):
@@ -387,33 +510,93 @@ def declared(owner, connector, **changes):
             ["member load: connector 'force'", "declared in 'mm'", "in the FMU it is in 'N'"],
         ),
         ("load", "force", {"unit": "kN"}, ["member load: connector 'force'", "'kN'", "'N'"]),
-        ("drive", "way", {"unit": "mm"}, ["member drive: connector 'way'", "declared in 'mm'", "in 'm'"]),
-        ("drive", "count", {"unit": "furlongs"}, ["member drive: connector 'count'", "'furlongs'", "'1'"]),
-        ("load", "force", {"type": "Integer"}, ["connector 'force'", "declared as Integer", "in the FMU it is Real"]),
-        ("load", "force", {"type": "String"}, ["connector 'force'", "declared as String", "in the FMU it is Real"]),
-        ("load", "force", {"kind": "output"}, ["connector 'force'", "declared as output", "in the FMU it is input"]),
-        ("load", "force", {"kind": "inout"}, ["connector 'force'", "declared as inout", "in the FMU it is input"]),
-        ("load", "force", {"name": "froce"}, ["member load: connector 'froce'", "no variable of this name", "force"]),
-        ("sample", "pull", {"unit": "mm"}, ["'pull' of the system, that is load.tension,", "'mm'", "'N'"]),
-        ("sample", "room", {"type": "Boolean"}, ["'room' of the system, that is load.warm,", "Boolean", "Real"]),
-        ("sample", "nothing", {"kind": "inout"}, ["connector 'nothing' of the system is inout", "input, output"]),
+        (
+            "drive",
+            "way",
+            {"unit": "mm"},
+            ["member drive: connector 'way'", "declared in 'mm'", "in 'm'"],
+        ),
+        (
+            "drive",
+            "count",
+            {"unit": "furlongs"},
+            ["member drive: connector 'count'", "'furlongs'", "'1'"],
+        ),
+        (
+            "load",
+            "force",
+            {"type": "Integer"},
+            ["connector 'force'", "declared as Integer", "in the FMU it is Real"],
+        ),
+        (
+            "load",
+            "force",
+            {"type": "String"},
+            ["connector 'force'", "declared as String", "in the FMU it is Real"],
+        ),
+        (
+            "load",
+            "force",
+            {"kind": "output"},
+            ["connector 'force'", "declared as output", "in the FMU it is input"],
+        ),
+        (
+            "load",
+            "force",
+            {"kind": "inout"},
+            ["connector 'force'", "declared as inout", "in the FMU it is input"],
+        ),
+        (
+            "load",
+            "force",
+            {"name": "froce"},
+            ["member load: connector 'froce'", "no variable of this name", "force"],
+        ),
+        (
+            "sample",
+            "pull",
+            {"unit": "mm"},
+            ["'pull' of the system, that is load.tension,", "'mm'", "'N'"],
+        ),
+        (
+            "sample",
+            "room",
+            {"type": "Boolean"},
+            ["'room' of the system, that is load.warm,", "Boolean", "Real"],
+        ),
+        (
+            "sample",
+            "nothing",
+            {"kind": "inout"},
+            ["connector 'nothing' of the system is inout", "input, output"],
+        ),
     ],
 )
 def test_connectors_that_are_not_those_of_the_fmus(system, tmp_path, owner, name, changes, parts):
     ssp.write(system, tmp_path / "with.ssp", connectors=True)
-    refused(repacked(tmp_path / "with.ssp", declared(owner, name, **changes)), tmp_path / "u", *parts)
+    refused(
+        repacked(tmp_path / "with.ssp", declared(owner, name, **changes)), tmp_path / "u", *parts
+    )
 
 
-def test_connectors_of_the_system_in_the_annotation_are_held_against_the_fmus_too(archive, tmp_path):
+def test_connectors_of_the_system_in_the_annotation_are_held_against_the_fmus_too(
+    archive, tmp_path
+):
     pull = '<ssd:Connector name="pull" kind="output">'
     other = repacked(archive, lambda text: text.replace(pull, f"{pull}<ssc:Integer/>"))
-    refused(other, tmp_path / "u", "connector 'pull' of the system, that is load.tension,", "Integer")
+    refused(
+        other, tmp_path / "u", "connector 'pull' of the system, that is load.tension,", "Integer"
+    )
 
 
-def test_a_connector_may_name_the_unit_of_the_fmu_otherwise_or_leave_it_out(system, archive, tmp_path):
+def test_a_connector_may_name_the_unit_of_the_fmu_otherwise_or_leave_it_out(
+    system, archive, tmp_path
+):
     other = repacked(archive, declared("load", "force", unit="kg*m/s**2"), name="a.ssp")
     assert contents(ssp.read(other, tmp_path / "u")) == contents(system)
-    bare = repacked(archive, lambda text: re.sub(r'<ssc:\w+( unit="[^"]*")? />', "", text), name="b.ssp")
+    bare = repacked(
+        archive, lambda text: re.sub(r'<ssc:\w+( unit="[^"]*")? />', "", text), name="b.ssp"
+    )
     assert contents(ssp.read(bare, tmp_path / "v")) == contents(system)
 
 
@@ -426,9 +609,13 @@ def test_a_connector_may_name_the_unit_of_the_fmu_otherwise_or_leave_it_out(syst
         ("<ssd:DefaultExperiment", "<ssd:Foo/>", "Foo, in SystemStructureDescription sample,"),
         ("<ssd:Connection ", '<ssd:Connection2 name="x"/>', "Connection2 x, in Connections,"),
         ("<ssd:Component ", '<ssd:Foo name="x"/>', "Foo x, in Elements,"),
-        ("<ssc:LinearTransformation", "<ssd:Delay/>", "Delay, in Connection drive way second load length,"),
+        (
+            "<ssc:LinearTransformation",
+            "<ssd:Delay/>",
+            "Delay, in Connection drive way second load length,",
+        ),
     ],
-)  # fmt: skip
+)
 def test_elements_that_are_not_understood(system, tmp_path, before, element, part):
     ssp.write(system, tmp_path / "with.ssp", connectors=True)
     other = repacked(tmp_path / "with.ssp", lambda text: text.replace(before, element + before, 1))
@@ -437,7 +624,9 @@ def test_elements_that_are_not_understood(system, tmp_path, before, element, par
 
 def test_elements_of_a_parameter_set_that_are_not_understood(archive, tmp_path):
     values = INLINE.format('<ssv:Parameter name="gain"><ssv:Real value="1"/></ssv:Parameter>')
-    other = repacked(archive, bound(values.replace("</ssv:Parameters>", "<ssv:Alias/></ssv:Parameters>")))
+    other = repacked(
+        archive, bound(values.replace("</ssv:Parameters>", "<ssv:Alias/></ssv:Parameters>"))
+    )
     refused(other, tmp_path / "u", "Alias, in Parameters, is not known to this program")
 
 
@@ -445,16 +634,24 @@ def test_how_things_look_and_what_others_noted_are_passed_over(system, archive, 
     note = '<ssd:Annotations><ssc:Annotation type="any"><ssd:Foo/><Foo/></ssc:Annotation></ssd:Annotations>'
 
     def change(text):
-        text = text.replace("</ssd:Connector>", f'<ssd:ConnectorGeometry x="0" y="0"/>{note}</ssd:Connector>')
-        text = text.replace("</ssd:Component>", f'<ssd:ElementGeometry x1="0"/>{note}</ssd:Component>')
-        text = text.replace("</ssd:Elements>", f"</ssd:Elements>{note}<ssd:SystemGeometry/><ssd:GraphicalElements/>")
+        text = text.replace(
+            "</ssd:Connector>", f'<ssd:ConnectorGeometry x="0" y="0"/>{note}</ssd:Connector>'
+        )
+        text = text.replace(
+            "</ssd:Component>", f'<ssd:ElementGeometry x1="0"/>{note}</ssd:Component>'
+        )
+        text = text.replace(
+            "</ssd:Elements>", f"</ssd:Elements>{note}<ssd:SystemGeometry/><ssd:GraphicalElements/>"
+        )
         return text.replace("<ssd:DefaultExperiment", "<ssd:Enumerations/><ssd:DefaultExperiment")
 
     assert contents(ssp.read(repacked(archive, change), tmp_path / "u")) == contents(system)
 
 
 def test_a_second_system(archive, tmp_path):
-    other = repacked(archive, lambda text: text.replace("</ssd:System>", '</ssd:System><ssd:System name="b"/>'))
+    other = repacked(
+        archive, lambda text: text.replace("</ssd:System>", '</ssd:System><ssd:System name="b"/>')
+    )
     refused(other, tmp_path / "u", "more than one System in SystemStructure.ssd")
 
 
@@ -470,12 +667,18 @@ def refused_one(path, folder, *parts):
 
 
 def test_another_root(archive, tmp_path):
-    refused(repacked(archive, lambda text: "<a/>"), tmp_path / "u", "is a a, not a SystemStructureDescription")
+    refused(
+        repacked(archive, lambda text: "<a/>"),
+        tmp_path / "u",
+        "is a a, not a SystemStructureDescription",
+    )
 
 
 def test_no_system(archive, tmp_path):
     empty = f'<ssd:SystemStructureDescription {NAMESPACES} version="1.0"/>'
-    refused(repacked(archive, lambda text: empty), tmp_path / "u", "no System in SystemStructure.ssd")
+    refused(
+        repacked(archive, lambda text: empty), tmp_path / "u", "no System in SystemStructure.ssd"
+    )
 
 
 def test_a_system_without_defaults(archive, tmp_path):
@@ -489,7 +692,8 @@ def test_a_system_without_defaults(archive, tmp_path):
 
 def test_the_duration_counts_from_the_start(archive, tmp_path):
     other = repacked(
-        archive, lambda text: text.replace('startTime="0.0" stopTime="0.001"', 'startTime="2" stopTime="5"')
+        archive,
+        lambda text: text.replace('startTime="0.0" stopTime="0.001"', 'startTime="2" stopTime="5"'),
     )
     assert ssp.read(other, tmp_path / "u").stop == 3.0
 
@@ -525,7 +729,9 @@ def test_an_fmu_whose_members_escape(archive, tmp_path):
     with zipfile.ZipFile(buffer, "w") as bad:
         bad.writestr("../outside.txt", "x")
     extra = [("resources/bad.fmu", buffer.getvalue())]
-    other = repacked(archive, lambda text: text.replace("resources/drive.fmu", "resources/bad.fmu"), extra)
+    other = repacked(
+        archive, lambda text: text.replace("resources/drive.fmu", "resources/bad.fmu"), extra
+    )
     refused(other, tmp_path / "u", "member drive", "resources/bad.fmu: '../outside.txt' leads out")
 
 
@@ -549,7 +755,11 @@ def test_entities_do_not_grow(archive, tmp_path):
 
 @pytest.mark.parametrize(
     ("data", "part"),
-    [(b"", "not a zip archive"), (b"PK\x03\x04 and no more", "not a zip archive"), (None, "a folder, not a system")],
+    [
+        (b"", "not a zip archive"),
+        (b"PK\x03\x04 and no more", "not a zip archive"),
+        (None, "a folder, not a system"),
+    ],
 )
 def test_files_that_are_no_systems(tmp_path, data, part):
     path = tmp_path / "bad.ssp"
@@ -577,5 +787,8 @@ def test_a_bare_description_cannot_lead_out(system, tmp_path):
     ssp.write(system, bare)
     (tmp_path / "bare" / "resources" / "drive.fmu").rename(tmp_path / "drive.fmu")
     refused(bare, tmp_path / "u", "member drive", "resources/drive.fmu is missing")
-    bare.write_text(bare.read_text(encoding="utf-8").replace("resources/drive.fmu", "../drive.fmu"), encoding="utf-8")
+    bare.write_text(
+        bare.read_text(encoding="utf-8").replace("resources/drive.fmu", "../drive.fmu"),
+        encoding="utf-8",
+    )
     refused(bare, tmp_path / "u", "member drive", "'../drive.fmu' leads out")

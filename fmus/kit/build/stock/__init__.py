@@ -47,7 +47,10 @@ _IN_PYTHON_BUILD = "resources/python/"
 
 
 def stock_archive(
-    cls: type[Component], version: str, platforms: Sequence[str] | None, progress: Callable[[str], None]
+    cls: type[Component],
+    version: str,
+    platforms: Sequence[str] | None,
+    progress: Callable[[str], None],
 ) -> bytes:
     """Build a component's archive for pythonfmu.
 
@@ -77,24 +80,36 @@ def stock_archive(
     if importlib.util.find_spec("pythonfmu") is None:
         raise UserError("pythonfmu is not installed; pip install 'ppy-rig[pythonfmu]' brings it")
     if cls.engine is not None:
-        raise UserError(f"{cls.name} asks something outside of it, which the pythonfmu runtime cannot; build python")
+        raise UserError(
+            f"{cls.name} asks something outside of it, which the pythonfmu runtime cannot; build python"
+        )
     progress(f"{cls.name}: pythonfmu's builder")
     carried = python_package(cls)
-    package = {k.removeprefix(_IN_PYTHON_BUILD): v for k, v in carried.items() if k.startswith(_IN_PYTHON_BUILD)}
+    package = {
+        k.removeprefix(_IN_PYTHON_BUILD): v
+        for k, v in carried.items()
+        if k.startswith(_IN_PYTHON_BUILD)
+    }
     package["adapter.py"] = (Path(__file__).parent / "adapter.py").read_bytes()
     contents = _built(cls.name, package, platforms)
     licence = importlib.metadata.distribution("pythonfmu").read_text("licenses/LICENSE") or ""
     contents |= documents(cls) | {"documentation/licenses/pythonfmu.txt": licence.encode()}
     contents |= {k: v for k, v in carried.items() if not k.startswith(_IN_PYTHON_BUILD)}
-    can = Capabilities(needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False)
+    can = Capabilities(
+        needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False
+    )
 
     def described(guid: str) -> dict[str, bytes]:
         return {"modelDescription.xml": describe(cls, trace(cls), can, version, guid)}
 
-    return archive.pack(contents | described(archive.identity(contents | described(archive.NO_GUID))))
+    return archive.pack(
+        contents | described(archive.identity(contents | described(archive.NO_GUID)))
+    )
 
 
-def _built(name: str, package: dict[str, bytes], platforms: Sequence[str] | None) -> dict[str, bytes]:
+def _built(
+    name: str, package: dict[str, bytes], platforms: Sequence[str] | None
+) -> dict[str, bytes]:
     """Files of the archive that pythonfmu builds of a package, without a description.
 
     Modules of one name are one in a process, so these are named after what is in them.
@@ -106,13 +121,29 @@ def _built(name: str, package: dict[str, bytes], platforms: Sequence[str] | None
             files.write(inside / path, contents)
         script = folder / f"{stem}.py"
         files.write(script, _SCRIPT.format(package=inside.name, name=name).encode())
-        command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(script), "-d", str(built), str(inside)]
+        command = [
+            sys.executable,
+            "-m",
+            "pythonfmu",
+            "build",
+            "-f",
+            str(script),
+            "-d",
+            str(built),
+            str(inside),
+        ]
         done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
         if done.returncode != 0:
-            raise UserError(f"pythonfmu failed for {name}: {(done.stderr.strip() or 'no message').splitlines()[-1]}")
+            raise UserError(
+                f"pythonfmu failed for {name}: {(done.stderr.strip() or 'no message').splitlines()[-1]}"
+            )
         archived = io.BytesIO(built.read_bytes())
     with zipfile.ZipFile(archived) as found:
-        built_files = {entry: found.read(entry) for entry in found.namelist() if entry != "modelDescription.xml"}
+        built_files = {
+            entry: found.read(entry)
+            for entry in found.namelist()
+            if entry != "modelDescription.xml"
+        }
     return _for_platforms(built_files, platforms)
 
 
@@ -122,5 +153,11 @@ def _for_platforms(built: dict[str, bytes], platforms: Sequence[str] | None) -> 
     known = sorted(set(binaries.values()))
     wanted = set(platforms or known)
     if absent := sorted(wanted - set(known)):
-        raise UserError(f"pythonfmu has no binary for {absent[0]}; it has some for {', '.join(known)}")
-    return {entry: contents for entry, contents in built.items() if entry not in binaries or binaries[entry] in wanted}
+        raise UserError(
+            f"pythonfmu has no binary for {absent[0]}; it has some for {', '.join(known)}"
+        )
+    return {
+        entry: contents
+        for entry, contents in built.items()
+        if entry not in binaries or binaries[entry] in wanted
+    }

@@ -45,7 +45,9 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         values = [float(v.start) for v in (*layout.parameters, *layout.inputs)]
         values += [0.0] * (self.size - self.first_state)
         # hint, start time, tolerance, parameters changed, and a counter for each sampled group
-        self.memory = array("d", [*values, inf, 0.0, self.model.tolerance, 1.0, *(0.0 for _ in layout.sampled)])
+        self.memory = array(
+            "d", [*values, inf, 0.0, self.model.tolerance, 1.0, *(0.0 for _ in layout.sampled)]
+        )
         self.texts = [text.start for text in layout.texts]
         self.time, self.started, self.stale = 0.0, False, True
         self.slave = self.create(memoryview(self.memory), b"")
@@ -53,7 +55,9 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         kinds = [_KINDS[v.type] for v in layout.variables] + [Real] * len(layout.states)
         for i, (name, kind) in enumerate(zip(layout.names, kinds, strict=True)):
             setter = partial(self._write, i) if i < self.first_state else None
-            self.register_variable(kind(name, getter=partial(self._read, i), setter=setter), nested=False)
+            self.register_variable(
+                kind(name, getter=partial(self._read, i), setter=setter), nested=False
+            )
         for i, text in enumerate(layout.texts):
             ends = partial(self.texts.__getitem__, i), partial(self.texts.__setitem__, i)
             self.register_variable(String(text.name, getter=ends[0], setter=ends[1]), nested=False)
@@ -67,7 +71,9 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
 
     def _write(self, i: int, value: float) -> None:
         if not isfinite(value) or (self.started and i < self.first_input):
-            raise ValueError(f"{self.vars[i].name} = {value} is not finite, or a parameter after initialization")
+            raise ValueError(
+                f"{self.vars[i].name} = {value} is not finite, or a parameter after initialization"
+            )
         self.memory[i], self.stale = float(value), True
         if i < self.first_input:
             self._restart()
@@ -82,9 +88,13 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         """Raise what went wrong, a % doubled: pythonfmu hands the text on as a format."""
         values = self.memory[self.first_input : self.size]
         if message or not all(map(isfinite, values)):
-            raise RuntimeError((message or f"a value is not finite at {self.time:.10g} s").replace("%", "%%"))
+            raise RuntimeError(
+                (message or f"a value is not finite at {self.time:.10g} s").replace("%", "%%")
+            )
 
-    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None, tolerance: float | None
+    ) -> None:
         """Take times in s, and a relative tolerance that may ask for more accuracy than the component's own."""
         self.time = self.memory[self.size + 1] = start_time
         if tolerance:
@@ -94,7 +104,9 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         """Refuse parameters out of range, and begin."""
         for v, value in zip(self.model.layout.parameters, self.memory, strict=False):
             if not v.min <= value <= v.max:
-                self._checked(f"parameter '{v.name}' = {value:.10g} {v.unit} is outside [{v.min:g}, {v.max:g}]")
+                self._checked(
+                    f"parameter '{v.name}' = {value:.10g} {v.unit} is outside [{v.min:g}, {v.max:g}]"
+                )
         self._checked(self.slave.initialize())
         self.started = self.stale = True
 
@@ -105,7 +117,11 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         return True
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {"memory": list(self.memory), "texts": list(self.texts), "at": [self.time, self.started]}
+        return {
+            "memory": list(self.memory),
+            "texts": list(self.texts),
+            "at": [self.time, self.started],
+        }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         self.memory[:], self.texts[:] = array("d", state["memory"]), state["texts"]

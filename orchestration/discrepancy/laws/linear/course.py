@@ -18,7 +18,12 @@ from fmus.kit import Component, Effect, Input
 from fmus.kit.errors import UserError
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides, responses_of_runs
+from orchestration.discrepancy.laws.linear.response import (
+    Course,
+    LinearResponse,
+    Sides,
+    responses_of_runs,
+)
 from orchestration.discrepancy.laws.linear.smoothing import Wanted, calmest, smoothed
 from orchestration.discrepancy.selection.search import Search
 from orchestration.identify.noise.model import noise_std
@@ -41,7 +46,12 @@ def disturbed(cls: type[Component], law: str) -> type[Effect]:
     def more(self: Any, *arguments: Any) -> Any:
         return getattr(super(effect, self), law)(*arguments) + getattr(self, name)
 
-    about = {"id": "addition", law: more, name: Input("1", doc=f"added to {law}"), "__module__": cls.__module__}
+    about = {
+        "id": "addition",
+        law: more,
+        name: Input("1", doc=f"added to {law}"),
+        "__module__": cls.__module__,
+    }
     effect: type[Effect] = type(f"AdditionTo{law.title()}", (Effect,), about)
     return effect
 
@@ -101,7 +111,9 @@ def follow(search: Search, base: FittedCandidate, laws: PerturbedLaws, law: str)
     stirred = calmest(wanted, law, plant.noise, plant.precision)
     for _ in range(_ROUNDS):
         target = np.zeros_like(course)
-        courses, step, _ = smoothed(plant.wanted(course, here), law, plant.noise, plant.precision, stirred)
+        courses, step, _ = smoothed(
+            plant.wanted(course, here), law, plant.noise, plant.precision, stirred
+        )
         for (run, _, _), one in zip(here.parts, courses, strict=True):
             target[run.samples] = one
         q = plant.within(here.q + step)
@@ -137,7 +149,10 @@ class _Followed:
         here = replace(search, data=replace(data, inputs=fed, linear=moving))
         candidate = base.candidate.with_effect(disturbed(base.candidate.cls, law))
         names = [*search.parameters, *base.candidate.parameters, *base.candidate.starts]
-        self._name, self._problem = name, here.problem(candidate, names, {**search.fixed, **base.fit.values})
+        self._name, self._problem = (
+            name,
+            here.problem(candidate, names, {**search.fixed, **base.fit.values}),
+        )
         self.q = self._problem.position(self._problem.start | base.fit.values)
         # a coordinate without a prior is known to some of its sizes
         self.precision = np.where(base.fit.prior_precision > 0.0, base.fit.prior_precision, _KNOWN)
@@ -158,12 +173,20 @@ class _Followed:
         values = problem.start | problem.values(q)
         ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
         parts = responses_of_runs(
-            self._laws, problem.time, self._data.inputs, ran.signals, values, self._data.linear or (), problem.runs,
+            self._laws,
+            problem.time,
+            self._data.inputs,
+            ran.signals,
+            values,
+            self._data.linear or (),
+            problem.runs,
             self._outputs,
-        )  # fmt: skip
+        )
         return _Run(q, dict(error), dict(slopes), cost, parts)
 
-    def towards(self, course: Array, here: _Run, target: Array, q: Array) -> tuple[Array, _Run] | None:
+    def towards(
+        self, course: Array, here: _Run, target: Array, q: Array
+    ) -> tuple[Array, _Run] | None:
         """Go as far towards another course as costs less; None if nothing does."""
         for halving in range(_HALVINGS):
             share = 0.5**halving
@@ -179,7 +202,10 @@ class _Followed:
     def wanted(self, course: Array, here: _Run) -> list[Wanted]:
         """What every run has more than the model without the course; outliers are not known."""
         whole = {o: self._full(_likely(e, self.noise[o]), o) for o, e in here.error.items()}
-        shown, slopes = self._shown(course, here), {o: self._full(j, o) for o, j in here.slopes.items()}
+        shown, slopes = (
+            self._shown(course, here),
+            {o: self._full(j, o) for o, j in here.slopes.items()},
+        )
         return [
             Wanted(
                 response,
@@ -194,14 +220,18 @@ class _Followed:
         present = self._problem.present
         residual = {o: e + self._shown(course, here)[o][present[o]] for o, e in here.error.items()}
         self._problem.forget()
-        return FreeCourse(self._law, residual, here.error, here.slopes, here.parts, self._problem.values(here.q))
+        return FreeCourse(
+            self._law, residual, here.error, here.slopes, here.parts, self._problem.values(here.q)
+        )
 
     def _shown(self, course: Array, here: _Run) -> dict[str, Array]:
         """What a course does to the outputs (n,)."""
         found = {o: np.zeros(len(course)) for o in self._outputs}
         for run, _, response in here.parts:
             one = course[run.samples, None]
-            for o, rows in response(self._law, Sides(one, np.append(one[1:], one[-1:], axis=0))).items():
+            for o, rows in response(
+                self._law, Sides(one, np.append(one[1:], one[-1:], axis=0))
+            ).items():
                 found[o][run.samples] = rows[:, 0]
         return found
 

@@ -14,16 +14,23 @@ from orchestration.discrepancy.laws.linear.course import FreeCourse
 from orchestration.identify.noise.model import Noise, Whitening
 
 Array = NDArray[np.float64]
-_DRAWS, _SEED = 39, 14  # of noise, by which is told what the best of so many entries gains by chance
+_DRAWS, _SEED = (
+    39,
+    14,
+)  # of noise, by which is told what the best of so many entries gains by chance
 
 
 class LinearisedRecord:
     """What is to be explained, whitened, and free of what the model's own parameters can do."""
 
     def __init__(
-        self, course: FreeCourse, prior: Array, present: Mapping[str, NDArray[np.bool_]], noise: Mapping[str, Noise],
+        self,
+        course: FreeCourse,
+        prior: Array,
+        present: Mapping[str, NDArray[np.bool_]],
+        noise: Mapping[str, Noise],
         reach: tuple[Array, Array],
-    ):  # fmt: skip
+    ):
         residual, slopes = course.residual, course.slopes
         # an outlier is what no course explains, and not what a model lacks
         self._whitened = Whitening.of(noise, course.left, present)
@@ -41,7 +48,10 @@ class LinearisedRecord:
         # how far a parameter of the model may go: what a course makes of its trace is not what is there without
         self._prior = prior
         least, most = reach
-        self._least, self._most = np.where(prior > 0.0, least, -np.inf), np.where(prior > 0.0, most, np.inf)
+        self._least, self._most = (
+            np.where(prior > 0.0, least, -np.inf),
+            np.where(prior > 0.0, most, np.inf),
+        )
         self.residual = self.free(self._whole)
         self.samples = len(self.residual)
         self.noise = np.random.default_rng(_SEED).normal(size=(self.samples, _DRAWS))
@@ -74,7 +84,9 @@ class LinearisedRecord:
         sizes = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
         q, r = np.linalg.qr(whole / sizes)
         free = np.full(len(root), np.inf)
-        ends = (np.append(end, far) * sizes for end, far in ((self._least, -free), (self._most, free)))
+        ends = (
+            np.append(end, far) * sizes for end, far in ((self._least, -free), (self._most, free))
+        )
         found = lsq_linear(r, -q[: len(rows)].T @ self._whole, tuple(ends), method="bvls").x / sizes
         return replace(curve, values=root @ found[count:]), found[:count]
 

@@ -22,7 +22,9 @@ _POINTS = 200  # of a course at which laws are asked
 _NONE = 1e-3  # power, below which a law hangs on the logarithm
 
 
-def powers(laws: PerturbedLaws, course: Course, values: Mapping[str, float], names: Sequence[str]) -> Array:
+def powers(
+    laws: PerturbedLaws, course: Course, values: Mapping[str, float], names: Sequence[str]
+) -> Array:
     """Tell powers n where laws are a + b p^n along a course.
 
     Parameters
@@ -41,7 +43,9 @@ def powers(laws: PerturbedLaws, course: Course, values: Mapping[str, float], nam
         1 where no law hangs on a parameter, as none does on where a state starts.
     """
     at = np.unique(np.linspace(0, len(course.time) - 1, _POINTS).astype(int))
-    inputs, states = ({n: s.begin[at] for n, s in group.items()} for group in (course.inputs, course.states))
+    inputs, states = (
+        {n: s.begin[at] for n, s in group.items()} for group in (course.inputs, course.states)
+    )
 
     def changed(name: str, change: float) -> Array:
         changed = dict(values) | {name: values[name] * float(np.exp(change))}

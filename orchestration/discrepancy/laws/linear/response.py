@@ -57,7 +57,11 @@ class Course:
 
     @classmethod
     def of(
-        cls, time: Array, inputs: Mapping[str, Array], states: Mapping[str, Array], linear: bool | Collection[str]
+        cls,
+        time: Array,
+        inputs: Mapping[str, Array],
+        states: Mapping[str, Array],
+        linear: bool | Collection[str],
     ) -> Course:
         """Take inputs as held until the next sample, but for those that are smooth.
 
@@ -116,17 +120,26 @@ class LinearResponse:
         If one of the outputs is neither an output nor a state.
     """
 
-    def __init__(self, laws: PerturbedLaws, course: Course, parameters: Mapping[str, float], outputs: Sequence[str]):
+    def __init__(
+        self,
+        laws: PerturbedLaws,
+        course: Course,
+        parameters: Mapping[str, float],
+        outputs: Sequence[str],
+    ):
         def along(side: str) -> Jacobians:
             time = getattr(continuous(course.time), side)
             inputs, states = (
-                {n: getattr(s, side) for n, s in group.items()} for group in (course.inputs, course.states)
+                {n: getattr(s, side) for n, s in group.items()}
+                for group in (course.inputs, course.states)
             )
             return laws.along(time, parameters, inputs, states)
 
         begin, end = along("begin"), along("end")
         self._laws, self._outputs = laws, list(outputs)
-        self.values = {n: Sides(begin.values[:, i], end.values[:, i]) for i, n in enumerate(laws.names)}
+        self.values = {
+            n: Sides(begin.values[:, i], end.values[:, i]) for i, n in enumerate(laws.names)
+        }
         self._b = Sides(begin.b, end.b)
         self._read_by(begin)
         self.steps = np.diff(course.time)
@@ -142,7 +155,10 @@ class LinearResponse:
         self._d = np.zeros((n, len(self._outputs), len(self._laws.names)))
         for row, name in enumerate(self._outputs):
             if name in outputs:
-                self._c[:, row], self._d[:, row] = at.c[:, outputs.index(name)], at.d[:, outputs.index(name)]
+                self._c[:, row], self._d[:, row] = (
+                    at.c[:, outputs.index(name)],
+                    at.d[:, outputs.index(name)],
+                )
             else:
                 self._c[:, row, states.index(name)] = 1.0
 
@@ -215,7 +231,10 @@ class LinearResponse:
         moved = np.zeros((n, states, added.begin.shape[1]))
         if self.moves(law):
             transition, left, right = self.step(law)
-            drive = left[:, :, None] * added.begin[:-1, None, :] + right[:, :, None] * added.end[:-1, None, :]
+            drive = (
+                left[:, :, None] * added.begin[:-1, None, :]
+                + right[:, :, None] * added.end[:-1, None, :]
+            )
             for k in range(n - 1):
                 moved[k + 1] = transition[k] @ moved[k] + drive[k]
         direct = self._d[:, :, i]
@@ -230,7 +249,9 @@ def _step_matrices(a: Array, steps: Array) -> tuple[Array, Array, Array]:
     n, states = len(steps), a.shape[-1]
     if not states or not n:
         return a, a, a
-    same = np.ptp(a, axis=0).max() <= _SAME * np.abs(a).max() and np.ptp(steps) <= 1e-9 * steps.max()
+    same = (
+        np.ptp(a, axis=0).max() <= _SAME * np.abs(a).max() and np.ptp(steps) <= 1e-9 * steps.max()
+    )
     chosen, h = (a[:1], steps[:1]) if same else (a, steps)
     one = np.eye(states)
     block = np.zeros((len(chosen), 3 * states, 3 * states))
@@ -244,9 +265,15 @@ def _step_matrices(a: Array, steps: Array) -> tuple[Array, Array, Array]:
 
 
 def responses_of_runs(
-    laws: PerturbedLaws, time: Array, inputs: Mapping[str, Array], signals: Mapping[str, Array],
-    parameters: Mapping[str, float], linear: bool | Collection[str], runs: Sequence[Run], outputs: Sequence[str],
-) -> list[tuple[Run, Course, LinearResponse]]:  # fmt: skip
+    laws: PerturbedLaws,
+    time: Array,
+    inputs: Mapping[str, Array],
+    signals: Mapping[str, Array],
+    parameters: Mapping[str, float],
+    linear: bool | Collection[str],
+    runs: Sequence[Run],
+    outputs: Sequence[str],
+) -> list[tuple[Run, Course, LinearResponse]]:
     """Linearise every run of a record by itself: nothing that was added in one is felt in another.
 
     Parameters
@@ -274,7 +301,9 @@ def responses_of_runs(
     made = []
     for run in runs:
         at = run.samples
-        fed = {n: np.broadcast_to(np.asarray(v, dtype=float), len(time))[at] for n, v in inputs.items()}
+        fed = {
+            n: np.broadcast_to(np.asarray(v, dtype=float), len(time))[at] for n, v in inputs.items()
+        }
         course = Course.of(time[at] - run.ahead, fed, {n: signals[n][at] for n in names}, linear)
         made.append((run, course, LinearResponse(laws, course, run.values(parameters), outputs)))
     return made

@@ -19,7 +19,9 @@ from scipy.sparse.linalg import splu
 from orchestration.discrepancy.laws.linear.response import LinearResponse
 
 Array = NDArray[np.float64]
-_STIRRED = np.geomspace(1e-3, 1e3, 7)  # how far a course may go over a record, in sizes that explain what is wrong
+_STIRRED = np.geomspace(
+    1e-3, 1e3, 7
+)  # how far a course may go over a record, in sizes that explain what is wrong
 _FARTHEST = 1.0  # that the model's own coordinates may move at once
 _ENOUGH = 1.1  # times the least that any course leaves, which the calmest one may leave
 
@@ -43,7 +45,9 @@ class Wanted:
     slopes: dict[str, Array]
 
 
-def calmest(runs: Sequence[Wanted], law: str, noise: Mapping[str, float], precision: Array) -> float:
+def calmest(
+    runs: Sequence[Wanted], law: str, noise: Mapping[str, float], precision: Array
+) -> float:
     """How far a course has to be let go to explain what it can.
 
     Parameters
@@ -85,7 +89,10 @@ def smoothed(
     left : float
         Squares of what they do not explain, in units of the noise; no less than noise leaves in any output.
     """
-    strength = sum(float(np.nansum((y / noise[o]) ** 2)) for run in runs for o, y in run.outputs.items()) ** 0.5
+    strength = (
+        sum(float(np.nansum((y / noise[o]) ** 2)) for run in runs for o, y in run.outputs.items())
+        ** 0.5
+    )
     unit = sum(run.response.size(law, noise) ** 2 for run in runs) ** 0.5
     reach = stirred * (strength / unit if unit and strength else 1.0)
     duration = sum(float(np.sum(run.response.steps)) for run in runs)
@@ -93,7 +100,11 @@ def smoothed(
     # the coordinates are the border of a sparse matrix, which is eliminated last (Schur)
     matrix = np.diag(precision) + sum(one.matrix for one in solved)
     # the course makes up for what a coordinate may not do
-    step = np.clip(np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)[0], -_FARTHEST, _FARTHEST)
+    step = np.clip(
+        np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)[0],
+        -_FARTHEST,
+        _FARTHEST,
+    )
     moved = [one.alone - one.beside @ step for one in solved]
     left = 0.0
     for o, deviation in noise.items():
@@ -127,7 +138,10 @@ def _solved(run: Wanted, law: str, noise: Mapping[str, float], calm: float) -> _
     for o, y in run.outputs.items():
         known = np.isfinite(y)
         row = np.where(known[:, None], run.response.row(law, o), 0.0) / noise[o]
-        slope, wanted = np.where(known[:, None], run.slopes[o], 0.0) / noise[o], np.where(known, y, 0.0) / noise[o]
+        slope, wanted = (
+            np.where(known[:, None], run.slopes[o], 0.0) / noise[o],
+            np.where(known, y, 0.0) / noise[o],
+        )
         information += row[:, :, None] * row[:, None, :]
         score += row * wanted[:, None]
         border -= row[:, :, None] * slope[:, None, :]
@@ -139,12 +153,16 @@ def _solved(run: Wanted, law: str, noise: Mapping[str, float], calm: float) -> _
     bonds = _bonds(transition, before, after)
     normal = sparse.bmat([[_quadratic(information, walk), bonds.T], [bonds, None]], format="csc")
     right = np.column_stack([score.ravel(), border.reshape(n * size, count)])
-    found = splu(normal).solve(np.vstack([right, np.zeros((bonds.shape[0], 1 + count))]))[: n * size]
+    found = splu(normal).solve(np.vstack([right, np.zeros((bonds.shape[0], 1 + count))]))[
+        : n * size
+    ]
     flat = border.reshape(n * size, count)
     return _Solved(
-        found[:, 0].reshape(n, size), found[:, 1:].reshape(n, size, count), matrix - flat.T @ found[:, 1:],
+        found[:, 0].reshape(n, size),
+        found[:, 1:].reshape(n, size, count),
+        matrix - flat.T @ found[:, 1:],
         own - flat.T @ found[:, 0],
-    )  # fmt: skip
+    )
 
 
 def _quadratic(information: Array, walk: Array) -> Any:
@@ -153,8 +171,10 @@ def _quadratic(information: Array, walk: Array) -> Any:
     k = np.arange(n)[:, None, None] * size
     i, j = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
     last = np.arange(n) * size + size - 1
-    return _sparse([(k + i, k + j, information), (last[:-1], last[1:], -walk), (last[1:], last[:-1], -walk)],
-                   (n * size, n * size))  # fmt: skip
+    return _sparse(
+        [(k + i, k + j, information), (last[:-1], last[1:], -walk), (last[1:], last[:-1], -walk)],
+        (n * size, n * size),
+    )
 
 
 def _bonds(transition: Array, before: Array, after: Array) -> Any:

@@ -30,10 +30,13 @@ from orchestration.identify.estimate import Estimate
 Array = NDArray[np.float64]
 _PLAIN = ("N", "N*m", "V", "A", "W", "J", "Pa", "ohm", "C", "N/m")  # as engineers call them
 _REMEMBERED = {
-    "": "{0}", "lagged": "{0} lagged by {1:.3g} s", "leading": "{0} less itself lagged by {1:.3g} s",
+    "": "{0}",
+    "lagged": "{0} lagged by {1:.3g} s",
+    "leading": "{0} less itself lagged by {1:.3g} s",
     "heat": "the square of {0} lagged by {1:.3g} s",
-    "integrated": "the integral of {0}", "throughput": "the integral of |{0}|",
-}  # fmt: skip
+    "integrated": "the integral of {0}",
+    "throughput": "the integral of |{0}|",
+}
 
 
 @dataclass(frozen=True)
@@ -75,12 +78,17 @@ class Asked:
     @property
     def last(self) -> FittedCandidate:
         """The model with all that was confirmed one beside the other, or with the best correction."""
-        cause = next((one.laws.cause for one in self.rounds[::-1] if one.laws and one.laws.cause), None)
+        cause = next(
+            (one.laws.cause for one in self.rounds[::-1] if one.laws and one.laws.cause), None
+        )
         return self.base if cause is None else cause
 
     def own_values(self, model: FittedCandidate) -> dict[str, float]:
         """Parameters of the best correction by its own names, where a model has the catalogue's effect instead too."""
-        values, cause = model.problem.start | model.fit.values, self.laws.cause if self.laws else None
+        values, cause = (
+            model.problem.start | model.fit.values,
+            self.laws.cause if self.laws else None,
+        )
         effects = [self.best.model.effect, cause.effect] if self.best and cause else []
         pairs = zip(*map(own_parameters, effects), strict=False)
         return {own: values[name] for own, name in pairs if name in values}
@@ -88,7 +96,11 @@ class Asked:
     @property
     def spectrum(self) -> list[tuple[float, float]]:
         """Time constants, s, and amounts of relaxations that stand one beside the other, by time constants."""
-        several = [one.own_values(self.last) for one in self.rounds if one.best is not None and one.best.relaxation]
+        several = [
+            one.own_values(self.last)
+            for one in self.rounds
+            if one.best is not None and one.best.relaxation
+        ]
         return sorted((constant, amount) for amount, constant in (own.values() for own in several))
 
     @property
@@ -114,7 +126,9 @@ class Asked:
 
     def alike(self, correction: Correction) -> list[str]:
         """What this record cannot tell from a correction, what is nearest to the model first."""
-        return list(dict.fromkeys(e.label for e in correction.alike if e.label != correction.entry.label))
+        return list(
+            dict.fromkeys(e.label for e in correction.alike if e.label != correction.entry.label)
+        )
 
     def units(self, correction: Correction) -> tuple[str, str]:
         """Units of the law, or of its factor, and of the signal; SI."""
@@ -130,7 +144,9 @@ def verdict(correction: Correction) -> bool | None:
 
 def refuted(correction: Correction) -> bool:
     """Whether unseen data surely speak against a correction."""
-    return correction.confirmation is not None and correction.confirmation.outcome is Outcome.REFUTED
+    return (
+        correction.confirmation is not None and correction.confirmation.outcome is Outcome.REFUTED
+    )
 
 
 def named(signal: Signal) -> str:
@@ -178,8 +194,14 @@ def shape_form(correction: Correction) -> Callable[[Array], Array] | None:
         return None
     shape, effect = SHAPES[correction.shape], correction.model.effect
     values, own, of = _values(correction), effect.neutral, signal_of(effect)[1]
-    amount, width, beside = values[own], values.get(f"{own}_width", 1.0), values.get(f"{own}_beside", 0.0)
-    return lambda x: np.array([amount * (float(shape.form(float(v), width, of.scale)) + beside) for v in x - of.zero])
+    amount, width, beside = (
+        values[own],
+        values.get(f"{own}_width", 1.0),
+        values.get(f"{own}_beside", 0.0),
+    )
+    return lambda x: np.array(
+        [amount * (float(shape.form(float(v), width, of.scale)) + beside) for v in x - of.zero]
+    )
 
 
 def shape_values(correction: Correction, x: Array) -> Array | None:
@@ -197,7 +219,9 @@ def shape_values(correction: Correction, x: Array) -> Array | None:
 
 def signal_unit(component: type[Component], signal: Signal) -> str:
     """SI unit of a signal, or of what is remembered of it."""
-    unit = Of(signal.name, signal.memory, signal.constant, plain_unit(unit_of(component, signal.name))).unit_of_memory
+    unit = Of(
+        signal.name, signal.memory, signal.constant, plain_unit(unit_of(component, signal.name))
+    ).unit_of_memory
     return re.sub(r"\((\w+)\)", r"\1", unit)  # one unit alone needs no brackets
 
 
@@ -211,11 +235,16 @@ def plain_unit(unit: str) -> str:
     if "kg" not in unit:
         return unit
     torque = "rad" in unit
-    one = registry().Quantity(1.0, registry().Unit(unit.replace("rad", "dimensionless") if torque else unit))
+    one = registry().Quantity(
+        1.0, registry().Unit(unit.replace("rad", "dimensionless") if torque else unit)
+    )
     for name in _PLAIN:
         if name == ("J" if torque else "N*m"):
             continue
         other: Any = registry().Quantity(1.0, name)
-        if other.dimensionality == one.dimensionality and abs(other.to(one.units).magnitude - 1.0) < 1e-9:
+        if (
+            other.dimensionality == one.dimensionality
+            and abs(other.to(one.units).magnitude - 1.0) < 1e-9
+        ):
             return name
     return unit

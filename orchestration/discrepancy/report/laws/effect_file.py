@@ -56,7 +56,9 @@ def source(asked: Asked) -> str:
     """Return the text of the file: the best correction, and what is beside it."""
     found = [one.best for one in asked.rounds if one.best is not None]
     base, last = asked.component, asked.last
-    values = {n: v for one in found for n, v in (one.model.problem.start | one.model.fit.values).items()}
+    values = {
+        n: v for one in found for n, v in (one.model.problem.start | one.model.fit.values).items()
+    }
     values |= last.problem.start | last.fit.values | fitted_defaults(last)
     for each in asked.rounds:  # what the catalogue knows under another name
         values |= each.own_values(last)
@@ -65,32 +67,54 @@ def source(asked: Asked) -> str:
     signals = [f"{one.entry.law} over {_words(one)}" for one in found]
     titles = ["".join(part.title() for part in _id(one).split("_")) for one in found]
     bodies = [list(_body(base, one, values, k)) for k, one in enumerate(found, start=1)]
-    used = [name for name in _FUNCTIONS if any(re.search(rf"\b{name}\(", line) for body in bodies for line in body)]
+    used = [
+        name
+        for name in _FUNCTIONS
+        if any(re.search(rf"\b{name}\(", line) for body in bodies for line in body)
+    ]
     remembers = any(one.model.effect.layout.states for one in found)
     kit = sorted(["Effect", "Parameter", *(["State"] if remembers else []), *used], key=str.lower)
     shapes = any("SHAPES[" in line for body in bodies for line in body)
     lines = [
-        f'"""{" and ".join(signals).capitalize()}: what {base.name} lacks on a record.', "",
+        f'"""{" and ".join(signals).capitalize()}: what {base.name} lacks on a record.',
+        "",
         f"    from fmus.kit import stack\n\n    better = stack({', '.join([base.__name__, *titles])}, defaults=FITTED)",
-        '"""', "",
-        f"from fmus.kit import {', '.join(kit)}", *(["from fmus.kit.curves import SHAPES"] if shapes else []), "",
+        '"""',
+        "",
+        f"from fmus.kit import {', '.join(kit)}",
+        *(["from fmus.kit.curves import SHAPES"] if shapes else []),
+        "",
         f"# fitted to {asked.result.files!a}: the model's own parameters beside the correction, SI",
-        "FITTED = {", *(f'    "{name}": {_number(value)},' for name, value in fitted.items()), "}",
-    ]  # fmt: skip
+        "FITTED = {",
+        *(f'    "{name}": {_number(value)},' for name, value in fitted.items()),
+        "}",
+    ]
     for k, (one, title, body) in enumerate(zip(found, titles, bodies, strict=True), start=1):
         effect = one.model.effect
         lines += [
-            *_table(one, k), "", "", f"class {title}(Effect):", f'    """{_said(one)}"""', "",
-            f'    id = "{_id(one)}"', f'    neutral = "{effect.neutral}"',
-            f"    assumption = {_text(str(effect.assumption))}", "", *body,
-        ]  # fmt: skip
+            *_table(one, k),
+            "",
+            "",
+            f"class {title}(Effect):",
+            f'    """{_said(one)}"""',
+            "",
+            f'    id = "{_id(one)}"',
+            f'    neutral = "{effect.neutral}"',
+            f"    assumption = {_text(str(effect.assumption))}",
+            "",
+            *body,
+        ]
     return "\n".join(lines) + "\n"
 
 
 def _said(correction: Correction) -> str:
     factor = " as a factor" if correction.entry.kind == "multiply" else ""
     text = f"{correction.entry.law} hangs on {_words(correction)}{factor}"
-    return f"{text}: {wording.shape_name(correction.shape)}." if correction.shape else f"{text}: a table."
+    return (
+        f"{text}: {wording.shape_name(correction.shape)}."
+        if correction.shape
+        else f"{text}: a table."
+    )
 
 
 def _words(correction: Correction) -> str:
@@ -120,7 +144,9 @@ def _constants(number: int) -> tuple[str, str]:
     return f"KNOTS{more}", f"VALUES{more}"
 
 
-def _body(cls: type[Component], correction: Correction, values: dict[str, float], number: int) -> Iterator[str]:
+def _body(
+    cls: type[Component], correction: Correction, values: dict[str, float], number: int
+) -> Iterator[str]:
     """Lines of the class: its parameters, what it remembers, and the law."""
     effect = correction.model.effect
     kind, layout, (law, of) = correction.entry.kind, effect.layout, signal_of(effect)
@@ -141,7 +167,11 @@ def _body(cls: type[Component], correction: Correction, values: dict[str, float]
     less = f" - {_number(of.zero)}" if of.zero and correction.shape else ""
     yield f"        x = {f'{now} - {memory}' if of.memory == 'leading' else memory or now}{less}"
     more = f"self.{effect.neutral} * {_form(correction, of, number)}"
-    yield f"        return below + {more}" if kind == "add" else f"        return below * (1.0 + {more})"
+    yield (
+        f"        return below + {more}"
+        if kind == "add"
+        else f"        return below * (1.0 + {more})"
+    )
     for state in layout.states:
         # what is remembered of the law itself is of the law as it is without
         begin = f"super().{law}()" if of.name == law else now
@@ -175,7 +205,12 @@ def _about(declared: Declaration) -> Sequence[str]:
     """Unit, ends that mean something, typical size and words of a parameter."""
     bounds = ((name, getattr(declared, name)) for name in ("min", "max"))
     near = [f"{name}={_number(end)}" for name, end in bounds if abs(end) < _FAR * declared.nominal]
-    return [_text(declared.unit), *near, f"nominal={_number(declared.nominal)}", f"doc={_text(declared.doc)}"]
+    return [
+        _text(declared.unit),
+        *near,
+        f"nominal={_number(declared.nominal)}",
+        f"doc={_text(declared.doc)}",
+    ]
 
 
 def _number(value: Any) -> str:

@@ -53,12 +53,15 @@ def curve(asked: Asked, correction: Correction) -> dict[str, Any]:
     none, quiet = {"width": 0, "color": pictures.MODEL}, {"hoverinfo": "skip"}
     filled = {"fill": "tonexty", "fillcolor": _BAND, "hoverinfo": "skip"}
     traces = [
-        Trace("", x, low, none, quiet), Trace("95 % band", x, high, none, filled),
+        Trace("", x, low, none, quiet),
+        Trace("95 % band", x, high, none, filled),
         Trace("curve", x, value, {"color": pictures.MODEL, "width": 2.5}),
-    ]  # fmt: skip
+    ]
     if (like := shape_values(correction, x)) is not None:
         text = wording.shape_name(correction.shape)
-        traces.append(Trace(text, x, like, {"color": pictures.FITTED, "width": 1.5, "dash": "dash"}))
+        traces.append(
+            Trace(text, x, like, {"color": pictures.FITTED, "width": 1.5, "dash": "dash"})
+        )
     rug = correction.entry.visited
     floor = min(float(low.min()), 0.0) - 0.06 * float(high.max() - low.min())
     marker = {"symbol": "line-ns-open", "size": 9, "color": "#52616e"}
@@ -105,20 +108,38 @@ def draw(asked: Asked, correction: Correction, path: Path | None = None) -> Figu
         If the file cannot be written.
     """
     x, (value, low, high) = _grid(correction)
-    figure, (axis,) = pictures.panels(1, f"{correction.entry.law} over {named(correction.entry.signal)}")
+    figure, (axis,) = pictures.panels(
+        1, f"{correction.entry.law} over {named(correction.entry.signal)}"
+    )
     figure.set_size_inches(7.5, 4.5)
     axis.fill_between(x, low, high, color=pictures.MODEL, alpha=0.18, lw=0, label="95 % band")
     axis.plot(x, value, color=pictures.MODEL, lw=2, label="curve")
     if (like := shape_values(correction, x)) is not None:
-        axis.plot(x, like, color=pictures.FITTED, lw=1.2, ls="--", label=wording.shape_name(correction.shape))
+        axis.plot(
+            x,
+            like,
+            color=pictures.FITTED,
+            lw=1.2,
+            ls="--",
+            label=wording.shape_name(correction.shape),
+        )
     rug = correction.entry.visited
-    axis.plot(rug, np.full(len(rug), 0.02), "|", color="#52616e", ms=8, transform=axis.get_xaxis_transform(),
-              label="where the record has been")  # fmt: skip
+    axis.plot(
+        rug,
+        np.full(len(rug), 0.02),
+        "|",
+        color="#52616e",
+        ms=8,
+        transform=axis.get_xaxis_transform(),
+        label="where the record has been",
+    )
     axis.axhline(0.0, color="#9aa5af", lw=0.8)
     up, across = titles(asked, correction)
     axis.set_ylabel(up)
     axis.set_xlabel(across)
-    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+    axis.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
+    )
     if path is not None:
         pictures.save(figure, path)
     return figure

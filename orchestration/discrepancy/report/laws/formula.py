@@ -75,7 +75,9 @@ def formula(text: str) -> Formula:
         return Formula(value, "", (), remark)
     left, _, right = more[1].partition("=")
     sides = _Reader(left), _Reader(right)
-    return Formula(value, more[0], tuple(side.sum() for side in sides), "".join(side.end() for side in sides))
+    return Formula(
+        value, more[0], tuple(side.sum() for side in sides), "".join(side.end() for side in sides)
+    )
 
 
 class _Reader:
@@ -135,7 +137,9 @@ class _Reader:
         if token[:1].isdigit():
             return Node("number", token)
         if not token[:1].isalpha():
-            raise UserError(f"{self._text!r} is no formula: something is missing before {token or 'its end'!r}")
+            raise UserError(
+                f"{self._text!r} is no formula: something is missing before {token or 'its end'!r}"
+            )
         return self._called(token) if self._follows("(") else Node("symbol", token)
 
     def _called(self, name: str) -> Node:
@@ -164,4 +168,6 @@ class _Reader:
 
     def _expect(self, token: str) -> None:
         if (taken := self._take()) != token:
-            raise UserError(f"{self._text!r} is no formula: {token!r} is missing before {taken or 'its end'!r}")
+            raise UserError(
+                f"{self._text!r} is no formula: {token!r} is missing before {taken or 'its end'!r}"
+            )

@@ -16,7 +16,11 @@ def headline(result: Result) -> str:
 
 def typeset(result: Result) -> Markup:
     """Return the same for a page, quantities of the law as they are printed."""
-    return Markup(" ".join(filter(None, (typography.pretty(_lacking(result)), escaped(wording.headline(result))))))
+    return Markup(
+        " ".join(
+            filter(None, (typography.pretty(_lacking(result)), escaped(wording.headline(result))))
+        )
+    )
 
 
 def _lacking(result: Result) -> str:

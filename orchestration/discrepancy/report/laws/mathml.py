@@ -8,7 +8,11 @@ from collections.abc import Callable, Mapping
 from orchestration.discrepancy.report.laws.formula import Formula, Node, formula
 from orchestration.reporting.page import Markup, escaped
 
-_TIMES, _APPLY, _MINUS = "<mo>&#x22C5;</mo>", "<mo>&#x2061;</mo>", "<mo>&#x2212;</mo>"  # dot, application, minus
+_TIMES, _APPLY, _MINUS = (
+    "<mo>&#x22C5;</mo>",
+    "<mo>&#x2061;</mo>",
+    "<mo>&#x2212;</mo>",
+)  # dot, application, minus
 _FENCE = '<mo stretchy="true">{}</mo>'
 
 
@@ -48,7 +52,10 @@ def _fenced(inside: str, left: str = "(", right: str = ")") -> str:
 
 def _sum(node: Node, names: Mapping[str, str]) -> str:
     first, *others = node.parts
-    more = (expression(p, names) if p.kind == "minus" else f"<mo>+</mo>{expression(p, names)}" for p in others)
+    more = (
+        expression(p, names) if p.kind == "minus" else f"<mo>+</mo>{expression(p, names)}"
+        for p in others
+    )
     return expression(first, names) + "".join(more)
 
 
@@ -85,7 +92,9 @@ _KINDS: dict[str, Callable[[Node, Mapping[str, str]], str]] = {
 }
 
 
-def equation(law: str, signal: str, kind: str = "add", text: str = "", remembered: bool = False) -> Markup:
+def equation(
+    law: str, signal: str, kind: str = "add", text: str = "", remembered: bool = False
+) -> Markup:
     """Typeset a law with what it has more than the model says.
 
     Parameters
@@ -103,7 +112,11 @@ def equation(law: str, signal: str, kind: str = "add", text: str = "", remembere
     taken: Formula | None = formula(text) if text else None
     more = expression(taken.value, names) if taken else f"<mi>f</mi>{_APPLY}{_fenced(x)}"
     model = f"<msub>{symbol(law)}<mtext>model</mtext></msub>"
-    right = f"{model}<mo>+</mo>{more}" if kind == "add" else f"{model}{_TIMES}{_fenced(f'<mn>1</mn><mo>+</mo>{more}')}"
+    right = (
+        f"{model}<mo>+</mo>{more}"
+        if kind == "add"
+        else f"{model}{_TIMES}{_fenced(f'<mn>1</mn><mo>+</mo>{more}')}"
+    )
     beside = ""
     if taken and taken.sides:
         left, right_side = (expression(side, names) for side in taken.sides)

@@ -54,14 +54,22 @@ def _errors(made: Page, asked: Asked, best: Correction) -> None:
     made.heading(f"Error on data that no fit has seen{sections.beside(asked)}")
     before, after = best.errors
     for output in before:
-        sizes = (("without", COLOURS[REFITTED], before[output]), ("with it", COLOURS[EXTENDED], after[output]))
-        made.parts.append(
-            elements.bars(output, [(name, colour, size, wording.percent(size)) for name, colour, size in sizes])
+        sizes = (
+            ("without", COLOURS[REFITTED], before[output]),
+            ("with it", COLOURS[EXTENDED], after[output]),
         )
-    made.parts.append(elements.aside(
-        "Root mean square of measured minus simulated, in percent of that of the measurement about its mean; all "
-        "parameters are fitted without it, and once more with it."
-    ))  # fmt: skip
+        made.parts.append(
+            elements.bars(
+                output,
+                [(name, colour, size, wording.percent(size)) for name, colour, size in sizes],
+            )
+        )
+    made.parts.append(
+        elements.aside(
+            "Root mean square of measured minus simulated, in percent of that of the measurement about its mean; all "
+            "parameters are fitted without it, and once more with it."
+        )
+    )
 
 
 def _parameters(made: Page, asked: Asked, best: Correction) -> None:
@@ -72,10 +80,16 @@ def _parameters(made: Page, asked: Asked, best: Correction) -> None:
     for name, e in {**own, **estimates(best.model)}.items():
         unit = wording.unit_text(asked, best, e) if name in own else e.unit
         without = _value(base[name], unit) if name in base else ""
-        rows.append([elements.two(name, declared[name].doc), _value(e.value, unit), _interval(e), without])
+        rows.append(
+            [elements.two(name, declared[name].doc), _value(e.value, unit), _interval(e), without]
+        )
     made.table(["parameter", "with the correction", "95 % interval", "without"], rows)
     if not verdict(best):
-        made.parts.append(elements.aside("Unseen data do not confirm the correction: go on with those without it."))
+        made.parts.append(
+            elements.aside(
+                "Unseen data do not confirm the correction: go on with those without it."
+            )
+        )
 
 
 def _value(value: float, unit: str) -> Markup:

@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.discrepancy.laws.discovery import Correction
-from orchestration.discrepancy.report.laws.asked import Asked, shape_form, shape_width, signal_of, with_unit
+from orchestration.discrepancy.report.laws.asked import (
+    Asked,
+    shape_form,
+    shape_width,
+    signal_of,
+    with_unit,
+)
 
 Array = NDArray[np.float64]
 # by shape, where it bends; other shapes have no width, or none that can be seen
@@ -43,7 +49,11 @@ def quantities(asked: Asked, correction: Correction) -> str:
     made = _values(correction, ends)
     farthest = 1 if abs(made[1]) >= _ALIKE * abs(made[0]) else 0
     amount, where = float(made[farthest]), with_unit(float(ends[farthest]), signal)
-    size = f"{100.0 * abs(amount):.3g} %" if correction.entry.kind == "multiply" else with_unit(abs(amount), law)
+    size = (
+        f"{100.0 * abs(amount):.3g} %"
+        if correction.entry.kind == "multiply"
+        else with_unit(abs(amount), law)
+    )
     makes = f"makes {size} {'less' if amount < 0.0 else 'more'} at {where}"
     bend = _BENDS.get(correction.shape, "")
     width = shape_width(correction)
@@ -52,9 +62,14 @@ def quantities(asked: Asked, correction: Correction) -> str:
     zero = signal_of(correction.model.effect)[1].zero
     is_place = correction.shape in _PLACES
     place = bend.format(
-        width=with_unit(zero + width if is_place else width, signal), below=with_unit(zero - width, signal)
-    )  # fmt: skip
-    about = f" from {with_unit(zero, signal)}" if zero and not is_place and correction.shape != "exponential" else ""
+        width=with_unit(zero + width if is_place else width, signal),
+        below=with_unit(zero - width, signal),
+    )
+    about = (
+        f" from {with_unit(zero, signal)}"
+        if zero and not is_place and correction.shape != "exponential"
+        else ""
+    )
     return f"{place}{about}, and {makes}"
 
 

@@ -27,17 +27,26 @@ def curve(made: Page, asked: Asked, best: Correction) -> None:
     """What the law lacks, large."""
     entry = best.entry
     made.heading(f"{entry.law} over {named(entry.signal)}{beside(asked)}")
-    how = "is added to what the model says" if entry.kind == "add" else "plus 1 is what the law is multiplied with"
+    how = (
+        "is added to what the model says"
+        if entry.kind == "add"
+        else "plus 1 is what the law is multiplied with"
+    )
     like = ""
     if best.shape:
         like = (
             f" The dashed line is {wording.shape_name(best.shape)} as it was fitted, beside the straight line that is "
             "nearest, which the model's own parameters may make up."
         )
-    made.parts.append(equation(
-        entry.law, entry.signal.name, entry.kind, wording.formula(best),
-        bool(entry.signal.memory or signal_of(best.model.effect)[1].zero),
-    ))  # fmt: skip
+    made.parts.append(
+        equation(
+            entry.law,
+            entry.signal.name,
+            entry.kind,
+            wording.formula(best),
+            bool(entry.signal.memory or signal_of(best.model.effect)[1].zero),
+        )
+    )
     made.plot(
         figures.curve(asked, best),
         f"What {entry.law} lacks {how}, with its 95 % band. The model's own parameters are fitted beside it, and what "
@@ -68,18 +77,30 @@ def corrections(made: Page, asked: Asked) -> None:
     for one in asked.corrections:
         said, alike = wording.said_of(one), asked.alike(one)
         factor = ", as a factor" if one.entry.kind == "multiply" else ""
-        rows.append([
-            elements.two(f"{one.entry.law} over {named(one.entry.signal)}", asked.effect(one) + factor),
-            elements.bar(one.gain, most),
-            elements.two(wording.shape_name(one.shape), _formula(asked, one)) if one.shape else "a curve",
-            elements.chip(CHIPS[said], said),
-            Markup(f'<span class="two">{"<br>".join(map(escaped, alike))}</span>') if alike else "",
-        ])  # fmt: skip
-    made.table(["law and signal", "fall of BIC", "looks like", "unseen data", "cannot be told from"], rows)
-    made.parts.append(elements.aside(
-        "Every correction is fitted in the model together with all parameters. The fall of BIC is less the price of "
-        "looking at so many. Only the first one is held against unseen data."
-    ))  # fmt: skip
+        rows.append(
+            [
+                elements.two(
+                    f"{one.entry.law} over {named(one.entry.signal)}", asked.effect(one) + factor
+                ),
+                elements.bar(one.gain, most),
+                elements.two(wording.shape_name(one.shape), _formula(asked, one))
+                if one.shape
+                else "a curve",
+                elements.chip(CHIPS[said], said),
+                Markup(f'<span class="two">{"<br>".join(map(escaped, alike))}</span>')
+                if alike
+                else "",
+            ]
+        )
+    made.table(
+        ["law and signal", "fall of BIC", "looks like", "unseen data", "cannot be told from"], rows
+    )
+    made.parts.append(
+        elements.aside(
+            "Every correction is fitted in the model together with all parameters. The fall of BIC is less the price of "
+            "looking at so many. Only the first one is held against unseen data."
+        )
+    )
 
 
 def beside(asked: Asked) -> str:

@@ -24,7 +24,9 @@ def summary(asked: Asked) -> dict[str, Any]:
     return {
         "sentence": wording.sentence(asked),
         "law_map": law_map(asked),
-        "spectrum": [{"constant": constant, "amount": amount} for constant, amount in asked.spectrum],
+        "spectrum": [
+            {"constant": constant, "amount": amount} for constant, amount in asked.spectrum
+        ],
         "errors": {
             "holdout_nrmse_before": {o: number(e) for o, e in before.items()},
             "holdout_nrmse_after": {o: number(e) for o, e in after.items()},
@@ -33,7 +35,8 @@ def summary(asked: Asked) -> dict[str, Any]:
         "causes": asked.causes,
         "parameters": {name: e.to_dict() for name, e in asked.result.diagnosis.estimates.items()},
         "notes": [
-            {"code": str(note.code), "subject": note.subject, "message": message(note)} for note in asked.result.notes
+            {"code": str(note.code), "subject": note.subject, "message": message(note)}
+            for note in asked.result.notes
         ],
     }
 

@@ -28,12 +28,23 @@ from orchestration.identify.estimate import Estimate
 NOTHING = "No law is found to lack anything."
 _LETTERS = {"": "a", "_width": "w", "_beside": "b"}  # by what the name of a parameter ends with
 _NAMES = {
-    "linear": "a straight line", "asymmetric": "a magnitude", "quadratic": "a square",
-    "odd_quadratic": "a square with the sign of its signal", "cubic": "a cube", "saturating": "a saturation",
-    "sign": "a sign", "exponential": "an exponential", "square_root": "a square root",
-    "stribeck": "Stribeck's curve", "stops": "a stop on either side", "weir": "a weir", "upper_stop": "a stop above",
-    "lower_stop": "a stop below", "sign_beyond": "a sign beyond a dead zone", "levelling": "a line with a flat middle",
-}  # fmt: skip
+    "linear": "a straight line",
+    "asymmetric": "a magnitude",
+    "quadratic": "a square",
+    "odd_quadratic": "a square with the sign of its signal",
+    "cubic": "a cube",
+    "saturating": "a saturation",
+    "sign": "a sign",
+    "exponential": "an exponential",
+    "square_root": "a square root",
+    "stribeck": "Stribeck's curve",
+    "stops": "a stop on either side",
+    "weir": "a weir",
+    "upper_stop": "a stop above",
+    "lower_stop": "a stop below",
+    "sign_beyond": "a sign beyond a dead zone",
+    "levelling": "a line with a flat middle",
+}
 _BROAD = 10.0  # ratio of the time constants of a spectrum, from which on it is broad
 _WIDE = 0.5  # of what the curve spans, from which on its band is wide
 
@@ -98,12 +109,18 @@ def amounts(asked: Asked, correction: Correction) -> str:
     for name, e in own.items():
         letter = _LETTERS.get(name.removeprefix(correction.model.effect.neutral), "a lag")
         unit = unit_text(asked, correction, e)
-        texts.append(f"{letter}{' = ' if len(letter) == 1 else ' of '}{e.value:.3g}{f' {unit}' if unit != '1' else ''}")
+        texts.append(
+            f"{letter}{' = ' if len(letter) == 1 else ' of '}{e.value:.3g}{f' {unit}' if unit != '1' else ''}"
+        )
     zero = signal_of(correction.model.effect)[1].zero
     if zero and correction.shape:
         unit = asked.units(correction)[1]
         texts.append(f"x counted from {zero:g}{f' {unit}' if unit != '1' else ''}")
-    return ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1] if texts else "what it was given"
+    return (
+        ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1]
+        if texts
+        else "what it was given"
+    )
 
 
 def unit_text(asked: Asked, correction: Correction, e: Estimate) -> str:
@@ -112,7 +129,9 @@ def unit_text(asked: Asked, correction: Correction, e: Estimate) -> str:
     simple = plain_unit(whole)
     if simple == whole:
         return e.unit
-    return e.unit.replace(f"({whole})", f"({simple})" if "/" in simple else simple).replace(whole, simple)
+    return e.unit.replace(f"({whole})", f"({simple})" if "/" in simple else simple).replace(
+        whole, simple
+    )
 
 
 def errors(correction: Correction) -> str:
@@ -155,7 +174,9 @@ def next_steps(asked: Asked) -> list[str]:
     """What to do about it."""
     best = asked.best
     if asked.found is None:
-        return ["Take a record in which the inputs move: a law that is never exercised cannot be asked anything."]
+        return [
+            "Take a record in which the inputs move: a law that is never exercised cannot be asked anything."
+        ]
     if best is None:
         return [
             "The laws need nothing. If ppy diagnose is not content either, look at the sensors, and at signals that "
@@ -184,8 +205,10 @@ def next_steps(asked: Asked) -> list[str]:
         )
     steps += _wide(asked, best)
     if len(asked.corrections) > 1:
-        steps.append("Corrections further down the table stand instead of the first one, not beside it: ask again "
-                     "with the first one laid over the model.")  # fmt: skip
+        steps.append(
+            "Corrections further down the table stand instead of the first one, not beside it: ask again "
+            "with the first one laid over the model."
+        )
     return steps
 
 
@@ -198,7 +221,9 @@ def _wide(asked: Asked, best: Correction) -> list[str]:
         return []
     unit = asked.units(best)[1]
     span = f"{wide.min():.3g} to {wide.max():.3g}" if len(wide) > 1 else f"{wide[0]:.3g}"
-    return [f"The band is wide at {span}{f' {unit}' if unit != '1' else ''}: stay there for longer in the next record."]
+    return [
+        f"The band is wide at {span}{f' {unit}' if unit != '1' else ''}: stay there for longer in the next record."
+    ]
 
 
 def error_rows(best: Correction) -> list[list[str]]:

@@ -89,7 +89,7 @@ class LinearModel(ABC):
 
     def simulate(
         self, inputs: ArrayLike, output: ArrayLike | None = None, before: ArrayLike | None = None
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """Run freely over inputs, without looking at the output sample by sample.
 
         Parameters
@@ -116,20 +116,29 @@ class LinearModel(ABC):
         u = self._deviations(inputs)
         rest = np.zeros(u.shape[1]) if output is None else u[0]
         if before is not None:
-            rest = np.broadcast_to(np.asarray(before, dtype=np.float64), rest.shape) - self.input_offsets
+            rest = (
+                np.broadcast_to(np.asarray(before, dtype=np.float64), rest.shape)
+                - self.input_offsets
+            )
         if not np.isfinite(level := self.static_output(rest)):
             if before is not None:
-                raise UserError(f"before = {before}: a model that integrates rests only at {self.input_offsets}")
+                raise UserError(
+                    f"before = {before}: a model that integrates rests only at {self.input_offsets}"
+                )
             rest, level = np.zeros(u.shape[1]), 0.0
         simulated = self.output_offset + level + self._forced(u - rest)
         if output is None:
             return simulated
         y = np.asarray(output, dtype=np.float64)
         if y.shape != simulated.shape or not np.isfinite(y).all():
-            raise UserError(f"output of shape {y.shape}: must be {simulated.shape} and finite, as the inputs are")
+            raise UserError(
+                f"output of shape {y.shape}: must be {simulated.shape} and finite, as the inputs are"
+            )
         free = self._free(len(u))
         if not max(np.abs(simulated).max(), np.abs(free).max(initial=0.0)) < _RUNS_AWAY:
-            return np.where(np.isnan(simulated), np.inf, simulated)  # no initial state keeps it near the record
+            return np.where(
+                np.isnan(simulated), np.inf, simulated
+            )  # no initial state keeps it near the record
         return simulated + free @ np.linalg.lstsq(free, y - simulated, rcond=None)[0]
 
     def prediction_errors(self, data: InputOutputData) -> Array:
@@ -214,14 +223,22 @@ class LinearModel(ABC):
         u, m = np.asarray(inputs, dtype=np.float64), len(self.input_names)
         u = u[:, np.newaxis] if u.ndim == 1 else u
         if u.ndim != 2 or u.shape[1] != m or not len(u):
-            raise UserError(f"inputs of shape {np.shape(inputs)}: must be (n, {m}), for {', '.join(self.input_names)}")
+            raise UserError(
+                f"inputs of shape {np.shape(inputs)}: must be (n, {m}), for {', '.join(self.input_names)}"
+            )
         if (bad := np.argwhere(~np.isfinite(u))).size:
             at, column = bad[0]
-            raise UserError(f"input {self.input_names[column]}, sample {at}: must be a finite number")
+            raise UserError(
+                f"input {self.input_names[column]}, sample {at}: must be a finite number"
+            )
         return u - self.input_offsets
 
     def _check(self, data: InputOutputData) -> None:
         if data.input_names != self.input_names:
-            raise UserError(f"data have inputs {', '.join(data.input_names)}: must be {', '.join(self.input_names)}")
+            raise UserError(
+                f"data have inputs {', '.join(data.input_names)}: must be {', '.join(self.input_names)}"
+            )
         if not np.isclose(data.step, self.step, rtol=1e-6, atol=0.0):
-            raise UserError(f"data have a step of {data.step:g} s: must be the model's, {self.step:g} s")
+            raise UserError(
+                f"data have a step of {data.step:g} s: must be the model's, {self.step:g} s"
+            )

@@ -51,7 +51,9 @@ class PolynomialModel(LinearModel):
         return np.asarray(np.sum(paths, axis=0), dtype=np.float64)
 
     def _free(self, samples: int) -> Array:
-        return self._responses(samples, [self._denominator(i) for i in range(len(self.b))], np.ones(1))
+        return self._responses(
+            samples, [self._denominator(i) for i in range(len(self.b))], np.ones(1)
+        )
 
     def _responses(self, samples: int, denominators: list[Array], numerator: Array) -> Array:
         """Responses to an impulse at each of the first samples, through each denominator (samples, states)."""
@@ -76,11 +78,17 @@ class PolynomialModel(LinearModel):
     def _innovations(self, deviations: Array, output: Array) -> Array:
         problem = PredictionError(deviations, output, self.orders, offset=False)
         if problem.samples < 1:
-            raise UserError(f"{len(output)} samples: a model with {self.orders} needs at least {self.orders.first + 1}")
+            raise UserError(
+                f"{len(output)} samples: a model with {self.orders} needs at least {self.orders.first + 1}"
+            )
         bare = tuple(b[k:] for b, k in zip(self.b, self.orders.nk, strict=True))
         still = tuple(np.zeros(count) for count in self.orders.nf)
-        e = problem.errors(problem.vector(Coefficients(self.a, bare, self.f, self.c, self.d, 0.0, still)))
-        free = self._responses(len(e), [np.convolve(self.c, f) for f in self.f if len(f) > 1], self.d)
+        e = problem.errors(
+            problem.vector(Coefficients(self.a, bare, self.f, self.c, self.d, 0.0, still))
+        )
+        free = self._responses(
+            len(e), [np.convolve(self.c, f) for f in self.f if len(f) > 1], self.d
+        )
         return e - free @ np.linalg.lstsq(free, e, rcond=None)[0]
 
     def noise_response(self, samples: int) -> Array:
@@ -120,9 +128,14 @@ class PolynomialModel(LinearModel):
         paths = [tf2ss(*_in_z(b, self._denominator(i))) for i, b in enumerate(self.b)]
         a, b, c, d = zip(*paths, strict=True)
         return control.StateSpace(
-            block_diag(*a), block_diag(*b), np.hstack(c), np.hstack(d), self.step,
-            inputs=list(self.input_names), outputs=[self.output_name],
-        )  # fmt: skip
+            block_diag(*a),
+            block_diag(*b),
+            np.hstack(c),
+            np.hstack(d),
+            self.step,
+            inputs=list(self.input_names),
+            outputs=[self.output_name],
+        )
 
 
 def _in_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:

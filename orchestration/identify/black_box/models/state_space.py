@@ -95,20 +95,27 @@ class StateSpaceModel(LinearModel):
         # by the impulse response, in which samples before a delay are zero, and not nearly so
         denominator = np.real(np.poly(self.a))
         later = states(self.a, np.zeros((len(self.a), len(self.a))), column) @ self.c
-        numerator = np.convolve(denominator, np.concatenate([[feedthrough], later]))[: len(denominator)]
+        numerator = np.convolve(denominator, np.concatenate([[feedthrough], later]))[
+            : len(denominator)
+        ]
         numerator = np.trim_zeros(numerator, "f")
         return control.TransferFunction(
             numerator, denominator, self.step, inputs=[name], outputs=[self.output_name]
-        )  # fmt: skip
+        )
 
     def state_space(self) -> Any:
         """Return the paths from all inputs as one discrete `control.StateSpace`, in deviations from the offsets."""
         import control
 
         return control.StateSpace(
-            self.a, self.b, self.c[np.newaxis], self.d[np.newaxis], self.step,
-            inputs=list(self.input_names), outputs=[self.output_name],
-        )  # fmt: skip
+            self.a,
+            self.b,
+            self.c[np.newaxis],
+            self.d[np.newaxis],
+            self.step,
+            inputs=list(self.input_names),
+            outputs=[self.output_name],
+        )
 
 
 def states(a: Array, drive: Array, start: Array) -> Array:
@@ -133,7 +140,9 @@ def states(a: Array, drive: Array, start: Array) -> Array:
     x = np.zeros_like(began)
     for i in reversed(range(len(a))):
         others = x[:-1, i + 1 :] @ triangle[i, i + 1 :]
-        x[:, i] = lfilter([1.0], [1.0, -triangle[i, i]], began[:, i] + np.concatenate([[0.0], others]))
+        x[:, i] = lfilter(
+            [1.0], [1.0, -triangle[i, i]], began[:, i] + np.concatenate([[0.0], others])
+        )
     return np.asarray((x @ directions.T).real, dtype=np.float64)
 
 

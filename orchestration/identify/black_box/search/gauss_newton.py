@@ -15,7 +15,9 @@ from orchestration.identify.black_box.polynomials import solved
 Array = NDArray[np.float64]
 _ITERATIONS = 100
 _ENOUGH = 1e-9  # share of the cost that a whole Gauss-Newton step promises, below which a search has converged
-_UNDETERMINED = 1e-12  # of the largest singular value: free responses of like paths cannot be told apart
+_UNDETERMINED = (
+    1e-12  # of the largest singular value: free responses of like paths cannot be told apart
+)
 _WHOLE = 0.8  # share of a step that is as good as all of it
 _DAMPING = (1e-12, 1e-3, 1e12)  # least, after a first failure, and where there is nowhere to go
 
@@ -72,21 +74,31 @@ def minimise(problem: Problem, theta: Array) -> Minimum:
         scale = np.linalg.norm(slopes, axis=0)
         scale[scale == 0.0] = 1.0
         slopes = slopes / scale
-        promised = float(rest @ rest) - float(np.sum((rest + slopes @ _damped(slopes, rest, 0.0)) ** 2))
+        promised = float(rest @ rest) - float(
+            np.sum((rest + slopes @ _damped(slopes, rest, 0.0)) ** 2)
+        )
         if promised <= _ENOUGH * cost:
             return Minimum(theta, cost, True)
         while (tried := _along(problem, theta, cost, slopes, rest, scale, damping)) is None:
             damping = max(10.0 * damping, _DAMPING[1])
             if damping > _DAMPING[2]:
-                return Minimum(theta, cost, True)  # rounding, or the edge of stability, forbids any step downhill
+                return Minimum(
+                    theta, cost, True
+                )  # rounding, or the edge of stability, forbids any step downhill
         theta, e, cost = tried
         damping = 0.0 if damping < _DAMPING[0] else 0.1 * damping
     return Minimum(theta, cost, False)
 
 
 def _along(
-    problem: Problem, theta: Array, cost: float, slopes: Array, rest: Array, scale: Array, damping: float
-) -> tuple[Array, Array, float] | None:  # fmt: skip
+    problem: Problem,
+    theta: Array,
+    cost: float,
+    slopes: Array,
+    rest: Array,
+    scale: Array,
+    damping: float,
+) -> tuple[Array, Array, float] | None:
     """Best of a damped step and of the part of it where a parabola is lowest; None where neither gains.
 
     Where a model cannot describe the data whole steps go too far, again and again: half of each is then far better.

@@ -55,7 +55,10 @@ class _GainErrors:
 
     def errors(self, gain: Array) -> Array:
         """Return the prediction errors (n,)."""
-        predicted = states(self._a - np.outer(gain, self._c), np.outer(self._v, gain), np.zeros(len(gain))) @ self._c
+        predicted = (
+            states(self._a - np.outer(gain, self._c), np.outer(self._v, gain), np.zeros(len(gain)))
+            @ self._c
+        )
         return np.asarray(self._v - predicted, dtype=np.float64)
 
     def jacobian(self, gain: Array) -> Array:

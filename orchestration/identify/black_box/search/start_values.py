@@ -22,7 +22,11 @@ from orchestration.identify.black_box.prediction_error import Coefficients, Pred
 Array = NDArray[np.float64]
 _ONE = np.ones(1)
 _ROUNDS = 20  # of Steiglitz and McBride
-_LONG = (15, 4, 10)  # order of the long model: at least, for each order asked for, samples for each of its parameters
+_LONG = (
+    15,
+    4,
+    10,
+)  # order of the long model: at least, for each order asked for, samples for each of its parameters
 
 
 class _LongModel(NamedTuple):
@@ -78,7 +82,11 @@ def _long(problem: PredictionError) -> _LongModel:
     found = arx.coefficients(least_squares(arx))
     a = stabilised(found.a)
     paths = np.stack(
-        [filtered(np.r_[np.zeros(k), b], a, u) for b, k, u in zip(found.b, wanted.nk, inputs.T, strict=True)], axis=1
+        [
+            filtered(np.r_[np.zeros(k), b], a, u)
+            for b, k, u in zip(found.b, wanted.nk, inputs.T, strict=True)
+        ],
+        axis=1,
     )
     rest = output - paths.sum(axis=1)
     rest -= rest.mean()
@@ -90,7 +98,9 @@ def _separate(problem: PredictionError, long: _LongModel) -> Iterator[Array]:
     for reduce in (_steiglitz_mcbride, _instruments):
         paths = [reduce(problem, long, i) for i in range(len(problem.orders.nb))]
         yield _with_noise(problem, paths)
-    yield _with_noise(problem, [_steiglitz_mcbride(problem, long, i, 1) for i in range(len(problem.orders.nb))])
+    yield _with_noise(
+        problem, [_steiglitz_mcbride(problem, long, i, 1) for i in range(len(problem.orders.nb))]
+    )
 
 
 def _regressors(problem: PredictionError, i: int, signal: Array, inputs: Array) -> Array:
@@ -106,7 +116,7 @@ def _delayed(values: Array, lag: int) -> Array:
 
 def _steiglitz_mcbride(
     problem: PredictionError, long: _LongModel, i: int, rounds: int = _ROUNDS
-) -> tuple[Array, Array]:  # fmt: skip
+) -> tuple[Array, Array]:
     """Reduce a path of the long model to B and F."""
     nf, first = problem.orders.nf[i], problem.first
     f, b = _ONE, np.zeros(problem.orders.nb[i])
@@ -145,7 +155,9 @@ def _hannan_rissanen(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
     if not nc + nd:
         return _ONE, _ONE
     e = innovations(v, nc + nd)
-    columns = np.stack([-_delayed(v, k + 1) for k in range(nd)] + [_delayed(e, k + 1) for k in range(nc)], axis=1)
+    columns = np.stack(
+        [-_delayed(v, k + 1) for k in range(nd)] + [_delayed(e, k + 1) for k in range(nc)], axis=1
+    )
     solution = solved(columns, v)
     return stabilised(monic(solution[nd:])), stabilised(monic(solution[:nd]))
 
@@ -173,4 +185,6 @@ def _shared(problem: PredictionError, long: _LongModel) -> Iterator[Array]:
         c = np.r_[end[1:], np.zeros(n.nc)][: n.nc]
         ones = tuple(_ONE for _ in b)
         none = tuple(np.empty(0) for _ in b)
-        yield problem.vector(Coefficients(monic(a), tuple(b), ones, stabilised(monic(c)), _ONE, float(end[0]), none))
+        yield problem.vector(
+            Coefficients(monic(a), tuple(b), ones, stabilised(monic(c)), _ONE, float(end[0]), none)
+        )

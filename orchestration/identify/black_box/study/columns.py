@@ -41,7 +41,9 @@ class Columns:
     notes: tuple[str, ...]
 
 
-def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: float | None = None) -> Columns:
+def read_columns(
+    path: Path, output: str, inputs: Sequence[str] = (), step: float | None = None
+) -> Columns:
     """Read what a black-box model is identified from.
 
     Parameters
@@ -82,7 +84,9 @@ def read_columns(path: Path, output: str, inputs: Sequence[str] = (), step: floa
         _check_count(table, units)
         values, notes = _counted(table, units), ()
     stacked = np.column_stack([values[name] for name in chosen])
-    return Columns(path, input_output_data(stacked, values[output], step, chosen, output), units, notes)
+    return Columns(
+        path, input_output_data(stacked, values[output], step, chosen, output), units, notes
+    )
 
 
 def _recorded(
@@ -112,7 +116,9 @@ def _check_count(table: Table, used: Container[str]) -> None:
             f"{table.path}: the first column, {first.name!r}, is a time in {first.unit}; --step is for a file without"
         )
     count = numbers(table, first)
-    off = np.flatnonzero(~(np.abs(np.diff(count) - 1.0) <= _UNEVEN))  # so that it takes a gap for one, too
+    off = np.flatnonzero(
+        ~(np.abs(np.diff(count) - 1.0) <= _UNEVEN)
+    )  # so that it takes a gap for one, too
     if off.size:
         one, next_one = count[off[0]], count[off[0] + 1]
         raise UserError(

@@ -36,7 +36,9 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
         For ``ppy build file.py:Class``.
     """
     system = model.state_space()
-    a, b, c, d = (np.atleast_2d(np.asarray(m, dtype=float)) for m in (system.A, system.B, system.C, system.D))
+    a, b, c, d = (
+        np.atleast_2d(np.asarray(m, dtype=float)) for m in (system.A, system.B, system.C, system.D)
+    )
     states = [f"state_of_model_{i + 1}" for i in range(len(a))]
     signals = (*model.input_names, model.output_name)
     *inputs, output = identifiers(signals)
@@ -44,25 +46,43 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
     deviations = [f"(self.{u} - self.{u}_mean)" for u in inputs]
     lines = [
-        f'"""{doc}"""', "", "from fmus.kit import Component, Discrete, Input, Output, Parameter", "", "",
-        f"class {class_name(name)}(Component):", f'    """{doc}"""', "",
-        f'    name = "{component_name(name)}"', f"    experiment = ({100.0 * model.step!r}, {model.step!r})", "",
-    ]  # fmt: skip
+        f'"""{doc}"""',
+        "",
+        "from fmus.kit import Component, Discrete, Input, Output, Parameter",
+        "",
+        "",
+        f"class {class_name(name)}(Component):",
+        f'    """{doc}"""',
+        "",
+        f'    name = "{component_name(name)}"',
+        f"    experiment = ({100.0 * model.step!r}, {model.step!r})",
+        "",
+    ]
     for u in inputs:
         lines.append(f'    {u} = Input("{unit[u]}", start={about[u]!r}, doc="input")')
         lines.append(f'    {u}_mean = Parameter({about[u]!r}, "{unit[u]}", doc="operating point")')
-    lines.append(f'    {output}_mean = Parameter({model.output_offset!r}, "{unit[output]}", doc="operating point")')
+    lines.append(
+        f'    {output}_mean = Parameter({model.output_offset!r}, "{unit[output]}", doc="operating point")'
+    )
     for x in states:
-        lines.append(f'    {x} = Discrete("1", update="next_{x}", period={model.step!r}, doc="state of the model")')
+        lines.append(
+            f'    {x} = Discrete("1", update="next_{x}", period={model.step!r}, doc="state of the model")'
+        )
     lines += [
         "",
         f'    @Output("{unit[output]}")',
         f"    def {output}(self):",
         '        """What the model foretells."""',
     ]
-    lines += _returned([f"self.{output}_mean"], [f"self.{x}" for x in states] + deviations, [*c[0], *d[0]])
+    lines += _returned(
+        [f"self.{output}_mean"], [f"self.{x}" for x in states] + deviations, [*c[0], *d[0]]
+    )
     for x, row, drive in zip(states, a, b, strict=True):
-        lines += ["", f"    def next_{x}(self):", '        """State of the model a sample later."""']
+        lines += [
+            "",
+            f"    def next_{x}(self):",
+            '        """State of the model a sample later."""',
+        ]
         lines += _returned([], [f"self.{x}" for x in states] + deviations, [*row, *drive])
     return "\n".join(lines) + "\n"
 
@@ -93,7 +113,9 @@ def class_name(name: str) -> str:
 
 def _returned(terms: list[str], factors: list[str], amounts: list[float]) -> list[str]:
     """Lines that return a sum; without what is multiplied by nothing."""
-    terms = terms + [f"{float(k)!r} * {factor}" for factor, k in zip(factors, amounts, strict=True) if k != 0.0]
+    terms = terms + [
+        f"{float(k)!r} * {factor}" for factor, k in zip(factors, amounts, strict=True) if k != 0.0
+    ]
     lines, line = [], "        return ("
     for i, term in enumerate(terms or ["0.0"]):
         piece = f" + {term}" if i else term

@@ -12,8 +12,14 @@ from orchestration.reporting import pictures
 from orchestration.reporting.page import Page, path_of_report
 
 _PICTURES = (
-    (drawn.free_run, "What the model makes of the inputs alone, beside what was measured; no fit has seen this part."),
-    (drawn.correlations, "Grey: limits of 99 %. What stands out at positive lags is dynamics that the model lacks."),
+    (
+        drawn.free_run,
+        "What the model makes of the inputs alone, beside what was measured; no fit has seen this part.",
+    ),
+    (
+        drawn.correlations,
+        "Grey: limits of 99 %. What stands out at positive lags is dynamics that the model lacks.",
+    ),
     (
         drawn.roots,
         "s = ln(z) / step: exact for poles, if inputs are held between samples; zeros are shown by the same rule.",
@@ -30,17 +36,24 @@ def write(found: BlackBox, path: Path) -> Path:
         If its name is none of a page, or it cannot be written.
     """
     target = path_of_report(path)
-    page = Page(f"{found.columns.path.name}: black-box models of {found.model.output_name}", found.sentence)
+    page = Page(
+        f"{found.columns.path.name}: black-box models of {found.model.output_name}", found.sentence
+    )
     page.items(
         [
             f"{len(found.columns.data)} samples every {found.model.step:g} s; models are identified from the first "
             f"{len(found.estimation)} and judged by the rest.",
-            *(f"{name} excites persistently up to order {order}." for name, order in found.excitation.items()),
+            *(
+                f"{name} excites persistently up to order {order}."
+                for name, order in found.excitation.items()
+            ),
             *found.columns.notes,
         ]
     )
     page.heading("The best of every structure")
-    page.text(f"By {found.search.criterion}, as in the thesis' table 3-2; orders are those of the paths' denominators.")
+    page.text(
+        f"By {found.search.criterion}, as in the thesis' table 3-2; orders are those of the paths' denominators."
+    )
     inputs = found.estimation.input_names
     head = [
         "model",

@@ -20,10 +20,19 @@ def free_run(found: BlackBox) -> Figure:
     unit = found.columns.units[data.output_name]
     time = model.step * (len(found.estimation) + np.arange(len(data)))
     simulated = model.simulate(data.inputs, data.output)
-    figure, (over, below) = pictures.panels(2, f"{found.chosen.structure} over data that it has not seen")
+    figure, (over, below) = pictures.panels(
+        2, f"{found.chosen.structure} over data that it has not seen"
+    )
     over.plot(time, data.output, color=pictures.MEASURED, lw=2.0, label="measured")
-    over.plot(time, simulated, color=pictures.FITTED, label=f"free run: {found.chosen.validation_fit:.1f} % fit")
-    over.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+    over.plot(
+        time,
+        simulated,
+        color=pictures.FITTED,
+        label=f"free run: {found.chosen.validation_fit:.1f} % fit",
+    )
+    over.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
+    )
     below.plot(time, data.output - simulated, color=pictures.MODEL)
     pictures.label(over, data.output_name, unit)
     pictures.label(below, "measured less free run", unit)
@@ -33,7 +42,9 @@ def free_run(found: BlackBox) -> Figure:
 def correlations(found: BlackBox) -> Figure:
     """The residual against its own past, and that of every input, with limits of 99 % (Ljung, section 16.6)."""
     tests = found.residual_tests
-    figure, axes = pictures.panels(1 + len(tests.inputs), "residual of the chosen model, one step ahead")
+    figure, axes = pictures.panels(
+        1 + len(tests.inputs), "residual of the chosen model, one step ahead"
+    )
     lags = np.arange(len(tests.autocorrelation))
     _stems(axes[0], lags[1:], tests.autocorrelation[1:], tests.limit, "with itself")
     for axis, name, cross in zip(axes[1:], found.estimation.input_names, tests.inputs, strict=True):

@@ -12,7 +12,12 @@ from fmus.kit import files
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.excitation import pexcit
 from orchestration.identify.black_box.models.linear import LinearModel
-from orchestration.identify.black_box.order_search import STRUCTURES, OrderSearch, Row, search_orders
+from orchestration.identify.black_box.order_search import (
+    STRUCTURES,
+    OrderSearch,
+    Row,
+    search_orders,
+)
 from orchestration.identify.black_box.residual_tests import ResidualTests
 from orchestration.identify.black_box.study.columns import Columns
 from orchestration.identify.black_box.study.component import source
@@ -57,7 +62,10 @@ class BlackBox:
     def excitation(self) -> dict[str, int]:
         """Order to which every input excites persistently (thesis, eq. 3.16)."""
         data = self.estimation
-        return {name: pexcit(values) for name, values in zip(data.input_names, data.inputs.T, strict=True)}
+        return {
+            name: pexcit(values)
+            for name, values in zip(data.input_names, data.inputs.T, strict=True)
+        }
 
     @property
     def sentence(self) -> str:
@@ -71,7 +79,9 @@ class BlackBox:
         )
 
     def __str__(self) -> str:
-        return "\n".join([self.sentence, "", self.search.table(), "", self.chosen.identification.summary()])
+        return "\n".join(
+            [self.sentence, "", self.search.table(), "", self.chosen.identification.summary()]
+        )
 
     def __repr__(self) -> str:
         row = self.chosen
@@ -84,26 +94,47 @@ class BlackBox:
         """Return the figures, ready for JSON; numbers in the units of the file."""
         found, tests = self.chosen.identification, self.residual_tests
         return {
-            "record": {"file": self.columns.path.name, "samples": len(self.columns.data), "step": self.model.step,
-                       "estimated_from": len(self.estimation), "notes": [*self.columns.notes]},
-            "inputs": {n: {"unit": self.columns.units[n], "excitation": self.excitation[n]}
-                       for n in self.estimation.input_names},
-            "output": {"name": self.model.output_name, "unit": self.columns.units[self.model.output_name]},
+            "record": {
+                "file": self.columns.path.name,
+                "samples": len(self.columns.data),
+                "step": self.model.step,
+                "estimated_from": len(self.estimation),
+                "notes": [*self.columns.notes],
+            },
+            "inputs": {
+                n: {"unit": self.columns.units[n], "excitation": self.excitation[n]}
+                for n in self.estimation.input_names
+            },
+            "output": {
+                "name": self.model.output_name,
+                "unit": self.columns.units[self.model.output_name],
+            },
             "criterion": self.search.criterion,
             "models": [_row(row) for row in self.search.rows],
             "left_out": [*self.search.left_out],
-            "chosen": _row(self.chosen) | {
-                "parameters": {p.name: {"value": p.value, "standard_error": number(p.standard_error)}
-                               for p in found.parameters},
+            "chosen": _row(self.chosen)
+            | {
+                "parameters": {
+                    p.name: {"value": p.value, "standard_error": number(p.standard_error)}
+                    for p in found.parameters
+                },
                 "noise_variance": found.model.noise_variance,
                 "white": tests.whiteness.is_white,
-                "independent_of": {n: c.is_independent
-                                   for n, c in zip(self.estimation.input_names, tests.inputs, strict=True)},
-                "poles": {n: [_complex(z) for z in self.model.s_plane_poles(n)] for n in self.estimation.input_names},
-                "zeros": {n: [_complex(z) for z in self.model.s_plane_zeros(n)] for n in self.estimation.input_names},
+                "independent_of": {
+                    n: c.is_independent
+                    for n, c in zip(self.estimation.input_names, tests.inputs, strict=True)
+                },
+                "poles": {
+                    n: [_complex(z) for z in self.model.s_plane_poles(n)]
+                    for n in self.estimation.input_names
+                },
+                "zeros": {
+                    n: [_complex(z) for z in self.model.s_plane_zeros(n)]
+                    for n in self.estimation.input_names
+                },
                 "messages": [*found.messages],
             },
-        }  # fmt: skip
+        }
 
     def report(self, path: str | Path) -> Path:
         """Write a page: table of structures, free run, residual tests, s-plane, parameters.
@@ -134,15 +165,22 @@ class BlackBox:
         target = Path(path)
         row = self.chosen
         doc = f"{row.structure} model of {self.model.output_name}, identified from {self.columns.path.name}."
-        files.write(target, source(self.model, name or target.stem, self.columns.units, doc).encode())
+        files.write(
+            target, source(self.model, name or target.stem, self.columns.units, doc).encode()
+        )
         return target
 
 
 def _row(row: Row) -> dict[str, Any]:
     return {
-        "structure": row.structure, "path_orders": [*row.path_orders], "noise_order": row.noise_order,
-        "fit": number(row.fit), "validation_fit": number(row.validation_fit), "aic": row.aic, "bic": row.bic,
-    }  # fmt: skip
+        "structure": row.structure,
+        "path_orders": [*row.path_orders],
+        "noise_order": row.noise_order,
+        "fit": number(row.fit),
+        "validation_fit": number(row.validation_fit),
+        "aic": row.aic,
+        "bic": row.bic,
+    }
 
 
 def _complex(z: complex) -> list[float]:
@@ -150,10 +188,15 @@ def _complex(z: complex) -> list[float]:
 
 
 def study(
-    columns: Columns, share: float = 0.5, structures: Sequence[str] = STRUCTURES,
-    path_orders: Sequence[int] = (1, 2, 3), noise_orders: Sequence[int] = (1, 2, 3), delays: int | Sequence[int] = 1,
-    criterion: str = "BIC", progress: Callable[[int, int], None] = lambda done, whole: None,
-) -> BlackBox:  # fmt: skip
+    columns: Columns,
+    share: float = 0.5,
+    structures: Sequence[str] = STRUCTURES,
+    path_orders: Sequence[int] = (1, 2, 3),
+    noise_orders: Sequence[int] = (1, 2, 3),
+    delays: int | Sequence[int] = 1,
+    criterion: str = "BIC",
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+) -> BlackBox:
     """Identify models of every structure and order from the first part of a record, and judge them by the rest.
 
     Parameters
@@ -174,5 +217,7 @@ def study(
         If there is no such structure or criterion, or no model can be identified.
     """
     estimation, validation = columns.data.split(share)
-    found = search_orders(estimation, validation, structures, path_orders, noise_orders, delays, criterion, progress)
+    found = search_orders(
+        estimation, validation, structures, path_orders, noise_orders, delays, criterion, progress
+    )
     return BlackBox(columns, found, estimation, validation)

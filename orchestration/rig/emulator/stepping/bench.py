@@ -91,16 +91,23 @@ class BenchPlant:
     def terminal(self, state: Array, held: Array) -> Array:
         """Solve for the tension; a film does not push."""
         gap = self._gap(state)
-        return np.array([held[0], self.spring.tension(state[: self.physics.order], gap) if gap > 0 else 0.0])
+        return np.array(
+            [held[0], self.spring.tension(state[: self.physics.order], gap) if gap > 0 else 0.0]
+        )
 
     def shown(self, state: Array, held: Array) -> dict[str, float]:
         """Show the coil, the sensors behind their filters, and the tension."""
         n = self.physics.order
         current, position, velocity, force, filtered = state[n:].tolist()
         return {
-            "position": position, "velocity": velocity, "coil_current": current, "coil_voltage": float(held[1]),
-            "force_measured": force, "position_measured": filtered, "tension": float(self.terminal(state, held)[1]),
-        }  # fmt: skip
+            "position": position,
+            "velocity": velocity,
+            "coil_current": current,
+            "coil_voltage": float(held[1]),
+            "force_measured": force,
+            "position_measured": filtered,
+            "tension": float(self.terminal(state, held)[1]),
+        }
 
     def rates(self, state: Array, current: Any, voltage: Any, taut: bool) -> list[Any]:
         """Return the time derivatives of all states, taut or slack."""

@@ -59,12 +59,15 @@ class HiddenEffect:
         if not self.id:
             return "nothing is hidden"
         values = (
-            f"{n} = {v:.6g}" if isinstance(v, float) else f"{n} = {v}" for n, v in (self.parameters or {}).items()
+            f"{n} = {v:.6g}" if isinstance(v, float) else f"{n} = {v}"
+            for n, v in (self.parameters or {}).items()
         )
         return f"{self.id}: {', '.join(values)}"
 
 
-def hidden_effect(name: str, seed: int, sensed: Collection[str] = (VOLTAGE, DISPLACEMENT)) -> HiddenEffect:
+def hidden_effect(
+    name: str, seed: int, sensed: Collection[str] = (VOLTAGE, DISPLACEMENT)
+) -> HiddenEffect:
     """Choose what is hidden.
 
     Parameters
@@ -102,20 +105,26 @@ def hidden_effect(name: str, seed: int, sensed: Collection[str] = (VOLTAGE, DISP
             f"hidden effect {name!r}: here it can be about {', '.join(filter(None, outputs)) or 'nothing'}"
         )
     output = output or outputs[0]
-    return HiddenEffect(identity, output, _sized(variation, output, random, SHOWING.get(name, _OTHERWISE)))
+    return HiddenEffect(
+        identity, output, _sized(variation, output, random, SHOWING.get(name, _OTHERWISE))
+    )
 
 
 def _outputs(variation: Variation, sensed: Collection[str]) -> list[str]:
     """Return the outputs that a variation can be about, those first that show it best; ``""`` if it has no choice."""
     if "" in variation.limits:
         return [""]
-    return sorted((o for o in variation.limits if o in sensed), key=lambda output: output in variation.alike)
+    return sorted(
+        (o for o in variation.limits if o in sensed), key=lambda output: output in variation.alike
+    )
 
 
 def _sized(
     variation: Variation, output: str, random: np.random.Generator, shares: tuple[float, float]
 ) -> dict[str, float | str]:
-    values: dict[str, float | str] = {name: _between(random, *ends) for name, ends in variation.ranges.items()}
+    values: dict[str, float | str] = {
+        name: _between(random, *ends) for name, ends in variation.ranges.items()
+    }
     sign = float(random.choice([-1.0, 1.0])) if variation.signed else 1.0
     values[variation.size] = sign * _between(random, *shares) * variation.limits[output]
     if variation.output:

@@ -76,22 +76,35 @@ class RememberingLag(SluggishSensor, Remembering):
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Show the second stage; before anything has passed it is in equilibrium."""
         signals = Physics.sensed(self, run, time)
-        return signals if self._stages is None else signals | {self.lag_output: np.repeat(self._stages[1], time.size)}
+        return (
+            signals
+            if self._stages is None
+            else signals | {self.lag_output: np.repeat(self._stages[1], time.size)}
+        )
 
     def passed(self, step: float, before: Instant, after: Instant) -> None:
         """Let the stages follow what changes linearly over the step."""
-        first, last = (float(Physics.sensed(self, i, i.time)[self.lag_output][0]) for i in (before, after))
+        first, last = (
+            float(Physics.sensed(self, i, i.time)[self.lag_output][0]) for i in (before, after)
+        )
         if self._stages is None:
             self._stages = np.array([first, first])
         key = round(step, 9)
         if key not in self._transitions:
             rate = 2 / self.sensor_time
-            system = np.array([[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
+            system = np.array(
+                [[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]]
+            )
             self._transitions[key] = expm(system * step)[:2]
-        self._stages = self._transitions[key] @ np.array([*self._stages, first, (last - first) / step])
+        self._stages = self._transitions[key] @ np.array(
+            [*self._stages, first, (last - first) / step]
+        )
 
 
-_IN_TIME: dict[type[Physics], type[Physics]] = {PlayingStrain: RememberingPlay, SluggishSensor: RememberingLag}
+_IN_TIME: dict[type[Physics], type[Physics]] = {
+    PlayingStrain: RememberingPlay,
+    SluggishSensor: RememberingLag,
+}
 
 
 def in_time(variation: type[Physics]) -> type[Physics]:
@@ -112,9 +125,11 @@ class Past:
     """
 
     def __init__(
-        self, physics: Physics, move: Callable[[Array, Array, float], Array],
+        self,
+        physics: Physics,
+        move: Callable[[Array, Array, float], Array],
         actuator: Callable[[Array, Array], tuple[Array, Array]],
-    ):  # fmt: skip
+    ):
         self.reach = physics.delay if isinstance(physics, LateSensor) else 0.0
         self._move, self._actuator = move, actuator
         self._times: list[float] = []
@@ -124,7 +139,10 @@ class Past:
         """Remember the start of a piece."""
         self._times.append(time)
         self._pieces.append((state, held))
-        if len(self._times) > _ROOM and (old := bisect_right(self._times, time - self.reach - 1.0) - 1) > _ROOM // 2:
+        if (
+            len(self._times) > _ROOM
+            and (old := bisect_right(self._times, time - self.reach - 1.0) - 1) > _ROOM // 2
+        ):
             del self._times[:old], self._pieces[:old]
 
     def at(self, time: float) -> tuple[Array, Array] | None:
@@ -146,5 +164,9 @@ class Reaching(Instant):
     def at(self, time: Array) -> tuple[Array, Array]:
         """Return states (order, m) and inputs (2, m) at instants of the past (s), or now."""
         now = (self.state[:, 0], self.inputs[:, 0])
-        found = [now if t >= self.time[0] - _SAME else self.past.at(t) or now for t in time.tolist()]
-        return np.array([state for state, _ in found]).T, np.array([inputs for _, inputs in found]).T
+        found = [
+            now if t >= self.time[0] - _SAME else self.past.at(t) or now for t in time.tolist()
+        ]
+        return np.array([state for state, _ in found]).T, np.array(
+            [inputs for _, inputs in found]
+        ).T

@@ -9,8 +9,12 @@ import numpy as np
 # What sensors of the bench leave; thesis section 2.2.2 resolves 0.001 N and 0.003 mm, and what is computed from other
 # signals has none of its own.
 DEVIATIONS = {
-    "voltage": 4e-3, "displacement": 3e-6, "force_measured": 1e-3, "position_measured": 3e-6, "tension": 1e-3,
-}  # fmt: skip
+    "voltage": 4e-3,
+    "displacement": 3e-6,
+    "force_measured": 1e-3,
+    "position_measured": 3e-6,
+    "tension": 1e-3,
+}
 
 
 class Noise:
@@ -41,8 +45,13 @@ class Noise:
 
     def sample(self) -> None:
         """Draw the next sample."""
-        self._now = self._colour * self._now + self._fresh * self._random.standard_normal(self._now.size)
+        self._now = self._colour * self._now + self._fresh * self._random.standard_normal(
+            self._now.size
+        )
         self.values = self._scaled()
 
     def _scaled(self) -> dict[str, float]:
-        return {name: float(d * z) for (name, d), z in zip(self._deviations.items(), self._now, strict=True)}
+        return {
+            name: float(d * z)
+            for (name, d), z in zip(self._deviations.items(), self._now, strict=True)
+        }

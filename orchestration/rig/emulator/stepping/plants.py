@@ -96,7 +96,9 @@ class Spring:
         self._plain = kind.spring_length is Physics.spring_length
         # Only then are the rates under a given length linear where those under a given force are.
         self.is_linear = (
-            physics.is_linear and self._plain and kind.electrochemical_length is Physics.electrochemical_length
+            physics.is_linear
+            and self._plain
+            and kind.electrochemical_length is Physics.electrochemical_length
         )
 
     def gap(self, state: Array, length: float) -> float:
@@ -116,7 +118,11 @@ class Spring:
             miss = float(self.physics.spring_length(state, force) - unloaded - gap)
             if miss == miss_before or abs(force - before) <= _EXACT:
                 break
-            before, miss_before, force = force, miss, force - miss * (force - before) / (miss - miss_before)
+            before, miss_before, force = (
+                force,
+                miss,
+                force - miss * (force - before) / (miss - miss_before),
+            )
         return force
 
 
@@ -130,7 +136,9 @@ class LengthDriven:
         self.order = physics.order
         self.spring = Spring(physics)
         regimes = [_Regime(self.spring, taut=False), _Regime(self.spring, taut=True)]
-        self._switching = Switching(regimes, lambda state, held: self.spring.gap(state, held[1]), _LONGEST)
+        self._switching = Switching(
+            regimes, lambda state, held: self.spring.gap(state, held[1]), _LONGEST
+        )
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
         """Hold the commands."""

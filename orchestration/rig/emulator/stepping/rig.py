@@ -93,24 +93,34 @@ class SteppedRig:
             self._past.add(now, before, held)
         self._state = self.plant.advance(before, held, piece)
         if self._remembering:
-            self._remembering.passed(piece, self._instant(now, before), self._instant(now + piece, self._state))
+            self._remembering.passed(
+                piece, self._instant(now, before), self._instant(now + piece, self._state)
+            )
 
     def _actuator(self, state: Array, held: Array) -> tuple[Array, Array]:
         return state[: self.plant.physics.order], self.plant.terminal(state, held)
 
     def _instant(self, time: float, state: Array) -> Instant:
         own, inputs = self._actuator(state, self._held)
-        return Instant(self.plant.physics, np.array([time]), inputs[:, np.newaxis], own[:, np.newaxis])
+        return Instant(
+            self.plant.physics, np.array([time]), inputs[:, np.newaxis], own[:, np.newaxis]
+        )
 
     def true(self) -> dict[str, float]:
         """Return what sensors without noise show now, SI."""
         physics, now = self.plant.physics, self._instant(self.time, self._state)
         state, force = now.state[:, 0], now.inputs[1, 0]
-        run = Reaching(now.physics, now.time, now.inputs, now.state, self._past) if self._past.reach else now
+        run = (
+            Reaching(now.physics, now.time, now.inputs, now.state, self._past)
+            if self._past.reach
+            else now
+        )
         sensed = {name: float(values[0]) for name, values in physics.sensed(run, now.time).items()}
         everything = {
             **sensed,
-            "electrochemical_displacement": float(physics.electrochemical_length(physics.active_charge(state))),
+            "electrochemical_displacement": float(
+                physics.electrochemical_length(physics.active_charge(state))
+            ),
             "mechanical_displacement": float(physics.mechanical_length(state, force)),
             "charge": float(state[0]),
             **self.plant.shown(self._state, self._held),

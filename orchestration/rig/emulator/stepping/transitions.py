@@ -50,7 +50,9 @@ class Switching:
         s, within which the regime is taken to change at most once.
     """
 
-    def __init__(self, regimes: Sequence[Motion], gap: Callable[[Array, Array], float], longest: float):
+    def __init__(
+        self, regimes: Sequence[Motion], gap: Callable[[Array, Array], float], longest: float
+    ):
         self.regimes = [Transitions(regime) for regime in regimes]
         self.gap = gap
         self.longest = longest

@@ -11,8 +11,12 @@ class Motor(Component):
     experiment = (60.0, 0.02)
 
     resistance = Parameter(2.0, "ohm", min=1e-6, max=1e6, doc="resistance of the winding (R)")
-    constant = Parameter(0.05, "N*m/A", min=1e-9, max=1e6, nominal=0.05, doc="torque per current (K)")
-    inertia = Parameter(5e-4, "kg*m^2", min=1e-12, max=1e6, nominal=5e-4, doc="inertia of the rotor (J)")
+    constant = Parameter(
+        0.05, "N*m/A", min=1e-9, max=1e6, nominal=0.05, doc="torque per current (K)"
+    )
+    inertia = Parameter(
+        5e-4, "kg*m^2", min=1e-12, max=1e6, nominal=5e-4, doc="inertia of the rotor (J)"
+    )
     damping = Parameter(1e-4, "N*m*s", min=0, max=1e6, nominal=1e-4, doc="viscous friction (d)")
 
     voltage = Input("V", doc="voltage at the terminals (u)")

@@ -11,7 +11,9 @@ class Pendulum(Component):
     experiment = (60.0, 0.05)
 
     inertia = Parameter(0.5, "kg*m^2", min=1e-9, max=1e6, doc="inertia about the hinge (J)")
-    weight = Parameter(5.0, "N*m", min=1e-9, max=1e6, doc="torque of the weight, arm horizontal (W)")
+    weight = Parameter(
+        5.0, "N*m", min=1e-9, max=1e6, doc="torque of the weight, arm horizontal (W)"
+    )
     damping = Parameter(0.4, "N*m*s", min=0, max=1e6, doc="viscous friction of the hinge (d)")
 
     torque = Input("N*m", doc="torque on the hinge (tau)")

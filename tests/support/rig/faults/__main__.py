@@ -29,10 +29,16 @@ Besides, whatever was ever written must be within the limits.
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit status is 1 if a promise was broken."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("words", nargs="*", help="only kinds that have one of these in their name; no page then")
+    parser.add_argument(
+        "words", nargs="*", help="only kinds that have one of these in their name; no page then"
+    )
     parser.add_argument("--out", type=Path, default=PAGE)
     chosen = parser.parse_args(arguments)
-    kinds = [kind for kind in table() if not chosen.words or any(word in kind.kind for word in chosen.words)]
+    kinds = [
+        kind
+        for kind in table()
+        if not chosen.words or any(word in kind.kind for word in chosen.words)
+    ]
     with tempfile.TemporaryDirectory() as folder:
         rows = try_all(kinds, Path(folder), lambda line: print(line, flush=True))
     broken = sum(row[-1] != "yes" for row in rows)
@@ -45,7 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def page(rows: Sequence[Sequence[str]]) -> str:
     """Write the page."""
     head = ["kind", "promised", "observed", "time to the safe state", "from", "bound", "met"]
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in [head, ["---"] * 7, *rows]]
+    lines = [
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
+        for row in [head, ["---"] * 7, *rows]
+    ]
     return _HEAD + "\n" + "\n".join(lines) + "\n"
 
 

@@ -42,7 +42,9 @@ class Fault:
 KINDS: list[Fault] = []
 
 
-def fault(kind: str, promise: str, *, quick: bool = False) -> Callable[[Callable[[Bench], None]], Any]:
+def fault(
+    kind: str, promise: str, *, quick: bool = False
+) -> Callable[[Callable[[Bench], None]], Any]:
     """Put a kind of fault into the table."""
 
     def add(provoke: Callable[[Bench], None]) -> Callable[[Bench], None]:
@@ -93,7 +95,9 @@ class Bench:
     def serve(self, backend: str = "Logged", *arguments: object, **more: Any) -> Server:
         """Start a server."""
         watchdog = ("--watchdog", self.watchdog)
-        self.server = self._open.enter_context(Server(self.folder, backend, *watchdog, *arguments, **more))
+        self.server = self._open.enter_context(
+            Server(self.folder, backend, *watchdog, *arguments, **more)
+        )
         self.server.wait_ready()
         return self.server
 
@@ -113,7 +117,9 @@ class Bench:
     def running(self, where: str, how: str, **options: object) -> Server:
         """Start a server whose backend fails when the trigger is pulled, and a client."""
         trigger = self.folder / "trigger"
-        server = self.serve("Faulty", options={"trigger": trigger, "where": where, "how": how, **options})
+        server = self.serve(
+            "Faulty", options={"trigger": trigger, "where": where, "how": how, **options}
+        )
         self.connect()
         return server
 
@@ -146,7 +152,9 @@ class Bench:
     def measure_from_written(self, safe: Call, more: float = 0.0) -> None:
         """Note the time from the last command that the device carried out."""
         written = max(
-            call.time for call in self.server.calls() if call.what.startswith("write") and call.time < safe.time
+            call.time
+            for call in self.server.calls()
+            if call.what.startswith("write") and call.time < safe.time
         )
         self.measure(written, safe, "last command carried out", more)
 
@@ -159,7 +167,9 @@ class Bench:
         assert "in its safe state since" in refusal(self.server.endpoint)
         calls = self.server.calls()
         last = max(k for k, call in enumerate(calls) if call.what == "safe")
-        assert not [call for call in calls[last:] if call.what.startswith("write")], "a command after the safe state"
+        assert not [call for call in calls[last:] if call.what.startswith("write")], (
+            "a command after the safe state"
+        )
 
     def recovers(self) -> None:
         """After an acknowledgement a client must be served again."""
@@ -189,7 +199,9 @@ class Bench:
         """Whatever was written must be within the limits."""
         for call in self.server.calls() if hasattr(self, "server") else []:
             if call.what.startswith("write"):
-                for value, (low, high) in zip(map(float, call.what.split()[1:]), LIMITS, strict=True):
+                for value, (low, high) in zip(
+                    map(float, call.what.split()[1:]), LIMITS, strict=True
+                ):
                     assert low <= value <= high, call
 
 
@@ -200,7 +212,9 @@ def _lives(pid: int) -> bool:
         return False
 
 
-def try_all(faults: list[Fault], folder: Path, tell: Callable[[str], None], allowance: float = 0.0) -> list[list[str]]:
+def try_all(
+    faults: list[Fault], folder: Path, tell: Callable[[str], None], allowance: float = 0.0
+) -> list[list[str]]:
     """Try kinds of faults, one after another.
 
     Returns
@@ -221,7 +235,10 @@ def try_all(faults: list[Fault], folder: Path, tell: Callable[[str], None], allo
             except (AssertionError, LinkError) as error:
                 met = "NO"
                 bench.observed = " ".join(str(error).split())[:300]
-        shown = [f"{value * 1000:.0f} ms" if value is not None else "" for value in (bench.measured, bench.bound)]
+        shown = [
+            f"{value * 1000:.0f} ms" if value is not None else ""
+            for value in (bench.measured, bench.bound)
+        ]
         rows.append([kind.kind, kind.promise, bench.observed, shown[0], bench.since, shown[1], met])
         tell(f"{met:3} {kind.kind}: {bench.observed} {shown[0]} ({time.monotonic() - begun:.1f} s)")
     return rows

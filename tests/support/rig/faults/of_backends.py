@@ -23,35 +23,54 @@ def _fails(bench: Bench, where: str, how: str, part: str, more: float = 0.0) -> 
     return line.partition("SAFE STATE: ")[2].partition(" (last fresh")[0]
 
 
-@fault("the backend raises in read", "safe at once, latched; opened anew after the acknowledgement", quick=True)
+@fault(
+    "the backend raises in read",
+    "safe at once, latched; opened anew after the acknowledgement",
+    quick=True,
+)
 def raises_in_read(bench: Bench) -> None:
-    bench.observed = _fails(bench, "read", "raise", "read() raised OSError: [Errno 5] the cable of read is out")
+    bench.observed = _fails(
+        bench, "read", "raise", "read() raised OSError: [Errno 5] the cable of read is out"
+    )
 
 
-@fault("the backend raises in write", "safe at once, latched; opened anew after the acknowledgement")
+@fault(
+    "the backend raises in write", "safe at once, latched; opened anew after the acknowledgement"
+)
 def raises_in_write(bench: Bench) -> None:
     bench.observed = _fails(bench, "write", "raise", "write() raised OSError")
 
 
-@fault("the backend wants to end the program", "safe at once, latched; opened anew after the acknowledgement")
+@fault(
+    "the backend wants to end the program",
+    "safe at once, latched; opened anew after the acknowledgement",
+)
 def exits(bench: Bench) -> None:
     bench.observed = _fails(bench, "read", "exit", "read() raised SystemExit: 3")
 
 
-@fault("the backend's process dies in a call", "the guard opens the backend and brings it to the safe state, latched",
-       quick=True)  # fmt: skip
+@fault(
+    "the backend's process dies in a call",
+    "the guard opens the backend and brings it to the safe state, latched",
+    quick=True,
+)
 def dies(bench: Bench) -> None:
     _fails(bench, "write", "die", "exit status 7")
     bench.observed = _rescue(bench)
 
 
-@fault("the backend returns no number", "safe at once, latched; opened anew after the acknowledgement")
+@fault(
+    "the backend returns no number", "safe at once, latched; opened anew after the acknowledgement"
+)
 def returns_nothing(bench: Bench) -> None:
     bench.observed = _fails(bench, "read", "nothing", "read() did not return numbers")
 
 
-@fault("the backend returns NaN", "sent as the last finite value, growing older; after the watchdog time safe",
-       quick=True)  # fmt: skip
+@fault(
+    "the backend returns NaN",
+    "sent as the last finite value, growing older; after the watchdog time safe",
+    quick=True,
+)
 def returns_nan(bench: Bench) -> None:
     server = bench.running("read", "nan")
     pulled = bench.pull_trigger()
@@ -65,7 +84,9 @@ def returns_nan(bench: Bench) -> None:
     assert last["ages"][0] > bench.watchdog
     server.trigger.unlink()
     bench.recovers()
-    bench.observed = f"last finite value sent with its age, up to {last['ages'][0]:.2f} s; then safe"
+    bench.observed = (
+        f"last finite value sent with its age, up to {last['ages'][0]:.2f} s; then safe"
+    )
 
 
 def _hangs(bench: Bench, where: str) -> None:
@@ -86,21 +107,34 @@ def _hangs(bench: Bench, where: str) -> None:
 
 
 def _rescue(bench: Bench) -> str:
-    return bench.server.wait_line("the guard opened").partition("SAFE STATE: ")[2].partition(" (last fresh")[0]
+    return (
+        bench.server.wait_line("the guard opened")
+        .partition("SAFE STATE: ")[2]
+        .partition(" (last fresh")[0]
+    )
 
 
-@fault("a driver call in read never returns", "the guard kills the device and brings the rig to the safe state",
-       quick=True)  # fmt: skip
+@fault(
+    "a driver call in read never returns",
+    "the guard kills the device and brings the rig to the safe state",
+    quick=True,
+)
 def hangs_in_read(bench: Bench) -> None:
     _hangs(bench, "read")
 
 
-@fault("a driver call in write never returns", "the guard kills the device and brings the rig to the safe state")
+@fault(
+    "a driver call in write never returns",
+    "the guard kills the device and brings the rig to the safe state",
+)
 def hangs_in_write(bench: Bench) -> None:
     _hangs(bench, "write")
 
 
-@fault("a driver call never returns, and SIGTERM", "the guard brings the rig to the safe state; exit status 0")
+@fault(
+    "a driver call never returns, and SIGTERM",
+    "the guard brings the rig to the safe state; exit status 0",
+)
 def hangs_at_the_end(bench: Bench) -> None:
     server = bench.running("read", "hang")
     pulled = bench.pull_trigger()
@@ -114,7 +148,10 @@ def hangs_at_the_end(bench: Bench) -> None:
     bench.observed = "safe, exit status 0, no process left"
 
 
-@fault("the safe state raises at first", "tried again, by the guard with a backend of its own, until it is reached")
+@fault(
+    "the safe state raises at first",
+    "tried again, by the guard with a backend of its own, until it is reached",
+)
 def safe_raises_twice(bench: Bench) -> None:
     server = bench.running("safe", "raise", times=3)
     pulled = bench.pull_trigger()
@@ -128,8 +165,11 @@ def safe_raises_twice(bench: Bench) -> None:
     bench.observed = f"reached in the end; {len(failed)} loud lines before"
 
 
-@fault("the safe state raises for ever", "tried a bounded number of times, told loudly; state safe says not reached",
-       quick=True)  # fmt: skip
+@fault(
+    "the safe state raises for ever",
+    "tried a bounded number of times, told loudly; state safe says not reached",
+    quick=True,
+)
 def safe_raises(bench: Bench) -> None:
     server = bench.running("safe", "raise")
     bench.pull_trigger()
@@ -143,7 +183,10 @@ def safe_raises(bench: Bench) -> None:
     bench.observed = "5 attempts of the guard, one line each; reached after the acknowledgement"
 
 
-@fault("the safe state never returns", "tried by one process after another, bounded, told loudly; no hang")
+@fault(
+    "the safe state never returns",
+    "tried by one process after another, bounded, told loudly; no hang",
+)
 def safe_hangs(bench: Bench) -> None:
     server = bench.running("safe", "hang", times=2)
     pulled = bench.pull_trigger()
@@ -161,7 +204,10 @@ def safe_hangs(bench: Bench) -> None:
     bench.observed = f"device and guard hung in it; a third process reached it after {took:.1f} s"
 
 
-@fault("the safe state never returns, and SIGTERM", "all processes end within 20 s, exit status 1, told loudly")
+@fault(
+    "the safe state never returns, and SIGTERM",
+    "all processes end within 20 s, exit status 1, told loudly",
+)
 def safe_hangs_at_the_end(bench: Bench) -> None:
     server = bench.running("safe", "hang")
     bench.pull_trigger()
@@ -175,7 +221,10 @@ def safe_hangs_at_the_end(bench: Bench) -> None:
     bench.observed = f"ended after {took:.1f} s, exit status 1, no process left"
 
 
-@fault("a slow backend: 60 ms in a period of 33 ms", "served with what there is; missed deadlines are counted")
+@fault(
+    "a slow backend: 60 ms in a period of 33 ms",
+    "served with what there is; missed deadlines are counted",
+)
 def slow(bench: Bench) -> None:
     server = bench.running("read", "slow")
     pulled = bench.pull_trigger()
@@ -186,10 +235,14 @@ def slow(bench: Bench) -> None:
     assert bench.driver.longest < 0.2 + bench.allowance
     bench.driver.stop(orderly=False)
     bench.measure_from_fresh(server.wait_call("safe", pulled), 0.06)
-    bench.observed = f"{missed} deadlines missed, every exchange answered; safe when the client went"
+    bench.observed = (
+        f"{missed} deadlines missed, every exchange answered; safe when the client went"
+    )
 
 
-@fault("a measured value beyond its limit", "safe within a period, latched, with the value", quick=True)
+@fault(
+    "a measured value beyond its limit", "safe within a period, latched, with the value", quick=True
+)
 def measured_beyond(bench: Bench) -> None:
     server = bench.running("read", "beyond")
     pulled = bench.pull_trigger()
@@ -212,7 +265,9 @@ def _cannot_open(bench: Bench, how: str) -> str:
     return lines[0]
 
 
-@fault("the backend raises at open", "the server does not start: one line, exit status 2", quick=True)
+@fault(
+    "the backend raises at open", "the server does not start: one line, exit status 2", quick=True
+)
 def raises_at_open(bench: Bench) -> None:
     line = _cannot_open(bench, "raise")
     assert "the cable of open is out" in line
@@ -226,7 +281,9 @@ def refuses_at_open(bench: Bench) -> None:
     bench.observed = re.sub(r"\S*/backends\.py", "backends.py", line)
 
 
-@fault("the backend cannot be opened again", "still safe after the acknowledgement, with the reason")
+@fault(
+    "the backend cannot be opened again", "still safe after the acknowledgement, with the reason"
+)
 def does_not_open_again(bench: Bench) -> None:
     server = bench.running("read", "raise")
     pulled = bench.pull_trigger()

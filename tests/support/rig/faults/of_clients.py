@@ -64,27 +64,52 @@ def client_clock_jumps(bench: Bench) -> None:
     with _Peer(bench.server.endpoint) as peer:
         for sent in jumping:
             assert peer.ask("status")["state"] == "running"
-            peer.send("exchange", session="none", sequence=1, sent=sent, seen=0.0, time=0.0, step=0.02, values=[0, 0])
+            peer.send(
+                "exchange",
+                session="none",
+                sequence=1,
+                sent=sent,
+                seen=0.0,
+                time=0.0,
+                step=0.02,
+                values=[0, 0],
+            )
             assert peer.receive()["type"] == "refused"
     bench.driver.stop()
     with _Peer(bench.server.endpoint) as peer:
         accepted = peer.ask("connect", client="jumping", inputs=INPUTS, outputs=OUTPUTS, time=0.0)
         seen = accepted["clock"]
         for sequence, sent in enumerate(30 * jumping, start=1):
-            sample = peer.ask("exchange", session=accepted["session"], sequence=sequence, sent=sent, seen=seen,
-                              time=-sent, step=0.02, values=usual(sequence))  # fmt: skip
+            sample = peer.ask(
+                "exchange",
+                session=accepted["session"],
+                sequence=sequence,
+                sent=sent,
+                seen=seen,
+                time=-sent,
+                step=0.02,
+                values=usual(sequence),
+            )
             assert (sample["state"], sample["sent"], sample["refused"]) == ("running", sent, [])
             seen = sample["clock"]
         peer.ask("disconnect", session=accepted["session"])
     bench.observed = "90 exchanges with jumps by 1e6 s answered, each with its own time"
 
 
-@fault("a client of another protocol version", "dropped, counted and told; the session goes on", quick=True)
+@fault(
+    "a client of another protocol version",
+    "dropped, counted and told; the session goes on",
+    quick=True,
+)
 def wrong_version(bench: Bench) -> None:
     bench.serve()
     bench.connect()
     with _Peer(bench.server.endpoint) as peer:
-        peer.socket.send(encode("connect", client="x", inputs={}, outputs={}, time=0.0).replace(b'"ppy":1', b'"ppy":2'))
+        peer.socket.send(
+            encode("connect", client="x", inputs={}, outputs={}, time=0.0).replace(
+                b'"ppy":1', b'"ppy":2'
+            )
+        )
         assert peer.receive(0.2) is None
     bench.goes_on()
     bench.server.wait_line("dropped protocol version 2; this is version 1")
@@ -106,26 +131,70 @@ def second_client(bench: Bench) -> None:
 def misfits(bench: Bench) -> None:
     bench.serve()
     with _Peer(bench.server.endpoint) as peer:
-        wrong = [({"current": "mA", "force": "N"}, OUTPUTS), ({"current": "A"}, OUTPUTS), (INPUTS, {"voltag": "V"})]
-        reasons = [peer.ask("connect", client="x", inputs=i, outputs=o, time=0.0)["reason"] for i, o in wrong]
-    assert ["mA" in reasons[0], "force is missing" in reasons[1], "did you mean voltage" in reasons[2]] == 3 * [True]
+        wrong = [
+            ({"current": "mA", "force": "N"}, OUTPUTS),
+            ({"current": "A"}, OUTPUTS),
+            (INPUTS, {"voltag": "V"}),
+        ]
+        reasons = [
+            peer.ask("connect", client="x", inputs=i, outputs=o, time=0.0)["reason"]
+            for i, o in wrong
+        ]
+    assert [
+        "mA" in reasons[0],
+        "force is missing" in reasons[1],
+        "did you mean voltage" in reasons[2],
+    ] == 3 * [True]
     assert not [call for call in bench.server.calls() if call.what.startswith("write")]
     bench.observed = "; ".join(reasons)
 
 
-@fault("10,000 malformed frames", "dropped, counted, a line a second at most; the session goes on", quick=True)
+@fault(
+    "10,000 malformed frames",
+    "dropped, counted, a line a second at most; the session goes on",
+    quick=True,
+)
 def malformed(bench: Bench) -> None:
     bench.serve()
     bench.connect()
     session = bench.driver.samples[-1]["session"]
-    good = {"ppy": 1, "type": "exchange", "session": session, "sequence": 10**9, "sent": 0.0, "seen": 0.0, "time": 0.0,
-            "step": 0.0, "values": [0.1, 0.1]}  # fmt: skip
-    frames = [b"", b"{", b"\xff\xfe", b"[]", b"null", b'{"ppy": 1}', b'{"ppy": 1, "type": []}', 5000 * b"[",
-              b'{"ppy": 1, "type": "sample"}', b'{"ppy":1,"type":"status"',
-              json.dumps({**good, "sent": 10**400}).encode(),
-              *(json.dumps({**good, **bad}).encode() for bad in (
-                  {"values": [0.1]}, {"values": [0.1, None]}, {"values": "no"}, {"sequence": -1}, {"sequence": 1.5},
-                  {"seen": True}, {"values": [float("nan"), 0.0]}, {"values": [float("inf"), 0.0]}))]  # fmt: skip
+    good = {
+        "ppy": 1,
+        "type": "exchange",
+        "session": session,
+        "sequence": 10**9,
+        "sent": 0.0,
+        "seen": 0.0,
+        "time": 0.0,
+        "step": 0.0,
+        "values": [0.1, 0.1],
+    }
+    frames = [
+        b"",
+        b"{",
+        b"\xff\xfe",
+        b"[]",
+        b"null",
+        b'{"ppy": 1}',
+        b'{"ppy": 1, "type": []}',
+        5000 * b"[",
+        b'{"ppy": 1, "type": "sample"}',
+        b'{"ppy":1,"type":"status"',
+        json.dumps({**good, "sent": 10**400}).encode(),
+        *(
+            json.dumps({**good, **bad}).encode()
+            for bad in (
+                {"values": [0.1]},
+                {"values": [0.1, None]},
+                {"values": "no"},
+                {"sequence": -1},
+                {"sequence": 1.5},
+                {"seen": True},
+                {"values": [float("nan"), 0.0]},
+                {"values": [float("inf"), 0.0]},
+            )
+        ),
+    ]
     with _Peer(bench.server.endpoint) as peer:
         peer.socket.sndhwm = 0
         for k in range(10_000):
@@ -142,12 +211,17 @@ def malformed(bench: Bench) -> None:
 def _wait_for_malformed(bench: Bench, number: int, timeout: float = 20.0) -> None:
     until = time.monotonic() + timeout
     while (counted := bench.status()["counts"]["malformed"]) < number:
-        assert time.monotonic() < until, f"{counted} malformed frames were counted, {number} were sent"
+        assert time.monotonic() < until, (
+            f"{counted} malformed frames were counted, {number} were sent"
+        )
         time.sleep(0.02)
     assert counted == number
 
 
-@fault("oversized frames: 65,537 bytes, 1 MB, 50 MB", "dropped or cut off with their connection; the session goes on")
+@fault(
+    "oversized frames: 65,537 bytes, 1 MB, 50 MB",
+    "dropped or cut off with their connection; the session goes on",
+)
 def oversized(bench: Bench) -> None:
     bench.serve()
     bench.connect()
@@ -163,16 +237,28 @@ def oversized(bench: Bench) -> None:
     bench.observed = "2 counted, the third cut off; the client served throughout"
 
 
-@fault("commands beyond the limits", "refused and reported; the last good one goes on, then the watchdog", quick=True)
+@fault(
+    "commands beyond the limits",
+    "refused and reported; the last good one goes on, then the watchdog",
+    quick=True,
+)
 def beyond_limits(bench: Bench) -> None:
     server = bench.serve()
     driver = bench.connect(values=lambda number: [0.5, 1.0])
     driver.values = lambda number: [1.31, 1.0]
     safe = bench.safe_after(bench.link.fresh[0])
     bench.measure_from_fresh(safe)
-    assert {call.what for call in server.calls() if call.what.startswith("write")} == {"write 0.5 1.0"}
-    refused = [sample["refused"] for sample in driver.samples if sample["refused"] and sample["state"] == "running"]
-    assert all(sentences == ["current 1.31 A is above 1.3 A; 0.5 A goes on"] for sentences in refused)
+    assert {call.what for call in server.calls() if call.what.startswith("write")} == {
+        "write 0.5 1.0"
+    }
+    refused = [
+        sample["refused"]
+        for sample in driver.samples
+        if sample["refused"] and sample["state"] == "running"
+    ]
+    assert all(
+        sentences == ["current 1.31 A is above 1.3 A; 0.5 A goes on"] for sentences in refused
+    )
     assert len(refused) > bench.watchdog / 0.02 / 2
     server.wait_line("refused: current 1.31 A is above 1.3 A")
     bench.is_latched("no fresh command")
@@ -187,7 +273,9 @@ def too_fast(bench: Bench) -> None:
     refused = [sentence for sample in driver.samples for sentence in sample["refused"]]
     assert refused
     assert "faster than 2 A/s" in refused[0]
-    assert {call.what for call in server.calls() if call.what.startswith("write")} == {"write 0.0 1.0"}
+    assert {call.what for call in server.calls() if call.what.startswith("write")} == {
+        "write 0.0 1.0"
+    }
     bench.goes_on()
     bench.observed = refused[0]
 
@@ -198,9 +286,20 @@ def replayed(bench: Bench) -> None:
     with _Peer(server.endpoint) as peer:
         accepted = peer.ask("connect", client="slow", inputs=INPUTS, outputs=OUTPUTS, time=0.0)
         time.sleep(bench.watchdog + 0.05)
-        for seen, part in ((accepted["clock"], "was under way for"), (1e12, "more of the rig's time than there was")):
-            sample = peer.ask("exchange", session=accepted["session"], sequence=1 + int(seen > 1e9), sent=0.0,
-                              seen=seen, time=0.0, step=0.02, values=[0.5, 1.0])  # fmt: skip
+        for seen, part in (
+            (accepted["clock"], "was under way for"),
+            (1e12, "more of the rig's time than there was"),
+        ):
+            sample = peer.ask(
+                "exchange",
+                session=accepted["session"],
+                sequence=1 + int(seen > 1e9),
+                sent=0.0,
+                seen=seen,
+                time=0.0,
+                step=0.02,
+                values=[0.5, 1.0],
+            )
             assert part in sample["refused"][0]
         peer.ask("disconnect", session=accepted["session"])
     assert not [call for call in server.calls() if call.what.startswith("write")]

@@ -29,7 +29,9 @@ def _during(bench: Bench, treatment: Treatment, seconds: float, timeout: float =
 
 
 def _told(bench: Bench, driver: Driver) -> str:
-    counts = ", ".join(f"{number} {what}" for what, number in bench.status()["counts"].items() if number)
+    counts = ", ".join(
+        f"{number} {what}" for what, number in bench.status()["counts"].items() if number
+    )
     return f"{len(driver.samples)} answers, {driver.unanswered} without; server: {counts or 'nothing to count'}"
 
 
@@ -54,7 +56,8 @@ def _drop(bench: Bench, share: float, least: float) -> None:
 
 
 @fault(
-    "50 % of the messages dropped", "the watchdog decides; safe when too many in a row are lost, or the cable is cut"
+    "50 % of the messages dropped",
+    "the watchdog decides; safe when too many in a row are lost, or the cable is cut",
 )
 def drop_50(bench: Bench) -> None:
     driver = _during(bench, dropping(0.5), 3.0)
@@ -63,14 +66,20 @@ def drop_50(bench: Bench) -> None:
     bench.observed = _told(bench, driver)
 
 
-@fault("messages delayed by 5 to 40 ms", "served on; late answers are no new ones; safe when the cable is cut")
+@fault(
+    "messages delayed by 5 to 40 ms",
+    "served on; late answers are no new ones; safe when the cable is cut",
+)
 def delay(bench: Bench) -> None:
     driver = _during(bench, delaying(0.005, 0.04), 3.0, timeout=0.1)
     assert len(driver.samples) > 20
     bench.observed = _told(bench, driver)
 
 
-@fault("messages delayed by more than the watchdog time", "no command is carried out late: refused as stale; safe")
+@fault(
+    "messages delayed by more than the watchdog time",
+    "no command is carried out late: refused as stale; safe",
+)
 def delay_long(bench: Bench) -> None:
     server = bench.serve()
     bench.connect()
@@ -84,7 +93,11 @@ def delay_long(bench: Bench) -> None:
     bench.observed = "safe; nothing was written afterwards"
 
 
-@fault("every message doubled", "the second one is dropped and counted; safe when the cable is cut", quick=True)
+@fault(
+    "every message doubled",
+    "the second one is dropped and counted; safe when the cable is cut",
+    quick=True,
+)
 def double(bench: Bench) -> None:
     driver = _during(bench, doubling, 2.0)
     counts = bench.status()["counts"]
@@ -94,7 +107,10 @@ def double(bench: Bench) -> None:
     bench.observed = _told(bench, driver)
 
 
-@fault("messages overtake each other", "an overtaken one is dropped and counted; safe when the cable is cut")
+@fault(
+    "messages overtake each other",
+    "an overtaken one is dropped and counted; safe when the cable is cut",
+)
 def reorder(bench: Bench) -> None:
     driver = _during(bench, delaying(0.0, 0.06), 3.0)
     sequences = [sample["sequence"] for sample in driver.samples]
@@ -103,16 +119,22 @@ def reorder(bench: Bench) -> None:
     bench.observed = _told(bench, driver)
 
 
-@fault("1 in 5 messages damaged", "dropped and counted, or harmless: nothing beyond the limits; safe when cut",
-       quick=True)  # fmt: skip
+@fault(
+    "1 in 5 messages damaged",
+    "dropped and counted, or harmless: nothing beyond the limits; safe when cut",
+    quick=True,
+)
 def damage(bench: Bench) -> None:
     driver = _during(bench, damaging(0.2), 2.0)
     assert bench.status()["counts"]["malformed"] > 0
     bench.observed = _told(bench, driver)
 
 
-@fault("the cable is cut, and whole again", "safe by the watchdog, latched; served again after the acknowledgement",
-       quick=True)  # fmt: skip
+@fault(
+    "the cable is cut, and whole again",
+    "safe by the watchdog, latched; served again after the acknowledgement",
+    quick=True,
+)
 def cut(bench: Bench) -> None:
     bench.serve()
     driver = bench.connect(reconnect=True)

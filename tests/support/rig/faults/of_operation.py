@@ -21,7 +21,11 @@ from tests.support.rig.process import ROOT
 _JUMPS = Path(__file__).with_name("clock_jumps.c")
 
 
-@fault("ppy rig stop", "safe within a period, latched, with the reason; goes on after the acknowledgement", quick=True)
+@fault(
+    "ppy rig stop",
+    "safe within a period, latched, with the reason; goes on after the acknowledgement",
+    quick=True,
+)
 def stopped(bench: Bench) -> None:
     server = bench.serve()
     bench.connect()
@@ -31,13 +35,17 @@ def stopped(bench: Bench) -> None:
     assert "safe: stopped: smoke" in printed
     bench.is_latched("stopped: smoke")
     assert "idle" in _ppy("acknowledge", "--endpoint", server.endpoint)
-    assert json.loads(_ppy("status", "--json", "-", "--endpoint", server.endpoint))["state"] == "idle"
+    assert (
+        json.loads(_ppy("status", "--json", "-", "--endpoint", server.endpoint))["state"] == "idle"
+    )
     bench.observed = "safe: stopped: smoke"
 
 
 def _ppy(*arguments: str) -> str:
     command = [sys.executable, "-m", "orchestration.cli", "rig", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30, check=True).stdout
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=30, check=True
+    ).stdout
 
 
 @fault("SIGUSR1", "safe within a period, latched; goes on after the acknowledgement", quick=True)
@@ -53,17 +61,19 @@ def signalled(bench: Bench) -> None:
     bench.observed = "safe: stopped: SIGUSR1"
 
 
-@fault("the wall clock jumps by an hour, to and fro", "nothing: no decision depends on it", quick=True)
+@fault(
+    "the wall clock jumps by an hour, to and fro", "nothing: no decision depends on it", quick=True
+)
 def wall_clock(bench: Bench) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     assert compiler, "no C compiler here"
     library = bench.folder / "clock_jumps.so"
     subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, _JUMPS, "-ldl"], check=True)
     environment = {"LD_PRELOAD": str(library)}
-    hour = (
-        "import time; seen = [time.sleep(0.01) or time.time() for _ in range(30)]; print(max(seen) - min(seen) > 1800)"
+    hour = "import time; seen = [time.sleep(0.01) or time.time() for _ in range(30)]; print(max(seen) - min(seen) > 1800)"
+    done = subprocess.run(
+        [sys.executable, "-c", hour], env={**os.environ, **environment}, capture_output=True
     )
-    done = subprocess.run([sys.executable, "-c", hour], env={**os.environ, **environment}, capture_output=True)
     assert done.stdout == b"True\n", "the clock does not jump"
     server = bench.serve(environment=environment)
     driver = bench.connect()
@@ -75,13 +85,21 @@ def wall_clock(bench: Bench) -> None:
     bench.observed = f"{len(driver.samples)} exchanges while it jumped every 0.1 s; safe in time when the client hung"
 
 
-@fault("no key", "gets nothing, not even a refusal; told in the log; who has one is served", quick=True)
+@fault(
+    "no key", "gets nothing, not even a refusal; told in the log; who has one is served", quick=True
+)
 def no_key(bench: Bench) -> None:
     _keys(bench, None)
-    bench.observed = "no answer to either socket; turned away, in the log; the client with a key was served"
+    bench.observed = (
+        "no answer to either socket; turned away, in the log; the client with a key was served"
+    )
 
 
-@fault("a wrong key", "gets nothing, not even a refusal; told in the log; who has one is served", quick=True)
+@fault(
+    "a wrong key",
+    "gets nothing, not even a refusal; told in the log; who has one is served",
+    quick=True,
+)
 def wrong_key(bench: Bench) -> None:
     folder = bench.folder / "stranger"
     make_keys(folder)
@@ -89,8 +107,12 @@ def wrong_key(bench: Bench) -> None:
     ours = bench.folder / "keys"
     make_keys(ours)
     text = stranger.read_text()
-    theirs, wanted = (_value(path.read_text(), "server_key") for path in (stranger, ours / "rig-client.toml"))
-    stranger.write_text(text.replace(theirs, wanted))  # it knows the server's public key, and is not known there
+    theirs, wanted = (
+        _value(path.read_text(), "server_key") for path in (stranger, ours / "rig-client.toml")
+    )
+    stranger.write_text(
+        text.replace(theirs, wanted)
+    )  # it knows the server's public key, and is not known there
     _keys(bench, stranger)
     bench.observed = "no answer; turned away, in the log; the client with a key was served"
 

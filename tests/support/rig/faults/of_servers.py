@@ -16,7 +16,9 @@ from tests.support.rig.process import Server
 from tests.support.rig.small_rig import free_port
 
 
-@fault("the server never starts", "the client gives up within its timeout, with a message", quick=True)
+@fault(
+    "the server never starts", "the client gives up within its timeout, with a message", quick=True
+)
 def never_starts(bench: Bench) -> None:
     link = Link(f"tcp://127.0.0.1:{free_port()}", INPUTS, OUTPUTS)
     begun = time.monotonic()
@@ -30,12 +32,17 @@ def never_starts(bench: Bench) -> None:
     bench.observed = f"gave up after {took:.2f} s with a timeout of 0.5 s"
 
 
-@fault("SIGKILL of the server, and back", "the device goes safe by itself, no process is left; a new server serves",
-       quick=True)  # fmt: skip
+@fault(
+    "SIGKILL of the server, and back",
+    "the device goes safe by itself, no process is left; a new server serves",
+    quick=True,
+)
 def killed(bench: Bench) -> None:
     server = bench.serve()
     driver, family = bench.connect(reconnect=True), server.family()
-    assert len(family) >= 4, family  # front, guard, device; and the tracker that multiprocessing starts
+    assert len(family) >= 4, (
+        family
+    )  # front, guard, device; and the tracker that multiprocessing starts
     driver.wait(5)
     now = time.monotonic()
     server.process.kill()
@@ -47,13 +54,14 @@ def killed(bench: Bench) -> None:
     driver.wait(10)
     assert driver.sessions > sessions
     assert driver.longest < 0.6
-    bench.observed = (
-        f"safe, all {len(family)} processes gone; the same client exchanged on, after {before} samples before"
-    )
+    bench.observed = f"safe, all {len(family)} processes gone; the same client exchanged on, after {before} samples before"
 
 
-@fault("SIGKILL of the guard", "the device goes safe by itself, latched; another guard after the acknowledgement",
-       quick=True)  # fmt: skip
+@fault(
+    "SIGKILL of the guard",
+    "the device goes safe by itself, latched; another guard after the acknowledgement",
+    quick=True,
+)
 def guard_killed(bench: Bench) -> None:
     server = bench.serve()
     bench.connect()
@@ -70,7 +78,10 @@ def guard_killed(bench: Bench) -> None:
     bench.observed = "safe and latched; served again after the acknowledgement"
 
 
-@fault("SIGKILL of the device process", "the guard opens the backend and brings it to the safe state, latched")
+@fault(
+    "SIGKILL of the device process",
+    "the guard opens the backend and brings it to the safe state, latched",
+)
 def device_killed(bench: Bench) -> None:
     server = bench.serve()
     bench.connect()
@@ -94,7 +105,9 @@ def front_stopped(bench: Bench) -> None:
         safe = bench.safe_after(now)
     finally:
         server.send(signal.SIGCONT)
-    bench.link.fresh[:] = [when for when in bench.link.fresh if when < now]  # later ones it did not take any more
+    bench.link.fresh[:] = [
+        when for when in bench.link.fresh if when < now
+    ]  # later ones it did not take any more
     bench.measure_from_fresh(safe)
     server.wait_line("SAFE STATE: no fresh command")
     bench.is_latched("no fresh command")
@@ -157,5 +170,7 @@ def port_in_use(bench: Bench) -> None:
 
 
 def _parent(pid: int) -> int:
-    done = subprocess.run(["ps", "-o", "ppid=", "-p", str(pid)], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["ps", "-o", "ppid=", "-p", str(pid)], capture_output=True, text=True, check=True
+    )
     return int(done.stdout)

@@ -5,7 +5,12 @@ from __future__ import annotations
 from fmus.kit.sensors import sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.candidates.candidate import Candidate, catalogue, label, own_parameters
+from orchestration.discrepancy.candidates.candidate import (
+    Candidate,
+    catalogue,
+    label,
+    own_parameters,
+)
 
 
 def test_the_catalogue_speaks_of_what_was_measured():

@@ -21,7 +21,9 @@ def test_blocks_add_up_to_the_density_of_the_whole(strength):
     simpler, richer = regression(1, strength)
     found = paired_score(simpler, richer, BLOCKS).gain
     assert found == pytest.approx(log_density(richer) - log_density(simpler), rel=1e-9)
-    assert found == pytest.approx(paired_score(simpler, richer, np.zeros(COUNT, dtype=int)).gain, rel=1e-9)
+    assert found == pytest.approx(
+        paired_score(simpler, richer, np.zeros(COUNT, dtype=int)).gain, rel=1e-9
+    )
 
 
 def test_what_is_expected_of_parameters_that_are_known_is_half_the_square_of_the_difference():
@@ -29,15 +31,23 @@ def test_what_is_expected_of_parameters_that_are_known_is_half_the_square_of_the
     rng = np.random.default_rng(3)
     noise, difference = rng.normal(size=(2, COUNT))
     known = np.zeros((COUNT, 1)), np.zeros((1, 1))
-    score = paired_score(Innovations(noise + difference, *known), Innovations(noise, *known), BLOCKS)
+    score = paired_score(
+        Innovations(noise + difference, *known), Innovations(noise, *known), BLOCKS
+    )
     total = difference @ difference
     assert score.gain == pytest.approx(0.5 * total + noise @ difference)
     assert score.expected == pytest.approx(0.5 * total)
     assert score.expected_error == pytest.approx(np.sqrt(total))
     by_block = (noise * difference).reshape(-1, PER_BLOCK).sum(axis=1)
-    among = np.std(by_block + 0.5 * (difference**2).reshape(-1, PER_BLOCK).sum(axis=1), ddof=1) * np.sqrt(len(by_block))
-    assert score.standard_error == pytest.approx(max(min(np.linalg.norm(by_block), among), np.sqrt(total)))
-    mirrored = paired_score(Innovations(noise, *known), Innovations(noise + difference, *known), BLOCKS)
+    among = np.std(
+        by_block + 0.5 * (difference**2).reshape(-1, PER_BLOCK).sum(axis=1), ddof=1
+    ) * np.sqrt(len(by_block))
+    assert score.standard_error == pytest.approx(
+        max(min(np.linalg.norm(by_block), among), np.sqrt(total))
+    )
+    mirrored = paired_score(
+        Innovations(noise, *known), Innovations(noise + difference, *known), BLOCKS
+    )
     assert mirrored.gain == -score.gain
     assert mirrored.standard_error == pytest.approx(score.standard_error), (
         "about what the better of the two lets expect"
@@ -55,7 +65,9 @@ def test_what_is_expected_with_uncertain_parameters_is_the_divergence_of_two_den
     expected = 0.5 * (np.trace(ratio) - COUNT + between @ weighed + logarithms)
     off = ratio - np.eye(COUNT)
     assert score.expected == pytest.approx(expected, rel=1e-8)
-    assert score.expected_error**2 == pytest.approx(weighed @ c1 @ weighed + 0.5 * np.trace(off @ off), rel=1e-8)
+    assert score.expected_error**2 == pytest.approx(
+        weighed @ c1 @ weighed + 0.5 * np.trace(off @ off), rel=1e-8
+    )
 
 
 def test_the_standard_error_is_how_the_gain_scatters():
@@ -81,7 +93,10 @@ def test_noise_with_a_memory_makes_the_error_larger():
 
 def test_an_effect_that_acts_in_one_block_alone_is_as_sure_as_its_size():
     """All of the gain is in one of ten blocks, which tells more of it than that the blocks differ."""
-    noise, known = np.random.default_rng(2).normal(size=COUNT), (np.zeros((COUNT, 1)), np.zeros((1, 1)))
+    noise, known = (
+        np.random.default_rng(2).normal(size=COUNT),
+        (np.zeros((COUNT, 1)), np.zeros((1, 1))),
+    )
     once = np.where(BLOCKS == 4, 5.0, 0.0)
     score = paired_score(Innovations(noise + once, *known), Innovations(noise, *known), BLOCKS)
     assert score.standard_error == pytest.approx(np.sqrt(25.0 * PER_BLOCK), rel=0.5)

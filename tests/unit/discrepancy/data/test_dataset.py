@@ -22,7 +22,9 @@ def records(draw):
         time = draw(st.floats(-1e3, 1e3)) + np.concatenate([[0.0], np.cumsum(steps)])
         seed = draw(st.integers(0, 99))
         values = np.random.default_rng(seed).standard_normal((3, time.size))
-        outputs = {name: values[k] for k, name in enumerate(("y", "z")) if k == 0 or draw(st.booleans())}
+        outputs = {
+            name: values[k] for k, name in enumerate(("y", "z")) if k == 0 or draw(st.booleans())
+        }
         result[label] = Dataset(time, {"u": values[2]}, outputs)
     return result
 
@@ -35,7 +37,9 @@ def test_records_come_apart_as_they_were_joined(given_records):
     assert list(apart) == list(given_records)
     for label, record in given_records.items():
         part = apart[label]
-        assert part.time == pytest.approx(record.time, abs=1e-9 * max(1.0, np.abs(whole.time).max()))
+        assert part.time == pytest.approx(
+            record.time, abs=1e-9 * max(1.0, np.abs(whole.time).max())
+        )
         assert np.array_equal(part.inputs["u"], record.inputs["u"])
         for name in whole.measured:
             expected = record.measured.get(name, np.full(record.time.size, np.nan))
@@ -53,11 +57,15 @@ def test_between_records_nothing_is_measured_and_every_input_has_a_value(given_r
 @given(records(), st.data())
 def test_a_selection_of_samples_knows_to_which_record_each_belongs(given_records, data):
     whole = Dataset.joined(given_records)
-    mask = np.array(data.draw(st.lists(st.booleans(), min_size=len(whole.time), max_size=len(whole.time))))
+    mask = np.array(
+        data.draw(st.lists(st.booleans(), min_size=len(whole.time), max_size=len(whole.time)))
+    )
     some = whole.where(mask)
     for run in some.several:
         (original,) = [other for other in whole.runs if other.label == run.label]
-        assert np.array_equal(some.time[run.samples], whole.time[original.samples][mask[original.samples]])
+        assert np.array_equal(
+            some.time[run.samples], whole.time[original.samples][mask[original.samples]]
+        )
     kept = sum(run.last - run.first for run in some.several)
     assert kept == int((mask & whole.within).sum())
 
@@ -89,7 +97,9 @@ def test_the_gap_is_longer_than_anything_that_looks_back():
 
 def test_some_of_the_records_are_joined_anew():
     time = np.arange(10.0)
-    whole = Dataset.joined({k: Dataset(time, {"u": time}, {"y": time + len(k)}) for k in ("a", "bb", "ccc")})
+    whole = Dataset.joined(
+        {k: Dataset(time, {"u": time}, {"y": time + len(k)}) for k in ("a", "bb", "ccc")}
+    )
     some = whole.runs_of(["ccc", "a"])
     assert [run.label for run in some.runs] == ["ccc", "a"]
     assert some.measured["y"][some.runs[1].samples] == pytest.approx(time + 1.0)

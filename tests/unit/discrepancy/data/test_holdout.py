@@ -10,7 +10,9 @@ from orchestration.discrepancy.data.holdout import ValidationData
 from tests.support.several import measured, several
 
 
-@pytest.mark.parametrize(("records", "out"), [("ab", "b"), ("abc", "c"), ("abcd", "d"), ("abcdef", "ef")])
+@pytest.mark.parametrize(
+    ("records", "out"), [("ab", "b"), ("abc", "c"), ("abcd", "d"), ("abcdef", "ef")]
+)
 def test_of_several_records_the_last_third_is_held_out(records, out):
     estimation, validation = ValidationData.split(several(records))
     assert "".join(run.label for run in estimation.runs) == records.removesuffix(out)

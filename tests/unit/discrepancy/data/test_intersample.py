@@ -17,12 +17,15 @@ def at(kind: str, rate: float, seed: int = 1):
 
 @pytest.mark.parametrize(
     ("rate", "noise"),
-    [(rate, noise) for rate in (1.0, 10.0, 50.0) for noise in (0.0, 0.001, 0.005)] + [(10.0, 0.02), (50.0, 0.02)],
+    [(rate, noise) for rate in (1.0, 10.0, 50.0) for noise in (0.0, 0.001, 0.005)]
+    + [(10.0, 0.02), (50.0, 0.02)],
 )
 @pytest.mark.parametrize("kind", [*SMOOTH, *STEPS])
 def test_steps_are_told_from_a_smooth_course_whatever_the_noise(kind, noise, rate):
     values = at(kind, rate)
-    measured = values + noise * np.ptp(values) * np.random.default_rng(2).standard_normal(len(values))
+    measured = values + noise * np.ptp(values) * np.random.default_rng(2).standard_normal(
+        len(values)
+    )
     assert course(measured) is (Course.SMOOTH if kind in SMOOTH else Course.STEPS)
 
 
@@ -31,7 +34,9 @@ def test_steps_are_told_from_a_smooth_course_whatever_the_noise(kind, noise, rat
 def test_the_steps_of_a_recorder_are_none_of_the_input(kind, bits):
     values = at(kind, 50.0)
     grid = np.ptp(values) / 2**bits
-    assert course(np.round(values / grid) * grid) is (Course.SMOOTH if kind in SMOOTH else Course.STEPS)
+    assert course(np.round(values / grid) * grid) is (
+        Course.SMOOTH if kind in SMOOTH else Course.STEPS
+    )
 
 
 def test_a_slow_sine_is_smooth_though_its_recorder_repeats_values():

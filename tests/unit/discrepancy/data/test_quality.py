@@ -26,7 +26,9 @@ from tests.support.diagnosis import short_record
 from tests.support.pace import slow_but
 
 LIMIT = 0.8  # V, of a recorder
-FEW = [EFFECTS[name] for name in ("nonlinear_leakage", "self_heating", "slack", "strain_saturation")]
+FEW = [
+    EFFECTS[name] for name in ("nonlinear_leakage", "self_heating", "slack", "strain_saturation")
+]
 
 
 def record(seed=1, hidden=None, **options):
@@ -47,14 +49,20 @@ def kinds(faults):
 def test_clean_records_are_clean():
     """Seven records of each of eight kinds; the inputs of all of them jump among few levels and rest at their ends."""
     for seed in range(56):
-        colour, rate, duration = (0.0, 0.9)[seed % 2], (2.0, 10.0)[seed // 2 % 2], (180.0, 600.0)[seed // 4 % 2]
+        colour, rate, duration = (
+            (0.0, 0.9)[seed % 2],
+            (2.0, 10.0)[seed // 2 % 2],
+            (180.0, 600.0)[seed // 4 % 2],
+        )
         data = record(seed, noise_colour=colour, rate=rate, duration=duration, at_rest=seed % 3 > 0)
         usable, faults = assess(data)
         assert faults == []
         assert all(np.array_equal(usable.measured[o], y) for o, y in data.measured.items())
 
 
-@pytest.mark.parametrize("hidden", ["strain_saturation", "transport_delay", "slip_jumps", "hum", "loose_contact"])
+@pytest.mark.parametrize(
+    "hidden", ["strain_saturation", "transport_delay", "slip_jumps", "hum", "loose_contact"]
+)
 def test_what_a_rig_does_is_no_fault_of_the_data(hidden):
     assert assess(record(1, hidden))[1] == []
 
@@ -64,7 +72,9 @@ def test_a_recorder_with_steps_is_at_most_coarse(steps):
     """Steps in units of the noise; those far above it are told, and nothing is left out."""
     for seed in range(8):
         data = record(seed, rate=(2.0, 10.0)[seed % 2])
-        rounded = {o: np.round(y / (steps * NOISE[o])) * steps * NOISE[o] for o, y in data.measured.items()}
+        rounded = {
+            o: np.round(y / (steps * NOISE[o])) * steps * NOISE[o] for o, y in data.measured.items()
+        }
         usable, faults = assess(changed(data, **rounded))
         assert {f.kind for f in faults} <= {"quantised"}
         assert not any(np.isnan(y).any() for y in usable.measured.values())
@@ -86,7 +96,10 @@ def test_what_a_model_does_itself_is_no_fault():
     time = 0.1 * np.arange(3000)
     model = CompiledModel(VoiceCoilDma)
     real = [v.name for v in model.layout.inputs if v.type == "real"]
-    inputs = {name: multilevel(time, [-1.0, 0.0, 0.5, 1.0], (1.0, 8.0), seed) for seed, name in enumerate(real)}
+    inputs = {
+        name: multilevel(time, [-1.0, 0.0, 0.5, 1.0], (1.0, 8.0), seed)
+        for seed, name in enumerate(real)
+    }
     shown = model.run(time, inputs).signals
     data = Dataset(time, inputs, {o.name: shown[o.name] for o in model.layout.outputs})
     assert ("coil_voltage", "clipped") in kinds(assess(data)[1])
@@ -124,14 +137,20 @@ def test_a_plant_at_rest_between_noisy_moves_is_used_in_full():
     """An encoder shows noise while the shaft turns, and none while it stands."""
     data = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), 1)
     speed = data.measured["y"]
-    noisy = np.where(speed == 0.0, 0.0, speed + 0.02 * np.random.default_rng(1).standard_normal(speed.size))
+    noisy = np.where(
+        speed == 0.0, 0.0, speed + 0.02 * np.random.default_rng(1).standard_normal(speed.size)
+    )
     usable, faults = assess(changed(data, y=noisy))
     assert [fault.code for fault in faults if fault.left_out] == []
     assert np.isfinite(usable.measured["y"]).all()
 
 
 def test_a_motor_with_a_dead_zone_is_used_in_full(public_data):
-    record = read_record(public_data("dc_motor_dead_zone.csv"), {"speed": "rad/s", "voltage": "V"}, inputs=["voltage"])
+    record = read_record(
+        public_data("dc_motor_dead_zone.csv"),
+        {"speed": "rad/s", "voltage": "V"},
+        inputs=["voltage"],
+    )
     inputs = {"voltage": record.signals["voltage"]}
     usable, faults = assess(Dataset(record.time, inputs, {"speed": record.signals["speed"]}))
     assert np.isfinite(usable.measured["speed"]).all()
@@ -165,7 +184,9 @@ def test_a_clipped_output_is_left_out_where_it_is_clipped(colour, rate):
         known = cut & np.isin(np.sign(voltage), list(ends))
         assert left_out[known].all()
         assert (cut & ~known).sum() < 0.02 * cut.size  # an end that is hardly reached
-        assert (left_out & ~cut).sum() <= 0.05 * cut.sum()  # noise has spared them; they lie between clipped ones
+        assert (
+            left_out & ~cut
+        ).sum() <= 0.05 * cut.sum()  # noise has spared them; they lie between clipped ones
         assert sum(f.share for f in faults) == pytest.approx(left_out.mean())
 
 
@@ -178,7 +199,9 @@ def test_a_sensor_that_dies_is_left_out_from_then_on(value):
     usable, (fault,) = assess(changed(data, displacement=displacement))
     assert (fault.kind, fault.first, fault.last) == ("dead", dies, data.time.size - 1)
     assert fault.start == data.time[dies]
-    assert np.array_equal(np.isnan(usable.measured["displacement"]), np.arange(data.time.size) >= dies)
+    assert np.array_equal(
+        np.isnan(usable.measured["displacement"]), np.arange(data.time.size) >= dies
+    )
 
 
 def test_a_sensor_that_hangs_for_a_while_is_left_out_there():
@@ -201,12 +224,20 @@ def test_a_sensor_that_is_dead_from_the_start_is_not_used(dead):
     nothing, faults = assess(Dataset(data.time, data.inputs, {"displacement": displacement}))
     assert nothing.measured == {}
     assert faults[-1].code is NoteCode.NOTHING_USABLE
-    assert message(faults[-1].note) == "no output is left that could be trusted: nothing can be judged"
+    assert (
+        message(faults[-1].note) == "no output is left that could be trusted: nothing can be judged"
+    )
 
 
 def test_single_samples_far_away_are_left_out():
     data = record()
-    still = ~np.any([np.convolve(np.diff(u, prepend=u[0]) != 0.0, np.ones(5), "same") for u in data.inputs.values()], 0)
+    still = ~np.any(
+        [
+            np.convolve(np.diff(u, prepend=u[0]) != 0.0, np.ones(5), "same")
+            for u in data.inputs.values()
+        ],
+        0,
+    )
     which = np.random.default_rng(1).choice(np.flatnonzero(still)[5:-5:5], 12, replace=False)
     displacement = data.measured["displacement"].copy()
     displacement[which] += 2e-4
@@ -240,11 +271,17 @@ def test_inputs_that_do_not_move_are_told():
     still = {**data.inputs, "force": np.full(data.time.size, 0.5)}
     _, (fault,) = assess(Dataset(data.time, still, data.measured))
     assert (fault.code, fault.facts) == (NoteCode.CONSTANT_INPUT, {"value": 0.5})
-    assert message(fault.note).startswith("force: constant at 0.5 throughout: what only answers to its changes cannot")
+    assert message(fault.note).startswith(
+        "force: constant at 0.5 throughout: what only answers to its changes cannot"
+    )
     assert not fault.left_out
-    _, faults = assess(Dataset(data.time, {n: 0.0 * u for n, u in data.inputs.items()}, data.measured))
+    _, faults = assess(
+        Dataset(data.time, {n: 0.0 * u for n, u in data.inputs.items()}, data.measured)
+    )
     assert faults[-1].code is NoteCode.NO_EXCITATION
-    assert message(faults[-1].note).startswith("no input moves: neither a cause nor a parameter can be judged")
+    assert message(faults[-1].note).startswith(
+        "no input moves: neither a cause nor a parameter can be judged"
+    )
 
 
 # --- no model is blamed -----------------------------------------------------------------------------------------------

@@ -24,7 +24,9 @@ def test_a_record_that_is_too_short_is_refused():
 def test_numbers_that_no_sensor_gives_are_refused():
     data = short_record()
     with pytest.raises(UserError, match="voltage: values beyond"):
-        diagnose(PpyActuator, replace(data, measured={"voltage": 1e300 * data.measured["voltage"]}), FEW)
+        diagnose(
+            PpyActuator, replace(data, measured={"voltage": 1e300 * data.measured["voltage"]}), FEW
+        )
 
 
 def test_a_record_of_which_nothing_can_be_used_is_refused_with_the_reasons():
@@ -62,7 +64,9 @@ def test_an_output_that_ends_early_does_not_take_the_record_with_it():
     data = short_record()
     short = data.measured["displacement"].copy()
     short[80:] = np.nan
-    diagnosis = diagnose(PpyActuator, replace(data, measured=data.measured | {"displacement": short}), [])
+    diagnosis = diagnose(
+        PpyActuator, replace(data, measured=data.measured | {"displacement": short}), []
+    )
     assert list(diagnosis.residuals) == ["voltage"]
     (note,) = (note for note in diagnosis.notes if note.code is NoteCode.ENDS_EARLY)
     assert (note.subject, note.facts) == ("displacement", {"time": pytest.approx(15.8)})
@@ -71,7 +75,10 @@ def test_an_output_that_ends_early_does_not_take_the_record_with_it():
 def test_what_only_one_of_two_records_has_is_not_judged():
     data, other = short_record(), short_record()
     dead = data.measured | {"displacement": np.zeros(len(data.time))}
-    for estimation, holdout in ((replace(data, measured=dead), other), (other, replace(data, measured=dead))):
+    for estimation, holdout in (
+        (replace(data, measured=dead), other),
+        (other, replace(data, measured=dead)),
+    ):
         diagnosis = diagnose(PpyActuator, estimation, [], holdout=holdout)
         assert list(diagnosis.after) == ["voltage"]
         (note,) = (note for note in diagnosis.notes if note.code is NoteCode.DEAD_CONSTANT)
@@ -80,7 +87,10 @@ def test_what_only_one_of_two_records_has_is_not_judged():
 
 def test_inputs_that_only_jitter_tell_nothing():
     data = short_record()
-    jitter = {name: 0.5 + 1e-5 * coloured(0.0, k, u.size) for k, (name, u) in enumerate(data.inputs.items())}
+    jitter = {
+        name: 0.5 + 1e-5 * coloured(0.0, k, u.size)
+        for k, (name, u) in enumerate(data.inputs.items())
+    }
     noise = {name: 1e-3 * np.ptp(y) * coloured(0.0, 7, y.size) for name, y in data.measured.items()}
     diagnosis = diagnose(PpyActuator, replace(data, inputs=jitter, measured=noise), FEW)
     assert (diagnosis.verdict, diagnosis.causes, diagnosis.changed) == ("ambiguous", [], [])

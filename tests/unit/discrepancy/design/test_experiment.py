@@ -20,7 +20,12 @@ from orchestration.discrepancy.candidates.candidate import Candidate, own_parame
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.design.expected_evidence import _covariance, at_rest, expected_delta_bic_linear, respond
+from orchestration.discrepancy.design.expected_evidence import (
+    _covariance,
+    at_rest,
+    expected_delta_bic_linear,
+    respond,
+)
 from orchestration.discrepancy.design.experiment import ENOUGH, design
 from orchestration.discrepancy.design.stimuli import Stimulus, limits_of_inputs
 from orchestration.discrepancy.diagnosis import diagnose, searched
@@ -64,22 +69,28 @@ def fitted(data, effect=None):
     """A model fitted to what a diagnosis fits to, from either side of the effect's neutral value."""
     part = data.part(0, round(len(data.time) * (1.0 - HELD_OUT)))
     candidate = (
-        Candidate((), PpyActuator) if effect is None else Candidate((), PpyActuator).with_effect(EFFECTS[effect])
+        Candidate((), PpyActuator)
+        if effect is None
+        else Candidate((), PpyActuator).with_effect(EFFECTS[effect])
     )
     physical = searched(PpyActuator)
     problem = Problem(
         candidate.cls, part.time, part.inputs, part.measured, [*physical, *candidate.parameters], {}
-    )  # fmt: skip
+    )
     believed = np.array([n in physical and not problem.declared[n].starts for n in problem.names])
     begin = {own_parameters(EFFECTS[effect])[0]: 0.1} if effect else {}
-    return FittedCandidate(candidate, problem, fit(problem, problem.position(problem.start | begin), None, believed))
+    return FittedCandidate(
+        candidate, problem, fit(problem, problem.position(problem.start | begin), None, believed)
+    )
 
 
 @cache
 def ambiguous(hidden):
     """The dull record, and an ambiguous verdict on it."""
     data = measured(hidden, TIME, DULL)
-    true_model, candidate = (fitted(data, name) for name in sorted(HIDDEN, key=lambda name: name != hidden))
+    true_model, candidate = (
+        fitted(data, name) for name in sorted(HIDDEN, key=lambda name: name != hidden)
+    )
     return data, Selection(fitted(data), [Step(true_model, 0.0, 0.0, 0.0, [candidate], [])])
 
 
@@ -138,10 +149,15 @@ def test_the_experiment_runs_as_it_is_written(tmp_path):
     expected = respond(model, time, inputs, at_rest(model)).signals
     for output, values in expected.items():
         assert np.abs(result[output].to_numpy() - values).max() < 1e-5 * np.ptp(values)
-    comments = [line for line in path.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+    comments = [
+        line for line in path.read_text(encoding="utf-8").splitlines() if line.startswith("#")
+    ]
     assert comments[0] == "# what for"
     for e in experiment.expected:
-        assert f"#   if {e.true_model} is right, against {e.candidate} refitted: {e.bic:.1f}" in comments
+        assert (
+            f"#   if {e.true_model} is right, against {e.candidate} refitted: {e.bic:.1f}"
+            in comments
+        )
     assert "# Limits kept: current -1.3 to 1.3 A; force 0 to 3 N." in comments
 
 
@@ -150,8 +166,13 @@ def test_what_no_experiment_tells_apart_is_said():
     experiment = design(selection, data, {"current": (0.0, 0.0)}, HIGHEST)
     assert experiment.least < ENOUGH
     assert not experiment.is_worthwhile
-    assert wording.experiment(experiment).startswith("No experiment within these limits that was looked at tells")
-    assert tomllib.loads(experiment.toml("ppy_actuator", "what for"))["inputs"]["current"]["value"] == "0.0 A"
+    assert wording.experiment(experiment).startswith(
+        "No experiment within these limits that was looked at tells"
+    )
+    assert (
+        tomllib.loads(experiment.toml("ppy_actuator", "what for"))["inputs"]["current"]["value"]
+        == "0.0 A"
+    )
 
 
 def test_without_rivals_every_input_is_moved():
@@ -168,7 +189,9 @@ def test_limits_that_nobody_gave_are_what_the_record_shows():
         "current": (-0.2, 0.4),
         "force": (0.0, 3.0),
     }
-    with pytest.raises(UserError, match="limits of voltage: there is no such input; there are current, force"):
+    with pytest.raises(
+        UserError, match="limits of voltage: there is no such input; there are current, force"
+    ):
         design(selection, data, {"voltage": (0.0, 1.0)})
     with pytest.raises(UserError, match="limits of force: 3 to 0 N leaves nothing"):
         design(selection, data, {"force": (3.0, 0.0)})

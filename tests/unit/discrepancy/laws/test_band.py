@@ -35,10 +35,14 @@ def test_what_is_left_between_knots():
     bent = values - (straight @ np.linalg.lstsq(straight, values.T, rcond=None)[0]).T
     unit = np.mean(np.var(bent, axis=0))  # that a mean variance of 1 at the knots has
     xs = [float(x) for x in BASIS.knots]
-    told = np.array([[smooth_table(float(x), xs, list(map(float, v))) for x in X] for v in values[:400]])
+    told = np.array(
+        [[smooth_table(float(x), xs, list(map(float, v))) for x in X] for v in values[:400]]
+    )
     left = (curves[:400, ::20] - told) / np.sqrt(unit)
     expected = np.sqrt(np.diag(BASIS.left_between(X)))
-    assert np.sqrt(np.mean(left**2, axis=0)) == pytest.approx(expected, rel=0.2, abs=0.02 * expected.max())
+    assert np.sqrt(np.mean(left**2, axis=0)) == pytest.approx(
+        expected, rel=0.2, abs=0.02 * expected.max()
+    )
     assert np.sqrt(np.diag(BASIS.left_between(BASIS.knots))) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -63,7 +67,9 @@ def test_the_band_holds_whole_curves(noise):
 
 def test_what_goes_together_has_the_band_of_a_point():
     straight = np.outer(BASIS.knots, BASIS.knots)
-    values, low, high = Band(BASIS, Curve(0.0, 2.0 * BASIS.knots, 0.01 * straight, straight, 0.0))(X)
+    values, low, high = Band(BASIS, Curve(0.0, 2.0 * BASIS.knots, 0.01 * straight, straight, 0.0))(
+        X
+    )
     assert values == pytest.approx(2.0 * X)
     assert high - low == pytest.approx(2.0 * 1.96 * 0.1 * X, rel=0.1)
 

@@ -17,7 +17,9 @@ NOISE = 0.01
 
 
 def binary(clock, seed=3):
-    return np.repeat(np.sign(np.random.default_rng(seed).normal(size=-(-3000 // clock))), clock)[:3000]
+    return np.repeat(np.sign(np.random.default_rng(seed).normal(size=-(-3000 // clock))), clock)[
+        :3000
+    ]
 
 
 COURSES = {
@@ -34,7 +36,10 @@ COURSES = {
 
 
 @pytest.mark.parametrize(
-    "name", slow_but(COURSES, "chirp", "square", "binary, slow", "binary, fast", "staircase", "steps and rest")
+    "name",
+    slow_but(
+        COURSES, "chirp", "square", "binary, slow", "binary, fast", "staircase", "steps and rest"
+    ),
 )
 def test_most_of_the_noise_goes_and_the_course_stays(name):
     course = COURSES[name]
@@ -52,7 +57,17 @@ def test_levels_are_levels(name):
 
 def test_noise_of_an_input_is_no_law(tmp_path):
     """Of a current that is one of two levels the measured one tells less the farther off it is: a curve, and none."""
-    drawn = draw(Case("Cell", "PRBS", "on input", seed=2026112900063, timing="long", smooth=False, at_rest=False))
+    drawn = draw(
+        Case(
+            "Cell",
+            "PRBS",
+            "on input",
+            seed=2026112900063,
+            timing="long",
+            smooth=False,
+            at_rest=False,
+        )
+    )
     diagnosis = diagnosed(drawn.write(tmp_path / "cell.csv"), drawn.plant.model)
     noise = noise_of_inputs(diagnosis)
     size = np.std(drawn.inputs["current"])
@@ -66,5 +81,7 @@ def test_noise_of_an_input_is_no_law(tmp_path):
 
 
 def test_what_has_no_noise_stays_as_it_is(tmp_path):
-    drawn = draw(Case("Cell", "PRBS", "Gaussian", seed=5, timing="long", smooth=False, at_rest=False))
+    drawn = draw(
+        Case("Cell", "PRBS", "Gaussian", seed=5, timing="long", smooth=False, at_rest=False)
+    )
     assert noise_of_inputs(diagnosed(drawn.write(tmp_path / "cell.csv"), drawn.plant.model)) == {}

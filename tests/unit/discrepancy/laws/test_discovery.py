@@ -56,7 +56,9 @@ each = pytest.mark.parametrize("plant", slow_but(["found_drag", "found_spring"],
 def found_drag(drag):
     """Of the entries that tell most; that all of a map are fitted is shown where a diagnosis asks for laws."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(LawMap, "entries", lambda self, known=LawMap.entries: known(self)[: 2 * FEW])
+        patched.setattr(
+            LawMap, "entries", lambda self, known=LawMap.entries: known(self)[: 2 * FEW]
+        )
         return discover(drag[1])
 
 
@@ -87,14 +89,20 @@ def test_a_course_is_what_the_plant_has_more(drag):
     (_, course, _), followed = found.courses["acceleration"].parts[0], found.courses["acceleration"]
     assert max(widths(drawn, base.fit.residual).values()) > 5.0
     assert all(width < 1.3 for width in widths(drawn, followed.left).values())
-    assert np.ptp(course.states["omega"].begin) == pytest.approx(np.ptp(drawn.clean["speed"]), rel=0.1)
+    assert np.ptp(course.states["omega"].begin) == pytest.approx(
+        np.ptp(drawn.clean["speed"]), rel=0.1
+    )
 
 
 def test_the_map_has_the_right_law_and_signal_among_the_first(drag, spring):
     for (_, diagnosis), law, signal in ((drag, "friction", "omega"), (spring, "gravity", "angle")):
         found = LawMap(search_of(diagnosis), diagnosis.selection.base)
         entries = found.entries()
-        right = [e for e in entries if (e.law, e.signal.name, e.signal.memory, e.kind) == (law, signal, "", "add")]
+        right = [
+            e
+            for e in entries
+            if (e.law, e.signal.name, e.signal.memory, e.kind) == (law, signal, "", "add")
+        ]
         assert right[0] in entries[:8]
         assert right[0].curve.gain > max(10.0 * found.chance, 0.95 * entries[0].curve.gain)
 
@@ -112,7 +120,9 @@ def test_a_curve_and_what_the_model_has_are_the_plants_law(drag, found_drag):
 def test_of_laws_that_do_the_same_each_is_multiplied(spring):
     """A torque may be added anywhere in a balance, but a friction that grows with the angle is no other gravity."""
     found = LawMap(search_of(spring[1]), spring[1].selection.base)
-    assert {"gravity", "friction", "acceleration"} in [set(laws) for laws in found.candidates.values()]
+    assert {"gravity", "friction", "acceleration"} in [
+        set(laws) for laws in found.candidates.values()
+    ]
     multiplied = {(e.law, e.signal.name) for e in found.entries() if e.kind == "multiply"}
     assert {("gravity", "angle"), ("friction", "angle"), ("acceleration", "angle")} <= multiplied
 
@@ -170,7 +180,9 @@ def test_a_fit_begins_with_less_of_a_curve_where_the_map_is_far_off(drag):
     best = next(e for e in found.entries() if e.what == ("friction", "omega", "", "add"))
     fit = CurveFit(search, base, Fitting(search, base, found).effect(best), best.basis)
     much = replace(best.curve, values=-3000.0 * best.curve.values)
-    right, wrong = (fit.settled(fit.first([base.fit.values], c, found.floor)) for c in (best.curve, much))
+    right, wrong = (
+        fit.settled(fit.first([base.fit.values], c, found.floor)) for c in (best.curve, much)
+    )
     assert base.fit.bic - right.criterion > 200.0
     assert wrong.criterion == pytest.approx(right.criterion, abs=2.0)
 
@@ -186,16 +198,26 @@ def test_the_first_order_may_be_wrong(drag, monkeypatch, others, much):
     """Where much is left all signals are tried as they are, and always those that stand beside a law."""
     monkeypatch.setattr(discovery, "_MUCH", much)
     monkeypatch.setattr(
-        LawMap, "entries", lambda self, known=LawMap.entries: [e for e in known(self) if not e.signal.memory][:FEW]
+        LawMap,
+        "entries",
+        lambda self, known=LawMap.entries: [e for e in known(self) if not e.signal.memory][:FEW],
     )
-    monkeypatch.setattr(Plausible, "worth_a_fit", lambda self, entries: [e for e in entries if e.what == others])
+    monkeypatch.setattr(
+        Plausible, "worth_a_fit", lambda self, entries: [e for e in entries if e.what == others]
+    )
     best = discover(drag[1]).corrections[0]
     assert best.entry.what[:2] == ("friction", "omega")
 
 
-def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(found_drag):
+def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(
+    found_drag,
+):
     best = found_drag.corrections[0]
-    assert (best.entry.law, best.entry.signal.name, best.entry.signal.memory) == ("friction", "omega", "")
+    assert (best.entry.law, best.entry.signal.name, best.entry.signal.memory) == (
+        "friction",
+        "omega",
+        "",
+    )
     told = [(e.law, e.signal.name, e.signal.memory) for e in best.alike]
     assert len(told) == len(set(told))
     assert ("friction", "omega", "") not in told
@@ -210,10 +232,18 @@ def test_shapes_are_told_in_the_order_of_their_criterion(found_drag):
 
 @pytest.mark.parametrize(
     ("gain", "behind", "told"),
-    [(100.0, 5.9, True), (100.0, 6.1, False), (2000.0, 19.0, True), (2000.0, 21.0, False), (2000.0, -3.0, True)],
+    [
+        (100.0, 5.9, True),
+        (100.0, 6.1, False),
+        (2000.0, 19.0, True),
+        (2000.0, 21.0, False),
+        (2000.0, -3.0, True),
+    ],
 )
 def test_a_shape_is_told_where_it_is_about_as_good_as_the_curve(gain, behind, told):
     """A curve of a thousand samples bends after everything; one per cent of what it gains buys a name."""
     shape = SimpleNamespace(fit=SimpleNamespace(bic=-gain + behind))
-    found = discovery._nearest([("cubic", shape), ("linear", shape)], SimpleNamespace(criterion=-gain), 0.0)
+    found = discovery._nearest(
+        [("cubic", shape), ("linear", shape)], SimpleNamespace(criterion=-gain), 0.0
+    )
     assert found == (("cubic", shape) if told else None)

@@ -49,9 +49,18 @@ class Case:
         self.curve = self.columns.best(self.score)
 
 
-CASES = [(0, 0.0, True), (1, 0.5, True), (2, 2.0, True), (3, 10.0, True), (4, 0.3, False), (5, 3.0, False),
-         (6, 3e3, True)]  # fmt: skip
-several = pytest.mark.parametrize("case", CASES, ids=lambda c: f"{c[1]}-{'through' if c[2] else 'above'}-zero")
+CASES = [
+    (0, 0.0, True),
+    (1, 0.5, True),
+    (2, 2.0, True),
+    (3, 10.0, True),
+    (4, 0.3, False),
+    (5, 3.0, False),
+    (6, 3e3, True),
+]
+several = pytest.mark.parametrize(
+    "case", CASES, ids=lambda c: f"{c[1]}-{'through' if c[2] else 'above'}-zero"
+)
 
 
 def evidence(y, z, prior):
@@ -138,7 +147,9 @@ def test_values_and_covariance_are_those_of_ridge_equations(case):
     """As least squares with rows for the prior, in coordinates of unit variance."""
     one = Case(*case)
     strength, axes = np.linalg.eigh(one.curve.prior)
-    root = axes[:, strength > 1e-12 * strength.max()] * np.sqrt(strength[strength > 1e-12 * strength.max()])
+    root = axes[:, strength > 1e-12 * strength.max()] * np.sqrt(
+        strength[strength > 1e-12 * strength.max()]
+    )
     whole = np.vstack([one.z @ root, np.eye(root.shape[1])])
     found = np.linalg.lstsq(whole, np.append(one.y, np.zeros(root.shape[1])), rcond=None)[0]
     size = max(np.abs(one.curve.values).max(), 1e-6)
@@ -155,7 +166,11 @@ def test_the_price_is_what_is_not_explained(case):
     """Twice the fall of half the sum of squares with its prior, less the gain."""
     one = Case(*case)
     left = one.y - one.z @ one.curve.values
-    held = one.curve.values @ np.linalg.pinv(one.curve.prior, hermitian=True, rcond=1e-12) @ one.curve.values
+    held = (
+        one.curve.values
+        @ np.linalg.pinv(one.curve.prior, hermitian=True, rcond=1e-12)
+        @ one.curve.values
+    )
     fall = one.y @ one.y - left @ left - held
     assert one.curve.gain + one.curve.complexity == pytest.approx(fall, rel=1e-5, abs=1e-5)
     assert one.curve.complexity > 0.0
@@ -193,7 +208,9 @@ def test_what_is_the_models_own_is_no_part_of_a_curve():
     assert not found.values.any()
     assert not found.covariance.any()
     found = on_a_line(one)
-    assert found.complexity == pytest.approx(np.log(SAMPLES), rel=1e-5), "that of one parameter in BIC"
+    assert found.complexity == pytest.approx(np.log(SAMPLES), rel=1e-5), (
+        "that of one parameter in BIC"
+    )
     assert np.linalg.matrix_rank(found.prior) == 1
     assert np.diff(found.values) == pytest.approx(80.0, rel=0.02), "which tells no constant"
     found = on_a_line(np.zeros((SAMPLES, 1)))
@@ -264,7 +281,10 @@ def test_noise_hardly_ever_gains():
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=60, unique_by=lambda x: round(x, 3)), st.integers(0, 99))
+@given(
+    st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=60, unique_by=lambda x: round(x, 3)),
+    st.integers(0, 99),
+)
 def test_a_basis_is_that_of_the_table_in_a_model(values, seed):
     basis = Basis.over(np.array(values))
     rng = np.random.default_rng(seed)
@@ -314,10 +334,15 @@ def test_there_may_be_a_step_where_a_signal_goes_through_zero():
 
 
 def test_what_bends_is_no_line():
-    for knots in (np.linspace(0.0, 1.0, 12), np.sort(np.random.default_rng(1).uniform(-3.0, 5.0, 16))):
+    for knots in (
+        np.linspace(0.0, 1.0, 12),
+        np.sort(np.random.default_rng(1).uniform(-3.0, 5.0, 16)),
+    ):
         basis = Basis(knots)
         assert basis.bending == pytest.approx(bending(basis), abs=1e-5)
-        assert np.vander(knots, 2).T @ basis.bending == pytest.approx(np.zeros((2, len(knots))), abs=1e-9)
+        assert np.vander(knots, 2).T @ basis.bending == pytest.approx(
+            np.zeros((2, len(knots))), abs=1e-9
+        )
         assert np.trace(basis.bending) == pytest.approx(len(knots))
 
 

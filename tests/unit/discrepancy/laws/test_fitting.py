@@ -33,7 +33,10 @@ SHARE, TIME = 0.8, 150.0
 def wall(tmp_path_factory, request):
     """Two thermal nodes with a third one behind the outer, which stores and gives back."""
     path = tmp_path_factory.mktemp("wall") / "nodes.csv"
-    case = replace(conditions(PLANTS["ThermalNodes"], KINDS[0], 4, np.random.default_rng(4)), at_rest=not request.param)
+    case = replace(
+        conditions(PLANTS["ThermalNodes"], KINDS[0], 4, np.random.default_rng(4)),
+        at_rest=not request.param,
+    )
     hidden = remembered("outer", SHARE, [TIME], 293.0, ahead=True)
     drawn = draw(case, plant=altered("ThermalNodes", hidden))
     drawn.write(path)
@@ -65,17 +68,23 @@ def test_what_is_in_proportion_is_a_straight_curve_with_the_band_of_its_amount(w
     slope = one.values[one.straight.effect.neutral]
     assert one.curve.values == pytest.approx(slope * knots)
     estimate, k = one.straight, one.straight.problem.names.index(one.straight.effect.neutral)
-    spread = np.sqrt(estimate.fit.covariance.matrix[k, k]) * estimate.problem.scales[k].slope(estimate.fit.q[k])
+    spread = np.sqrt(estimate.fit.covariance.matrix[k, k]) * estimate.problem.scales[k].slope(
+        estimate.fit.q[k]
+    )
     assert np.sqrt(np.diag(one.curve.covariance)) == pytest.approx(np.abs(spread * knots))
 
 
 def test_a_lag_is_longer_than_a_sample_and_shorter_than_the_record(wall):
     base, search = wall.selection.base, search_of(wall)
     found = LawMap(search, base)
-    several = [e for e in found.entries() if e.law == "loss" and e.signal.memory in ("lagged", "leading")][:3]
+    several = [
+        e for e in found.entries() if e.law == "loss" and e.signal.memory in ("lagged", "leading")
+    ][:3]
     fitted = [one for e in several if (one := Fitting(search, base, found).first(e)) is not None]
     assert fitted
     step, whole = np.median(np.diff(search.data.time)), np.ptp(search.data.time)
     assert all(step < one.entry.signal.constant < whole for one in fitted)
-    values = [one.straight.fit.values[n] for one in fitted for n in own_parameters(one.straight.effect)]
+    values = [
+        one.straight.fit.values[n] for one in fitted for n in own_parameters(one.straight.effect)
+    ]
     assert len(values) == 2 * len(fitted)

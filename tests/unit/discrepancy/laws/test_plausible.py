@@ -24,7 +24,17 @@ def entry(law, signal, memory="", kind="add", gain=100.0, direction=0, driven="a
     away[int(direction)], away[7] = np.cos(direction % 1.0), np.sin(direction % 1.0)
     curve = Curve(gain, np.zeros(2), NOTHING, NOTHING, 0.0)
     signal = Signal(signal, memory, 1.0 if memory in ("lagged", "leading", "heat") else 0.0)
-    return Entry(driven, law, signal, kind, Basis(np.array([0.0, 1.0])), curve, away, np.zeros(2), np.zeros(2))
+    return Entry(
+        driven,
+        law,
+        signal,
+        kind,
+        Basis(np.array([0.0, 1.0])),
+        curve,
+        away,
+        np.zeros(2),
+        np.zeros(2),
+    )
 
 
 def plausible(families=()):
@@ -43,7 +53,10 @@ def labels(entries):
         (entry("friction", "omega"), entry("friction", "omega", kind="multiply")),
         (entry("friction", "omega", "leading"), entry("friction", "omega", "heat")),
         (entry("acceleration", "winding_current"), entry("acceleration", "acceleration")),
-        (entry("friction", "time", kind="multiply"), entry("friction", "omega", "lagged", "multiply")),
+        (
+            entry("friction", "time", kind="multiply"),
+            entry("friction", "omega", "lagged", "multiply"),
+        ),
         (entry("friction", "omega", "lagged"), entry("friction", "time")),
     ],
     ids=lambda one: one.label.replace(" ", "_"),
@@ -55,7 +68,9 @@ def test_what_is_the_likelier_one(likelier, other):
 
 def test_what_is_known_goes_before():
     known, other = entry("acceleration", "omega"), entry("acceleration", "winding_current")
-    assert plausible(["acceleration over omega"]).far_fetched(known) < plausible().far_fetched(other)
+    assert plausible(["acceleration over omega"]).far_fetched(known) < plausible().far_fetched(
+        other
+    )
 
 
 def test_of_what_is_the_same_in_a_record_the_likelier_one_is_fitted():
@@ -70,7 +85,9 @@ def test_the_best_and_the_likeliest_of_its_like_are_both_fitted():
     nearer = entry("friction", "load", gain=990.0, direction=1.05)
     weaker = entry("friction", "voltage", gain=900.0, direction=1.02)
     other = entry("friction", "voltage", "heat", gain=500.0, direction=2)
-    assert labels(plausible().worth_a_fit([best, nearer, weaker, other])) == labels([best, nearer, other])
+    assert labels(plausible().worth_a_fit([best, nearer, weaker, other])) == labels(
+        [best, nearer, other]
+    )
 
 
 def test_courses_take_turns():

@@ -30,7 +30,9 @@ FORMS = {
 def known(values, share=0.01):
     """A curve of which everything is known to about a hundredth."""
     size = share * np.abs(values).max()
-    return Curve(100.0, values, size**2 * np.eye(len(values)), (100.0 * size) ** 2 * np.eye(len(values)), 0.0)
+    return Curve(
+        100.0, values, size**2 * np.eye(len(values)), (100.0 * size) ** 2 * np.eye(len(values)), 0.0
+    )
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -71,7 +73,9 @@ def test_what_the_model_can_do_itself_is_no_likeness():
 def test_a_covariance_that_rounding_has_made_singular_does_no_harm():
     values = BASIS.knots**2
     rank_one = np.outer(values, values)
-    found = likenesses(BASIS, Curve(100.0, values, 1e-6 * rank_one, rank_one + 1e-9 * np.eye(21), 0.0), 1.0)
+    found = likenesses(
+        BASIS, Curve(100.0, values, 1e-6 * rank_one, rank_one + 1e-9 * np.eye(21), 0.0), 1.0
+    )
     assert found
     assert np.isfinite([one.distance for one in found]).all()
 
@@ -83,7 +87,9 @@ def test_what_is_all_the_models_own_looks_like_nothing():
 
 def test_a_constant_stands_beside_a_shape_where_the_curve_has_one():
     cube = BASIS.knots**3
-    plain, raised = (likenesses(BASIS, known(values), 1.0)[0] for values in (3.0 * cube, 3.0 * cube + 6.0))
+    plain, raised = (
+        likenesses(BASIS, known(values), 1.0)[0] for values in (3.0 * cube, 3.0 * cube + 6.0)
+    )
     assert (plain.shape, plain.beside) == ("cubic", 0.0)
     assert raised.shape == "cubic"
     assert (raised.amount, raised.beside) == pytest.approx((3.0, 2.0), rel=0.02)
@@ -103,4 +109,6 @@ def test_an_exponential_over_an_absolute_temperature_is_one():
     zero = zero_of(basis)
     best = likenesses(basis, known(values), 20.0, zero=zero)[0]
     assert best.shape == "exponential"
-    assert best.width == pytest.approx(12.0, rel=0.5), "one of a few widths, with which a fit begins"
+    assert best.width == pytest.approx(12.0, rel=0.5), (
+        "one of a few widths, with which a fit begins"
+    )

@@ -10,7 +10,16 @@ from scipy.integrate import cumulative_simpson
 from scipy.signal import lsim
 
 from orchestration.discrepancy.laws.linear.response import Course, Sides, continuous
-from orchestration.discrepancy.laws.signals import LAGS, Signal, integrated, is_new, lagged, of, plain, remembered
+from orchestration.discrepancy.laws.signals import (
+    LAGS,
+    Signal,
+    integrated,
+    is_new,
+    lagged,
+    of,
+    plain,
+    remembered,
+)
 
 TIME = np.linspace(0.0, 20.0, 401)
 WAVE = np.sin(1.3 * TIME) + 0.4 * np.cos(0.2 * TIME)
@@ -19,7 +28,9 @@ WAVE = np.sin(1.3 * TIME) + 0.4 * np.cos(0.2 * TIME)
 def settled_lag(values, constant, interp):
     """SciPy's, from equilibrium with the first value."""
     a = [[-1.0 / constant]]
-    return lsim((a, [[1.0 / constant]], [[1.0]], [[0.0]]), values, TIME, X0=[values[0]], interp=interp)[1]
+    return lsim(
+        (a, [[1.0 / constant]], [[1.0]], [[0.0]]), values, TIME, X0=[values[0]], interp=interp
+    )[1]
 
 
 @pytest.mark.parametrize("constant", [0.01, 0.2, 3.0, 1e3])
@@ -36,7 +47,9 @@ def test_a_lag_over_uneven_steps_in_closed_form():
     """Of a ramp from 2: a t + 2 - a T (1 - exp(-t / T))."""
     time = np.append(0.0, np.cumsum(np.random.default_rng(1).choice([0.01, 0.3, 2.0], 300)))
     found = lagged(continuous(2.0 + 0.7 * time), np.diff(time), 0.9)
-    assert found.begin == pytest.approx(2.0 + 0.7 * time - 0.7 * 0.9 * (1.0 - np.exp(-time / 0.9)), rel=1e-10)
+    assert found.begin == pytest.approx(
+        2.0 + 0.7 * time - 0.7 * 0.9 * (1.0 - np.exp(-time / 0.9)), rel=1e-10
+    )
 
 
 def test_a_step_over_uneven_steps_in_closed_form():
@@ -84,7 +97,10 @@ def test_what_is_remembered_of_each():
     assert {s.name for s in found} == {"held", "smooth", "state"}, "of the time nothing"
     for name in ("held", "smooth", "state"):
         kinds = [s.memory for s in found if s.name == name]
-        assert kinds == ["lagged"] * LAGS + ["leading"] * LAGS + ["heat"] * LAGS + ["integrated", "throughput"]
+        assert kinds == ["lagged"] * LAGS + ["leading"] * LAGS + ["heat"] * LAGS + [
+            "integrated",
+            "throughput",
+        ]
     constants = sorted({s.constant for s in found if s.memory == "lagged"})
     assert constants[0] == pytest.approx(4 * 0.05)
     assert constants[-1] == pytest.approx(5.0)
@@ -100,29 +116,45 @@ def test_a_signal_over_a_run():
     behind = settled_lag(WAVE, 0.7, True)
     assert of(Signal("smooth"), one, {}).begin is one.inputs["smooth"].begin
     assert of(Signal("smooth", "lagged", 0.7), one, {}).begin == pytest.approx(behind, abs=1e-9)
-    assert of(Signal("smooth", "leading", 0.7), one, {}).begin == pytest.approx(WAVE - behind, abs=1e-9)
+    assert of(Signal("smooth", "leading", 0.7), one, {}).begin == pytest.approx(
+        WAVE - behind, abs=1e-9
+    )
     warm = settled_lag(WAVE**2, 0.7, True) - WAVE[0] ** 2 * np.exp(-(one.time - one.time[0]) / 0.7)
-    assert of(Signal("smooth", "heat", 0.7), one, {}).begin == pytest.approx(warm, abs=1e-9), "cold at first"
+    assert of(Signal("smooth", "heat", 0.7), one, {}).begin == pytest.approx(warm, abs=1e-9), (
+        "cold at first"
+    )
     jumps = of(Signal("held", "leading", 0.7), one, {})
     rest = settled_lag(np.sign(WAVE), 0.7, False)
     assert jumps.begin == pytest.approx(np.sign(WAVE) - rest, abs=1e-9)
-    assert jumps.end[:-1] == pytest.approx(np.sign(WAVE)[:-1] - rest[1:], abs=1e-9), "the input before it jumps"
+    assert jumps.end[:-1] == pytest.approx(np.sign(WAVE)[:-1] - rest[1:], abs=1e-9), (
+        "the input before it jumps"
+    )
     through = of(Signal("held", "throughput"), one, {})
     assert through.begin == pytest.approx(TIME, abs=0.06)
     assert of(Signal("time"), one, {}).begin.tolist() == TIME.tolist()
     assert of(Signal("time"), one, {}).end[:-1].tolist() == TIME[1:].tolist()
     law = continuous(np.exp(WAVE))
     assert of(Signal("law"), one, {"law": law}) is law
-    assert of(Signal("state"), one, {"state": law}) is one.states["state"], "a state goes before a law of its name"
+    assert of(Signal("state"), one, {"state": law}) is one.states["state"], (
+        "a state goes before a law of its name"
+    )
     with pytest.raises(KeyError, match="nothing"):
         of(Signal("nothing"), one, {})
 
 
 def test_what_moves_is_listed():
     one = course(
-        smooth=WAVE, still=7.0, same=5.0 - 2.0 * WAVE, ramp=3.0 * TIME, broken=np.where(TIME > 3, np.nan, TIME)
+        smooth=WAVE,
+        still=7.0,
+        same=5.0 - 2.0 * WAVE,
+        ramp=3.0 * TIME,
+        broken=np.where(TIME > 3, np.nan, TIME),
     )
-    laws = {"drop": continuous(np.exp(WAVE)), "voltage": continuous(WAVE**3), "twice": continuous(2.0 * WAVE**2 + 1e3)}
+    laws = {
+        "drop": continuous(np.exp(WAVE)),
+        "voltage": continuous(WAVE**3),
+        "twice": continuous(2.0 * WAVE**2 + 1e3),
+    }
     found = plain(one, laws, {"voltage"})
     moving = ["held", "smooth", "same", "ramp", "state", "drop", "twice", "time"]
     assert [s.name for s in found] == moving, "whatever runs in proportion in this record"
@@ -143,7 +175,9 @@ def test_what_is_in_proportion_is_not_new(offset, factor, turned, seed):
     assert len(told) == 2
 
 
-@pytest.mark.parametrize("values", [np.zeros(9), np.full(9, 1e9), 1.0 + 1e-12 * np.arange(9.0), np.full(9, np.inf)])
+@pytest.mark.parametrize(
+    "values", [np.zeros(9), np.full(9, 1e9), 1.0 + 1e-12 * np.arange(9.0), np.full(9, np.inf)]
+)
 def test_what_stands_still_tells_nothing(values):
     told: list[np.ndarray] = []
     assert not is_new(continuous(values), told)

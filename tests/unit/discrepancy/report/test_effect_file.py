@@ -18,22 +18,38 @@ from tests.support.clean.models.motor import Motor
 KNOTS, VALUES = (-80.0, -1.0, 0.0, 1.0, 90.0), (0.3, -0.2, 0.0, 0.15, -0.4)
 CASES = [
     *(("friction", "omega", "", "add", shape) for shape in SHAPES),
-    *(("friction", "omega", memory, kind, shape) for memory in MEMORIES for kind in KINDS for shape in ("", "cubic")),
+    *(
+        ("friction", "omega", memory, kind, shape)
+        for memory in MEMORIES
+        for kind in KINDS
+        for shape in ("", "cubic")
+    ),
     ("winding_current", "voltage", "lagged", "add", ""),
     ("winding_current", "friction", "", "multiply", "sign"),
     ("friction", "friction", "", "add", ""),
     ("friction", "friction", "throughput", "add", "linear"),
     ("friction", "time", "", "multiply", "linear"),
-]  # fmt: skip
+]
 
 
 def fitted(law, signal, memory, kind, shape):
     """A correction of the motor with values as a fit would leave them, and where its file comes from."""
-    of = Of(signal, memory, 0.7 if memory in ("lagged", "leading", "heat") else 0.0, "rad/s", 100.0, 3.0)
-    effect = correction(Motor, law, of, shape or KNOTS, "N*m", 0.01, kind, () if shape else VALUES, fixed=not shape)
+    of = Of(
+        signal, memory, 0.7 if memory in ("lagged", "leading", "heat") else 0.0, "rad/s", 100.0, 3.0
+    )
+    effect = correction(
+        Motor, law, of, shape or KNOTS, "N*m", 0.01, kind, () if shape else VALUES, fixed=not shape
+    )
     cls = stack(Motor, effect)
-    values = {p.name: float(p.start) for p in cls.layout.parameters} | {"damping": 2.34e-4, "omega_start": 5.0}
-    values |= {effect.neutral: 0.017, f"{effect.neutral}_width": 12.5, f"{effect.neutral}_memory_constant": 0.9}
+    values = {p.name: float(p.start) for p in cls.layout.parameters} | {
+        "damping": 2.34e-4,
+        "omega_start": 5.0,
+    }
+    values |= {
+        effect.neutral: 0.017,
+        f"{effect.neutral}_width": 12.5,
+        f"{effect.neutral}_memory_constant": 0.9,
+    }
     values = {n: v for n, v in values.items() if n in {p.name for p in cls.layout.parameters}}
     run = SimpleNamespace(values=dict)
     candidate = SimpleNamespace(cls=cls)
@@ -41,7 +57,9 @@ def fitted(law, signal, memory, kind, shape):
     entry = SimpleNamespace(law=law, signal=Signal(signal, memory, of.constant), kind=kind)
     model = SimpleNamespace(effect=effect, candidate=candidate, problem=problem, fit=fit)
     made = SimpleNamespace(entry=entry, model=model, shape=shape)
-    asked = SimpleNamespace(component=Motor, result=SimpleNamespace(files='a "quoted" \udcff.csv'), last=model)
+    asked = SimpleNamespace(
+        component=Motor, result=SimpleNamespace(files='a "quoted" \udcff.csv'), last=model
+    )
     asked.rounds = [SimpleNamespace(best=made, own_values=lambda last: {})]
     return asked, made, values
 
@@ -53,12 +71,24 @@ def test_the_file_computes_what_was_fitted(law, signal, memory, kind, shape):
     written: dict = {}
     text = source(asked)
     exec(compile(text, "law.py", "exec"), written)
-    (effect,) = (c for c in written.values() if isinstance(c, type) and c.__module__ != "fmus.kit.component")
-    theirs, ours = one.model.candidate.cls(**values), stack(Motor, effect, defaults=written["FITTED"])()
+    (effect,) = (
+        c for c in written.values() if isinstance(c, type) and c.__module__ != "fmus.kit.component"
+    )
+    theirs, ours = (
+        one.model.candidate.cls(**values),
+        stack(Motor, effect, defaults=written["FITTED"])(),
+    )
     rng = np.random.default_rng(1)
     for _ in range(20):
-        state = {s.name: float(x) for s, x in zip(theirs.layout.states, rng.normal(0.0, 60.0, 9), strict=False)}
-        now = state | {"voltage": float(rng.normal(0.0, 6.0)), "load": 0.01, "time": float(rng.uniform(0.0, 9.0))}
+        state = {
+            s.name: float(x)
+            for s, x in zip(theirs.layout.states, rng.normal(0.0, 60.0, 9), strict=False)
+        }
+        now = state | {
+            "voltage": float(rng.normal(0.0, 6.0)),
+            "load": 0.01,
+            "time": float(rng.uniform(0.0, 9.0)),
+        }
         for component in (theirs, ours):
             for name, value in now.items():
                 setattr(component, name, value)

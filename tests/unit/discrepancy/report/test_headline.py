@@ -31,8 +31,14 @@ def test_a_record_that_tells_all_needs_no_more_words(actuator):
 def test_a_missing_input_and_what_cannot_be_known_are_in_the_headline(actuator):
     result = diagnose(rig_record(None, "current", "voltage"), actuator, options=NOTHING)
     headline = wording.headline(result)
-    assert "lab record.csv has no force: taken to be 0 N throughout; --set force=... says otherwise; " in headline
-    assert "the record does not determine alpha, k1, b1, k2, b2: hold what you know (--hold NAME)" in headline
+    assert (
+        "lab record.csv has no force: taken to be 0 N throughout; --set force=... says otherwise; "
+        in headline
+    )
+    assert (
+        "the record does not determine alpha, k1, b1, k2, b2: hold what you know (--hold NAME)"
+        in headline
+    )
     assert summary(result)["headline"] == headline
     printed = " ".join(plain_text(terminal.overview(result)).split())
     assert printed.count("has no force") == 1
@@ -64,7 +70,9 @@ def test_why_an_effect_was_rejected_is_said_on_the_terminal_too(actuator):
         assert f"{row.candidate.effect_name} {row.gain:.1f} rejected {row.why}" in printed
 
 
-@pytest.mark.parametrize(("margin", "said"), [(2e-5, False), (-2e-5, False), (12.0, True), (-3.0, True)])
+@pytest.mark.parametrize(
+    ("margin", "said"), [(2e-5, False), (-2e-5, False), (12.0, True), (-3.0, True)]
+)
 def test_a_difference_that_is_none_is_not_told_as_one(margin, said):
     facts = {"course": "linear", "basis": "course", "margin": margin}
     assert ("BIC" in wording.message(Note(NoteCode.INTERSAMPLE, "current", facts))) is said

@@ -13,9 +13,14 @@ from orchestration.discrepancy.report.laws.formula import Node, formula
 from orchestration.discrepancy.report.laws.mathml import equation, expression
 
 CALLED = {
-    "tanh": tanh, "exp": exp, "sqrt": sqrt, "max": max, "min": min, "sign": lambda x: (x > 0) - (x < 0),
+    "tanh": tanh,
+    "exp": exp,
+    "sqrt": sqrt,
+    "max": max,
+    "min": min,
+    "sign": lambda x: (x > 0) - (x < 0),
     "clip": lambda x, low, high: min(max(x, low), high),
-}  # fmt: skip
+}
 POINTS = (-2.3, -0.6, 0.7, 1.9)
 
 
@@ -30,10 +35,14 @@ def value(node: Node, of: dict[str, float]) -> float:
             result *= part
         return result
     return {
-        "sum": lambda: sum(parts), "minus": lambda: -parts[0], "quotient": lambda: parts[0] / parts[1],
-        "power": lambda: parts[0] ** parts[1], "bars": lambda: abs(parts[0]), "group": lambda: parts[0],
+        "sum": lambda: sum(parts),
+        "minus": lambda: -parts[0],
+        "quotient": lambda: parts[0] / parts[1],
+        "power": lambda: parts[0] ** parts[1],
+        "bars": lambda: abs(parts[0]),
+        "group": lambda: parts[0],
         "call": lambda: CALLED[node.text](*parts),
-    }[node.kind]()  # fmt: skip
+    }[node.kind]()
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -52,7 +61,9 @@ def test_a_formula_is_read_as_the_kit_computes_it(shape):
             else:
                 begins = value(left, of) > value(right, of)
         said = value(read.value, of) if begins else 0.0
-        assert said == pytest.approx(known, rel=1e-2 if rounded else 1e-5, abs=1e-2 if rounded else 1e-12)
+        assert said == pytest.approx(
+            known, rel=1e-2 if rounded else 1e-5, abs=1e-2 if rounded else 1e-12
+        )
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -85,15 +96,22 @@ def test_structures_are_typeset_as_such(text, tags):
 
 
 def test_a_quotient_has_all_that_stands_before_it_above():
-    root = ElementTree.fromstring(f"<math>{expression(formula('a x / sqrt(|x| / n)').value)}</math>")
+    root = ElementTree.fromstring(
+        f"<math>{expression(formula('a x / sqrt(|x| / n)').value)}</math>"
+    )
     above, below = next(root.iter("mfrac"))
     assert "".join(above.itertext()) == "a⋅x"
     assert below.find(".//msqrt") is not None
 
 
 def test_a_curve_is_f_of_the_signal_and_what_is_remembered_is_x():
-    assert "".join(ElementTree.fromstring(equation("drop", "current")).itertext()) == "drop=dropmodel+f⁡(current)"
-    text = "".join(ElementTree.fromstring(equation("drop", "current", "multiply", "a x", True)).itertext())
+    assert (
+        "".join(ElementTree.fromstring(equation("drop", "current")).itertext())
+        == "drop=dropmodel+f⁡(current)"
+    )
+    text = "".join(
+        ElementTree.fromstring(equation("drop", "current", "multiply", "a x", True)).itertext()
+    )
     assert text == "drop=dropmodel⋅(1+a⋅x)"
 
 

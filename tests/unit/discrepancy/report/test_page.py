@@ -35,7 +35,17 @@ from tests.support.pages import content, figures_of, words_of
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
 COMMAND = f"ppy diagnose '{NASTY}'"
 FEW = [effect for effect in EFFECTS_OF_A_STRAIN if effect.id != "strain_lag"]
-PAGES = ("cause", "ambiguous", "recalibrate", "consistent", "unexplained", "idle", "voltage", "holdout", "uneven")
+PAGES = (
+    "cause",
+    "ambiguous",
+    "recalibrate",
+    "consistent",
+    "unexplained",
+    "idle",
+    "voltage",
+    "holdout",
+    "uneven",
+)
 
 
 # --- one diagnosis, and what may become of it -----------------------------------------------------------------------
@@ -52,7 +62,9 @@ def results(tmp_path_factory):
     folder, model = tmp_path_factory.mktemp("pages"), find_model("ppy_actuator")
 
     def read(name, seed=1, outputs=("voltage", "displacement")):
-        return read_for(model, broken_off(folder / name, seed, {n: n for n in ("current", "force", *outputs)}))
+        return read_for(
+            model, broken_off(folder / name, seed, {n: n for n in ("current", "force", *outputs)})
+        )
 
     def diagnosed(record, effects=FEW, holdout=None):
         return diagnose(record, model, holdout, Options(effects=[effect.id for effect in effects]))
@@ -61,10 +73,16 @@ def results(tmp_path_factory):
     cause = diagnosed(record)
     diagnosis, selection = cause.diagnosis, cause.diagnosis.selection
     (step, *_), bare = selection.steps, replace(selection, steps=[])
-    plain = {"selection": bare, "estimates": {n: diagnosis.estimates[n] for n in bare.base.problem.names}}
+    plain = {
+        "selection": bare,
+        "estimates": {n: diagnosis.estimates[n] for n in bare.base.problem.names},
+    }
     (alternative, _), *others = step.rejected
     alike = replace(selection, steps=[replace(step, alternatives=[alternative], rejected=others)])
-    line, shifts = SpectralLine(0.83, 4e-3, 1e-12), [LevelShift(100.0 + k, 1e-4, 1e-12) for k in range(7)]
+    line, shifts = (
+        SpectralLine(0.83, 4e-3, 1e-12),
+        [LevelShift(100.0 + k, 1e-4, 1e-12) for k in range(7)],
+    )
     residuals = {
         "voltage": replace(diagnosis.residuals["voltage"], lines=[line]),
         "displacement": replace(diagnosis.residuals["displacement"], level_shifts=shifts),
@@ -72,7 +90,9 @@ def results(tmp_path_factory):
     unexplained = named(cause, Verdict.UNEXPLAINED, **plain, residuals=residuals)
     still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
     uneven = np.unique(np.geomspace(1, record.time.size, 900).astype(int) - 1)
-    sampled = replace(record, time=record.time[uneven], signals={n: v[uneven] for n, v in record.signals.items()})
+    sampled = replace(
+        record, time=record.time[uneven], signals={n: v[uneven] for n, v in record.signals.items()}
+    )
     return {
         "cause": cause,
         "ambiguous": named(cause, Verdict.AMBIGUOUS, selection=alike),
@@ -98,8 +118,9 @@ def made(results):
 def test_an_uneven_record_is_told_and_drawn_without_holes(results, made):
     diagnosis = results["uneven"].diagnosis
     there = np.isfinite(diagnosis.validation.data.measured["voltage"])
-    assert f"every third sample was held out: fitted to {(~there).sum()}, judged on {there.sum()}." in words_of(
-        made["uneven"]
+    assert (
+        f"every third sample was held out: fitted to {(~there).sum()}, judged on {there.sum()}."
+        in words_of(made["uneven"])
     )
     assert "Only samples that were held out are shown." in words_of(made["uneven"])
 
@@ -118,7 +139,8 @@ def test_errors_are_those_of_the_diagnosis(results, made):
     text = words_of(made["cause"])
     for output in ("voltage", "displacement"):
         missing = re.search(
-            rf" {output} nominal ([\d.]+) % .*? refitted ([\d.]+) % .*? extended ([\d.]+) % · (\S+) (\S+)", text
+            rf" {output} nominal ([\d.]+) % .*? refitted ([\d.]+) % .*? extended ([\d.]+) % · (\S+) (\S+)",
+            text,
         )
         assert float(missing[2]) == pytest.approx(100.0 * diagnosis.before[output], rel=5e-3)
         assert float(missing[3]) == pytest.approx(100.0 * diagnosis.after[output], rel=5e-3)
@@ -161,7 +183,10 @@ def test_what_is_left_and_not_judged_is_told(made):
     assert "A line at 0.83 Hz with an amplitude of 0.004 V." in text
     assert text.count("A jump of 0.1 mm at 10") == 5
     assert "2 more jumps." in text
-    assert "What could not be judged slack was not judged: it leaves no trace in what was measured" in text
+    assert (
+        "What could not be judged slack was not judged: it leaves no trace in what was measured"
+        in text
+    )
     assert "no input moves: neither a cause nor a parameter can be judged" in words_of(made["idle"])
     assert "current stays at 0.5 A; force stays at 0.5 N." in words_of(made["idle"])
 
@@ -170,8 +195,12 @@ def test_what_follows_from_a_diagnosis_has_its_place(results):
     """Simulations of the exported FMU, what the residual correlates with, and an experiment that would tell more."""
     ambiguous, diagnosis = results["ambiguous"], results["ambiguous"].diagnosis
     perfect = {o: np.nan_to_num(y) for o, y in diagnosis.validation.data.measured.items()}
-    gain = Gain(diagnosis.before, diagnosis.after, {}, {o: y + 1e-3 for o, y in perfect.items()}, perfect)
-    seen = CrossCorrelation("voltage", "rate of charge", np.zeros(1), np.ones(1), 0.05, 0.0, 0.9, 1e-9)
+    gain = Gain(
+        diagnosis.before, diagnosis.after, {}, {o: y + 1e-3 for o, y in perfect.items()}, perfect
+    )
+    seen = CrossCorrelation(
+        "voltage", "rate of charge", np.zeros(1), np.ones(1), 0.05, 0.0, 0.9, 1e-9
+    )
     chance = replace(seen, signal="time", p_value=0.5)
     stimuli = {name: Stimulus("constant", {"value": 0.5}) for name in ("current", "force")}
     experiment = DiscriminatingExperiment(
@@ -192,7 +221,9 @@ def test_what_follows_from_a_diagnosis_has_its_place(results):
 def test_uneven_samples_have_no_spectrum(results):
     cause, estimation = results["cause"], results["cause"].diagnosis.estimation
     time = estimation.time[-1] * (estimation.time / estimation.time[-1]) ** 3
-    text = page(named(cause, Verdict.CAUSE, estimation=replace(estimation, time=time)), COMMAND).html()
+    text = page(
+        named(cause, Verdict.CAUSE, estimation=replace(estimation, time=time)), COMMAND
+    ).html()
     assert "Sampling is uneven" in text
     assert len(figures_of(text)) == 1
 
@@ -261,7 +292,12 @@ SMALLEST = """Math.min(...[...document.querySelectorAll("p, li, td, th, h1, h2, 
 @pytest.mark.parametrize(
     ("name", "width"),
     slow_but(
-        [*((name, 390) for name in PAGES), ("cause", 1280), ("unexplained", 1280), ("holdout", 1280)],
+        [
+            *((name, 390) for name in PAGES),
+            ("cause", 1280),
+            ("unexplained", 1280),
+            ("holdout", 1280),
+        ],
         *((name, 390) for name in PAGES if name not in ("idle", "voltage")),
         ("cause", 1280),
     ),

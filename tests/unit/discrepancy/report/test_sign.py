@@ -27,7 +27,9 @@ QUIET = 3.0  # s on either side of the jump in which no input moves
 
 def quiet_time(drawn):
     """The instant in the part that is fitted to that is furthest from every step of an input."""
-    moves = np.any([np.diff(values, prepend=values[0]) != 0.0 for values in drawn.inputs.values()], axis=0)
+    moves = np.any(
+        [np.diff(values, prepend=values[0]) != 0.0 for values in drawn.inputs.values()], axis=0
+    )
     steps = drawn.time[moves]
     candidates = drawn.time[(drawn.time > 60.0) & (drawn.time < 150.0)]
     distance = np.abs(candidates[:, np.newaxis] - steps).min(axis=1)
@@ -56,12 +58,17 @@ def text(jumped):
 
 def drawn_residual(text, output, model):
     """What is drawn below an output as measured minus simulated: time (s) and values, as a browser unpacks them."""
-    figure, *_ = (json.loads(data) for data in re.findall(r'<script type="application/json">(.*?)</script>', text))
+    figure, *_ = (
+        json.loads(data)
+        for data in re.findall(r'<script type="application/json">(.*?)</script>', text)
+    )
     titles = [note["text"] for note in figure["layout"]["annotations"]]
     panel = 1 + next(k for k, title in enumerate(titles) if title.startswith(output))
     assert titles[panel].startswith("measured − simulated [mm]")
     (trace,) = (t for t in figure["data"] if (t["yaxis"], t["name"]) == (f"y{panel + 1}", model))
-    return (np.frombuffer(base64.b64decode(trace[axis]["bdata"]), trace[axis]["dtype"]) for axis in "xy")
+    return (
+        np.frombuffer(base64.b64decode(trace[axis]["bdata"]), trace[axis]["dtype"]) for axis in "xy"
+    )
 
 
 def test_a_jump_has_the_sign_of_what_was_measured(jumped):

@@ -30,7 +30,10 @@ from tests.support.reference import DOCS, documented, documented_codes, fields
 @pytest.fixture(scope="module")
 def result():
     """A lag of the voltage's sensor, with something else that nobody looked for."""
-    effects, record = ["sensor_lag(voltage)", "quadratic_strain"], rig_record("sensor_lag.voltage", duration=200.0)
+    effects, record = (
+        ["sensor_lag(voltage)", "quadratic_strain"],
+        rig_record("sensor_lag.voltage", duration=200.0),
+    )
     result = diagnose(record, find_model("ppy_actuator"), options=Options(effects=effects))
     assert result.diagnosis.causes[:1] == ["sensor_lag(voltage)"]
     return result
@@ -45,7 +48,11 @@ def written_down(result):
 def written(result):
     """A diagnosis in which every field has something."""
     diagnosis = result.diagnosis
-    (step, *_), base, voltage = diagnosis.selection.steps, diagnosis.selection.base, diagnosis.residuals["voltage"]
+    (step, *_), base, voltage = (
+        diagnosis.selection.steps,
+        diagnosis.selection.base,
+        diagnosis.residuals["voltage"],
+    )
     alternative = replace(base, candidate=base.candidate.with_effect(EFFECTS["double_layer"]))
     residual = replace(
         voltage,
@@ -57,16 +64,31 @@ def written(result):
     full = replace(
         diagnosis,
         verdict=Verdict.AMBIGUOUS,
-        selection=replace(diagnosis.selection, steps=[replace(step, alternatives=[alternative], gains=gains)]),
+        selection=replace(
+            diagnosis.selection, steps=[replace(step, alternatives=[alternative], gains=gains)]
+        ),
         residuals={"voltage": residual},
     )
     experiment = DiscriminatingExperiment(
-        {"current": Stimulus("constant", {})}, 60.0, 0.1, [ExpectedEvidence("a", "b", 20.0)], diagnosis.final
+        {"current": Stimulus("constant", {})},
+        60.0,
+        0.1,
+        [ExpectedEvidence("a", "b", 20.0)],
+        diagnosis.final,
     )
     notes = [Note(NoteCode.NOT_SIMULATED, "slack", {"reason": "too stiff"})]
     figures = written_down(replace(result, diagnosis=full, experiment=experiment, notes=notes))
     change = Change(
-        "R1", 0.5, 1.0, (0.4, 0.6), (0.9, 1.1), True, False, 0.9, full.final.problem.declared["R1"], "an_effect"
+        "R1",
+        0.5,
+        1.0,
+        (0.4, 0.6),
+        (0.9, 1.1),
+        True,
+        False,
+        0.9,
+        full.final.problem.declared["R1"],
+        "an_effect",
     )
     return figures | {
         "runs": [RunError("a", True, 300, {"voltage": 0.1}).to_dict()],
@@ -93,8 +115,9 @@ def test_percent_and_shares_are_what_is_said(result):
     validation, part = diagnosis.validation, slice(diagnosis.validation.first, None)
     for output, y in validation.data.measured.items():
         for model, when, errors in (
-            (diagnosis.selection.base, "before", diagnosis.before), (diagnosis.selection.best, "after", diagnosis.after)
-        ):  # fmt: skip
+            (diagnosis.selection.base, "before", diagnosis.before),
+            (diagnosis.selection.best, "after", diagnosis.after),
+        ):
             residual = y[part] - predict(validation, model).simulated[output][part]
             share = np.linalg.norm(residual) / np.linalg.norm(y[part] - y[part].mean())
             assert errors[output] == pytest.approx(share)
@@ -114,10 +137,15 @@ def test_delta_bic_of_an_alternative_is_the_evidence_for_it(written, result):
     """As it was when it was held against what was named, whatever was fitted since."""
     step = result.diagnosis.selection.steps[0]
     (alternative,) = written["alternatives"]
-    assert (alternative["effect"], alternative["instead_of"]) == ("double_layer", result.diagnosis.causes[0])
+    assert (alternative["effect"], alternative["instead_of"]) == (
+        "double_layer",
+        result.diagnosis.causes[0],
+    )
     assert alternative["delta_bic"] == 12.5
     assert step.gains[step.chosen.effect_name] == step.gain
-    assert {candidate.effect_name: gain for candidate, gain in step.rejected}.items() <= step.gains.items()
+    assert {
+        candidate.effect_name: gain for candidate, gain in step.rejected
+    }.items() <= step.gains.items()
 
 
 def test_a_note_is_written_as_code_subject_and_sentence(written):
@@ -129,7 +157,9 @@ def test_a_note_is_written_as_code_subject_and_sentence(written):
 def test_what_is_not_known_is_null():
     """A record of the voltage says nothing about springs: only what is believed of them, nothing where they start."""
     record = rig_record("double_layer", "current", "force", "voltage", outputs=("voltage",))
-    written = written_down(diagnose(record, find_model("ppy_actuator"), options=Options(effects=["double_layer"])))
+    written = written_down(
+        diagnose(record, find_model("ppy_actuator"), options=Options(effects=["double_layer"]))
+    )
     (cause,) = written["causes"]
     assert cause["effect"] == "double_layer"
     known = written["parameters"]
@@ -150,7 +180,9 @@ def test_every_code_of_a_note_is_documented():
 
 
 def test_every_option_is_documented(tmp_path):
-    options = set(re.findall(r"(?<!\S)--[a-z]+", works("diagnose", "--help", cwd=tmp_path))) - {"--help"}
+    options = set(re.findall(r"(?<!\S)--[a-z]+", works("diagnose", "--help", cwd=tmp_path))) - {
+        "--help"
+    }
     text = (DOCS / "how-to" / "diagnose.md").read_text(encoding="utf-8")
     assert len(options) >= 10
     assert [name for name in options if name not in text] == []

@@ -8,14 +8,23 @@ from orchestration.discrepancy.report.system_wording import message, source, why
 from orchestration.discrepancy.residuals.operating_regions import OperatingRegion
 from orchestration.discrepancy.systems.cut import InputOrigin, InputSource
 from orchestration.discrepancy.systems.reason import Reason, ReasonCode
-from orchestration.discrepancy.systems.verdict import AdjustedParameter, MemberDiagnosis, MemberVerdict
+from orchestration.discrepancy.systems.verdict import (
+    AdjustedParameter,
+    MemberDiagnosis,
+    MemberVerdict,
+)
 from orchestration.system import Port
 
 REGION = OperatingRegion("x", "u", 0.5, float("inf"), "A", 100, 2.0, (0.5, 1.5), 2.0, 0.0)
 OFF = {
-    "output": "x", "rms": 0.0771, "unit": "m", "noise_ratio": 26.0, "adjusted": False, "complete": True,
+    "output": "x",
+    "rms": 0.0771,
+    "unit": "m",
+    "noise_ratio": 26.0,
+    "adjusted": False,
+    "complete": True,
     "most_telling": None,
-}  # fmt: skip
+}
 FACTS = {
     ReasonCode.INPUT_NOT_MEASURED: {"input": "u", "signal": "a.x"},
     ReasonCode.INPUT_WITH_GAPS: {"input": "u", "signal": "a.x"},
@@ -34,7 +43,10 @@ def test_every_reason_has_words(code):
 
 
 def test_a_residual_is_told_with_what_was_tried_and_what_tells_most():
-    assert message(Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, OFF)) == "x is off by 0.0771 m rms, 26.0 noise widths"
+    assert (
+        message(Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, OFF))
+        == "x is off by 0.0771 m rms, 26.0 noise widths"
+    )
     tried = OFF | {"adjusted": True, "complete": False, "most_telling": REGION}
     assert message(Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, tried)) == (
         "x is off by 0.0771 m rms, 26.0 noise widths, whatever its parameters (the search for parameters was cut "
@@ -54,7 +66,11 @@ def test_reasons_are_one_line():
 @pytest.mark.parametrize(
     ("given", "linear", "words"),
     [
-        (InputSource(InputOrigin.MEASURED, Port("a", "u")), False, "measured, held between samples"),
+        (
+            InputSource(InputOrigin.MEASURED, Port("a", "u")),
+            False,
+            "measured, held between samples",
+        ),
         (InputSource(InputOrigin.UPSTREAM, Port("b", "x")), True, "b.x, linear between samples"),
         (InputSource(InputOrigin.SETTING, value=0.5), False, "0.5 (setting)"),
         (InputSource(InputOrigin.DEFAULT, value=2.0), False, "2 (value in the system)"),

@@ -22,9 +22,13 @@ def test_every_effect_is_described():
 @pytest.mark.parametrize(
     ("plain", "printed"),
     [
-        ("2e+06 N*s/m", "2·10<sup>6</sup> N·s/m"), ("-1.5e-07 1/C^2", "−1.5·10<sup>−7</sup> 1/C<sup>2</sup>"),
-        ("0.43 ohm", "0.43 ohm"), ("-8.0 %", "−8.0 %"), ("a<b", "a&lt;b"), ("kg*m^-1", "kg·m<sup>−1</sup>"),
+        ("2e+06 N*s/m", "2·10<sup>6</sup> N·s/m"),
+        ("-1.5e-07 1/C^2", "−1.5·10<sup>−7</sup> 1/C<sup>2</sup>"),
+        ("0.43 ohm", "0.43 ohm"),
+        ("-8.0 %", "−8.0 %"),
+        ("a<b", "a&lt;b"),
+        ("kg*m^-1", "kg·m<sup>−1</sup>"),
     ],
-)  # fmt: skip
+)
 def test_values_as_they_are_printed(plain, printed):
     assert typography.pretty(plain) == printed

@@ -161,13 +161,21 @@ def dead_constant(monkeypatch):
 @makes(NoteCode.DEAD_TOGGLING)
 def dead_toggling(monkeypatch):
     data = short_record()
-    return faults(with_output(data, "voltage", 1e-3 * np.random.default_rng(1).integers(0, 2, data.time.size)))
+    return faults(
+        with_output(data, "voltage", 1e-3 * np.random.default_rng(1).integers(0, 2, data.time.size))
+    )
 
 
 @makes(NoteCode.OUTLIERS)
 def far_out(monkeypatch):
     data = short_record()
-    moved = np.any([np.convolve(np.diff(u, prepend=u[0]) != 0.0, np.ones(5), "same") for u in data.inputs.values()], 0)
+    moved = np.any(
+        [
+            np.convolve(np.diff(u, prepend=u[0]) != 0.0, np.ones(5), "same")
+            for u in data.inputs.values()
+        ],
+        0,
+    )
     values = data.measured["displacement"].copy()
     values[np.flatnonzero(~moved)[20]] += 2e-4
     return faults(with_output(data, "displacement", values))
@@ -192,7 +200,9 @@ def something_left(monkeypatch):
     """A voltage that wanders, beside a strain that saturates."""
     data = short_record("strain_saturation")
     wander = 2e-3 * np.cumsum(coloured(0.0, 5, data.time.size))
-    return diagnose(PpyActuator, with_output(data, "voltage", data.measured["voltage"] + wander), [SATURATION]).notes
+    return diagnose(
+        PpyActuator, with_output(data, "voltage", data.measured["voltage"] + wander), [SATURATION]
+    ).notes
 
 
 @makes(NoteCode.OUTLYING_RESIDUALS)
@@ -216,13 +226,18 @@ def feedback(monkeypatch):
 @makes(NoteCode.CONSTANT_INPUT, NoteCode.NO_EXCITATION)
 def constant_inputs(monkeypatch):
     data = short_record()
-    return faults(replace(data, inputs={name: np.full_like(u, 0.5) for name, u in data.inputs.items()}))
+    return faults(
+        replace(data, inputs={name: np.full_like(u, 0.5) for name, u in data.inputs.items()})
+    )
 
 
 @makes(NoteCode.EXCITATION_BELOW_NOISE, NoteCode.UNKNOWN_START)
 def jitter(monkeypatch):
     data = short_record()
-    inputs = {name: 0.5 + 1e-5 * coloured(0.0, k, u.size) for k, (name, u) in enumerate(data.inputs.items())}
+    inputs = {
+        name: 0.5 + 1e-5 * coloured(0.0, k, u.size)
+        for k, (name, u) in enumerate(data.inputs.items())
+    }
     noise = {name: 1e-3 * np.ptp(y) * coloured(0.0, 7, y.size) for name, y in data.measured.items()}
     return diagnose(PpyActuator, Dataset(data.time, inputs, noise), []).notes
 
@@ -230,7 +245,9 @@ def jitter(monkeypatch):
 @makes(NoteCode.ABSENT_INPUT)
 def absent_input(monkeypatch):
     record = rig_record(None, "current", "voltage")
-    return pipeline.diagnose(record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+    return pipeline.diagnose(
+        record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+    ).notes
 
 
 def with_gaps(step: int, output: str = "voltage") -> Dataset:
@@ -250,8 +267,12 @@ def too_few_samples(monkeypatch):
 def gaps_in_time(monkeypatch):
     record = rig_record()
     kept = np.r_[0:500, 600:620, 700:1500]
-    record = replace(record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()})
-    return pipeline.diagnose(record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+    record = replace(
+        record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()}
+    )
+    return pipeline.diagnose(
+        record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+    ).notes
 
 
 @makes(NoteCode.MANY_GAPS)
@@ -291,7 +312,9 @@ def intersample_contradicted(monkeypatch):
 @makes(NoteCode.EVEN_CLOCK)
 def even_clock(monkeypatch):
     data = record("chirp", False, 1)
-    return diagnose(PpyActuator, replace(data, time=data.time + 0.01 * coloured(0.0, 3, data.time.size)), []).notes
+    return diagnose(
+        PpyActuator, replace(data, time=data.time + 0.01 * coloured(0.0, 3, data.time.size)), []
+    ).notes
 
 
 @makes(NoteCode.INPUT_NOISE, NoteCode.INPUT_NOISE_DOES_THE_SAME)
@@ -327,7 +350,9 @@ def not_validated(monkeypatch):
     diagnosis = diagnose(Product, with_offset(), [OFFSET])
     validation = diagnosis.validation
     exact = predict(validation, diagnosis.selection.base).simulated
-    judged_by = ValidationData(replace(validation.data, measured=exact), validation.judged, validation.continued)
+    judged_by = ValidationData(
+        replace(validation.data, measured=exact), validation.judged, validation.continued
+    )
     return confirmed(diagnosis.selection, judged_by).notes
 
 
@@ -375,7 +400,9 @@ def not_moved(monkeypatch):
 @makes(NoteCode.IMPLAUSIBLE)
 def implausible(monkeypatch):
     data = short_record().only(["voltage"])
-    return diagnose(PpyActuator, with_output(data, "voltage", 1e3 * data.measured["voltage"]), []).notes
+    return diagnose(
+        PpyActuator, with_output(data, "voltage", 1e3 * data.measured["voltage"]), []
+    ).notes
 
 
 @makes(NoteCode.NOT_FOLLOWED)
@@ -388,7 +415,9 @@ def not_followed(monkeypatch):
 def end_not_followed(monkeypatch):
     data = products(1.0)
     return diagnose(
-        Product, with_output(data, "y", np.where(data.time < 40.0, 1.0, 2.0) * data.measured["y"]), []
+        Product,
+        with_output(data, "y", np.where(data.time < 40.0, 1.0, 2.0) * data.measured["y"]),
+        [],
     ).notes
 
 
@@ -401,7 +430,9 @@ def no_gain(monkeypatch):
 @makes(NoteCode.FMU_FAILED)
 def fmu_failed(monkeypatch):
     monkeypatch.setattr(pipeline, "measured_gain", fails)
-    return pipeline.diagnose(rig_record(), find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+    return pipeline.diagnose(
+        rig_record(), find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+    ).notes
 
 
 @makes(NoteCode.NO_EXPERIMENT)
@@ -410,7 +441,9 @@ def no_experiment(monkeypatch):
     record = rig_record()
     still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
     record = replace(record, signals=record.signals | still)
-    return pipeline.diagnose(record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])).notes
+    return pipeline.diagnose(
+        record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+    ).notes
 
 
 @makes(NoteCode.NOT_REFITTED)
@@ -442,7 +475,9 @@ def test_every_note_has_a_sentence_with_all_its_facts(code, monkeypatch):
     sentence = wording.message(note)
     assert not set("{}") & set(sentence)
     assert note.subject in sentence
-    needed = {name for _, name, _, _ in Formatter().parse(wording._NOTES[code]) if name} - {"subject"}
+    needed = {name for _, name, _, _ in Formatter().parse(wording._NOTES[code]) if name} - {
+        "subject"
+    }
     assert needed <= set(note.facts)
     for name in needed:
         changed = replace(note, facts={**note.facts, name: other(note.facts[name])})
@@ -463,14 +498,20 @@ def test_every_code_and_every_verdict_has_its_words():
         ([-3.0], "it explains less than its parameters cost"),
         ([99.0], "another explains the record much better"),
     ],
-)  # fmt: skip
+)
 def test_why_an_effect_is_not_named(gains, why):
     assert wording.why_not(gains, "a") == why
 
 
 def test_evidence_that_varying_noise_takes_away_is_no_matter_of_another_effect():
-    assert wording.why_not([50.0], "", unsure=True) == "too unsure: noise of a varying level can do as much"
-    assert wording.why_not([50.0, 3.0], "a", unsure=True) == "alone it lowers BIC by 50.0; beside a it is not needed"
+    assert (
+        wording.why_not([50.0], "", unsure=True)
+        == "too unsure: noise of a varying level can do as much"
+    )
+    assert (
+        wording.why_not([50.0, 3.0], "a", unsure=True)
+        == "alone it lowers BIC by 50.0; beside a it is not needed"
+    )
 
 
 def change(name, changed=False, uncertain=False):
@@ -484,8 +525,11 @@ def change(name, changed=False, uncertain=False):
         ([change("R1")], "Nothing changed beyond noise."),
         ([change("R1", uncertain=True)], "Nothing surely changed. Uncertain: R1."),
         ([change("R1", changed=True), change("C")], "What changed: R1, times 1.5."),
-        ([change("R1", changed=True), change("C", uncertain=True)], "What changed: R1, times 1.5. Uncertain: C."),
+        (
+            [change("R1", changed=True), change("C", uncertain=True)],
+            "What changed: R1, times 1.5. Uncertain: C.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_uncertain_is_not_said_to_be_unchanged(found, told):
     assert wording.comparison(found) == told

@@ -70,7 +70,9 @@ def test_false_alarms_of_the_battery(capsys):
         each = [found(analysed(make(seed))) for seed in range(FRESH, FRESH + MANY)]
         shares[kind] = sum(map(bool, each)) / MANY
         with capsys.disabled():
-            print(f"{kind:38s} {shares[kind]:6.1%}  {dict(Counter(name for names in each for name in names))}")
+            print(
+                f"{kind:38s} {shares[kind]:6.1%}  {dict(Counter(name for names in each for name in names))}"
+            )
     assert {kind: share for kind, share in shares.items() if share > MOST} == {}
 
 

@@ -58,7 +58,9 @@ def test_the_sign_is_that_of_the_dependence_in_number_and_word(colour, sign):
 def test_a_correlation_over_a_gap_uses_the_pairs_there_are():
     residual, present = noise(0.0, 1), EVERY.copy()
     present[1000:1400] = False
-    signal = Regressor("u", np.concatenate([residual[2:], [0.0, 0.0]]), "A")  # two samples before the residual
+    signal = Regressor(
+        "u", np.concatenate([residual[2:], [0.0, 0.0]]), "A"
+    )  # two samples before the residual
     (only,) = correlations(residual[present], [signal], present)
     assert only.lag == pytest.approx(2 * STEP)
     assert only.strength == pytest.approx(1.0, abs=0.1)

@@ -37,7 +37,9 @@ def test_a_few_larger_innovations_are_chance():
     drive = {"drive": np.repeat(np.arange(12), N // 12).astype(float)}
     where = input_steps(drive, N // 12 * 12)
     quiet = noise(0.0, 3)[: where.size]
-    excess = compared(quiet * np.where(where, 2.0 / np.std(quiet[where]) * np.std(quiet), 1.0), drive)
+    excess = compared(
+        quiet * np.where(where, 2.0 / np.std(quiet[where]) * np.std(quiet), 1.0), drive
+    )
     assert excess.ratio > 3.0
     assert 1e-6 < excess.p_value < 0.05
     assert not excess.significant

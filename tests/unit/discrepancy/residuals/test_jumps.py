@@ -23,7 +23,9 @@ def test_a_jump_has_the_sign_of_the_step_of_the_residual(size):
 @pytest.mark.parametrize("late", [-1, 0, SETTLING_SAMPLES - 1])
 def test_a_jump_at_a_step_of_an_input_is_the_models(late):
     residual = noise(0.0, 1) + np.where(np.arange(N) >= 1000 + late, 20.0, 0.0)
-    assert level_shifts(residual, TIME, {"current": np.where(np.arange(N) >= 1000, 1.0, -1.0)}) == []
+    assert (
+        level_shifts(residual, TIME, {"current": np.where(np.arange(N) >= 1000, 1.0, -1.0)}) == []
+    )
 
 
 def test_a_residual_that_never_moves_has_no_jump():

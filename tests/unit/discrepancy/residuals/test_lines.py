@@ -39,7 +39,9 @@ def test_what_is_little_beside_a_line_of_the_output_is_no_disturbance(share, exp
     output = np.sin(2.0 * np.pi * 0.5 * time)
     residual = share * output + 0.01 * np.random.default_rng(0).standard_normal(time.size)
     assert len(spectral_lines(residual, 0.1)) == 1
-    assert [line.frequency for line in spectral_lines(residual, 0.1, output)] == pytest.approx(expected, abs=0.003)
+    assert [line.frequency for line in spectral_lines(residual, 0.1, output)] == pytest.approx(
+        expected, abs=0.003
+    )
 
 
 @pytest.mark.parametrize("residual", [np.zeros(3000), np.ones(3000), np.sin(np.arange(200.0))])

@@ -25,12 +25,16 @@ def rounded(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_step_of_the_converter_is_no_outlier(seed):
     residual = rounded(seed)
-    assert (np.abs(np.diff(residual)) < 1e-3).mean() > 0.5  # at rest nothing is seen but a step now and then
+    assert (
+        np.abs(np.diff(residual)) < 1e-3
+    ).mean() > 0.5  # at rest nothing is seen but a step now and then
     assert outlying(residual, {}, STEP).sum() == 0
     assert outlying(residual, {}).sum() > 0
     noise = Noise(np.empty(0), float(np.std(residual)))
     assert (
-        innovations_of(residual, EVERY, noise, step=STEP).outliers < 3 < innovations_of(residual, EVERY, noise).outliers
+        innovations_of(residual, EVERY, noise, step=STEP).outliers
+        < 3
+        < innovations_of(residual, EVERY, noise).outliers
     )
 
 

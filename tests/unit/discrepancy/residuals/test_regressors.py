@@ -12,8 +12,18 @@ def test_what_may_explain():
     time = np.array([0.0, 1.0, 3.0])
     inputs = {"u": np.array([1.0, -2.0, 5.0]), "still": np.ones(3)}
     units = {"u": "A", "x": "1", "still": "N"}
-    known = {s.name: s for s in regressors(time, inputs, {"x": np.array([0.0, 1.0, 5.0])}, {}, units)}
-    assert list(known) == ["u", "integral of |u|", "integral of |still|", "x", "square of x", "rate of x", "time"]
+    known = {
+        s.name: s for s in regressors(time, inputs, {"x": np.array([0.0, 1.0, 5.0])}, {}, units)
+    }
+    assert list(known) == [
+        "u",
+        "integral of |u|",
+        "integral of |still|",
+        "x",
+        "square of x",
+        "rate of x",
+        "time",
+    ]
     assert known["integral of |u|"].values == pytest.approx([0.0, 1.0, 5.0])
     assert known["integral of |u|"].unit == "A·s"
     assert known["rate of x"].unit == "1/s"

@@ -47,10 +47,18 @@ def record(course, held):
 
 
 def judged(data, effects):
-    return diagnose(GALVANOSTAT, data, effects, {"response_time": 0.3, "current_limit": 5.0}, held=["current_limit"])
+    return diagnose(
+        GALVANOSTAT,
+        data,
+        effects,
+        {"response_time": 0.3, "current_limit": 5.0},
+        held=["current_limit"],
+    )
 
 
-@pytest.mark.parametrize(("course", "held"), slow_but([("chirp", True), ("triangle", False)], ("chirp", True)))
+@pytest.mark.parametrize(
+    ("course", "held"), slow_but([("chirp", True), ("triangle", False)], ("chirp", True))
+)
 def test_a_lag_is_found_where_a_model_without_it_takes_the_input_the_wrong_way(course, held):
     data = record(course, held)
     assert judged(data, []).intersample["current_command"].linear is held
@@ -58,7 +66,9 @@ def test_a_lag_is_found_where_a_model_without_it_takes_the_input_the_wrong_way(c
     assert diagnosis.intersample["current_command"].linear is not held
     assert diagnosis.causes == ["sensor_lag(current)"]
     total = sum(diagnosis.estimates[n].value for n in ("response_time", "current_lag_time"))
-    assert total == pytest.approx(0.55, abs=0.01)  # which lag is which is not to be told, how late both are is
+    assert total == pytest.approx(
+        0.55, abs=0.01
+    )  # which lag is which is not to be told, how late both are is
 
 
 def test_what_is_given_stands():
@@ -94,7 +104,9 @@ def test_the_other_way_is_taken_only_if_it_names_something(monkeypatch, named, t
     steps = {"first": [], "other": named}
     monkeypatch.setattr(both_ways, "score", lambda search, base, effects: None)
     monkeypatch.setattr(both_ways, "by_effects", lambda way, effects: Way("other", None, {}))
-    monkeypatch.setattr(both_ways, "select", lambda search, *rest: SimpleNamespace(steps=steps[search]))
+    monkeypatch.setattr(
+        both_ways, "select", lambda search, *rest: SimpleNamespace(steps=steps[search])
+    )
     monkeypatch.setattr(both_ways, "revised", lambda search, selection, effects: selection)
     monkeypatch.setattr(both_ways, "explaining", lambda search, selection: selection)
     way, selection = both_ways.selected("first", None, {}, [])

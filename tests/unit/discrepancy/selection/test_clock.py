@@ -25,7 +25,9 @@ KINDS = [("chirp", False), ("multilevel", True)]
 
 def mistaken(data: Dataset, jitter: float, seed: int) -> Dataset:
     """The same samples with stamps that are off."""
-    off = np.clip(jitter * np.random.default_rng([seed, 17]).standard_normal(data.time.size), -0.04, 0.04)
+    off = np.clip(
+        jitter * np.random.default_rng([seed, 17]).standard_normal(data.time.size), -0.04, 0.04
+    )
     return replace(data, time=data.time + off)
 
 
@@ -60,7 +62,9 @@ def test_stamps_that_are_true_stay(kind, held):
         assert np.std(np.diff(data.time)) > 0.01
         diagnosis, notes = judged(data)
         assert notes == []
-        assert np.array_equal(diagnosis.estimation.time, data.time[: diagnosis.estimation.time.size])
+        assert np.array_equal(
+            diagnosis.estimation.time, data.time[: diagnosis.estimation.time.size]
+        )
 
 
 def test_there_is_no_other_clock_where_stamps_are_even_or_samples_are_missing():
@@ -71,7 +75,10 @@ def test_there_is_no_other_clock_where_stamps_are_even_or_samples_are_missing():
 
 
 def test_every_run_has_a_clock_of_its_own():
-    runs = {label: mistaken(record("chirp", False, k, duration=40.0), 0.01, k) for k, label in enumerate("ab")}
+    runs = {
+        label: mistaken(record("chirp", False, k, duration=40.0), 0.01, k)
+        for k, label in enumerate("ab")
+    }
     whole = evened(Dataset.joined(runs))
     assert whole is not None
     for part in whole.apart().values():

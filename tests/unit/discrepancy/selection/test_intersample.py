@@ -62,7 +62,10 @@ def test_the_series_resistance_is_unbiased(kind, held):
 def test_inputs_may_differ():
     """A current in steps beside a force that is smooth: the force alone goes linearly."""
     chosen = judged(record("square", True, 1, force="multisine", force_held=False)).intersample
-    assert {name: choice.linear for name, choice in chosen.items()} == {"current": False, "force": True}
+    assert {name: choice.linear for name, choice in chosen.items()} == {
+        "current": False,
+        "force": True,
+    }
 
 
 def test_a_held_chirp_is_found_by_the_fits_and_said():
@@ -71,7 +74,9 @@ def test_a_held_chirp_is_found_by_the_fits_and_said():
     assert (choice.basis, choice.linear) == (Basis.FIT, False)
     assert choice.margin > 100.0
     (note,) = [note for note in diagnosis.notes if note.code is NoteCode.INTERSAMPLE]
-    assert wording.message(note).startswith("current: taken to be held between samples, as the outputs tell (BIC falls")
+    assert wording.message(note).startswith(
+        "current: taken to be held between samples, as the outputs tell (BIC falls"
+    )
 
 
 def test_what_is_given_is_not_asked_of_the_record():
@@ -86,7 +91,9 @@ def test_what_is_given_is_not_asked_of_the_record():
 
 def test_where_the_fits_do_not_tell_it_is_said_what_hangs_on_it():
     """Of the voltage alone, and that for a few seconds, R1 and half a sample of the charge are the same."""
-    diagnosis = judged(record("multisine", False, 2, duration=40.0, rate=10.0, outputs=("voltage",), noise=3.0))
+    diagnosis = judged(
+        record("multisine", False, 2, duration=40.0, rate=10.0, outputs=("voltage",), noise=3.0)
+    )
     choice = diagnosis.intersample["current"]
     assert (choice.linear, choice.basis, choice.hangs) == (True, Basis.COURSE, "R1")
     assert choice.factor == pytest.approx(1.0 + 0.1 / (2.0 * TRUE["C"] * TRUE["R1"]), rel=0.01)
@@ -132,7 +139,9 @@ def test_an_interval_holds_95_percent_of_both_ways(apart, margin):
     assert more[1] == 0.0
 
 
-@pytest.mark.parametrize("hidden", slow_but(["strain_lag", "transport_delay", "sensor_lag", "diffusion"], "strain_lag"))
+@pytest.mark.parametrize(
+    "hidden", slow_but(["strain_lag", "transport_delay", "sensor_lag", "diffusion"], "strain_lag")
+)
 def test_what_the_model_lacks_is_not_taken_for_the_input(hidden):
     """Inputs of the rig are held; a lag that the model does not have looks like part of a sample."""
     chosen = diagnose(PpyActuator, short_record(hidden), []).intersample
@@ -146,7 +155,10 @@ def test_outliers_do_not_tell_what_an_input_does():
         data = record("triangle", True, seed, force="multilevel")
         random = np.random.default_rng([seed, 23])
         hit = random.random(data.time.size) < 0.02
-        off = {o: hit * random.uniform(20.0, 60.0, hit.size) * random.choice([-1.0, 1.0], hit.size) for o in NOISE}
+        off = {
+            o: hit * random.uniform(20.0, 60.0, hit.size) * random.choice([-1.0, 1.0], hit.size)
+            for o in NOISE
+        }
         measured = {o: y + NOISE[o] * off[o] for o, y in data.measured.items()}
         diagnosis = judged(replace(data, measured=measured))
         assert not diagnosis.intersample["current"].linear

@@ -91,12 +91,15 @@ def test_a_run_is_left_out_whole_but_for_what_tells_where_it_starts():
     assert set(few.number) == {*range(-1, 16)}  # between two runs is no block
 
 
-@pytest.mark.parametrize(("gains", "better"), [
-    ([0.1, -0.1] * 8, False),  # in turn
-    ([0.01] * 12 + [0.0] * 4, True),  # a little, all along
-    ([9.0] + [-0.05] * 15, False),  # one of them, and the others say the opposite
-    ([2.0] * 6 + [-0.1, 0.1] * 5, True),  # only where it acts
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gains", "better"),
+    [
+        ([0.1, -0.1] * 8, False),  # in turn
+        ([0.01] * 12 + [0.0] * 4, True),  # a little, all along
+        ([9.0] + [-0.05] * 15, False),  # one of them, and the others say the opposite
+        ([2.0] * 6 + [-0.1, 0.1] * 5, True),  # only where it acts
+    ],
+)
 def test_blocks_agree_or_their_sum_is_sure(gains, better):
     errors = np.zeros(len(gains))
     assert foretells_better(errors - np.array(gains), errors) is better
@@ -122,10 +125,16 @@ def test_one_stretch_does_not_choose_the_cause(monkeypatch):
         table = np.column_stack([data.inputs["signal"], SHAPES[e](data.inputs["signal"])])
         least[e] = np.linalg.lstsq(table, data.measured["shown"])[1][0]
     assert least[EVEN] < 0.95 * least[ODD]
-    assert by_regression(data, [odd]).sum() < by_regression(data, []).sum() < by_regression(data, [even]).sum()
+    assert (
+        by_regression(data, [odd]).sum()
+        < by_regression(data, []).sum()
+        < by_regression(data, [even]).sum()
+    )
     search = Search(data, Amplifier, ["gain"])
     base = search.nominal()
-    search = replace(search, freedom={"shown": np.inf})  # a heavy tail would take the stretch for outliers
+    search = replace(
+        search, freedom={"shown": np.inf}
+    )  # a heavy tail would take the stretch for outliers
     base = search.refit(base)
     scored = score(search, base, effects)
     found = ranked(search, base, [scored], effects)
@@ -156,11 +165,17 @@ def wrong_in_turn(signal, block):
 def test_models_that_are_wrong_in_turn_are_alternatives():
     data, effects = record(wrong_in_turn, 6), [EVEN, ODD]
     (first, *_) = select(Search(data, Amplifier, ["gain"]), effects).steps
-    assert {first.chosen.effect_name, *(e.effect_name for e in first.alternatives)} == {"even", "odd"}
+    assert {first.chosen.effect_name, *(e.effect_name for e in first.alternatives)} == {
+        "even",
+        "odd",
+    }
 
 
 def test_a_model_that_foretells_better_all_along_has_no_alternative():
-    data, effects = record(lambda s, k: even(s) + 0.05 * quartic(s) * (1.0 + 0.5 * (k % 2))), [EVEN, ODD]
+    data, effects = (
+        record(lambda s, k: even(s) + 0.05 * quartic(s) * (1.0 + 0.5 * (k % 2))),
+        [EVEN, ODD],
+    )
     first = select(Search(data, Amplifier, ["gain"]), effects).steps[0]
     assert first.chosen.effect_name == "even"
     assert first.alternatives == []
@@ -178,7 +193,9 @@ def test_what_was_not_foretold_is_neither_named_nor_an_alternative():
 def test_blocks_that_agree_are_evidence_where_a_likelihood_is_none(monkeypatch):
     monkeypatch.setattr(FittedCandidate, "robust_fall", lambda *_: 0.0)
     mixed = record(lambda s, k: even(s) + 0.05 * quartic(s) * (1.0 + 0.5 * (k % 2)))
-    assert [step.chosen.effect_name for step in select(Search(mixed, Amplifier, ["gain"]), [EVEN]).steps] == ["even"]
+    assert [
+        step.chosen.effect_name for step in select(Search(mixed, Amplifier, ["gain"]), [EVEN]).steps
+    ] == ["even"]
     right = record(lambda s, _: 0.5 * even(s))  # no block is asked where the model is right
     assert select(Search(right, Amplifier, ["gain"]), [EVEN]).steps == []
 
@@ -196,14 +213,19 @@ def test_a_nearer_fit_that_is_known_stays():
 @pytest.mark.parametrize(("gains", "first"), [((50.0, 51.0), 0), ((50.0, 57.0), 1)])
 def test_a_law_comes_before_an_input_that_explains_as_much(gains, first):
     law, of_input = OTHERS[0], dead_zone(Amplifier, "signal")
-    rows = [(type("Fitted", (), {"effect": e})(), gain) for e, gain in zip((law, of_input), gains, strict=True)]
+    rows = [
+        (type("Fitted", (), {"effect": e})(), gain)
+        for e, gain in zip((law, of_input), gains, strict=True)
+    ]
     found = Ranking(rows[::-1], dict.fromkeys((law, of_input), np.zeros(16)), np.ones(16))
     assert stepwise._in_turn(found)[0] is rows[first]
 
 
 @pytest.mark.parametrize(("lowered", "looks"), [(5.0, 1), (20.0, 2)])
 @pytest.mark.parametrize("late", [False, True])
-def test_a_better_optimum_of_the_model_below_asks_for_a_second_look(monkeypatch, lowered, looks, late):
+def test_a_better_optimum_of_the_model_below_asks_for_a_second_look(
+    monkeypatch, lowered, looks, late
+):
     """What the second look finds counts, unless the time was spent in it."""
     plain, nested, seen = stepwise.ranked, Search.nested, []
     search = Search(record(lambda s, _: 0.5 * even(s)), Amplifier, ["gain"])

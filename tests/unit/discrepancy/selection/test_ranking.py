@@ -52,7 +52,8 @@ def test_the_nearer_simulation_comes_first_though_a_colour_whitens_what_the_othe
     columns = {NEAR: slow, FAR: quick}
     by_regression = {
         e: np.linalg.lstsq(
-            np.column_stack([data.inputs["signal"], shape(data.inputs["signal"])]), data.measured["shown"]
+            np.column_stack([data.inputs["signal"], shape(data.inputs["signal"])]),
+            data.measured["shown"],
         )[1][0]
         for e, shape in columns.items()
     }
@@ -63,8 +64,12 @@ def test_all_are_held_against_each_other_in_one_noise():
     data = two_parts(3)
     search = Search(data, Amplifier, ["gain"])
     base = search.nominal()
-    (first, _), (second, _) = ranked(search, base, [score(search, base, [NEAR, FAR])], [NEAR, FAR]).rows
-    assert first.fit.noise["shown"].coefficients == pytest.approx(second.fit.noise["shown"].coefficients)
+    (first, _), (second, _) = ranked(
+        search, base, [score(search, base, [NEAR, FAR])], [NEAR, FAR]
+    ).rows
+    assert first.fit.noise["shown"].coefficients == pytest.approx(
+        second.fit.noise["shown"].coefficients
+    )
     assert first.fit.noise["shown"].deviation < second.fit.noise["shown"].deviation
 
 
@@ -99,7 +104,11 @@ def left_by_a_model(residual):
     """What a fitted model is asked for here: its residual, and the noise that is estimated from it."""
     every = np.ones(residual.size, dtype=bool)
     noise = estimate(residual, every)
-    fit = SimpleNamespace(residual={"y": residual}, noise={"y": noise}, innovation={"y": noise.whiten(residual, every)})
+    fit = SimpleNamespace(
+        residual={"y": residual},
+        noise={"y": noise},
+        innovation={"y": noise.whiten(residual, every)},
+    )
     return SimpleNamespace(fit=fit)
 
 
@@ -111,7 +120,10 @@ def test_a_random_walk_keeps_its_memory_whatever_is_simulated(count):
     seen = []
     for seed in range(40):
         walk = np.cumsum(np.random.default_rng(seed).standard_normal(count))
-        for table in (np.column_stack([np.ones(count), time]), np.column_stack([np.ones(count), time, *waves])):
+        for table in (
+            np.column_stack([np.ones(count), time]),
+            np.column_stack([np.ones(count), time, *waves]),
+        ):
             left = walk - table @ np.linalg.lstsq(table, walk)[0]
             seen.append(loses_memory(left_by_a_model(walk), left_by_a_model(left)))
     assert np.mean(seen) < 0.05

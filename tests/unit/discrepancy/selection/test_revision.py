@@ -18,7 +18,16 @@ from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from tests.support.pace import slow_but
-from tests.support.regression_model import COUNT, GAIN, OFFSET, SPREAD, STEP, Amplifier, offset_record, shaped
+from tests.support.regression_model import (
+    COUNT,
+    GAIN,
+    OFFSET,
+    SPREAD,
+    STEP,
+    Amplifier,
+    offset_record,
+    shaped,
+)
 
 SHARE = 0.3  # of what only the mixture does
 # Polynomials of a Gaussian signal without a mean, which an autoregression might take for noise (Hermite).
@@ -26,7 +35,9 @@ SHAPES = {
     "even": lambda s: s * s - 1.0,
     "odd": lambda s: s * s * s - 3.0 * s,
     "far": lambda s: np.cos(40.0 * s) if isinstance(s, np.ndarray) else cos(40.0 * s),
-    "mixture": lambda s: (s * s - 1.0) + (s * s * s - 3.0 * s) + SHARE * (s * s * s * s - 6.0 * s * s + 3.0),
+    "mixture": lambda s: (
+        (s * s - 1.0) + (s * s * s - 3.0 * s) + SHARE * (s * s * s * s - 6.0 * s * s + 3.0)
+    ),
 }
 
 
@@ -46,7 +57,9 @@ def best_set(data):
     def bic(chosen):
         table = np.column_stack([there[""], *(there[n] for n in chosen)])
         left = data.measured["shown"] - table @ np.linalg.lstsq(table, data.measured["shown"])[0]
-        return COUNT * np.log(np.mean(left**2)) + len(chosen) * (np.log(COUNT) + 2.0 * np.log(len(names)))
+        return COUNT * np.log(np.mean(left**2)) + len(chosen) * (
+            np.log(COUNT) + 2.0 * np.log(len(names))
+        )
 
     sets = chain.from_iterable(combinations(names, k) for k in range(len(names) + 1))
     return set(min(sets, key=bic))
@@ -79,7 +92,9 @@ def test_only_what_came_near_is_tried_in_the_place_of_another(monkeypatch):
     forward = select(search, [*EFFECTS, far])
     assert forward.steps[0].gains["far"] < 0.0 < forward.steps[0].gain
     plain = revision.ranked
-    monkeypatch.setattr(revision, "ranked", lambda *given: asked.append({e.id for e in given[3]}) or plain(*given))
+    monkeypatch.setattr(
+        revision, "ranked", lambda *given: asked.append({e.id for e in given[3]}) or plain(*given)
+    )
     together = revised(search, forward, [*EFFECTS, far])
     assert {step.chosen.effect_name for step in together.steps} == {"even", "odd"}
     assert asked
@@ -91,7 +106,9 @@ def test_what_is_needed_stays(seed):
     data = record({"mixture": 1.0, "odd": -0.8}, seed)
     search = Search(data, Amplifier, ["gain"])
     together = revised(search, select(search, EFFECTS), EFFECTS)
-    assert {step.chosen.effect_name for step in together.steps} == best_set(data) == {"mixture", "odd"}
+    assert (
+        {step.chosen.effect_name for step in together.steps} == best_set(data) == {"mixture", "odd"}
+    )
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -107,21 +124,39 @@ def test_physics_takes_the_credit_where_a_sensor_explains_no_more(order):
 def test_what_explains_hardly_anything_of_what_is_wrong_is_not_named():
     """A wave that no effect makes, and a little of one that does: shares of the variance."""
     random = np.random.default_rng(5)
-    signal = 1.7 * np.sin(2.0 * np.pi * np.arange(COUNT) / 97.0)  # slow: so is the wave, which noise is not
+    signal = 1.7 * np.sin(
+        2.0 * np.pi * np.arange(COUNT) / 97.0
+    )  # slow: so is the wave, which noise is not
     even = SHAPES["even"](signal)
     wave = np.cos(8.0 * signal)
-    wave -= np.column_stack([signal, even]) @ np.linalg.lstsq(np.column_stack([signal, even]), wave)[0]
+    wave -= (
+        np.column_stack([signal, even]) @ np.linalg.lstsq(np.column_stack([signal, even]), wave)[0]
+    )
 
     def found(share):
         size = np.sqrt(share / (1.0 - share) * np.mean(wave**2) / np.mean(even**2))
-        shown = GAIN * signal + 3.0 * SPREAD * (wave + size * even) + SPREAD * random.standard_normal(COUNT)
-        search = Search(Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown}), Amplifier, ["gain"])
+        shown = (
+            GAIN * signal
+            + 3.0 * SPREAD * (wave + size * even)
+            + SPREAD * random.standard_normal(COUNT)
+        )
+        search = Search(
+            Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown}),
+            Amplifier,
+            ["gain"],
+        )
         forward = select(search, EFFECTS[:1])
-        assert [step.chosen.effect_name for step in forward.steps] == ["even"]  # otherwise this record shows nothing
+        assert [step.chosen.effect_name for step in forward.steps] == [
+            "even"
+        ]  # otherwise this record shows nothing
         return explaining(search, forward)
 
     little, much = found(0.05), found(0.3)
-    assert (little.steps, little.unsure, [e.effect_name for e, _ in little.rejected]) == ([], {"even"}, ["even"])
+    assert (little.steps, little.unsure, [e.effect_name for e, _ in little.rejected]) == (
+        [],
+        {"even"},
+        ["even"],
+    )
     assert len(much.steps) == 1
 
 
@@ -133,7 +168,10 @@ def test_what_only_changes_the_noise_is_no_cause():
     (step,) = select(search, EFFECTS[:1], score(search, base, EFFECTS[:1])).steps
     assert step.chosen.is_nearer_than(base)
     assert not base.is_nearer_than(step.chosen)
-    farther = replace(step.chosen, fit=replace(step.chosen.fit, residual={"shown": 1.01 * base.fit.residual["shown"]}))
+    farther = replace(
+        step.chosen,
+        fit=replace(step.chosen.fit, residual={"shown": 1.01 * base.fit.residual["shown"]}),
+    )
     assert farther.fit.bic < base.fit.bic
     assert not farther.is_nearer_than(base)
 
@@ -157,8 +195,14 @@ def test_the_weightiest_comes_first(sizes):
         table = np.column_stack([there[n] for n in ("", *names)])
         return np.linalg.lstsq(table, data.measured["shown"])[1][0]
 
-    weightiest = max(("even", "odd"), key=lambda name: left([n for n in ("even", "odd") if n != name]))
-    turned = _chain(search, forward, _fitted(search, forward.best, forward.best.candidate.effects[::-1]))
-    assert [s.chosen.effect_name for s in turned.steps] != [s.chosen.effect_name for s in forward.steps]
+    weightiest = max(
+        ("even", "odd"), key=lambda name: left([n for n in ("even", "odd") if n != name])
+    )
+    turned = _chain(
+        search, forward, _fitted(search, forward.best, forward.best.candidate.effects[::-1])
+    )
+    assert [s.chosen.effect_name for s in turned.steps] != [
+        s.chosen.effect_name for s in forward.steps
+    ]
     for selection in (forward, turned):
         assert revised(search, selection, EFFECTS[:2]).steps[0].chosen.effect_name == weightiest

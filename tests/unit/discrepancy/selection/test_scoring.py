@@ -25,7 +25,9 @@ DECISION = Path(__file__).parents[4] / "docs" / "decisions" / "0012-naming-cause
 
 
 def test_the_colour_of_the_base_swallows_a_drift_as_the_decision_says():
-    ((scored, predicted),) = re.findall(r"scored ([\d.]+), and ([\d.]+) with", DECISION.read_text(encoding="utf-8"))
+    ((scored, predicted),) = re.findall(
+        r"scored ([\d.]+), and ([\d.]+) with", DECISION.read_text(encoding="utf-8")
+    )
     drawn = draw("sensor_drift", 1)
     first = as_measured(drawn).part(0, round(drawn.time.size * (1.0 - HELD_OUT)))
     search = Search(first, PpyActuator, searched(PpyActuator))

@@ -64,12 +64,18 @@ def test_a_delayed_sensor_shows_at_first_what_was_before_the_record():
     current = np.where(np.arange(1060) % 120 < 60, 0.5, -0.5)
     voltage = 0.8 * current + np.concatenate([[0.0], np.cumsum(current[:-1])]) * step / 2.0
     shown = voltage[lead - late : -late] + 0.003 * np.random.default_rng(2).standard_normal(1000)
-    data = Dataset(step * np.arange(1000), {"current": current[lead:]}, {"voltage": shown}, linear=False)
-    search = Search(data, PpyActuator, ["R1", "C", "charge_start"], {"R1": 0.8, "R2": 1e12, "C": 2.0})
+    data = Dataset(
+        step * np.arange(1000), {"current": current[lead:]}, {"voltage": shown}, linear=False
+    )
+    search = Search(
+        data, PpyActuator, ["R1", "C", "charge_start"], {"R1": 0.8, "R2": 1e12, "C": 2.0}
+    )
     effects = [make(PpyActuator, "voltage") for make in (transport_delay, sensor_lag)]
     (first,) = select(search, effects).steps
     assert first.chosen.effect_name == "transport_delay(voltage)"
-    assert np.abs(first.chosen.fit.residual["voltage"]).max() < 0.02  # else the first half second is off by 0.8 V
+    assert (
+        np.abs(first.chosen.fit.residual["voltage"]).max() < 0.02
+    )  # else the first half second is off by 0.8 V
 
 
 class Deaf(Gain):
@@ -98,5 +104,7 @@ def test_what_leaves_no_trace_is_not_searched_and_comes_back_at_the_end():
     for holdout in (None, data):
         said = diagnose(Deaf, data, [], holdout=holdout)
         assert set(said.estimates) == {"factor", "level"}
-        undetermined = [note.facts["names"] for note in said.notes if note.code is NoteCode.UNDETERMINED]
+        undetermined = [
+            note.facts["names"] for note in said.notes if note.code is NoteCode.UNDETERMINED
+        ]
         assert undetermined == [("level",)]

@@ -65,7 +65,9 @@ def test_noise_that_is_larger_where_an_effect_acts_makes_it_less_sure(seed):
     """A third: the fourth moment of a Gaussian signal, which the noise is as large as, is three."""
     enough = VERY_STRONG + PARAMETER + MARGIN
     assert named_asymmetry(enough, seed, varying=False) == ["asymmetric_friction"]
-    search = Search(asymmetric_record(3.0 * (enough - 2.0 * MARGIN), seed, True), Amplifier, ["gain"])
+    search = Search(
+        asymmetric_record(3.0 * (enough - 2.0 * MARGIN), seed, True), Amplifier, ["gain"]
+    )
     selection = select(search, [ASYMMETRY])
     assert (selection.steps, selection.unsure) == ([], {"asymmetric_friction"})
     assert named_asymmetry(3.0 * enough, seed, varying=True) == ["asymmetric_friction"]
@@ -79,9 +81,13 @@ def named_asymmetry(ratio, seed, varying):
 STRONG = 6.0  # difference of BIC (Kass and Raftery)
 
 
-@pytest.mark.parametrize(("gap", "alternatives"), [(STRONG - MARGIN, ["asymmetric_friction"]), (STRONG + MARGIN, [])])
+@pytest.mark.parametrize(
+    ("gap", "alternatives"), [(STRONG - MARGIN, ["asymmetric_friction"]), (STRONG + MARGIN, [])]
+)
 @pytest.mark.parametrize("seed", [1, 2])
-def test_another_effect_is_an_alternative_unless_there_is_strong_evidence_between_them(gap, alternatives, seed):
+def test_another_effect_is_an_alternative_unless_there_is_strong_evidence_between_them(
+    gap, alternatives, seed
+):
     search = Search(divided_record(60.0, gap, seed), Amplifier, ["gain"])
     (step,) = select(search, [OFFSET, ASYMMETRY]).steps
     assert step.chosen.effect_name == "force_offset"

@@ -39,13 +39,19 @@ def test_a_step_up_of_the_measured_output_is_a_step_up_of_its_residual(altered):
         search.names = ["tau"]
         residual = search.width["x"] * search._residual(search.start)
     assert assessment.random_walk.significant
-    for values in (residual, assessment.measured - assessment.simulated, assessment.random_walk.trend):
+    for values in (
+        residual,
+        assessment.measured - assessment.simulated,
+        assessment.random_walk.trend,
+    ):
         assert values[later].mean() - values[~later].mean() == pytest.approx(0.2, rel=0.02)
     assert residual[later].mean() > 0.1
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_is_added_in_proportion_to_an_input_correlates_with_it_in_number_and_word(altered, sign):
+def test_what_is_added_in_proportion_to_an_input_correlates_with_it_in_number_and_word(
+    altered, sign
+):
     with altered(np.zeros(SAMPLES)) as simulation:
         fed = simulation.isolated.inputs["u"].values
     with altered(0.02 * sign * (fed - fed.mean())) as simulation:
@@ -56,7 +62,9 @@ def test_what_is_added_in_proportion_to_an_input_correlates_with_it_in_number_an
     assert np.sign(correlations["u"].strength) == sign
     assert assessment.regression.significant
     assert sign * np.corrcoef(assessment.regression.fitted, fed)[0, 1] > 0.9
-    assert structure(correlations["u"]).startswith(f"x correlates with u: {'+' if sign > 0 else '-'}0.")
+    assert structure(correlations["u"]).startswith(
+        f"x correlates with u: {'+' if sign > 0 else '-'}0."
+    )
 
 
 def test_the_slopes_of_a_search_are_those_of_its_residual(altered):
@@ -68,4 +76,6 @@ def test_the_slopes_of_a_search_are_those_of_its_residual(altered):
         q = search.start + 0.2
         slopes = search._slopes(q)
         up, down = (search._rows(q + sign * 0.005).copy() for sign in (1.0, -1.0))
-        assert slopes[:, 0] == pytest.approx((up - down) / 0.01, rel=0.03, abs=0.02 * np.abs(slopes).max())
+        assert slopes[:, 0] == pytest.approx(
+            (up - down) / 0.01, rel=0.03, abs=0.02 * np.abs(slopes).max()
+        )

@@ -17,10 +17,12 @@ from tests.support.hosts import build_one_state_fmu
 def system(tmp_path):
     fmu = build_one_state_fmu(tmp_path)
     return System(
-        "two", (Member("a", fmu), Member("b", fmu)),
-        (Connection(Port("a", "x"), Port("b", "u"), factor=2.0, offset=0.5),), {"drive": (Port("a", "u"),)},
+        "two",
+        (Member("a", fmu), Member("b", fmu)),
+        (Connection(Port("a", "x"), Port("b", "u"), factor=2.0, offset=0.5),),
+        {"drive": (Port("a", "u"),)},
         {"shown": Port("b", "x")},
-    )  # fmt: skip
+    )
 
 
 def test_signals_arrive_converted(system):
@@ -30,7 +32,10 @@ def test_signals_arrive_converted(system):
     assert first.inputs["u"].value == 1.0
     assert first.inputs["u"].origin is InputOrigin.SETTING
     assert second.inputs["u"].values == pytest.approx(2.0 * values + 0.5)
-    assert (second.inputs["u"].origin, second.inputs["u"].signal) == (InputOrigin.UPSTREAM, Port("a", "x"))
+    assert (second.inputs["u"].origin, second.inputs["u"].signal) == (
+        InputOrigin.UPSTREAM,
+        Port("a", "x"),
+    )
     assert first.reason_not_assessable == second.reason_not_assessable == []
 
 
@@ -40,7 +45,9 @@ def test_an_output_may_be_measured_where_it_arrives(system):
     assert back.outputs["x"] == pytest.approx((values - 0.5) / 2.0)
     assert fed.inputs["u"].origin is InputOrigin.MEASURED
     assert {name: reason.facts["signal"] for name, reason in back.missing.items()} == {"u": "drive"}
-    assert [message(reason) for reason in back.reason_not_assessable] == ["u is not measured (measure drive)"]
+    assert [message(reason) for reason in back.reason_not_assessable] == [
+        "u is not measured (measure drive)"
+    ]
 
 
 def test_an_input_with_holes_is_missing(system):

@@ -28,9 +28,13 @@ from tests.support.system.closed_loop import NOISE, WATCH, measure, watched
 from tests.support.system.lags import lags
 
 BENCH = {
-    "force_reference": "N", "current": "A", "actuator.tension": "N", "actuator.voltage": "V", "bench.position": "m",
+    "force_reference": "N",
+    "current": "A",
+    "actuator.tension": "N",
+    "actuator.voltage": "V",
+    "bench.position": "m",
     "bench.force_measured": "N",
-}  # fmt: skip
+}
 ALL_RIGHT = {"estimator": "consistent", "galvanostat": "consistent", "actuator": "consistent"}
 
 
@@ -45,7 +49,9 @@ def held_bench(folder, **hidden):
     time = 0.001 * np.arange(600 * every)
     measure(folder / "record.csv", system, BENCH, time, inputs, every, **hidden)
     ssp.write(system, folder / "system.ssp")
-    return diagnose_system(folder / "record.csv", folder / "system.ssp", effort=Effort(simulations=30, parameters=2))
+    return diagnose_system(
+        folder / "record.csv", folder / "system.ssp", effort=Effort(simulations=30, parameters=2)
+    )
 
 
 def diagnosed_lags(folder, gain=1.0, **taus):
@@ -121,10 +127,15 @@ def test_what_to_measure_is_told(tmp_path):
     assert codes["galvanostat"] == [ReasonCode.NO_OUTPUT_MEASURED]
 
 
-@pytest.mark.parametrize(("friction", "verdict"), slow_but([(0.0, "consistent"), (0.5, "wrong")], (0.0, "consistent")))
+@pytest.mark.parametrize(
+    ("friction", "verdict"), slow_but([(0.0, "consistent"), (0.5, "wrong")], (0.0, "consistent"))
+)
 def test_a_slide_that_runs_away_alone_is_judged_in_its_loop(tmp_path, friction, verdict):
     """By itself it integrates the noise of the tension twice: it would be centimetres off."""
-    hidden = {"hidden": effects("voice_coil_dma")["coulomb_friction"], "values": {"bench.coulomb_force": friction}}
+    hidden = {
+        "hidden": effects("voice_coil_dma")["coulomb_friction"],
+        "values": {"bench.coulomb_force": friction},
+    }
     diagnosis = held_bench(tmp_path, **hidden if friction else {})
     assert verdicts(diagnosis) == {"bench": verdict, "actuator": "consistent"}
     bench = diagnosis.members[0]

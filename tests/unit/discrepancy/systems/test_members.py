@@ -16,7 +16,9 @@ FEET = ("an", "po", "do", "pl")
 
 def changes(diagnosis):
     """Parameters that are said to differ, by member; and nobody else is blamed."""
-    assert {m.name for m in diagnosis.members if m.verdict not in ("consistent", "recalibrate")} == set()
+    assert {
+        m.name for m in diagnosis.members if m.verdict not in ("consistent", "recalibrate")
+    } == set()
     return {
         m.name: {n: p.value for n, p in m.parameters.items() if p.differs}
         for m in diagnosis.members
@@ -26,14 +28,18 @@ def changes(diagnosis):
 
 def test_the_limit_of_the_galvanostat(tmp_path):
     diagnosis = watched(
-        tmp_path, settings={"galvanostat.current_limit": 0.55}, values={"galvanostat.current_limit": 0.45}
+        tmp_path,
+        settings={"galvanostat.current_limit": 0.55},
+        values={"galvanostat.current_limit": 0.45},
     )
     assert changes(diagnosis) == {"galvanostat": {"current_limit": pytest.approx(0.45, rel=0.002)}}
 
 
 def test_the_voltage_limit_of_the_estimator(tmp_path):
     diagnosis = watched(tmp_path, values={"estimator.initial_voltage_limit": 1.1})
-    assert changes(diagnosis) == {"estimator": {"initial_voltage_limit": pytest.approx(1.1, rel=0.002)}}
+    assert changes(diagnosis) == {
+        "estimator": {"initial_voltage_limit": pytest.approx(1.1, rel=0.002)}
+    }
 
 
 @pytest.mark.slow
@@ -43,12 +49,23 @@ def test_the_damping_of_the_foot(tmp_path):
     grid = 5e-3 * np.arange(400)
     levels = {f"{a}_current": [-1.0, -0.3, 0.3, 1.0] for a in FEET}
     levels |= {f"toe_force_{axis}": [-1.0, 0.0, 1.0] for axis in "xy"}
-    inputs = {n: np.repeat(multilevel(grid, v, (0.1, 0.4), k), every) for k, (n, v) in enumerate(levels.items())}
+    inputs = {
+        n: np.repeat(multilevel(grid, v, (0.1, 0.4), k), every)
+        for k, (n, v) in enumerate(levels.items())
+    }
     columns = {name: "A" if name.endswith("current") else "N" for name in inputs}
     columns |= {f"{a}.tension": "N" for a in FEET} | {f"foot.{a}_length_change": "m" for a in FEET}
     columns |= {f"foot.{joint}_angle": "rad" for joint in ("ankle", "tm", "mtp")}
     time = 1e-4 * np.arange(grid.size * every)
-    measure(tmp_path / "record.csv", system, columns, time, inputs, every, values={"foot.ankle_damping": 0.03})
+    measure(
+        tmp_path / "record.csv",
+        system,
+        columns,
+        time,
+        inputs,
+        every,
+        values={"foot.ankle_damping": 0.03},
+    )
     ssp.write(system, tmp_path / "system.ssp")
     found = changes(diagnose_system(tmp_path / "record.csv", tmp_path / "system.ssp"))
     assert list(found) == ["foot"]

@@ -27,7 +27,10 @@ def test_the_error_of_a_parameter_is_that_of_the_best_point_whatever_was_tried_a
         search._rows(search.start + 3.0)
         assert search.standard_errors() == error
         # white noise of 0.003, and the slope by the logarithm of tau at the best point
-        up, down = (simulation.simulate({"tau": best["tau"] * np.exp(sign * 0.01)})["x"] for sign in (1.0, -1.0))
+        up, down = (
+            simulation.simulate({"tau": best["tau"] * np.exp(sign * 0.01)})["x"]
+            for sign in (1.0, -1.0)
+        )
         slope = (up - down) / 0.02
         assert best["tau"] == pytest.approx(1.4, rel=0.01)
         assert error[0] == pytest.approx(0.003 / np.sqrt(slope @ slope), rel=0.1)

@@ -36,7 +36,11 @@ def cubed(size, strength=0.3, seed=1, course=None):
     rng = np.random.default_rng(seed)
     signal = np.broadcast_to(size, COUNT) * rng.uniform(-1.0, 1.0, COUNT)
     shown = 2.0 * signal + (strength * signal**3 if course is None else course(signal))
-    return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown + NOISE * rng.normal(size=COUNT)})
+    return Dataset(
+        STEP * np.arange(COUNT),
+        {"signal": signal},
+        {"shown": shown + NOISE * rng.normal(size=COUNT)},
+    )
 
 
 LAST = np.arange(COUNT) >= COUNT * 2 // 3
@@ -59,14 +63,18 @@ def test_where_it_does_not_act_it_cannot_be_confirmed_and_stays_a_cause():
     assert found.score.expected == pytest.approx(2.1, rel=0.5)
     assert diagnosis.causes == ["cubic_stiffness"]
     assert diagnosis.verdict is Verdict.CAUSE
-    said = "cubic_stiffness (could not be confirmed here: the held-out third tells too little of it)"
+    said = (
+        "cubic_stiffness (could not be confirmed here: the held-out third tells too little of it)"
+    )
     assert said in wording.sentence(diagnosis)
 
 
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_what_makes_unseen_data_worse_is_no_cause(seed):
     """Where it is fitted, it bends up; with twice the input it saturates, and what was fitted goes astray."""
-    bent = cubed(np.where(LAST, 4.0, 1.5), seed=seed, course=lambda u: 0.3 * np.clip(u, -1.5, 1.5) ** 3)
+    bent = cubed(
+        np.where(LAST, 4.0, 1.5), seed=seed, course=lambda u: 0.3 * np.clip(u, -1.5, 1.5) ** 3
+    )
     diagnosis = diagnose(Amplifier, bent, [CUBE])
     assert diagnosis.causes == []
     (note,) = [note for note in diagnosis.notes if note.code is NoteCode.NOT_VALIDATED]
@@ -95,7 +103,9 @@ def test_of_what_is_none_little_is_confirmed():
         (-3.0, 1.0, 0.5, 1.0, Outcome.REFUTED),
     ],
 )
-def test_outcomes_hang_on_two_standard_errors_and_on_what_could_be_told(gain, error, expected, noise, outcome):
+def test_outcomes_hang_on_two_standard_errors_and_on_what_could_be_told(
+    gain, error, expected, noise, outcome
+):
     assert Confirmation(PairedScore(gain, error, expected, noise)).outcome is outcome
 
 
@@ -138,9 +148,15 @@ def steps_and_rest(seed):
 def test_where_the_end_is_at_rest_blocks_are_spread_over_the_record():
     data = steps_and_rest(1)
     diagnosis = diagnose(
-        Filter, data, [cubic_stiffness(Filter, "spring", "shown_state", unit="V")], held=["shown_state_start"]
+        Filter,
+        data,
+        [cubic_stiffness(Filter, "spring", "shown_state", unit="V")],
+        held=["shown_state_start"],
     )
-    fitted, judged = (np.isfinite(part.measured["shown"]) for part in (diagnosis.estimation, diagnosis.validation.data))
+    fitted, judged = (
+        np.isfinite(part.measured["shown"])
+        for part in (diagnosis.estimation, diagnosis.validation.data)
+    )
     assert np.array_equal(fitted, ~judged)
     assert judged.mean() == pytest.approx(1.0 / 3.0, abs=0.01)
     assert np.count_nonzero(np.diff(judged.astype(int)) > 0) == 5
@@ -168,9 +184,13 @@ def test_a_record_held_out_at_rest_cannot_confirm():
     still = cubed(np.where(np.arange(COUNT) < COUNT // 6 - 2, 2.0, 0.0))
     diagnosis = diagnose(Amplifier, cubed(2.0), [CUBE], holdout=still)
     assert diagnosis.causes == ["cubic_stiffness"]
-    assert "could not be confirmed here: the held-out part is at rest" in wording.sentence(diagnosis)
+    assert "could not be confirmed here: the held-out part is at rest" in wording.sentence(
+        diagnosis
+    )
 
 
 def test_an_offset_that_the_other_record_has_not_is_refuted():
-    diagnosis = diagnose(Amplifier, offset_record(300.0, 1), [OFFSET], holdout=offset_record(0.0, 2))
+    diagnosis = diagnose(
+        Amplifier, offset_record(300.0, 1), [OFFSET], holdout=offset_record(0.0, 2)
+    )
     assert diagnosis.causes == []

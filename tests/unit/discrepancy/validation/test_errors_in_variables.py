@@ -39,7 +39,10 @@ def test_noise_is_seen_on_every_course(kind, rate):
     for share in (0.001, 0.005, 0.02):
         noise = share * np.ptp(values)
         measured = values + noise * np.random.default_rng(2).standard_normal(len(values))
-        if share > 0.001 or kind not in ("chirp", "multisine"):  # of which third differences are larger
+        if share > 0.001 or kind not in (
+            "chirp",
+            "multisine",
+        ):  # of which third differences are larger
             assert measured_noise(measured) == pytest.approx(noise, rel=0.25)
 
 
@@ -63,7 +66,9 @@ def test_the_bias_is_that_of_attenuation():
     attenuation = noise**2 / (np.mean(u**2) + noise**2)
     assert base.fit.values["factor"] / 2.0 - 1.0 == pytest.approx(-attenuation, rel=0.3)
     assert found.deviation["u"] == pytest.approx(noise, rel=0.05)
-    assert float(found.bias[0]) == pytest.approx(-attenuation, rel=0.3)  # of a coordinate that is a logarithm
+    assert float(found.bias[0]) == pytest.approx(
+        -attenuation, rel=0.3
+    )  # of a coordinate that is a logarithm
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -94,14 +99,20 @@ def test_noise_on_an_input_is_told_and_no_cause(kind):
         diagnosis = diagnose(PpyActuator, data, SENSORS, held=AT_REST)
         assert diagnosis.causes == []
         assert diagnosis.verdict == "recalibrate"
-        noted = {note.subject: note.facts["share"] for note in diagnosis.notes if note.code is NoteCode.INPUT_NOISE}
+        noted = {
+            note.subject: note.facts["share"]
+            for note in diagnosis.notes
+            if note.code is NoteCode.INPUT_NOISE
+        }
         assert noted == pytest.approx({"current": 0.005, "force": 0.005}, rel=0.25)
         assert diagnosis.intersample["current"].linear is (kind == "triangle")
 
 
 # A record among them is taken to be held between samples: fits are held against each other by their BIC, in which noise
 # of the input, that the choice of the way moves with it, counts as evidence.
-WRONG_WAY = pytest.mark.xfail(strict=True, reason="noise on a triangle may turn the way between samples")
+WRONG_WAY = pytest.mark.xfail(
+    strict=True, reason="noise on a triangle may turn the way between samples"
+)
 
 
 @pytest.mark.slow
@@ -114,7 +125,9 @@ def test_intervals_bear_noise_on_an_input(kind):
         diagnosis = diagnose(PpyActuator, data, [], held=AT_REST)
         for name in ("R1", "R2", "C", "alpha"):
             low, high = diagnosis.estimates[name].interval
-            deviations.append((diagnosis.estimates[name].value - TRUE[name]) / ((high - low) / 3.92))
+            deviations.append(
+                (diagnosis.estimates[name].value - TRUE[name]) / ((high - low) / 3.92)
+            )
     assert np.mean(np.abs(deviations) < 1.96) >= 0.88
     assert np.std(deviations) < 1.3
 
@@ -129,8 +142,12 @@ def test_noise_that_the_outputs_follow_is_an_input():
 def test_what_is_there_is_named_through_noise_on_the_inputs():
     data = short_record("strain_saturation")
     random = np.random.default_rng(1)
-    noisy = {n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()}
-    diagnosis = diagnose(PpyActuator, replace(data, inputs=noisy), [EFFECTS["strain_saturation"], *SENSORS])
+    noisy = {
+        n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()
+    }
+    diagnosis = diagnose(
+        PpyActuator, replace(data, inputs=noisy), [EFFECTS["strain_saturation"], *SENSORS]
+    )
     assert diagnosis.causes[:1] == ["strain_saturation"]
 
 
@@ -139,7 +156,9 @@ def saturating():
     """A search in a record with noise on its inputs, what it named, and that noise."""
     data = short_record("strain_saturation")
     random = np.random.default_rng(1)
-    noisy = {n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()}
+    noisy = {
+        n: u + 0.005 * np.ptp(u) * random.standard_normal(len(u)) for n, u in data.inputs.items()
+    }
     search = Search(replace(data, inputs=noisy), PpyActuator, ["R1", "R2", "C", "alpha"])
     selection = select(search, [EFFECTS["strain_saturation"]])
     return search, selection, assess(search, selection.base)
@@ -148,7 +167,9 @@ def saturating():
 @pytest.mark.parametrize("hindrance", ["time", "failure"])
 def test_what_could_not_be_held_against_noise_is_not_claimed(saturating, monkeypatch, hindrance):
     search, selection, noise = saturating
-    assert [step.chosen.effect_name for step in defensible(selection, search, noise)[0].steps] == ["strain_saturation"]
+    assert [step.chosen.effect_name for step in defensible(selection, search, noise)[0].steps] == [
+        "strain_saturation"
+    ]
 
     def fails(self, fitted):
         raise UserError("too stiff")

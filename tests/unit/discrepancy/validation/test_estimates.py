@@ -24,10 +24,15 @@ def test_a_parameter_differs_surely_and_noticeably_or_not_at_all(change, error, 
     assert significantly_different(change, error) is differs
 
 
-@pytest.mark.parametrize(("ratio", "odd"), [(20.0, False), (50.0, True), (1.0 / 20.0, False), (1.0 / 50.0, True)])
+@pytest.mark.parametrize(
+    ("ratio", "odd"), [(20.0, False), (50.0, True), (1.0 / 20.0, False), (1.0 / 50.0, True)]
+)
 def test_a_parameter_fifty_times_nominal_is_that_of_no_specimen(ratio, odd):
     ends = (1.8 * ratio, 2.2 * ratio)
-    values = {"R": Estimate(2.0 * ratio, 2.0, ends, "ohm"), "zero": Estimate(5.0, 0.0, (4.0, 6.0), "V")}
+    values = {
+        "R": Estimate(2.0 * ratio, 2.0, ends, "ohm"),
+        "zero": Estimate(5.0, 0.0, (4.0, 6.0), "V"),
+    }
     assert implausible(values, ["R", "zero"]) == ({"R": pytest.approx(ratio)} if odd else {})
 
 

@@ -12,7 +12,17 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import NoteCode
 from tests.support.diagnosis import coloured
-from tests.support.several import OCVS, STARTS, STEP, TRUE, Cell, current, measured, several, voltage
+from tests.support.several import (
+    OCVS,
+    STARTS,
+    STEP,
+    TRUE,
+    Cell,
+    current,
+    measured,
+    several,
+    voltage,
+)
 
 NOISE = 1e-3  # V
 ASTRAY = (NoteCode.NOT_FOLLOWED, NoteCode.END_NOT_FOLLOWED)
@@ -79,7 +89,10 @@ def test_of_several_records_those_that_are_not_followed_are_told():
 
 def test_an_end_that_is_not_followed_is_told():
     data = measured(0, STARTS["a"], samples=900)
-    late = data.measured["voltage"] - np.where(data.time > 70.0, TRUE["R0"], 0.0) * data.inputs["current"]
+    late = (
+        data.measured["voltage"]
+        - np.where(data.time > 70.0, TRUE["R0"], 0.0) * data.inputs["current"]
+    )
     (note,) = astray(diagnosed(None, Dataset(data.time, data.inputs, {"voltage": late})))
     assert note.code is NoteCode.END_NOT_FOLLOWED
     assert astray(diagnosed(None, data)) == []
@@ -105,7 +118,11 @@ def test_under_an_input_that_changes_with_every_sample_a_fault_is_none_of_the_no
     def moved(seed, **other):
         i = np.random.default_rng(seed).standard_normal(400)
         noise = NOISE * np.random.default_rng(50 + seed).standard_normal(400)
-        return Dataset(STEP * np.arange(400), {"current": i}, {"voltage": voltage(i, 0.0, 3.3, **TRUE | other) + noise})
+        return Dataset(
+            STEP * np.arange(400),
+            {"current": i},
+            {"voltage": voltage(i, 0.0, 3.3, **TRUE | other) + noise},
+        )
 
     assert astray(diagnosed(moved(2), moved(1))) == []
     assert astray(diagnosed(moved(2, R0=2.0 * TRUE["R0"]), moved(1)))

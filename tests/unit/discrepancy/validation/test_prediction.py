@@ -11,7 +11,9 @@ OBVIOUS = 300.0  # likelihood ratio of what nobody could doubt
 
 def told(held_out):
     """Causes, and what is not claimed, of a record with an offset that is judged on another."""
-    diagnosis = diagnose(Amplifier, offset_record(OBVIOUS, 1), [OFFSET], holdout=offset_record(held_out, 2))
+    diagnosis = diagnose(
+        Amplifier, offset_record(OBVIOUS, 1), [OFFSET], holdout=offset_record(held_out, 2)
+    )
     dropped = [note.subject for note in diagnosis.notes if note.code is NoteCode.NOT_VALIDATED]
     return diagnosis.causes, dropped
 

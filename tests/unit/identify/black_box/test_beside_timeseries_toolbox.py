@@ -24,7 +24,8 @@ def of_the_toolbox(record, seed):
     model, _, _ = estimate(model, record.output - mean, u.T, show_plot=False, show_output=False)
     paths = zip((1, 2), model.b, model.f, u.T, strict=True)
     return mean + sum(
-        response([0.0] * late + [float(k) for k in b], [1.0, *map(float, f)], column) for late, b, f, column in paths
+        response([0.0] * late + [float(k) for k in b], [1.0, *map(float, f)], column)
+        for late, b, f, column in paths
     )
 
 
@@ -38,7 +39,12 @@ def of_ours(record):
 def test_the_free_run_is_no_farther_from_the_truth(d1):
     records = [box_jenkins_record(seed, d1=d1) for seed in SEEDS]
     ours = [fit(record.truth, of_ours(record)) for record in records]
-    others = [fit(record.truth, of_the_toolbox(record, seed)) for seed, record in zip(SEEDS, records, strict=True)]
-    print(f"d1 = {d1}: fit to the truth, median of {len(records)}: {np.median(ours):.2f} %, {np.median(others):.2f} %")
+    others = [
+        fit(record.truth, of_the_toolbox(record, seed))
+        for seed, record in zip(SEEDS, records, strict=True)
+    ]
+    print(
+        f"d1 = {d1}: fit to the truth, median of {len(records)}: {np.median(ours):.2f} %, {np.median(others):.2f} %"
+    )
     assert np.median(ours) >= np.median(others)
     assert min(ours) >= min(others) - 0.1

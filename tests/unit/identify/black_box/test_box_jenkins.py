@@ -17,7 +17,9 @@ SEEDS = range(20)
 
 
 def identified(record, find=box_jenkins, **more):
-    data = input_output_data(record.inputs, record.output, 0.1, ["force", "current"], "displacement")
+    data = input_output_data(
+        record.inputs, record.output, 0.1, ["force", "current"], "displacement"
+    )
     return find(data, nb=[2, 2], nf=[2, 1], nk=[1, 2], **more)
 
 
@@ -33,7 +35,11 @@ def found(records):
 
 @pytest.mark.parametrize(
     ("offset", "d1", "least"),
-    slow_but([(0.0, -0.8, 99.0), (3.0, 0.5, 99.0), (3.0, -0.8, 98.7)], (0.0, -0.8, 99.0), (3.0, -0.8, 98.7)),
+    slow_but(
+        [(0.0, -0.8, 99.0), (3.0, 0.5, 99.0), (3.0, -0.8, 98.7)],
+        (0.0, -0.8, 99.0),
+        (3.0, -0.8, 98.7),
+    ),
 )
 def test_the_free_run_is_the_truth_within_a_percent(offset, d1, least):
     """But where an offset is to be told from red noise: the mean of that noise alone costs 0.7 % of 2000 samples."""
@@ -51,17 +57,23 @@ def test_parameters_are_the_true_ones_within_three_percent_or_two_standard_error
         (seed, p.name, p.value)
         for seed, result in zip(SEEDS, found, strict=True)
         for p in result.parameters
-        if abs(p.value - BOX_JENKINS[p.name]) > max(0.03 * abs(BOX_JENKINS[p.name]), 2.0 * p.standard_error)
+        if abs(p.value - BOX_JENKINS[p.name])
+        > max(0.03 * abs(BOX_JENKINS[p.name]), 2.0 * p.standard_error)
     ]
     assert [p.name for p in found[0].parameters] == list(BOX_JENKINS)
     assert len(off) <= 0.05 * len(SEEDS) * len(BOX_JENKINS), off
     for name, value in BOX_JENKINS.items():
-        assert np.median([result.parameter(name).value for result in found]) == pytest.approx(value, rel=0.03)
+        assert np.median([result.parameter(name).value for result in found]) == pytest.approx(
+            value, rel=0.03
+        )
 
 
 def scores(results, names):
     return np.array(
-        [[(r.parameter(n).value - BOX_JENKINS[n]) / r.parameter(n).standard_error for n in names] for r in results]
+        [
+            [(r.parameter(n).value - BOX_JENKINS[n]) / r.parameter(n).standard_error for n in names]
+            for r in results
+        ]
     )
 
 
@@ -73,7 +85,9 @@ def test_standard_errors_of_output_error_models_allow_for_coloured_noise(records
     results = [identified(record, output_error) for record in records]
     paths = [name for name in BOX_JENKINS if name[0] in "bf"]
     assert np.sqrt(np.mean(scores(results, paths) ** 2)) == pytest.approx(1.0, abs=0.2)
-    assert results[0].parameter("b1_1").standard_error == pytest.approx(np.sqrt(results[0].covariance[0, 0]))
+    assert results[0].parameter("b1_1").standard_error == pytest.approx(
+        np.sqrt(results[0].covariance[0, 0])
+    )
 
 
 def test_residuals_are_white_and_those_of_output_error_models_are_not(records, found):
@@ -116,7 +130,9 @@ def test_no_random_start_ends_lower(records, counts):
     data = input_output_data(records[0].inputs, records[0].output, 1.0)
     result = box_jenkins(data, nb, nf, noise, noise, [1, 2])
     wanted = orders(data, nb, [1, 2], nf=nf, nc=noise, nd=noise)
-    problem = PredictionError(data.inputs - data.inputs.mean(axis=0), data.output - data.output.mean(), wanted)
+    problem = PredictionError(
+        data.inputs - data.inputs.mean(axis=0), data.output - data.output.mean(), wanted
+    )
     random = np.random.default_rng(0)
     points = [p for p in random.uniform(-0.9, 0.9, (60, problem.size)) if problem.admissible(p)]
     assert len(points) > 5
@@ -126,18 +142,28 @@ def test_no_random_start_ends_lower(records, counts):
 
 @pytest.mark.parametrize("scale", [1e-7, 1e6])
 def test_units_do_not_matter(records, found, scale):
-    data = input_output_data(records[0].inputs * [scale, 1.0 / scale], records[0].output * scale, 0.1)
+    data = input_output_data(
+        records[0].inputs * [scale, 1.0 / scale], records[0].output * scale, 0.1
+    )
     result = box_jenkins(data, [2, 2], [2, 1], 1, 1, [1, 2])
     assert result.fit == pytest.approx(found[0].fit, abs=1e-3)
-    assert result.parameter("f1_1").value == pytest.approx(found[0].parameter("f1_1").value, abs=1e-4)
-    assert result.parameter("b1_1").value == pytest.approx(found[0].parameter("b1_1").value, rel=1e-3)
+    assert result.parameter("f1_1").value == pytest.approx(
+        found[0].parameter("f1_1").value, abs=1e-4
+    )
+    assert result.parameter("b1_1").value == pytest.approx(
+        found[0].parameter("b1_1").value, rel=1e-3
+    )
 
 
 def test_large_offsets_do_not_matter(records, found):
-    data = input_output_data(records[0].inputs + np.array([1e4, -300.0]), records[0].output + 1e5, 0.1)
+    data = input_output_data(
+        records[0].inputs + np.array([1e4, -300.0]), records[0].output + 1e5, 0.1
+    )
     result = box_jenkins(data, [2, 2], [2, 1], 1, 1, [1, 2])
     assert result.fit == pytest.approx(found[0].fit, abs=1e-2)
-    assert "offset: the model is about y = 100003 at u1 = 9999.98, u2 = -300.028" in result.messages[0]
+    assert (
+        "offset: the model is about y = 100003 at u1 = 9999.98, u2 = -300.028" in result.messages[0]
+    )
 
 
 def test_data_without_noise_give_the_system_itself():

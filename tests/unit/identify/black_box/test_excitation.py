@@ -9,7 +9,13 @@ from scipy.linalg import toeplitz
 from scipy.signal import max_len_seq
 
 from fmus.kit.errors import UserError
-from orchestration.identify.black_box import arx, autocovariance_matrix, box_jenkins, input_output_data, pexcit
+from orchestration.identify.black_box import (
+    arx,
+    autocovariance_matrix,
+    box_jenkins,
+    input_output_data,
+    pexcit,
+)
 from tests.support.black_box import response
 
 RANDOM = np.random.default_rng(7)
@@ -63,7 +69,10 @@ def test_the_matrix_is_that_of_equation_3_16():
     ("call", "said"),
     [
         (lambda: pexcit([1.0, 2.0, 3.0], 1.5), r"^cutoff = 1\.5: must be between 0 and 1$"),
-        (lambda: pexcit([1.0, 2.0, 3.0], highest=2), r"^order = 2: must be from 1 to half of the 3 samples$"),
+        (
+            lambda: pexcit([1.0, 2.0, 3.0], highest=2),
+            r"^order = 2: must be from 1 to half of the 3 samples$",
+        ),
         (lambda: pexcit([]), r"^order = 1: must be from 1 to half of the 0 samples$"),
     ],
 )
@@ -75,13 +84,21 @@ def test_mistakes_are_told_in_one_line(call, said):
 def data(first):
     second = RANDOM.standard_normal(len(first))
     y = response([0.0, 0.4], [1.0, -0.7], first) + response([0.0, 1.0], [1.0, -0.2], second)
-    return input_output_data(np.column_stack([first, second]), y + 0.1 * RANDOM.standard_normal(len(y)), 1.0)
+    return input_output_data(
+        np.column_stack([first, second]), y + 0.1 * RANDOM.standard_normal(len(y)), 1.0
+    )
 
 
 def test_what_does_not_excite_a_model_is_refused():
     sine = data(np.sin(0.3 * TIME))
-    said = r"^input u1 is persistently exciting of order 2 only, and the orders ask for 4: lower them"
-    for find in (lambda: box_jenkins(sine, 2, 2, 1, 1), lambda: arx(sine, 2, 2), lambda: box_jenkins(sine, 3, 1, 0, 0)):
+    said = (
+        r"^input u1 is persistently exciting of order 2 only, and the orders ask for 4: lower them"
+    )
+    for find in (
+        lambda: box_jenkins(sine, 2, 2, 1, 1),
+        lambda: arx(sine, 2, 2),
+        lambda: box_jenkins(sine, 3, 1, 0, 0),
+    ):
         with pytest.raises(UserError, match=said):
             find()
     assert box_jenkins(sine, 1, 1, 0, 0).parameter("f1_1").value == pytest.approx(-0.7, abs=0.05)
@@ -92,4 +109,6 @@ def test_what_excites_weakly_is_told():
     weak = [m for m in box_jenkins(slow, 4, 4, 0, 0).messages if "excites weakly" in m]
     assert len(weak) == 1
     assert weak[0].startswith("input u1 excites weakly: to order ")
-    assert not any("weakly" in m for m in box_jenkins(data(RANDOM.standard_normal(1003)), 4, 4, 0, 0).messages)
+    assert not any(
+        "weakly" in m for m in box_jenkins(data(RANDOM.standard_normal(1003)), 4, 4, 0, 0).messages
+    )

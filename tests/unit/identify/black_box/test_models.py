@@ -24,7 +24,9 @@ STEP = 0.1
 
 
 def as_data(record):
-    return input_output_data(record.inputs, record.output, STEP, ["force", "current"], "displacement")
+    return input_output_data(
+        record.inputs, record.output, STEP, ["force", "current"], "displacement"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -52,11 +54,20 @@ def test_control_simulates_the_same(record, found):
     time = STEP * np.arange(len(record.output))
     deviations = record.inputs - model.input_offsets
     paths = [model.transfer_function(name) for name in model.input_names]
-    parts = [control.forced_response(path, time, u).outputs for path, u in zip(paths, deviations.T, strict=True)]
-    assert np.sum(parts, axis=0) + model.output_offset == pytest.approx(model.simulate(record.inputs), abs=1e-7)
+    parts = [
+        control.forced_response(path, time, u).outputs
+        for path, u in zip(paths, deviations.T, strict=True)
+    ]
+    assert np.sum(parts, axis=0) + model.output_offset == pytest.approx(
+        model.simulate(record.inputs), abs=1e-7
+    )
     whole = control.forced_response(model.state_space(), time, deviations.T).outputs
-    assert np.squeeze(whole) + model.output_offset == pytest.approx(model.simulate(record.inputs), abs=1e-7)
-    assert all(path.dt == STEP for path in (*paths, model.state_space(), model.noise_transfer_function()))
+    assert np.squeeze(whole) + model.output_offset == pytest.approx(
+        model.simulate(record.inputs), abs=1e-7
+    )
+    assert all(
+        path.dt == STEP for path in (*paths, model.state_space(), model.noise_transfer_function())
+    )
     assert paths[0].input_labels == ["force"]
     assert model.state_space().output_labels == ["displacement"]
 
@@ -68,10 +79,14 @@ def test_controls_noise_path_makes_the_residual_what_is_left_of_the_output(recor
     late = len(e)
     inputs = record.inputs - model.input_offsets
     forced = sum(
-        control.forced_response(model.transfer_function(i), STEP * np.arange(len(inputs)), inputs[:, i]).outputs
+        control.forced_response(
+            model.transfer_function(i), STEP * np.arange(len(inputs)), inputs[:, i]
+        ).outputs
         for i in range(2)
     )
-    coloured = control.forced_response(model.noise_transfer_function(), STEP * np.arange(late), e).outputs
+    coloured = control.forced_response(
+        model.noise_transfer_function(), STEP * np.arange(late), e
+    ).outputs
     rebuilt = (model.output_offset + forced)[-late:] + coloured
     assert rebuilt[late // 2 :] == pytest.approx(record.output[-late:][late // 2 :], abs=1e-6)
 
@@ -105,7 +120,9 @@ def test_prediction_over_the_whole_record_is_the_free_run(record, found):
     data = as_data(record)
     late = slice(500, None)
     far = found.model.predict(data, len(data))
-    assert far[late] == pytest.approx(found.model.simulate(record.inputs, record.output)[late], abs=2e-3)
+    assert far[late] == pytest.approx(
+        found.model.simulate(record.inputs, record.output)[late], abs=2e-3
+    )
 
 
 @pytest.mark.parametrize("horizon", [1, 2, 3, 7])
@@ -120,7 +137,13 @@ def test_prediction_ahead_is_that_of_feeding_predictions_back(record, horizon):
     for t in range(20, 200):
         known = list(y[: t - horizon + 1])
         for s in range(t - horizon + 1, t + 1):
-            known.append(-a1 * known[s - 1] - a2 * known[s - 2] + b1 * u[s - 1] + b2 * u[s - 2] + b3 * v[s - 3])
+            known.append(
+                -a1 * known[s - 1]
+                - a2 * known[s - 2]
+                + b1 * u[s - 1]
+                + b2 * u[s - 2]
+                + b3 * v[s - 3]
+            )
         predicted[t] = known[t]
     ours = model.predict(as_data(record), horizon) - model.output_offset
     assert ours[20:200] == pytest.approx(predicted[20:200], abs=1e-9)
@@ -135,8 +158,12 @@ def test_s_plane_has_the_poles_of_the_continuous_system():
     model = output_error(input_output_data(u, y, STEP), 3, 3).model
     order = {"key": lambda s: (round(s.imag, 3), s.real)}
     assert sorted(model.s_plane_poles(), **order) == pytest.approx(sorted(poles, **order), abs=1e-4)
-    assert min(np.abs(model.s_plane_zeros() + 3.0)) < 0.05  # near that of the continuous system, not at it
-    assert s_plane([np.exp(-0.2), 0.0, -1.0], 0.1) == pytest.approx(np.array([-2.0, np.pi / 0.1 * 1j]))
+    assert (
+        min(np.abs(model.s_plane_zeros() + 3.0)) < 0.05
+    )  # near that of the continuous system, not at it
+    assert s_plane([np.exp(-0.2), 0.0, -1.0], 0.1) == pytest.approx(
+        np.array([-2.0, np.pi / 0.1 * 1j])
+    )
 
 
 def test_free_run_starts_where_it_is_told(record):
@@ -147,7 +174,9 @@ def test_free_run_starts_where_it_is_told(record):
     gain = [np.sum(b) / np.sum(f) for b, f in zip(model.b, model.f, strict=True)]
     level = model.output_offset + gain @ (held[0] - model.input_offsets)
     assert model.simulate(held, before=[0.7, -0.4]) == pytest.approx(np.full(50, level))
-    assert model.simulate(np.tile(model.input_offsets, (5, 1))) == pytest.approx(np.full(5, model.output_offset))
+    assert model.simulate(np.tile(model.input_offsets, (5, 1))) == pytest.approx(
+        np.full(5, model.output_offset)
+    )
     # away from rest: the initial state is found from what was measured
     decay = 5.0 * (-truth["A"][1]) ** np.arange(50)
     assert model.simulate(held, level + decay) == pytest.approx(level + decay, abs=0.05)
@@ -168,8 +197,14 @@ def test_other_data_are_refused(record):
     model = arx(as_data(record), 2, 2).model
     with pytest.raises(UserError, match=r"^data have inputs u1, u2: must be force, current$"):
         model.fit(input_output_data(record.inputs, record.output, STEP))
-    with pytest.raises(UserError, match=r"^data have a step of 0\.2 s: must be the model's, 0\.1 s$"):
-        model.fit(input_output_data(record.inputs, record.output, 0.2, ["force", "current"], "displacement"))
+    with pytest.raises(
+        UserError, match=r"^data have a step of 0\.2 s: must be the model's, 0\.1 s$"
+    ):
+        model.fit(
+            input_output_data(
+                record.inputs, record.output, 0.2, ["force", "current"], "displacement"
+            )
+        )
     with pytest.raises(UserError, match=r"^input current, sample 1: must be a finite number$"):
         model.simulate([[0.0, 1.0], [0.0, np.nan]])
     with pytest.raises(UserError, match=r"^output of shape \(3,\): must be \(2,\) and finite"):

@@ -10,7 +10,9 @@ from tests.support.black_box import box_jenkins_record
 
 def divided(seed=0, samples=3000):
     record = box_jenkins_record(seed, samples)
-    return input_output_data(record.inputs, record.output, 0.1, ["force", "current"], "displacement").split(0.5)
+    return input_output_data(
+        record.inputs, record.output, 0.1, ["force", "current"], "displacement"
+    ).split(0.5)
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +28,10 @@ def test_the_smallest_model_that_holds_the_one_that_drew_the_data_is_chosen(sear
 
 
 def test_all_combinations_are_there(search):
-    counted = {s: sum(row.structure == s for row in search.rows) for s in ("ARX", "ARMAX", "OE", "SS", "BJ")}
+    counted = {
+        s: sum(row.structure == s for row in search.rows)
+        for s in ("ARX", "ARMAX", "OE", "SS", "BJ")
+    }
     assert counted == {"ARX": 4, "ARMAX": 8, "OE": 4, "SS": 3, "BJ": 8}
     assert search.left_out == ()
 
@@ -37,7 +42,11 @@ def test_rows_are_judged_by_the_same_samples(search):
 
 def test_figures_are_those_of_the_models(search):
     estimation, validation = divided()
-    row = next(row for row in search.rows if (row.structure, row.path_orders, row.noise_order) == ("BJ", (2, 2), 1))
+    row = next(
+        row
+        for row in search.rows
+        if (row.structure, row.path_orders, row.noise_order) == ("BJ", (2, 2), 1)
+    )
     alone = box_jenkins(estimation, 2, 2, 1, 1, [1, 2])
     assert row.fit == pytest.approx(alone.fit, abs=0.05)
     assert row.validation_fit == pytest.approx(alone.model.fit(validation), abs=0.05)
@@ -48,14 +57,17 @@ def test_figures_are_those_of_the_models(search):
 
 def test_the_table_is_laid_out_like_table_3_2(search):
     lines = search.table().splitlines()
-    head = (
-        "Model type|% fit ID data|% fit validation data|AIC|BIC|force model order|current model order|Noise model order"
-    )
+    head = "Model type|% fit ID data|% fit validation data|AIC|BIC|force model order|current model order|Noise model order"
     assert [cell.strip() for cell in lines[0].split("  ") if cell.strip()] == head.split("|")
     assert [line.split()[0] for line in lines[1:]] == ["ARX", "ARMAX", "OE", "SS", "BJ"]
     assert len({len(line) for line in lines}) == 1
     best = {row.structure: row for row in search.best}["BJ"]
-    figures = [f"{best.fit:.1f}", f"{best.validation_fit:.1f}", f"{best.aic:.2f}", f"{best.bic:.2f}"]
+    figures = [
+        f"{best.fit:.1f}",
+        f"{best.validation_fit:.1f}",
+        f"{best.aic:.2f}",
+        f"{best.bic:.2f}",
+    ]
     assert lines[-1].split() == ["BJ", *figures, "2", "2", "1"]
     assert lines[4].split()[-1] == "constant"
     assert lines[1].split()[-1] == "0"
@@ -63,7 +75,9 @@ def test_the_table_is_laid_out_like_table_3_2(search):
 
 
 def test_the_criterion_can_be_that_of_the_thesis():
-    search = search_orders(*divided(), structures=["OE", "BJ"], path_orders=[2], noise_orders=[1, 2], criterion="AIC")
+    search = search_orders(
+        *divided(), structures=["OE", "BJ"], path_orders=[2], noise_orders=[1, 2], criterion="AIC"
+    )
     assert search.chosen.aic == min(row.aic for row in search.rows)
 
 
@@ -73,7 +87,10 @@ def test_what_cannot_be_identified_is_left_out_and_told():
     data = input_output_data(sine, estimation.output, 0.1, ["force", "current"], "displacement")
     search = search_orders(data, validation, ["OE"], [1, 2])
     assert {row.path_orders for row in search.rows} == {(1, 1), (1, 2)}
-    assert [line.split(":")[0] for line in search.left_out] == ["OE of order 2 1", "OE of order 2 2"]
+    assert [line.split(":")[0] for line in search.left_out] == [
+        "OE of order 2 1",
+        "OE of order 2 2",
+    ]
     assert "input force is persistently exciting of order 2 only" in search.left_out[0]
 
 
@@ -84,8 +101,14 @@ def test_what_cannot_be_identified_is_left_out_and_told():
         ({"criterion": "FPE"}, r"^criterion FPE: there is none \(there are: AIC, BIC\)$"),
         ({"path_orders": [0, 1]}, r"at least one of each, and no order below 1$"),
         ({"path_orders": []}, r"at least one of each, and no order below 1$"),
-        ({"path_orders": [900]}, r"^no model can be identified; ARX of order 900 900: 1500 samples"),
-        ({"nk": -1}, r"^no model can be identified; .* nk\[0\] = -1: must be a whole number, at least 0$"),
+        (
+            {"path_orders": [900]},
+            r"^no model can be identified; ARX of order 900 900: 1500 samples",
+        ),
+        (
+            {"nk": -1},
+            r"^no model can be identified; .* nk\[0\] = -1: must be a whole number, at least 0$",
+        ),
     ],
 )
 def test_mistakes_are_told_in_one_line(changed, said):

@@ -6,7 +6,12 @@ from scipy.signal import lfilter
 from statsmodels.tsa.stattools import acf, ccf
 
 from fmus.kit.errors import UserError
-from orchestration.identify.black_box import box_jenkins, input_output_data, output_error, residual_tests
+from orchestration.identify.black_box import (
+    box_jenkins,
+    input_output_data,
+    output_error,
+    residual_tests,
+)
 from tests.support.black_box import box_jenkins_record
 
 
@@ -43,7 +48,9 @@ def test_independent_signals_are_called_so_as_often_as_is_said(residual, inputs)
 def test_a_path_that_is_missing_is_seen_where_it_is():
     record = box_jenkins_record(2, 1500)
     data = input_output_data(record.inputs, record.output, 1.0)
-    tests = box_jenkins(data, [2, 2], [2, 1], 1, 1, [1, 6]).residual_tests()  # the second input acts later than it does
+    tests = box_jenkins(
+        data, [2, 2], [2, 1], 1, 1, [1, 6]
+    ).residual_tests()  # the second input acts later than it does
     assert not tests.passed
     assert tests.inputs[0].is_independent
     late = tests.inputs[1]
@@ -76,7 +83,12 @@ def test_feedback_is_seen_before_lag_zero_and_is_no_fault_of_the_model():
     [
         (np.ones(50), np.ones(50), 5, "residual not constant"),
         (np.arange(50.0), np.ones(40), 5, "residual of shape"),
-        (np.arange(50.0), np.ones(50), 13, "lags = 13: must be from 1 to a quarter of the 50 samples"),
+        (
+            np.arange(50.0),
+            np.ones(50),
+            13,
+            "lags = 13: must be from 1 to a quarter of the 50 samples",
+        ),
         (np.arange(50.0), np.full(50, np.nan), 5, "must be finite numbers"),
     ],
 )

@@ -5,7 +5,14 @@ import pytest
 import statsmodels.api as sm
 
 from fmus.kit.errors import UserError
-from orchestration.identify.black_box import armax, arx, box_jenkins, input_output_data, output_error, state_space
+from orchestration.identify.black_box import (
+    armax,
+    arx,
+    box_jenkins,
+    input_output_data,
+    output_error,
+    state_space,
+)
 from orchestration.identify.black_box.orders import orders
 from orchestration.identify.black_box.prediction_error import PredictionError
 from tests.support.black_box import box_jenkins_record, fit, response
@@ -42,7 +49,9 @@ def test_arx_is_the_least_squares_of_statsmodels():
 def test_armax_has_no_bias_where_arx_has():
     found = [armax(armax_record(seed), 2, 2, 1) for seed in range(5)]
     for name, value in {"a1": A[1], "a2": A[2], "b1_1": B[1], "b1_2": B[2], "c1": C[1]}.items():
-        scored = [(r.parameter(name).value - value) / r.parameter(name).standard_error for r in found]
+        scored = [
+            (r.parameter(name).value - value) / r.parameter(name).standard_error for r in found
+        ]
         assert np.abs(np.mean(scored)) < 3.0 / np.sqrt(5)
         assert max(np.abs(scored)) < 4.0
     wrong = arx(armax_record(0), 2, 2).parameter("a1")
@@ -54,20 +63,26 @@ def test_armax_has_no_bias_where_arx_has():
 def test_derivatives_are_those_of_differences(counts, offset):
     record = box_jenkins_record(4, 60)
     data = input_output_data(record.inputs, record.output, 1.0)
-    problem = PredictionError(data.inputs, data.output, orders(data, nk=[0, 2], **counts), offset=offset)
+    problem = PredictionError(
+        data.inputs, data.output, orders(data, nk=[0, 2], **counts), offset=offset
+    )
     theta = 0.2 * np.random.default_rng(0).standard_normal(problem.size)
     step = 1e-6
     for i, column in enumerate(problem.jacobian(theta).T):
         there, back = theta.copy(), theta.copy()
         there[i] += step
         back[i] -= step
-        assert column == pytest.approx((problem.errors(there) - problem.errors(back)) / (2 * step), abs=1e-6)
+        assert column == pytest.approx(
+            (problem.errors(there) - problem.errors(back)) / (2 * step), abs=1e-6
+        )
 
 
 def test_prediction_errors_are_those_of_the_difference_equation():
     record = box_jenkins_record(6, 80)
     data = input_output_data(record.inputs, record.output, 1.0)
-    problem = PredictionError(data.inputs, data.output, orders(data, [1, 2], nk=[0, 1], nf=[1, 1], nc=1, nd=1))
+    problem = PredictionError(
+        data.inputs, data.output, orders(data, [1, 2], nk=[0, 1], nf=[1, 1], nc=1, nd=1)
+    )
     b1, f1, b2, b3, f2, c, d, constant, t1, t2 = theta = np.array(
         [0.4, -0.6, 0.2, 0.1, -0.3, 0.5, -0.7, 0.9, 1.5, -2.0]
     )
@@ -86,10 +101,13 @@ def test_prediction_errors_are_those_of_the_difference_equation():
 def test_identified_models_are_stable_even_where_the_noise_is_a_random_walk():
     random = np.random.default_rng(1)
     u = random.standard_normal(500)
-    data = input_output_data(u, 0.1 * np.cumsum(random.standard_normal(500)) + response(B, A, u), 1.0)
+    data = input_output_data(
+        u, 0.1 * np.cumsum(random.standard_normal(500)) + response(B, A, u), 1.0
+    )
     result = box_jenkins(data, 2, 2, 1, 1)
     assert all(
-        np.abs(np.roots(polynomial)).max() < 1.0 for polynomial in (*result.model.f, result.model.c, result.model.d)
+        np.abs(np.roots(polynomial)).max() < 1.0
+        for polynomial in (*result.model.f, result.model.c, result.model.d)
     )
     assert result.parameter("f1_1").value == pytest.approx(A[1], abs=0.05)
 
@@ -124,7 +142,9 @@ def test_an_unstable_system_is_found_and_told(kept_in_place):
     for result in (arx(kept_in_place, 1, 1), armax(kept_in_place, 1, 1, 1)):
         assert result.parameter("a1").value == pytest.approx(-1.2, abs=0.01)
         assert not result.model.is_stable()
-        assert result.messages[-1] == "the model is unstable: a free run will not stay near the record"
+        assert (
+            result.messages[-1] == "the model is unstable: a free run will not stay near the record"
+        )
         assert result.fit == -np.inf
         assert result.model.fit(kept_in_place, 1) > 85.0
         assert "free-run fit -inf %" in result.summary()
@@ -132,7 +152,9 @@ def test_an_unstable_system_is_found_and_told(kept_in_place):
 
 def data(samples=200, **changed):
     record = box_jenkins_record(0, samples)
-    return input_output_data(record.inputs, record.output, 0.5, ["force", "current"], "displacement")
+    return input_output_data(
+        record.inputs, record.output, 0.5, ["force", "current"], "displacement"
+    )
 
 
 @pytest.mark.parametrize(
@@ -141,21 +163,48 @@ def data(samples=200, **changed):
         (lambda: arx(data(), 0, 0), r"^nb\[0\] = 0: must be a whole number, at least 1$"),
         (lambda: arx(data(), -1, 1), r"^na = -1: must be a whole number, at least 0$"),
         (lambda: armax(data(), 2, 1, 1.5), r"^nc = 1\.5: must be a whole number, at least 0$"),
-        (lambda: output_error(data(), [1, 1, 1], 1), r"^nb = \[1, 1, 1\]: must be one number, or one for each of 2"),
-        (lambda: output_error(data(), 1, 1, [1, -2]), r"^nk\[1\] = -2: must be a whole number, at least 0$"),
-        (lambda: arx(data(), 1, 1, 500), r"^200 samples .* are too few for na = 1, nb = 1 1, nk = 500 500"),
-        (lambda: box_jenkins(data(20), 2, 2, 2, 2), r"^20 samples of displacement are too few .* at least \d+ "),
+        (
+            lambda: output_error(data(), [1, 1, 1], 1),
+            r"^nb = \[1, 1, 1\]: must be one number, or one for each of 2",
+        ),
+        (
+            lambda: output_error(data(), 1, 1, [1, -2]),
+            r"^nk\[1\] = -2: must be a whole number, at least 0$",
+        ),
+        (
+            lambda: arx(data(), 1, 1, 500),
+            r"^200 samples .* are too few for na = 1, nb = 1 1, nk = 500 500",
+        ),
+        (
+            lambda: box_jenkins(data(20), 2, 2, 2, 2),
+            r"^20 samples of displacement are too few .* at least \d+ ",
+        ),
         (lambda: state_space(data(), 2.5), r"^order = 2\.5: must be a whole number, at least 1$"),
         (lambda: state_space(data(), 0), r"^order = 0: must be a whole number, at least 1$"),
-        (lambda: state_space(data(60), 4), r"^60 samples are too few for 4 states and 2 inputs: at least 144 "),
+        (
+            lambda: state_space(data(60), 4),
+            r"^60 samples are too few for 4 states and 2 inputs: at least 144 ",
+        ),
         (lambda: state_space(data(), 2, [0, 1, 1]), r"^nk = \[0, 1, 1\]: must be one number"),
-        (lambda: data().part(300), r"^part from sample 300 to None: there are none, of 200 samples$"),
+        (
+            lambda: data().part(300),
+            r"^part from sample 300 to None: there are none, of 200 samples$",
+        ),
         (lambda: data().split(1.0), r"^share = 1: must be between 0 and 1, neither of them$"),
-        (lambda: arx(data(), 1, 1).model.poles("voltage"), r"^input voltage: there is none \(there are: force"),
-        (lambda: arx(data(), 1, 1).model.predict(data(), 0), r"^horizon = 0: must be a whole number, at least 1$"),
-        (lambda: arx(data(), 1, 1).model.simulate(np.ones((5, 3))), r"^inputs of shape \(5, 3\): must be \(n, 2\)"),
+        (
+            lambda: arx(data(), 1, 1).model.poles("voltage"),
+            r"^input voltage: there is none \(there are: force",
+        ),
+        (
+            lambda: arx(data(), 1, 1).model.predict(data(), 0),
+            r"^horizon = 0: must be a whole number, at least 1$",
+        ),
+        (
+            lambda: arx(data(), 1, 1).model.simulate(np.ones((5, 3))),
+            r"^inputs of shape \(5, 3\): must be \(n, 2\)",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_possible_is_told_in_one_line(find, said):
     with pytest.raises(UserError, match=said) as caught:
         find()
@@ -169,23 +218,43 @@ def changed(column=None, row=None, value=None, **more):
         y[slice(None) if row is None else row] = value
     elif column is not None:
         u[slice(None) if row is None else row, column] = value
-    return input_output_data(u, y, more.pop("step", 1.0), ["force", "current"], more.pop("name", "displacement"))
+    return input_output_data(
+        u, y, more.pop("step", 1.0), ["force", "current"], more.pop("name", "displacement")
+    )
 
 
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: changed(1, 17, np.nan), r"^input current, sample 17: is nan, must be a finite number; fill gaps"),
-        (lambda: changed("output", 3, np.inf), r"^output displacement, sample 3: is inf, must be a finite number"),
-        (lambda: arx(changed(0, None, 0.25), 1, 1), r"^input force is constant \(0\.25 in all 100 samples\): an"),
-        (lambda: state_space(changed(0, None, 2), 1), r"^input force is constant \(2 in all 100 samples\)"),
-        (lambda: arx(changed("output", None, 1), 1, 1), r"^output displacement is constant \(1 in all 100 samples\)$"),
+        (
+            lambda: changed(1, 17, np.nan),
+            r"^input current, sample 17: is nan, must be a finite number; fill gaps",
+        ),
+        (
+            lambda: changed("output", 3, np.inf),
+            r"^output displacement, sample 3: is inf, must be a finite number",
+        ),
+        (
+            lambda: arx(changed(0, None, 0.25), 1, 1),
+            r"^input force is constant \(0\.25 in all 100 samples\): an",
+        ),
+        (
+            lambda: state_space(changed(0, None, 2), 1),
+            r"^input force is constant \(2 in all 100 samples\)",
+        ),
+        (
+            lambda: arx(changed("output", None, 1), 1, 1),
+            r"^output displacement is constant \(1 in all 100 samples\)$",
+        ),
         (lambda: changed(step=0.0), r"^step = 0 s: must be a finite number above 0$"),
         (lambda: changed(name="force"), r"^force is an input and the output: name it once$"),
-        (lambda: input_output_data([1.0, 2.0], [1.0], 1.0), r"^inputs have shape \(2,\) and the output \(1,\)"),
+        (
+            lambda: input_output_data([1.0, 2.0], [1.0], 1.0),
+            r"^inputs have shape \(2,\) and the output \(1,\)",
+        ),
         (lambda: input_output_data(["a"], [1.0], 1.0), r"^inputs: must be an array of numbers"),
     ],
-)  # fmt: skip
+)
 def test_bad_data_are_told_in_one_line(make, said):
     with pytest.raises(UserError, match=said) as caught:
         make()

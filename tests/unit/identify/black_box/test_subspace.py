@@ -38,9 +38,9 @@ def test_without_noise_it_is_the_system_itself():
     assert model.d == pytest.approx(D, abs=1e-6)
     assert fit(y, model.simulate(u, y)) > 99.999
     markov = [C @ np.linalg.matrix_power(A, k) @ B for k in range(10)]
-    assert np.array([model.c @ np.linalg.matrix_power(model.a, k) @ model.b for k in range(10)]) == pytest.approx(
-        np.array(markov), abs=1e-5
-    )
+    assert np.array(
+        [model.c @ np.linalg.matrix_power(model.a, k) @ model.b for k in range(10)]
+    ) == pytest.approx(np.array(markov), abs=1e-5)
 
 
 def test_in_noise_it_predicts_as_the_kalman_filter_of_the_truth():

@@ -3,14 +3,23 @@
 import numpy as np
 import pytest
 
-from orchestration.identify.black_box import armax, arx, box_jenkins, input_output_data, output_error, state_space
+from orchestration.identify.black_box import (
+    armax,
+    arx,
+    box_jenkins,
+    input_output_data,
+    output_error,
+    state_space,
+)
 from tests.support.black_box import fit
 
 
 @pytest.fixture(scope="module")
 def halves(public_data):
     table = np.loadtxt(public_data("two_layer_wall.csv"), delimiter=",", skiprows=1)
-    return input_output_data(table[:, 1:3], table[:, 3], 1.0, ["internal", "external"], "heat_flux").split()
+    return input_output_data(
+        table[:, 1:3], table[:, 3], 1.0, ["internal", "external"], "heat_flux"
+    ).split()
 
 
 def test_box_jenkins(halves):
@@ -31,7 +40,11 @@ def test_arx(halves):
 
 @pytest.mark.parametrize(
     "find",
-    [lambda d: armax(d, 3, 3, 1, 0), lambda d: output_error(d, 2, 2, 0), lambda d: state_space(d, 3, 0)],
+    [
+        lambda d: armax(d, 3, 3, 1, 0),
+        lambda d: output_error(d, 2, 2, 0),
+        lambda d: state_space(d, 3, 0),
+    ],
     ids=["ARMAX", "OE", "SS"],
 )
 def test_the_other_structures(halves, find):

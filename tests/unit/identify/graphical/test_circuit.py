@@ -48,10 +48,12 @@ def test_intervals_of_the_one_without_bias_hold_the_truth():
     for seed in range(draws):
         (window,) = read_circuit(*record(1000, seed)).windows
         held += [
-            q.interval[0] <= x <= q.interval[1] for q, x in zip(quantities(window.output_error), TRUE, strict=True)
+            q.interval[0] <= x <= q.interval[1]
+            for q, x in zip(quantities(window.output_error), TRUE, strict=True)
         ]
         biased += [
-            q.interval[0] <= x <= q.interval[1] for q, x in zip(quantities(window.least_squares), TRUE, strict=True)
+            q.interval[0] <= x <= q.interval[1]
+            for q, x in zip(quantities(window.least_squares), TRUE, strict=True)
         ]
     low, high = binom.interval(0.998, draws, 0.95)
     print("held, in %:", 100.0 * held / draws, "by least squares:", 100.0 * biased / draws)
@@ -84,7 +86,10 @@ def test_the_interval_is_the_delta_method_s():
 
     time, current, voltage = record()
     slopes = np.array(
-        [(response(np.array(TRUE) + h) - response(np.array(TRUE) - h)) / 2e-5 for h in 1e-5 * np.eye(3)]
+        [
+            (response(np.array(TRUE) + h) - response(np.array(TRUE) - h)) / 2e-5
+            for h in 1e-5 * np.eye(3)
+        ]
     ).T
     # what the circuit was charged with before the record is estimated, too
     free = lfilter([1.0], DENOMINATOR, np.eye(len(time), 1)[:, 0])
@@ -92,14 +97,21 @@ def test_the_interval_is_the_delta_method_s():
         np.diag(np.linalg.inv(np.column_stack([slopes, free]).T @ np.column_stack([slopes, free])))
     )
     found = quantities(read_circuit(time, current, voltage).windows[0].output_error)
-    half = [0.5 * np.log(q.interval[1] / q.interval[0]) * x for q, x in zip(found, TRUE, strict=True)]
+    half = [
+        0.5 * np.log(q.interval[1] / q.interval[0]) * x for q, x in zip(found, TRUE, strict=True)
+    ]
     assert half == pytest.approx(1.96 * errors[:3], rel=0.15)
 
 
 def test_windows_follow_a_circuit_that_changes():
     (_, current, before), (_, _, after) = record(1000), record(1000, 1)
-    reading = read_circuit(np.arange(2000) * STEP, np.tile(current, 2), np.r_[before, 2.0 * after], 100.0)
-    assert [(w.start, w.end) for w in reading.windows] == [pytest.approx((0, 100)), pytest.approx((100, 200))]
+    reading = read_circuit(
+        np.arange(2000) * STEP, np.tile(current, 2), np.r_[before, 2.0 * after], 100.0
+    )
+    assert [(w.start, w.end) for w in reading.windows] == [
+        pytest.approx((0, 100)),
+        pytest.approx((100, 200)),
+    ]
     assert reading.values["R1"] == pytest.approx(2.0 * R1, rel=0.1)
     assert reading.windows[0].output_error.R1.value == pytest.approx(R1, rel=0.1)
 
@@ -107,7 +119,9 @@ def test_windows_follow_a_circuit_that_changes():
 def test_tustin_s_rule_is_there_as_printed():
     time, current, voltage = record(noise=0.0)
     printed = read_circuit(time, current, voltage, conversion=tustin)
-    assert [printed.values[n] for n in ("R1", "R2", "C")] == pytest.approx((0.412, 2.350, 2.718), abs=6e-4)  # errata 8
+    assert [printed.values[n] for n in ("R1", "R2", "C")] == pytest.approx(
+        (0.412, 2.350, 2.718), abs=6e-4
+    )  # errata 8
 
 
 def test_it_is_told_drawn_and_written(tmp_path):
@@ -123,7 +137,9 @@ def test_it_is_told_drawn_and_written(tmp_path):
     parameters = {p.name: p for p in component("ppy_actuator").layout.parameters}
     parameter_set.write(tmp_path / "circuit.ssv", reading.values, parameters, "200 s")
     named = [
-        e.get("name") for e in ElementTree.parse(tmp_path / "circuit.ssv").iter() if e.get("name") in reading.values
+        e.get("name")
+        for e in ElementTree.parse(tmp_path / "circuit.ssv").iter()
+        if e.get("name") in reading.values
     ]
     assert named == ["R1", "R2", "C"]
 
@@ -136,7 +152,9 @@ def test_where_there_is_no_circuit_that_is_said(tmp_path):
     json.dumps(reading.to_dict(), allow_nan=False)
     reading.plot(tmp_path / "none.png")
     with pytest.raises(UserError, match="no finite number"):
-        parameter_set.write(tmp_path / "no.ssv", reading.values, {"R1": None, "R2": None, "C": None})
+        parameter_set.write(
+            tmp_path / "no.ssv", reading.values, {"R1": None, "R2": None, "C": None}
+        )
 
 
 @pytest.mark.parametrize("resistance", slow_but([0.4, 7.0, 1e3], 0.4))
@@ -169,7 +187,9 @@ def test_a_fast_and_a_slow_circuit_are_circuits(decay):
     c = -STEP / (np.log(decay) * (R1 + R2))
     above, below, _ = cont2discrete(([R1 * R2 * c, R2], [(R1 + R2) * c, 1.0]), STEP, "zoh")
     reading = read_circuit(time, current, lfilter(above[0], below, current))
-    assert [q.value for q in quantities(reading.windows[0].least_squares)] == pytest.approx((R1, R2, c), rel=1e-6)
+    assert [q.value for q in quantities(reading.windows[0].least_squares)] == pytest.approx(
+        (R1, R2, c), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(

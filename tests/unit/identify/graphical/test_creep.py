@@ -19,9 +19,13 @@ def stepped(held, period=1.0, load=2.25, bias=0.0, before=5.0):
     loaded = time >= before - 1e-9
     since = np.maximum(time - before, 0.0)
     states = solve_ivp(
-        lambda _, x: [load / B1, (load - K2 * x[1]) / B2], (0.0, since[-1]), [0.0, 0.0], t_eval=np.unique(since),
-        rtol=1e-10, atol=1e-15,
-    ).y.sum(axis=0)  # fmt: skip
+        lambda _, x: [load / B1, (load - K2 * x[1]) / B2],
+        (0.0, since[-1]),
+        [0.0, 0.0],
+        t_eval=np.unique(since),
+        rtol=1e-10,
+        atol=1e-15,
+    ).y.sum(axis=0)
     x = np.where(loaded, load / K1 + np.interp(since, np.unique(since), states), 0.0)
     return time, np.where(loaded, bias + load, bias), x
 
@@ -64,18 +68,46 @@ LEVELS = "force: a level before and another after one step are needed; "
 @pytest.mark.parametrize(
     ("time", "force", "x", "message"),
     [
-        (TIME, FORCE, X[1:], "displacement has the shape (1205,): time and signals must be vectors of one length"),
-        (TIME, np.where(TIME == 3.0, np.inf, FORCE), X, "force: sample 3 is inf, and must be a finite number"),
-        (TIME, np.ones_like(TIME), X, LEVELS + "about sample 1 it changes by 0 N, and elsewhere by up to 0 N"),
-        (TIME, np.where(TIME > 600.0, 0.0, FORCE), X,
-         LEVELS + "about sample 5 it changes by 1.12 N, and elsewhere by up to 2.25 N"),
+        (
+            TIME,
+            FORCE,
+            X[1:],
+            "displacement has the shape (1205,): time and signals must be vectors of one length",
+        ),
+        (
+            TIME,
+            np.where(TIME == 3.0, np.inf, FORCE),
+            X,
+            "force: sample 3 is inf, and must be a finite number",
+        ),
+        (
+            TIME,
+            np.ones_like(TIME),
+            X,
+            LEVELS + "about sample 1 it changes by 0 N, and elsewhere by up to 0 N",
+        ),
+        (
+            TIME,
+            np.where(TIME > 600.0, 0.0, FORCE),
+            X,
+            LEVELS + "about sample 5 it changes by 1.12 N, and elsewhere by up to 2.25 N",
+        ),
         (TIME, FORCE, -X, f"displacement: does not elongate at once {UNDER}"),
         (TIME, FORCE, np.minimum(X, X[50]), f"displacement: does not flow in the end {UNDER}"),
-        (TIME, FORCE, np.where(TIME < 5.0, 0.0, 1e-4 + 1e-9 * TIME**2),
-         f"displacement: does not creep towards its flow {UNDER}"),
-        (TIME[:9], FORCE[:9], X[:9], "record of 4 samples under load: too few to tell creep from what is at once"),
+        (
+            TIME,
+            FORCE,
+            np.where(TIME < 5.0, 0.0, 1e-4 + 1e-9 * TIME**2),
+            f"displacement: does not creep towards its flow {UNDER}",
+        ),
+        (
+            TIME[:9],
+            FORCE[:9],
+            X[:9],
+            "record of 4 samples under load: too few to tell creep from what is at once",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_creep_after_a_step_is_refused(time, force, x, message):
     with pytest.raises(UserError, match=f"^{re.escape(message)}$"):
         read_creep(time, force, x)

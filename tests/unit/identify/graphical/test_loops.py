@@ -22,9 +22,10 @@ def test_a_lagging_sine_makes_an_ellipse(lag):
     assert found.slope_through_zero.value == pytest.approx(0.5 / 3.0 * np.cos(lag), abs=1e-9)
     assert found.area.value == pytest.approx(np.pi * 3.0 * 0.5 * np.sin(lag), rel=2e-4, abs=1e-9)
     assert found.gap.value == pytest.approx(0.0, abs=1e-12)
-    assert [q.unit for q in (found.slope, found.intercept, found.slope_through_zero, found.area, found.gap)] == [
-        "m/C", "m", "m/C", "C*m", "m"
-    ]  # fmt: skip
+    assert [
+        q.unit
+        for q in (found.slope, found.intercept, found.slope_through_zero, found.area, found.gap)
+    ] == ["m/C", "m", "m/C", "C*m", "m"]
 
 
 def test_the_sign_of_an_area_is_the_sense_in_which_it_is_traversed():
@@ -40,8 +41,12 @@ def test_lines_are_those_of_scipy_and_of_the_normal_equation():
     y = 0.3 + 2.0 * x + 0.05 * random.standard_normal(TIME.size)
     whole = slice(0, 3000)  # twelve cycles; the last sample begins the thirteenth
     found, line = loops(TIME, x, y, 2.5), linregress(x[whole], y[whole])
-    assert (found.slope.value, found.intercept.value) == pytest.approx((line.slope, line.intercept), rel=1e-9)
-    assert found.slope_through_zero.value == pytest.approx((x[whole] @ y[whole]) / (x[whole] @ x[whole]), rel=1e-9)
+    assert (found.slope.value, found.intercept.value) == pytest.approx(
+        (line.slope, line.intercept), rel=1e-9
+    )
+    assert found.slope_through_zero.value == pytest.approx(
+        (x[whole] @ y[whole]) / (x[whole] @ x[whole]), rel=1e-9
+    )
 
 
 def test_cycles_need_not_be_whole_numbers_of_samples():
@@ -115,7 +120,13 @@ SINE = np.sin(OMEGA * TIME)
 @pytest.mark.parametrize(
     ("time", "x", "y", "options", "message"),
     [
-        (TIME, SINE[1:], SINE, {}, "x has the shape (3000,): time and signals must be vectors of one length"),
+        (
+            TIME,
+            SINE[1:],
+            SINE,
+            {},
+            "x has the shape (3000,): time and signals must be vectors of one length",
+        ),
         (
             TIME,
             SINE,

@@ -70,7 +70,9 @@ class Line(Component):
 
 
 def rise(tau, seed, noise=0.02):
-    measured = 1.0 - np.exp(-TIME / tau) + noise * np.random.default_rng(seed).normal(size=TIME.size)
+    measured = (
+        1.0 - np.exp(-TIME / tau) + noise * np.random.default_rng(seed).normal(size=TIME.size)
+    )
     return {"u": np.ones(TIME.size)}, {"y": measured}
 
 
@@ -89,7 +91,9 @@ def by_hand(found, measured, ceiling=1e9):
         shape = -np.expm1(-TIME / np.exp(log_tau))
         return float(measured @ measured - (measured @ shape) ** 2 / (shape @ shape))
 
-    best = minimize_scalar(squares, (np.log(0.5), np.log(5.0)), method="brent", options={"xtol": 1e-12}).x
+    best = minimize_scalar(
+        squares, (np.log(0.5), np.log(5.0)), method="brent", options={"xtol": 1e-12}
+    ).x
     variance = squares(best) / TIME.size
     tau, shape = np.exp(best), -np.expm1(-TIME / np.exp(best))
     a = (measured @ shape) / (shape @ shape)
@@ -109,7 +113,9 @@ def by_hand(found, measured, ceiling=1e9):
 def test_of_a_linear_model_it_is_the_ellipse(colour):
     noise = lfilter([0.1], [1.0, -colour], np.random.default_rng(1).normal(size=400))
     u = np.random.default_rng(2).normal(size=400) + 2.0
-    found = fit(Line, 0.1 * np.arange(400), {"u": u}, {"y": 3.0 * u - 1.0 + noise}, ["slope", "offset"])
+    found = fit(
+        Line, 0.1 * np.arange(400), {"u": u}, {"y": 3.0 * u - 1.0 + noise}, ["slope", "offset"]
+    )
     for name, (low, high) in found.intervals.items():
         traced = found.profile(name)
         width = high - low
@@ -183,7 +189,9 @@ def test_what_was_fitted_stays_and_is_not_profiled_twice():
     assert found.values == before
     assert len(told) == one.fits
     # nothing stays held
-    assert found.profile("a").interval == pytest.approx(fitted(2, 1.5).profile("a").interval, rel=1e-12)
+    assert found.profile("a").interval == pytest.approx(
+        fitted(2, 1.5).profile("a").interval, rel=1e-12
+    )
     with pytest.raises(UserError, match="no profile of nothing"):
         found.profile("nothing")
 
@@ -203,7 +211,9 @@ def test_a_search_that_is_interrupted_leaves_the_fit_as_it_was():
     assert found.profile("tau").interval == fitted(2, 1.5).profile("tau").interval
 
 
-@pytest.mark.parametrize("copied", [lambda f: pickle.loads(pickle.dumps(f)), copy.deepcopy], ids=["pickle", "copy"])
+@pytest.mark.parametrize(
+    "copied", [lambda f: pickle.loads(pickle.dumps(f)), copy.deepcopy], ids=["pickle", "copy"]
+)
 def test_a_fit_is_copied_without_its_model(copied):
     found = fitted(2, 1.5)
     made = found.profile("tau")
@@ -213,7 +223,9 @@ def test_a_fit_is_copied_without_its_model(copied):
     assert again.intervals == found.intervals
     assert again.profile("tau").interval == made.interval
     assert again.draws(5)["a"].tolist() == found.draws(5)["a"].tolist()
-    with pytest.raises(UserError, match="no profile of a: this is a copy of a fit, without its model; fit again"):
+    with pytest.raises(
+        UserError, match="no profile of a: this is a copy of a fit, without its model; fit again"
+    ):
         again.profile("a")
     assert found.profile("a").interval[0] < found.values["a"]  # the fit itself is as it was
 

@@ -13,13 +13,23 @@ from tests.support.pace import slow_but
 
 
 def test_archive_bytes_depend_on_contents_only():
-    files = {"b.txt": b"2", "binaries/linux64/x.so": b"3", "modelDescription.xml": b"1", "a.txt": b"0"}
+    files = {
+        "b.txt": b"2",
+        "binaries/linux64/x.so": b"3",
+        "modelDescription.xml": b"1",
+        "a.txt": b"0",
+    }
     packed = archive.pack(files)
     assert packed == archive.pack(dict(reversed(files.items())))
     assert packed != archive.pack(files | {"a.txt": b"1"})
     with zipfile.ZipFile(io.BytesIO(packed)) as read_back:
         assert read_back.testzip() is None
-        assert read_back.namelist() == ["modelDescription.xml", "a.txt", "b.txt", "binaries/linux64/x.so"]
+        assert read_back.namelist() == [
+            "modelDescription.xml",
+            "a.txt",
+            "b.txt",
+            "binaries/linux64/x.so",
+        ]
         assert {name: read_back.read(name) for name in files} == files
         modes = {i.filename: i.external_attr >> 16 for i in read_back.infolist()}
     assert modes["binaries/linux64/x.so"] == 0o100755
@@ -55,16 +65,24 @@ def test_the_same_sources_are_compiled_once(tmp_path, monkeypatch):
 
     monkeypatch.setenv("PPY_CACHE", str(tmp_path))
     monkeypatch.setattr(toolchain, "compile_library", compiler)
-    monkeypatch.setattr(toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",)))
+    monkeypatch.setattr(
+        toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",))
+    )
     files = {"a.c": b"1", "b.c": b"2"}
-    asked = [(files, "a.c", "linux64"), (files | {"b.c": b"3"}, "a.c", "linux64"), (files, "b.c", "linux64")]
+    asked = [
+        (files, "a.c", "linux64"),
+        (files | {"b.c": b"3"}, "a.c", "linux64"),
+        (files, "b.c", "linux64"),
+    ]
     asked += [(files, "a.c", "win64"), (files, "a.c", "linux64", ("m",))]
     paths = [library(*arguments) for arguments in asked]
     assert len(set(paths)) == len(compiled) == len(asked)
     assert [library(*arguments) for arguments in asked] == paths
     assert len(compiled) == len(asked)
     assert [path.read_bytes() for path in paths] == [str(done).encode() for done in compiled]
-    monkeypatch.setattr(toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/other",)))
+    monkeypatch.setattr(
+        toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/other",))
+    )
     assert library(*asked[0]) not in paths
 
 

@@ -20,7 +20,9 @@ from tests.support.kit_samples import Divider
 from tests.support.small_disk import disk_of_64_kib
 from tests.support.source import ROOT
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the compiler is a shell script here")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="the compiler is a shell script here"
+)
 MAKES = """
 case "$*" in *--version*) echo "cc 1.0"; exit;; esac
 while [ "$1" != -o ]; do shift; done
@@ -51,7 +53,10 @@ def compiler(tmp_path, monkeypatch, scratch):
     path = tmp_path / "cc"
 
     def write(script):
-        path.write_text(f'#!/bin/sh\necho "$*" >> "{tmp_path}/asked"\ncd "{tmp_path}"\n{script}', encoding="utf-8")
+        path.write_text(
+            f'#!/bin/sh\necho "$*" >> "{tmp_path}/asked"\ncd "{tmp_path}"\n{script}',
+            encoding="utf-8",
+        )
         path.chmod(0o755)
         return path
 
@@ -74,11 +79,15 @@ def compiled():
 # --- time and interrupts ----------------------------------------------------------------------------------------------
 
 
-def test_a_compiler_that_hangs_is_ended_with_all_that_it_started(compiler, tmp_path, scratch, monkeypatch):
+def test_a_compiler_that_hangs_is_ended_with_all_that_it_started(
+    compiler, tmp_path, scratch, monkeypatch
+):
     compiler(HANGS)
     monkeypatch.setattr(toolchain, "_LIMIT", 1.0)
     begun = time.monotonic()
-    with pytest.raises(UserError, match=r"^cc failed for linux64: not done after 1 s, and ended; ") as told:
+    with pytest.raises(
+        UserError, match=r"^cc failed for linux64: not done after 1 s, and ended; "
+    ) as told:
         compiled()
     assert 1.0 <= time.monotonic() - begun < 1.9
     assert "\n" not in str(told.value)
@@ -92,7 +101,9 @@ def test_a_compiler_that_hangs_is_ended_with_all_that_it_started(compiler, tmp_p
 def test_all_targets_of_a_library_have_one_time(compiler, tmp_path, monkeypatch):
     path = compiler("sleep 0.7\n" + MAKES)
     monkeypatch.setattr(toolchain, "_LIMIT", 1.0)
-    monkeypatch.setattr(toolchain, "find_compiler", lambda target: toolchain.Compiler((str(path),), ("one", "two")))
+    monkeypatch.setattr(
+        toolchain, "find_compiler", lambda target: toolchain.Compiler((str(path),), ("one", "two"))
+    )
     with pytest.raises(UserError, match="not done after 1 s"):
         library(FILES, "a.c", "darwin64")
     assert asked(tmp_path) == (0, 2)
@@ -102,14 +113,19 @@ def test_five_minutes_are_given():
     assert toolchain._LIMIT == 300.0
 
 
-@pytest.mark.parametrize("to_group", [False, True], ids=["from another process", "from the terminal"])
+@pytest.mark.parametrize(
+    "to_group", [False, True], ids=["from another process", "from the terminal"]
+)
 def test_an_interrupt_leaves_no_compiler_and_nothing_partial(compiler, tmp_path, scratch, to_group):
     path = compiler(HANGS)
     environment = os.environ | {"TMPDIR": str(scratch), "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(
-        [sys.executable, "-c", COMPILES, path], env=environment, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-c", COMPILES, path],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
         start_new_session=True,
-    ) as running:  # fmt: skip
+    ) as running:
         until = time.monotonic() + 20.0
         while not (tmp_path / "begun").exists() and time.monotonic() < until:
             time.sleep(0.01)
@@ -126,7 +142,9 @@ def test_an_interrupt_leaves_no_compiler_and_nothing_partial(compiler, tmp_path,
 
 
 def test_a_compiler_that_is_gone_is_told_in_one_line(compiler):
-    with pytest.raises(UserError, match=r"^cc failed for linux64: .*/cc cannot be started \(No such file"):
+    with pytest.raises(
+        UserError, match=r"^cc failed for linux64: .*/cc cannot be started \(No such file"
+    ):
         compiled()
 
 
@@ -139,7 +157,9 @@ def test_a_full_disk_is_told_whatever_the_compiler_says(compiler, tmp_path, monk
     compiler("echo some error of mine >&2; exit 1")
     with disk_of_64_kib(tmp_path / "disk") as disk:
         monkeypatch.setattr("tempfile.tempdir", str(disk))
-        with pytest.raises(UserError, match=f"^{disk}: temporary files cannot be written there .*TMPDIR$"):
+        with pytest.raises(
+            UserError, match=f"^{disk}: temporary files cannot be written there .*TMPDIR$"
+        ):
             compiled()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with pytest.raises(UserError, match=r"^cc failed for linux64: some error of mine$"):
@@ -151,11 +171,17 @@ def test_a_full_disk_is_told_whatever_the_compiler_says(compiler, tmp_path, monk
 
 def test_the_version_is_asked_once_and_not_when_modules_are_imported(compiler, tmp_path):
     path = compiler(MAKES)
-    program = "import fmus.kit.build.library_cache, fmus.kit.record.compiled, orchestration.fmu.model"
-    done = subprocess.run([sys.executable, "-c", program], env=os.environ | {"CC": str(path), "PYTHONPATH": str(ROOT)})
+    program = (
+        "import fmus.kit.build.library_cache, fmus.kit.record.compiled, orchestration.fmu.model"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | {"CC": str(path), "PYTHONPATH": str(ROOT)}
+    )
     assert done.returncode == 0
     assert not (tmp_path / "asked").exists()
-    assert [library({"a.c": bytes([n])}, "a.c", "linux64").read_text() for n in (1, 1, 2, 2)] == ["library\n"] * 4
+    assert [library({"a.c": bytes([n])}, "a.c", "linux64").read_text() for n in (1, 1, 2, 2)] == [
+        "library\n"
+    ] * 4
     assert asked(tmp_path) == (1, 2)
 
 
@@ -174,7 +200,9 @@ def test_another_version_under_the_same_path_compiles_anew(compiler, tmp_path):
 @pytest.mark.parametrize("target", toolchain.ZIG_TARGETS)
 def test_every_option_is_in_the_key(monkeypatch, target):
     def made(**options):
-        zig = toolchain.Compiler(("zig", "cc"), options.pop("targets", toolchain.ZIG_TARGETS[target]))
+        zig = toolchain.Compiler(
+            ("zig", "cc"), options.pop("targets", toolchain.ZIG_TARGETS[target])
+        )
         monkeypatch.setattr(toolchain, "find_compiler", lambda target: zig)
         return key(FILES, "a.c", target, **options)
 

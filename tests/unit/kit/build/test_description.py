@@ -22,7 +22,10 @@ from tests.support.kit_samples import Divider, Thermostat
 ROOT = Path(__file__).parents[4]
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"
 CAN = Capabilities(
-    needs_execution_tool=False, interpolates_inputs=True, directional_derivatives=True, sources=("a.c", "b.c")
+    needs_execution_tool=False,
+    interpolates_inputs=True,
+    directional_derivatives=True,
+    sources=("a.c", "b.c"),
 )
 
 
@@ -35,7 +38,9 @@ def description(cls, can=CAN):
 
 def read(cls):
     """The description as fmpy reads it."""
-    return fmpy.read_model_description(io.BytesIO(archive.pack({"modelDescription.xml": description(cls)})))
+    return fmpy.read_model_description(
+        io.BytesIO(archive.pack({"modelDescription.xml": description(cls)}))
+    )
 
 
 @every_model
@@ -83,7 +88,12 @@ def test_variables_of_every_kind():
     assert v["temperature"].nominal == "300"
     assert v["loss"].description == "heat loss to the outside [made up]"
     assert all(variable.description for variable in v.values())
-    assert [v[n].unit for n in ("loss", "energy", "der(energy)", "der(temperature)")] == ["W/K", "J", "J/s", "K/s"]
+    assert [v[n].unit for n in ("loss", "energy", "der(energy)", "der(temperature)")] == [
+        "W/K",
+        "J",
+        "J/s",
+        "K/s",
+    ]
 
 
 def test_units_and_display_units():
@@ -101,10 +111,18 @@ def test_model_structure():
     structure = read(Thermostat)
     by_name = {u.variable.name: [d.name for d in u.dependencies] for u in structure.outputs}
     assert by_name == {
-        "temperature": ["temperature"], "on": [], "reading": [], "power": ["boost"], "warm": ["temperature"],
-    }  # fmt: skip
+        "temperature": ["temperature"],
+        "on": [],
+        "reading": [],
+        "power": ["boost"],
+        "warm": ["temperature"],
+    }
     assert [u.variable.name for u in structure.derivatives] == ["der(temperature)", "der(energy)"]
-    assert [d.name for d in structure.derivatives[0].dependencies] == ["outside", "boost", "temperature"]
+    assert [d.name for d in structure.derivatives[0].dependencies] == [
+        "outside",
+        "boost",
+        "temperature",
+    ]
 
 
 def test_capabilities_are_told_as_they_are():
@@ -112,10 +130,16 @@ def test_capabilities_are_told_as_they_are():
     assert one.canHandleVariableCommunicationStepSize
     assert one.canGetAndSetFMUstate
     assert one.canSerializeFMUstate
-    assert (one.needsExecutionTool, one.canInterpolateInputs, one.providesDirectionalDerivative) == (False, True, True)
+    assert (
+        one.needsExecutionTool,
+        one.canInterpolateInputs,
+        one.providesDirectionalDerivative,
+    ) == (False, True, True)
     files = lxml.etree.fromstring(description(Thermostat)).iterfind("CoSimulation/SourceFiles/File")
     assert [file.get("name") for file in files] == ["a.c", "b.c"]
-    other = Capabilities(needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False)
+    other = Capabilities(
+        needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False
+    )
     root = lxml.etree.fromstring(description(Thermostat, other))
     node = root.find("CoSimulation")
     assert node.get("needsExecutionTool") == "true"
@@ -125,10 +149,18 @@ def test_capabilities_are_told_as_they_are():
 
 def test_header_and_experiment():
     read_back = read(Thermostat)
-    assert (read_back.guid, read_back.modelName, read_back.fmiVersion) == (GUID, "thermostat", "2.0")
+    assert (read_back.guid, read_back.modelName, read_back.fmiVersion) == (
+        GUID,
+        "thermostat",
+        "2.0",
+    )
     assert read_back.description == "A heated room under a sampled two-point controller"
     experiment = read_back.defaultExperiment
-    assert [float(x) for x in (experiment.startTime, experiment.stopTime, experiment.stepSize)] == [0.0, 60.0, 0.5]
+    assert [float(x) for x in (experiment.startTime, experiment.stopTime, experiment.stepSize)] == [
+        0.0,
+        60.0,
+        0.5,
+    ]
     root = lxml.etree.fromstring(description(Thermostat))
     assert {c.get("name") for c in root.iter("Category")} == set(CATEGORIES)
 
@@ -157,7 +189,11 @@ def test_author_copyright_and_licence_are_the_components_own():
 
 def test_date_is_that_of_the_version(monkeypatch):
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
-    (date,) = re.findall(rf"^## \[{re.escape(version())}\] - (\S+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.M)
+    (date,) = re.findall(
+        rf"^## \[{re.escape(version())}\] - (\S+)$",
+        (ROOT / "CHANGELOG.md").read_text("utf-8"),
+        re.M,
+    )
     assert read(Divider).generationDateAndTime == f"{date}T00:00:00Z"
 
 
@@ -169,7 +205,10 @@ def test_date_is_that_of_the_environment(monkeypatch):
 @pytest.mark.parametrize("given", ["now", "-1", "1.5", "253402300800", "9" * 4000, "٣"])
 def test_date_that_is_none_is_refused(monkeypatch, given):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", given)
-    with pytest.raises(UserError, match=r"^SOURCE_DATE_EPOCH = '.*': seconds since 1970 are wanted.* to 253402300799$"):
+    with pytest.raises(
+        UserError,
+        match=r"^SOURCE_DATE_EPOCH = '.*': seconds since 1970 are wanted.* to 253402300799$",
+    ):
         description(Divider)
 
 
@@ -208,7 +247,9 @@ def test_awkward_texts_are_escaped():
     assert by_name == {"p": 'less < more & "so" — µ [page 3 & 4]', "y": "A < B & C"}
     assert "page 3 &amp; 4" in page(Awkward, Path("none.md"))
     tables = codegen.tables(trace(Awkward), GUID)
-    assert '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0}' in tables["tables.h"]
+    assert (
+        '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0}' in tables["tables.h"]
+    )
 
 
 def test_the_description_ends_in_the_remark(monkeypatch):

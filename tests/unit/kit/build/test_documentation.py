@@ -18,7 +18,11 @@ class Outline(HTMLParser):
             self.open.append(tag)
         if tag in ("td", "th"):
             self.cells.append("")
-        self.loaded += [value for name, value in attrs if name in ("src", "href") and tag in ("script", "link", "img")]
+        self.loaded += [
+            value
+            for name, value in attrs
+            if name in ("src", "href") and tag in ("script", "link", "img")
+        ]
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag

@@ -34,7 +34,9 @@ def source(tmp_path):
 @pytest.mark.usefixtures("no_compiler")
 @pytest.mark.parametrize("target", toolchain.ZIG_TARGETS)
 def test_without_a_compiler_the_message_says_what_to_install(target):
-    with pytest.raises(UserError, match=f"^no C compiler for {target} on this machine; pip install ") as caught:
+    with pytest.raises(
+        UserError, match=f"^no C compiler for {target} on this machine; pip install "
+    ) as caught:
         find_compiler(target)
     assert "ppy-rig[native]" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -48,7 +50,8 @@ def test_a_build_without_a_compiler_says_it_too():
 
 def test_unknown_platforms_are_refused():
     with pytest.raises(
-        UserError, match="unknown platform 'linux32'; FMI platforms built here: linux64, win64, darwin64, aarch64-linux"
+        UserError,
+        match="unknown platform 'linux32'; FMI platforms built here: linux64, win64, darwin64, aarch64-linux",
     ):
         find_compiler("linux32")
 
@@ -56,7 +59,9 @@ def test_unknown_platforms_are_refused():
 @pytest.mark.skipif(HERE == "win64", reason="zig only")
 def test_the_system_compiler_serves_this_platform_only(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}" if name in ("clang", "my-cc") else None)
+    monkeypatch.setattr(
+        shutil, "which", lambda name: f"/usr/bin/{name}" if name in ("clang", "my-cc") else None
+    )
     monkeypatch.delenv("CC", raising=False)
     assert find_compiler(HERE).label == "clang"
     monkeypatch.setenv("CC", "my-cc")
@@ -80,7 +85,9 @@ def test_a_failing_compilation_is_told_in_one_line(tmp_path):
         pytest.skip(str(error))
     broken = tmp_path / "broken.c"
     broken.write_text("int f(void) {\n    return undeclared_name;\n}\n")
-    with pytest.raises(UserError, match=f"^{label} failed for .*broken.c:2.*undeclared_name") as caught:
+    with pytest.raises(
+        UserError, match=f"^{label} failed for .*broken.c:2.*undeclared_name"
+    ) as caught:
         compile_library([broken], [], HERE)
     assert "\n" not in str(caught.value)
 
@@ -88,7 +95,9 @@ def test_a_failing_compilation_is_told_in_one_line(tmp_path):
 def test_a_compiler_that_says_nothing_is_told_too(monkeypatch, source):
     silent = subprocess.CompletedProcess([], 1, stdout="", stderr="")
     monkeypatch.setattr(process, "run", lambda *given: silent)
-    monkeypatch.setattr(toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",)))
+    monkeypatch.setattr(
+        toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",))
+    )
     with pytest.raises(UserError, match=r"^cc failed for linux64: no message$"):
         compile_library([source], [], "linux64")
 
@@ -127,7 +136,9 @@ def slices(universal):
     assert magic == 0xCAFEBABE
     found = []
     for i in range(count):
-        processor, subtype, offset, size, alignment = struct.unpack_from(">IIIII", universal, 8 + 20 * i)
+        processor, subtype, offset, size, alignment = struct.unpack_from(
+            ">IIIII", universal, 8 + 20 * i
+        )
         assert offset % (1 << alignment) == 0
         assert offset + size <= len(universal)
         found.append((processor, subtype, offset, universal[offset : offset + size]))
@@ -142,7 +153,10 @@ def slices(universal):
 @pytest.mark.parametrize("sizes", [(0, 0), (10, 100_000), (16384 - 32, 1), (16384, 50_000)])
 def test_universal_libraries_hold_their_parts(sizes):
     parts = [thin(0x01000007, b"x" * sizes[0]), thin(0x0100000C, b"y" * sizes[1])]
-    assert slices(toolchain._universal(parts)) == [(0x01000007, 3, parts[0]), (0x0100000C, 3, parts[1])]
+    assert slices(toolchain._universal(parts)) == [
+        (0x01000007, 3, parts[0]),
+        (0x0100000C, 3, parts[1]),
+    ]
 
 
 @zig
@@ -157,13 +171,18 @@ def test_darwin_library_is_universal(source, tmp_path):
     path = tmp_path / "answer.dylib"
     path.write_bytes(library)
     if tool := shutil.which("file"):
-        told = subprocess.run([tool, "-b", str(path)], capture_output=True, text=True, check=True).stdout
+        told = subprocess.run(
+            [tool, "-b", str(path)], capture_output=True, text=True, check=True
+        ).stdout
         assert "Mach-O universal binary with 2 architectures" in told
         assert "x86_64" in told
         assert "arm64" in told
     if tool := shutil.which("llvm-objdump"):
         told = subprocess.run(
-            [tool, "--macho", "--universal-headers", str(path)], capture_output=True, text=True, check=True
+            [tool, "--macho", "--universal-headers", str(path)],
+            capture_output=True,
+            text=True,
+            check=True,
         ).stdout
         assert "nfat_arch 2" in told
         assert "x86_64" in told

@@ -90,7 +90,9 @@ def voltage(R1, R2, C, charge_start, current=0.9):
 def creep(k1, b1, k2, b2, kelvin_elongation_start, force=1.5):
     """Elongation (m) of a Burgers body under a constant load."""
     decay = np.exp(-k2 * TIME / b2)
-    return force / k1 + force * TIME / b1 + force / k2 * (1 - decay) + kelvin_elongation_start * decay
+    return (
+        force / k1 + force * TIME / b1 + force / k2 * (1 - decay) + kelvin_elongation_start * decay
+    )
 
 
 @pytest.mark.parametrize(
@@ -107,7 +109,9 @@ def test_actuator_and_its_sensitivities_follow_the_solution_on_paper(values, sol
     for signal, solution in solutions.items():
         close(trajectory.signals[signal], solution(**values), 1e-8)
         for i, name in enumerate(names):
-            close(trajectory.sensitivities[signal][:, i], complex_step(solution, values, name), 1e-7)
+            close(
+                trajectory.sensitivities[signal][:, i], complex_step(solution, values, name), 1e-7
+            )
 
 
 def sampled_solution(a, b, gain, reset, x_start, sum_start, drive_start, reference):
@@ -124,7 +128,15 @@ def sampled_solution(a, b, gain, reset, x_start, sum_start, drive_start, referen
 def test_sensitivities_pass_through_sampled_updates():
     time = samples(0.5, 60)
     reference = np.where(time < 12.0, 1.0, -0.4)
-    values = {"a": 0.8, "b": 1.5, "gain": 0.6, "reset": 0.9, "x_start": 0.2, "sum_start": 0.1, "drive_start": 0.3}
+    values = {
+        "a": 0.8,
+        "b": 1.5,
+        "gain": 0.6,
+        "reset": 0.9,
+        "x_start": 0.2,
+        "sum_start": 0.1,
+        "drive_start": 0.3,
+    }
 
     def solution(**values):
         return sampled_solution(**values, reference=reference)
@@ -133,13 +145,23 @@ def test_sensitivities_pass_through_sampled_updates():
     close(trajectory.signals["x"], solution(**values), 1e-8)
     for i, name in enumerate(values):
         exact = complex_step(solution, values, name)
-        assert np.max(np.abs(trajectory.sensitivities["x"][:, i] - exact)) <= 1e-7 * max(1.0, np.max(np.abs(exact)))
+        assert np.max(np.abs(trajectory.sensitivities["x"][:, i] - exact)) <= 1e-7 * max(
+            1.0, np.max(np.abs(exact))
+        )
 
 
 def test_sampling_between_communication_points_is_followed_too():
     """The same run seen at 0.2 s, where no sample instant but every fifth falls on a communication point."""
     instants, time = samples(0.5, 41), samples(0.2, 101)
-    values = {"a": 0.8, "b": 1.5, "gain": 0.6, "reset": 0.9, "x_start": 0.2, "sum_start": 0.1, "drive_start": 0.0}
+    values = {
+        "a": 0.8,
+        "b": 1.5,
+        "gain": 0.6,
+        "reset": 0.9,
+        "x_start": 0.2,
+        "sum_start": 0.1,
+        "drive_start": 0.0,
+    }
     trajectory = CompiledModel(Sampled, ["gain"]).run(time, {}, values)
 
     def solution(**values):
@@ -156,13 +178,18 @@ def test_all_sensitivities_match_central_differences_on_lively_inputs(cls):
     if cls is PpyActuator:
         inputs["force"] = multilevel(time, [0.5, 1.0, 2.75], (3.0, 9.0), 5)
     else:
-        inputs["length_change"] = 3e-4 + multilevel(time, [0.0, 1e-4, 3e-4], (3.0, 9.0), 5)  # taut throughout
+        inputs["length_change"] = 3e-4 + multilevel(
+            time, [0.0, 1e-4, 3e-4], (3.0, 9.0), 5
+        )  # taut throughout
     names = [p.name for p in cls.layout.parameters]
     model, plain = CompiledModel(cls, names), CompiledModel(cls)
     trajectory = model.run(time, inputs)
     for i, parameter in enumerate(cls.layout.parameters):
         step = 1e-4 * (abs(float(parameter.start)) or parameter.nominal)
-        ends = [plain.run(time, inputs, {parameter.name: float(parameter.start) + s * step}) for s in (1, -1)]
+        ends = [
+            plain.run(time, inputs, {parameter.name: float(parameter.start) + s * step})
+            for s in (1, -1)
+        ]
         for signal in trajectory.signals:
             slope = (ends[0].signals[signal] - ends[1].signals[signal]) / (2 * step)
             error = np.max(np.abs(trajectory.sensitivities[signal][:, i] - slope))
@@ -174,7 +201,11 @@ def test_all_sensitivities_match_central_differences_on_lively_inputs(cls):
 def test_interpolated_inputs_follow_a_ramp_exactly():
     """F = c t on a dashpot gives c t^2 / (2 b1); held, the force is always one sample old."""
     time, slope = samples(0.5, 101), 0.2
-    stiff = {"k1": 1e15, "b2": 1e18, "b1": 2e5}  # of the chain only the Maxwell dashpot is left to move
+    stiff = {
+        "k1": 1e15,
+        "b2": 1e18,
+        "b1": 2e5,
+    }  # of the chain only the Maxwell dashpot is left to move
     model = CompiledModel(PpyActuator)
     ramp = model.run(time, {"force": slope * time}, stiff, linear=True).signals["displacement"]
     close(ramp, slope * time**2 / 2 / 2e5, 1e-8)
@@ -202,7 +233,11 @@ class TwoIntegrators(Component):
 def test_one_input_is_held_while_another_goes_linearly(linear):
     """The integral of c t is c t^2 / 2 where it is linear, and that of the sample before where it is held."""
     time, n, step = samples(0.5, 101), np.arange(101), 0.5
-    signals = CompiledModel(TwoIntegrators).run(time, {"u": 2.0 * time, "v": 3.0 * time}, linear=linear).signals
+    signals = (
+        CompiledModel(TwoIntegrators)
+        .run(time, {"u": 2.0 * time, "v": 3.0 * time}, linear=linear)
+        .signals
+    )
     exact, held = time**2 / 2, step**2 * n * (n - 1) / 2
     close(signals["x"], 2.0 * (exact if "u" in linear else held), 1e-12)
     close(signals["y"], 3.0 * (exact if "v" in linear else held), 1e-12)
@@ -230,8 +265,11 @@ def test_sensitivities_of_an_effect_at_neutral_and_beside_follow_the_solution_on
         flow = np.array([-1 / C, -R_dl, R2 * 0.9]) / (R1 + R2)
         matrix = np.array([flow, (flow - [0, 1, 0]) / tau, [0, 0, 0]])
         states = np.array([expm(matrix * t) @ [0.7, 0.0, 1.0] for t in TIME]).T
-        return {"charge": states[0], "faradaic_current": states[1],
-                "voltage": R1 * (flow @ states) + states[0] / C + R_dl * states[1]}  # fmt: skip
+        return {
+            "charge": states[0],
+            "faradaic_current": states[1],
+            "voltage": R1 * (flow @ states) + states[0] / C + R_dl * states[1],
+        }
 
     model = CompiledModel(stack(PpyActuator, DoubleLayer), ["double_layer_resistance"])
     values = {"double_layer_resistance": resistance, "charge_start": 0.7}
@@ -243,30 +281,46 @@ def test_sensitivities_of_an_effect_at_neutral_and_beside_follow_the_solution_on
 
 def test_sensitivities_are_declared_with_the_scale_of_their_parameter():
     layout = with_sensitivities(trace(Sampled), ["x_start", "b"]).layout
-    assert {s.name: s.nominal for s in layout.states} == {"x": 1.0, "d(x)/d(x_start)": 5.0, "d(x)/d(b)": 1 / 1.5}
+    assert {s.name: s.nominal for s in layout.states} == {
+        "x": 1.0,
+        "d(x)/d(x_start)": 5.0,
+        "d(x)/d(b)": 1 / 1.5,
+    }
     starts = {p.name: p.start for p in layout.parameters}
     assert starts["d(x)/d(x_start)_start"] == 1.0
     assert starts["d(x)/d(b)_start"] == 0.0
     assert layout.start_of["d(x)/d(b)"] == "d(x)/d(b)_start"
-    effect = with_sensitivities(trace(stack(PpyActuator, ResistanceGrowth)), ["resistance_growth_rate"]).layout
-    (throughput,) = (s for s in effect.states if s.name == "d(throughput)/d(resistance_growth_rate)")
+    effect = with_sensitivities(
+        trace(stack(PpyActuator, ResistanceGrowth)), ["resistance_growth_rate"]
+    ).layout
+    (throughput,) = (
+        s for s in effect.states if s.name == "d(throughput)/d(resistance_growth_rate)"
+    )
     assert throughput.nominal == pytest.approx(1.0 / 1e-3)
     assert throughput.min == -np.inf  # other than the throughput itself
 
 
 def test_a_graph_is_compiled_as_its_class_is():
     inputs = {"current": square_wave(TIME, 0.9, 0.2)}
-    one, other = (CompiledModel(m, ["C"]).run(TIME, inputs) for m in (PpyActuator, trace(PpyActuator)))
+    one, other = (
+        CompiledModel(m, ["C"]).run(TIME, inputs) for m in (PpyActuator, trace(PpyActuator))
+    )
     for signal, values in one.signals.items():
         np.testing.assert_array_equal(other.signals[signal], values)
         np.testing.assert_array_equal(other.sensitivities[signal], one.sensitivities[signal])
 
 
 def test_mistakes_are_told():
-    with pytest.raises(UserError, match="sampled: no sensitivity to 'period', which is a sample period"):
+    with pytest.raises(
+        UserError, match="sampled: no sensitivity to 'period', which is a sample period"
+    ):
         CompiledModel(Sampled, ["gain", "period"])
-    with pytest.raises(UserError, match=r"ppy_actuator: no input named 'curent' \(there are: current, force\)"):
-        CompiledModel(PpyActuator).run(TIME, {"force": np.ones(TIME.size), "curent": np.ones(TIME.size)})
+    with pytest.raises(
+        UserError, match=r"ppy_actuator: no input named 'curent' \(there are: current, force\)"
+    ):
+        CompiledModel(PpyActuator).run(
+            TIME, {"force": np.ones(TIME.size), "curent": np.ones(TIME.size)}
+        )
     with pytest.raises(UserError, match="no parameter named 'Rl'"):
         CompiledModel(PpyActuator, ["Rl"])
     model = CompiledModel(PpyActuator)

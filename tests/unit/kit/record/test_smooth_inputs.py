@@ -33,7 +33,9 @@ def simulated(shape, rate, cls=PpyActuator, linear=("current",), **more):
     time = np.arange(round(60.0 * rate) + 1) / rate
     model = DelayedModel(cls, ["R1"], linear)
     inputs = {"current": shape(time), "force": np.zeros(time.size)}
-    ran = model.run(time, inputs, {p.name: p.start for p in cls.layout.parameters} | REST | TRUE | more)
+    ran = model.run(
+        time, inputs, {p.name: p.start for p in cls.layout.parameters} | REST | TRUE | more
+    )
     fine = np.linspace(0.0, time[-1], 50 * (time.size - 1) + 1)
     _, truth, _ = lsim(circuit(), np.column_stack([shape(fine), np.zeros(fine.size)]), fine)
     return time, ran, fine, truth[:, 0]
@@ -100,7 +102,9 @@ def test_nothing_changes_what_is_held():
 
     charge = [0.0]
     for k in range(20):
-        ran = solve_ivp(rates, (0.0, 0.1), [charge[-1]], args=(inputs["current"][k],), rtol=1e-10, atol=1e-13)
+        ran = solve_ivp(
+            rates, (0.0, 0.1), [charge[-1]], args=(inputs["current"][k],), rtol=1e-10, atol=1e-13
+        )
         charge.append(ran.y[0, -1])
     both, c = TRUE["R1"] + TRUE["R2"], np.array(charge[:20])
     expected = TRUE["R2"] / both * (TRUE["R1"] * inputs["current"][:20] + c / TRUE["C"])

@@ -78,7 +78,16 @@ class Nonlinear(Drive):
 
 
 NOMINAL = {"current": 1.0, "position": 0.1, "velocity": 1.0}
-SIZE = {"R": 3.0, "L": 1e-3, "K": 4.0, "m": 0.3, "b": 1.5, "k": 20.0, "hardening": 300.0, "stop": 100.0}
+SIZE = {
+    "R": 3.0,
+    "L": 1e-3,
+    "K": 4.0,
+    "m": 0.3,
+    "b": 1.5,
+    "k": 20.0,
+    "hardening": 300.0,
+    "stop": 100.0,
+}
 HARD, STOPPED = {"hardening": 900.0, "stop": 0.0}, {"hardening": 300.0, "stop": 250.0}
 SHORT = {"L": 1e-4}  # 1500 time constants in a sample: exponential steps are worth while
 STEP = 0.05
@@ -103,7 +112,9 @@ def oracle(given, time, linear, method="LSODA", rtol=1e-11):
         beyond = float(over > 0.0)
         force = K * i - b * w - k * x - h * x**3 - s * over
         f = np.array([(v - R * i - K * w) / L, w, force / m])
-        J = np.array([[-R / L, 0, -K / L], [0, 0, 1], [K / m, -(k + 3 * h * x**2 + s * beyond) / m, -b / m]])
+        J = np.array(
+            [[-R / L, 0, -K / L], [0, 0, 1], [K / m, -(k + 3 * h * x**2 + s * beyond) / m, -b / m]]
+        )
         by = np.zeros((3, 8))
         by[0, :3] = -i / L, -f[0] / L, -w / L
         by[2, 2:] = i / m, -f[2] / m, -w / m, -x / m, -(x**3) / m, -over / m
@@ -114,9 +125,14 @@ def oracle(given, time, linear, method="LSODA", rtol=1e-11):
         h = time[n + 1] - time[n]
         slope = (voltage[n + 1] - voltage[n]) / h if linear else 0.0
         solved = solve_ivp(
-            flow, (time[n], time[n + 1]), found[-1], method, rtol=rtol, atol=1e-3 * rtol,
+            flow,
+            (time[n], time[n + 1]),
+            found[-1],
+            method,
+            rtol=rtol,
+            atol=1e-3 * rtol,
             args=(voltage[n], slope, time[n]),
-        )  # fmt: skip
+        )
         found.append(solved.y[:, -1])
     all_of_them = np.array(found)
     return all_of_them[:, :3], all_of_them[:, 3:].reshape(-1, 3, 8)
@@ -132,7 +148,9 @@ def followed(cls, values, time, linear=False, tolerance=3e-8):
         assert error < tolerance, (name, error)
         for i, parameter in enumerate(names):
             exact, declared = slopes[:, k, i], NOMINAL[name] / SIZE[parameter]
-            error = np.abs(ran.sensitivities[name][:, i] - exact).max() / (np.abs(exact).max() + declared)
+            error = np.abs(ran.sensitivities[name][:, i] - exact).max() / (
+                np.abs(exact).max() + declared
+            )
             assert error < tolerance, (name, parameter, error)
 
 
@@ -140,21 +158,32 @@ def ladder_of(time, cls=Drive, linear=False, inputs=1):
     """What is prepared for a record, of which only the clock counts here."""
     graph = trace(cls)
     parameters = np.array([float(p.start) for p in graph.layout.parameters])
-    return Linearisation(graph, graph).ladder(time, np.ones((len(time), inputs)), linear, parameters)
+    return Linearisation(graph, graph).ladder(
+        time, np.ones((len(time), inputs)), linear, parameters
+    )
 
 
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize(
     ("cls", "values", "samples"),
-    [(Drive, {}, 40), (Nonlinear, HARD, 40), (Nonlinear, STOPPED, 40), (Nonlinear, HARD | SHORT, 10)],
+    [
+        (Drive, {}, 40),
+        (Nonlinear, HARD, 40),
+        (Nonlinear, STOPPED, 40),
+        (Nonlinear, HARD | SHORT, 10),
+    ],
     ids=["linear", "hardening", "stop", "stiffer"],
 )
-def test_a_stiff_component_and_its_sensitivities_follow_a_stiff_solver(cls, values, samples, linear):
+def test_a_stiff_component_and_its_sensitivities_follow_a_stiff_solver(
+    cls, values, samples, linear
+):
     followed(cls, values, STEP * np.arange(samples), linear)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("given", [HARD, STOPPED, HARD | SHORT], ids=["hardening", "stop", "stiffer"])
+@pytest.mark.parametrize(
+    "given", [HARD, STOPPED, HARD | SHORT], ids=["hardening", "stop", "stiffer"]
+)
 def test_another_stiff_solver_has_the_same_solution(given):
     asked = tuple(given.items()), tuple((STEP * np.arange(10)).tolist()), False
     for found, radau in zip(oracle(*asked), oracle(*asked, "Radau", 1e-10), strict=True):
@@ -252,7 +281,9 @@ def test_sample_instants_between_samples_are_exact():
     updates = np.ceil(time / 0.3 - 1e-9)[1:]
     first = 0.6 * (1.0 - 0.2)  # level after the first update, when the state was still 0.2
     exact = 1.0 - (1.0 - first) * 0.4 ** (updates - 1.0)
-    by_gain = 0.8 * 0.4 ** (updates - 1.0) + (1.0 - first) * (updates - 1.0) * 0.4 ** (updates - 2.0)
+    by_gain = 0.8 * 0.4 ** (updates - 1.0) + (1.0 - first) * (updates - 1.0) * 0.4 ** (
+        updates - 2.0
+    )
     np.testing.assert_allclose(ran.signals["x"][1:], exact, rtol=1e-9)
     np.testing.assert_allclose(ran.sensitivities["x"][1:, 0], by_gain, rtol=1e-7, atol=1e-9)
 
@@ -287,7 +318,9 @@ class Hastened(Component):
         return 0.5 * self.speed
 
 
-@pytest.mark.parametrize(("period", "steps"), [(0.4, 60.0), (1e9, 2.0)], ids=["again and again", "once"])
+@pytest.mark.parametrize(
+    ("period", "steps"), [(0.4, 60.0), (1e9, 2.0)], ids=["again and again", "once"]
+)
 def test_a_rate_that_is_set_at_sample_instants_is_followed(period, steps):
     """Exponentials, one after the other; set but once, at the start, it is solved in one step a sample."""
     time = 0.1 * np.arange(21)
@@ -321,7 +354,9 @@ def test_a_sensor_that_lags_far_less_than_a_sample_takes_one_step():
     lag, m, step = 0.004, 0.01, 0.1
     time, u = step * np.arange(200), np.random.default_rng(5).normal(size=200)
     cls = stack(Sensed, sensor_lag(Sensed, "y"))
-    found = CompiledModel(cls, ["a", "y_lag_time"]).run(time, {"u": u}, {"y_lag_time": lag}, effort=2.0)
+    found = CompiledModel(cls, ["a", "y_lag_time"]).run(
+        time, {"u": u}, {"y_lag_time": lag}, effort=2.0
+    )
 
     def measured(a, lag):
         tau, states, values = lag + m * math.exp(-lag / m), np.array([0.0, 0.5 * u[0]]), []
@@ -337,4 +372,6 @@ def test_a_sensor_that_lags_far_less_than_a_sample_takes_one_step():
     for k, (by_a, by_lag) in enumerate(((1e-5, 0.0), (0.0, 1e-7))):
         ends = [measured(2.0 + sign * by_a, lag + sign * by_lag) for sign in (1.0, -1.0)]
         slope = (ends[0] - ends[1]) / (2.0 * (by_a + by_lag))
-        np.testing.assert_allclose(found.sensitivities["y"][:, k], slope, atol=1e-6 * np.abs(slope).max())
+        np.testing.assert_allclose(
+            found.sensitivities["y"][:, k], slope, atol=1e-6 * np.abs(slope).max()
+        )

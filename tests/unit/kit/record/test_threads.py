@@ -57,7 +57,10 @@ def test_expressions_are_made_by_one_thread_at_a_time(monkeypatch, step):
     monkeypatch.setattr(kit_compiled, step, watched)
     with ThreadPoolExecutor(4) as pool:
         ran = list(
-            pool.map(lambda _: CompiledModel(Decay, ["a"]).run(np.array([0.0, 0.5]), {}).signals["y"][1], range(4))
+            pool.map(
+                lambda _: CompiledModel(Decay, ["a"]).run(np.array([0.0, 0.5]), {}).signals["y"][1],
+                range(4),
+            )
         )
     assert ran == pytest.approx([math.exp(-1.0)] * 4, rel=1e-7)
     assert most == 1
@@ -68,5 +71,7 @@ def test_one_model_serves_several_threads(monkeypatch, compiled):
     monkeypatch.setattr(kit_compiled, "_compiler", lambda: compiled)
     model, rates = CompiledModel(Decay, ["a"]), np.linspace(1.0, 3.0, 8)
     with ThreadPoolExecutor(4) as pool:
-        ran = list(pool.map(lambda a: model.run(TIME, {}, {"a": a}).sensitivities["y"][-1, 0], rates))
+        ran = list(
+            pool.map(lambda a: model.run(TIME, {}, {"a": a}).sensitivities["y"][-1, 0], rates)
+        )
     assert ran == pytest.approx(-0.5 * np.exp(-0.5 * rates), rel=1e-6)

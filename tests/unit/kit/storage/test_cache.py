@@ -20,7 +20,9 @@ from fmus.kit.storage import cache
 from tests.support.small_disk import disk_of_64_kib
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="owners and modes as POSIX has them")
-root = pytest.mark.skipif(sys.platform == "win32" or os.geteuid() != 0, reason="only root gives files away")
+root = pytest.mark.skipif(
+    sys.platform == "win32" or os.geteuid() != 0, reason="only root gives files away"
+)
 NOBODY = 65534
 SOURCE = b'__attribute__((visibility("default"))) int answer(void) { return 42; }\n'
 
@@ -57,7 +59,9 @@ def test_an_entry_is_made_once_with_a_digest_that_others_can_check(place):
         assert [taken(make, name) for _ in range(3)] == [make.contents] * 3
     assert make.made == 2
     if tool := shutil.which("sha256sum"):
-        done = subprocess.run([tool, "-c", "entry.sha256"], cwd=place / "folder", capture_output=True, text=True)
+        done = subprocess.run(
+            [tool, "-c", "entry.sha256"], cwd=place / "folder", capture_output=True, text=True
+        )
         assert done.stdout == "entry: OK\n"
 
 
@@ -70,7 +74,8 @@ DAMAGES = {
     "no digest": lambda path: path.with_name("entry.sha256").unlink(),
     "empty digest": lambda path: path.with_name("entry.sha256").write_bytes(b""),
     "another entry": lambda path: [
-        shutil.copy(path.with_name(f"other{ending}"), path.with_name(f"entry{ending}")) for ending in ("", ".sha256")
+        shutil.copy(path.with_name(f"other{ending}"), path.with_name(f"entry{ending}"))
+        for ending in ("", ".sha256")
     ],
 }
 
@@ -185,7 +190,8 @@ def test_a_folder_whose_mode_stays_open_is_refused(place, monkeypatch):
     place.chmod(0o777)
     monkeypatch.setattr(Path, "chmod", lambda *given: None)
     with pytest.raises(
-        UserError, match=r"can be written by other users, and its mode cannot be changed; name .*PPY_CACHE"
+        UserError,
+        match=r"can be written by other users, and its mode cannot be changed; name .*PPY_CACHE",
     ):
         taken(Maker())
 
@@ -193,7 +199,9 @@ def test_a_folder_whose_mode_stays_open_is_refused(place, monkeypatch):
 def test_a_cache_that_is_full_is_told_in_one_line(tmp_path, monkeypatch):
     with disk_of_64_kib(tmp_path / "disk") as disk:
         monkeypatch.setenv("PPY_CACHE", str(disk / "cache"))
-        with pytest.raises(UserError, match=r"disk/cache: the cache cannot be written \(No space left.*PPY_CACHE$"):
+        with pytest.raises(
+            UserError, match=r"disk/cache: the cache cannot be written \(No space left.*PPY_CACHE$"
+        ):
             cache.entry("entry", lambda: bytes(100_000))
         assert list((disk / "cache").glob("*.part")) == []
         assert taken(Maker()) == b"contents"
@@ -230,7 +238,9 @@ def test_it_is_on_the_disk_before_it_has_its_name(place, monkeypatch):
         sync(descriptor)
 
     monkeypatch.setattr(os, "fsync", synced)
-    monkeypatch.setattr(Path, "replace", lambda path, target: (done.append(target.name), replace(path, target))[1])
+    monkeypatch.setattr(
+        Path, "replace", lambda path, target: (done.append(target.name), replace(path, target))[1]
+    )
     taken(Maker())
     digest = 64 + 2 + len("entry") + 1
     assert done == [digest, "entry.sha256", "folder", len(b"contents"), "entry", "folder"]

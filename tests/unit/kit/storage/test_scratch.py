@@ -14,7 +14,9 @@ from tests.support.small_disk import disk_of_64_kib
 from tests.support.source import ROOT
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and owners as POSIX has them")
-root = pytest.mark.skipif(sys.platform == "win32" or os.geteuid() != 0, reason="only root gives files away")
+root = pytest.mark.skipif(
+    sys.platform == "win32" or os.geteuid() != 0, reason="only root gives files away"
+)
 HOLDS = """
 import sys, time
 from fmus.kit.storage import scratch
@@ -58,7 +60,9 @@ def test_of_a_process_that_was_killed_the_next_one_removes_the_folder(place):
                 assert third.wait() == 0
             assert not os.path.exists(gone)
             assert os.path.isfile(f"{stays}/binaries/large")
-            assert names(place) == sorted([os.path.basename(stays), os.path.basename(stays) + ".lock"])
+            assert names(place) == sorted(
+                [os.path.basename(stays), os.path.basename(stays) + ".lock"]
+            )
         finally:
             living.kill()
 
@@ -72,7 +76,10 @@ def test_at_its_end_a_process_removes_what_it_did_not(place):
 
 @posix
 def test_a_copy_of_a_process_removes_nothing_of_it(place):
-    program = HOLDS.split("time.sleep")[0] + "import os\nif os.fork():\n    os.wait(); print(*os.listdir(folder))\n"
+    program = (
+        HOLDS.split("time.sleep")[0]
+        + "import os\nif os.fork():\n    os.wait(); print(*os.listdir(folder))\n"
+    )
     with process(place, program, 0) as parent:
         _, left = parent.stdout.read().splitlines()
     assert left == "binaries"
@@ -206,8 +213,12 @@ def test_only_what_this_process_made_is_removed(tmp_path):
 
 
 def test_where_nothing_can_be_written_is_told_in_one_line(monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", "/proc" if sys.platform == "linux" else "/no/such/folder")
-    with pytest.raises(UserError, match=r": temporary files cannot be written there \(.*; make room, or .* TMPDIR$"):
+    monkeypatch.setattr(
+        "tempfile.tempdir", "/proc" if sys.platform == "linux" else "/no/such/folder"
+    )
+    with pytest.raises(
+        UserError, match=r": temporary files cannot be written there \(.*; make room, or .* TMPDIR$"
+    ):
         scratch.make("fmu")
 
 
@@ -217,7 +228,8 @@ def test_where_there_is_no_folder_at_all_is_told_in_one_line(monkeypatch):
 
     monkeypatch.setattr("tempfile.gettempdir", none)
     with pytest.raises(
-        UserError, match=r"^no folder .*'/a', '/b'\]\); make room in one of them, or name another in TMPDIR$"
+        UserError,
+        match=r"^no folder .*'/a', '/b'\]\); make room in one of them, or name another in TMPDIR$",
     ):
         scratch.make("fmu")
 
@@ -225,12 +237,19 @@ def test_where_there_is_no_folder_at_all_is_told_in_one_line(monkeypatch):
 def test_a_disk_without_room_is_told_in_one_line(tmp_path, monkeypatch):
     with disk_of_64_kib(tmp_path / "disk") as disk:
         monkeypatch.setattr("tempfile.tempdir", str(disk))
-        with pytest.raises(UserError, match=f"^{disk}: temporary files .*No space left"), scratch.folder("a") as folder:
+        with (
+            pytest.raises(UserError, match=f"^{disk}: temporary files .*No space left"),
+            scratch.folder("a") as folder,
+        ):
             scratch.check_room(folder)
         assert names(disk) == []
         with (disk / "all").open("wb", buffering=0) as file, contextlib.suppress(OSError):
             while True:
                 file.write(bytes(4096))
-        with pytest.raises(UserError, match="temporary files"), scratch.folder("a") as folder, scratch.written(folder):
+        with (
+            pytest.raises(UserError, match="temporary files"),
+            scratch.folder("a") as folder,
+            scratch.written(folder),
+        ):
             (folder / "more").write_bytes(bytes(4096))
         assert names(disk) == ["all"]

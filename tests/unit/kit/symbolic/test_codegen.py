@@ -35,11 +35,15 @@ def test_generated_sources_do_not_depend_on_the_hash_seed_or_the_folder(tmp_path
     )
     digests = {
         subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True,
-            cwd=folder, env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(fmus.__file__).parents[1])},
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=folder,
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(fmus.__file__).parents[1])},
         ).stdout
         for seed, folder in (("1", tmp_path), ("2", Path.cwd()))
-    }  # fmt: skip
+    }
     assert len(digests) == 1
 
 
@@ -47,8 +51,14 @@ def test_tables_carry_start_values_ranges_and_groups():
     files = codegen.lawless_sources(trace(Thermostat), GUID)
     sizes = dict(re.findall(r"#define MODEL_(\w+) (\d+)", files["model.h"]))
     assert sizes == {
-        "PARAMETERS": "12", "INPUTS": "2", "STATES": "2", "DISCRETES": "3", "OUTPUTS": "2", "GROUPS": "2", "TEXTS": "0",
-    }  # fmt: skip
+        "PARAMETERS": "12",
+        "INPUTS": "2",
+        "STATES": "2",
+        "DISCRETES": "3",
+        "OUTPUTS": "2",
+        "GROUPS": "2",
+        "TEXTS": "0",
+    }
     body = files["tables.h"]
     assert '{"stages", "1", ROLE_PARAMETER, TYPE_INTEGER, 2.0, 1.0, 5.0, 1.0},' in body
     assert '{"boost", "1", ROLE_INPUT, TYPE_BOOLEAN, 0.0, -INFINITY, INFINITY, 1.0},' in body
@@ -63,7 +73,9 @@ def test_laws_of_which_a_disk_takes_a_part_are_not_used(tmp_path, monkeypatch):
     with disk_of_64_kib(tmp_path / "disk") as disk:
         (disk / "other").write_bytes(bytes(56 * 1024))
         monkeypatch.setattr("tempfile.tempdir", str(disk))
-        with pytest.raises(UserError, match=rf"^{disk}: temporary files cannot be written there \(No space left"):
+        with pytest.raises(
+            UserError, match=rf"^{disk}: temporary files cannot be written there \(No space left"
+        ):
             codegen.native_sources(graph, GUID)
         (disk / "other").unlink()
         assert "laws.c" in codegen.native_sources(graph, GUID)

@@ -20,7 +20,14 @@ from fmus.kit.build import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.component import effect_name
 from fmus.kit.curves import SHAPES, curve
-from fmus.kit.inputs import asymmetric_dead_zone, backlash, dead_zone, input_lag, input_offset, input_saturation
+from fmus.kit.inputs import (
+    asymmetric_dead_zone,
+    backlash,
+    dead_zone,
+    input_lag,
+    input_offset,
+    input_saturation,
+)
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.families import families_for, laws_of
 from orchestration.fmu.instance import Fmu
@@ -28,7 +35,9 @@ from orchestration.fmu.model import load_class
 from orchestration.fmu.simulate import simulate_instance
 from tests.support.kit_samples import Sledge
 
-MASS = load_class(str(Path(__file__).parents[4] / "examples" / "mass_spring_damper.py") + ":MassSpringDamper")
+MASS = load_class(
+    str(Path(__file__).parents[4] / "examples" / "mass_spring_damper.py") + ":MassSpringDamper"
+)
 M, D, K = 0.5, 2.0, 20.0
 BASE = {"mass": M, "damping": D, "stiffness": K}
 TIME = np.linspace(0.0, 6.0, 601)
@@ -84,11 +93,19 @@ def test_what_fits_a_model_s_laws_is_listed():
     names = [effect_name(effect) for effect in families_for(MASS)]
     assert len(set(names)) == len(names)
     for name in (
-        "coulomb_friction(damper_force)", "quadratic_drag(damper_force)", "cubic_stiffness(spring_force)",
-        "upper_stop(spring_force)", "maxwell_arm(spring_force)", "force_offset", "dead_zone(force)", "backlash(force)",
-    ):  # fmt: skip
+        "coulomb_friction(damper_force)",
+        "quadratic_drag(damper_force)",
+        "cubic_stiffness(spring_force)",
+        "upper_stop(spring_force)",
+        "maxwell_arm(spring_force)",
+        "force_offset",
+        "dead_zone(force)",
+        "backlash(force)",
+    ):
         assert name in names
-    assert not any("elongation_rate" in name or "position" in name for name in names), "definitions and outputs"
+    assert not any("elongation_rate" in name or "position" in name for name in names), (
+        "definitions and outputs"
+    )
     tank = [effect_name(effect) for effect in families_for(Tank)]
     assert {"square_root_outflow(outflow)", "overflow(outflow)"} <= set(tank)
     assert "laminar_outflow(outflow)" not in tank, "the outlet's own parameter is that"
@@ -149,7 +166,11 @@ def warmed(x, u):
 def bouc_wen(x, u):
     """As Wen has it: A dx - beta |dx| |z| z - gamma dx z^2, with A = 1 and beta = gamma = 1/2, over w."""
     z, v = x[2], x[1]
-    return [v, (u - D * v - K * x[0] - A * z) / M, (v - 0.5 * abs(v) * abs(z) * z - 0.5 * v * z * z) / W]
+    return [
+        v,
+        (u - D * v - K * x[0] - A * z) / M,
+        (v - 0.5 * abs(v) * abs(z) * z - 0.5 * v * z * z) / W,
+    ]
 
 
 def prandtl(x, u):
@@ -166,7 +187,9 @@ BY_HAND = {
     "cubic": lambda x: x**3,
     "saturating": lambda x: np.tanh(x / W),
     "sign": lambda x: np.tanh(x / W),
-    "sign_beyond": lambda x: 1.0 / (1.0 + np.exp(-20.0 * (x / W - 1.0))) - 1.0 / (1.0 + np.exp(20.0 * (x / W + 1.0))),
+    "sign_beyond": lambda x: (
+        1.0 / (1.0 + np.exp(-20.0 * (x / W - 1.0))) - 1.0 / (1.0 + np.exp(20.0 * (x / W + 1.0)))
+    ),
     "levelling": lambda x: x - W * np.tanh(x / W),
     "exponential": lambda x: np.expm1(x / W),
     "square_root": lambda x: np.sign(x) * np.sqrt(abs(x)),
@@ -179,40 +202,62 @@ BY_HAND = {
 OTHERS = {
     "maxwell": (
         arm(MASS, *SPRING, "leading", 1.0, "N"),
-        {"spring_force_leading": A, "spring_force_leading_constant": T}, maxwell, 3,
+        {"spring_force_leading": A, "spring_force_leading_constant": T},
+        maxwell,
+        3,
     ),
     "dahl": (
         arm(MASS, *DAMPER, "sliding", 0.1, "N"),
-        {"damper_force_sliding": A, "damper_force_sliding_constant": W}, dahl, 3,
+        {"damper_force_sliding": A, "damper_force_sliding_constant": W},
+        dahl,
+        3,
     ),
     "heat times speed": (
         arm(MASS, *DAMPER, "heating", 1.0, "N"),
-        {"damper_force_heating": A, "damper_force_heating_constant": T}, heated, 3,
+        {"damper_force_heating": A, "damper_force_heating_constant": T},
+        heated,
+        3,
     ),
     "heat alone": (
         arm(MASS, *SPRING, "warming", 1.0, "N"),
-        {"spring_force_warming": A, "spring_force_warming_constant": T}, warmed, 3,
+        {"spring_force_warming": A, "spring_force_warming_constant": T},
+        warmed,
+        3,
     ),
     "Bouc and Wen": (
         arm(MASS, *SPRING, "hysteresis", 0.1, "N"),
-        {"spring_force_hysteresis": A, "spring_force_hysteresis_constant": W}, bouc_wen, 3,
+        {"spring_force_hysteresis": A, "spring_force_hysteresis_constant": W},
+        bouc_wen,
+        3,
     ),
     "Prandtl": (
         arm(MASS, *SPRING, "play", 0.1, "N"),
-        {"spring_force_play": A, "spring_force_play_constant": W}, prandtl, 3,
+        {"spring_force_play": A, "spring_force_play_constant": W},
+        prandtl,
+        3,
     ),
     "dead zone with two ends": (
-        asymmetric_dead_zone(MASS, "force"), {"force_dead_zone_end": 1.5, "force_dead_zone_ratio": 0.4},
-        fed(lambda u: u - np.clip(u, -0.6, 1.5)), 2,
+        asymmetric_dead_zone(MASS, "force"),
+        {"force_dead_zone_end": 1.5, "force_dead_zone_ratio": 0.4},
+        fed(lambda u: u - np.clip(u, -0.6, 1.5)),
+        2,
     ),
-    "dead zone": (dead_zone(MASS, "force"), {"force_dead_zone": 1.5}, fed(lambda u: u - np.clip(u, -1.5, 1.5)), 2),
+    "dead zone": (
+        dead_zone(MASS, "force"),
+        {"force_dead_zone": 1.5},
+        fed(lambda u: u - np.clip(u, -1.5, 1.5)),
+        2,
+    ),
     "offset": (input_offset(MASS, "force"), {"force_input_offset": A}, fed(lambda u: u + A), 2),
     "saturation": (
-        input_saturation(MASS, "force"), {"force_saturation": 0.04}, fed(lambda u: u / np.hypot(1.0, 0.2 * u)), 2,
+        input_saturation(MASS, "force"),
+        {"force_saturation": 0.04},
+        fed(lambda u: u / np.hypot(1.0, 0.2 * u)),
+        2,
     ),
     "lag": (input_lag(MASS, "force"), {"force_lagging_share": 0.7, "force_lag": T}, lagged(0.7), 3),
     "play": (backlash(MASS, "force"), {"force_play": 1.0}, played(1.0), 3),
-}  # fmt: skip
+}
 assert BY_HAND.keys() == SHAPES.keys()
 
 
@@ -221,9 +266,15 @@ def by_scipy(rates, states):
     jumps = [0, *(np.flatnonzero(np.diff(FORCE[:-1])) + 1), len(TIME) - 1]
     for first, last in pairwise(jumps):  # the force is held from one to the next
         solved = solve_ivp(
-            lambda t, x, u=FORCE[first]: rates(x, u), (TIME[first], TIME[last]), x, "LSODA",
-            TIME[first + 1 : last + 1], rtol=1e-9, atol=1e-11, max_step=0.01,
-        ).y  # fmt: skip
+            lambda t, x, u=FORCE[first]: rates(x, u),
+            (TIME[first], TIME[last]),
+            x,
+            "LSODA",
+            TIME[first + 1 : last + 1],
+            rtol=1e-9,
+            atol=1e-11,
+            max_step=0.01,
+        ).y
         found.extend(solved[0])
         x = solved[:, -1]
     return np.array(found)
@@ -248,9 +299,13 @@ def follows(effect, values, rates, states=2):
 def test_a_curve_in_a_law_is_what_its_formula_says(law, shape):
     effect = curve(MASS, *law, shape, "N")
     amount = A if law is SPRING or shape in ("stribeck", "weir") else LITTLE * A
-    values = {f"{law[0]}_{shape}": amount} | ({f"{law[0]}_{shape}_width": W} if SHAPES[shape].width else {})
+    values = {f"{law[0]}_{shape}": amount} | (
+        {f"{law[0]}_{shape}_width": W} if SHAPES[shape].width else {}
+    )
     nominal = next(s.nominal for s in MASS.layout.states if s.name == law[1])
-    size = amount * {"square_root": nominal**0.5, "weir": nominal**-0.5}.get(shape, 1.0)  # for whole powers of units
+    size = amount * {"square_root": nominal**0.5, "weir": nominal**-0.5}.get(
+        shape, 1.0
+    )  # for whole powers of units
     follows(effect, values, static(lambda x: size * BY_HAND[shape](x), 0 if law is SPRING else 1))
 
 
@@ -262,8 +317,14 @@ def test_memory_and_what_becomes_of_an_input(name):
 def test_effects_on_one_input_follow_one_another():
     """The first is next to the command: an offset before a dead zone, and behind it."""
     for effects, expected in (
-        ((input_offset(MASS, "force"), dead_zone(MASS, "force")), lambda u: (u + 1.0) - np.clip(u + 1.0, -2.0, 2.0)),
-        ((dead_zone(MASS, "force"), input_offset(MASS, "force")), lambda u: u - np.clip(u, -2.0, 2.0) + 1.0),
+        (
+            (input_offset(MASS, "force"), dead_zone(MASS, "force")),
+            lambda u: (u + 1.0) - np.clip(u + 1.0, -2.0, 2.0),
+        ),
+        (
+            (dead_zone(MASS, "force"), input_offset(MASS, "force")),
+            lambda u: u - np.clip(u, -2.0, 2.0) + 1.0,
+        ),
     ):
         model = stack(MASS, *effects)(**BASE, force_input_offset=1.0, force_dead_zone=2.0)
         for force in (-5.0, -1.5, 0.5, 4.0):
@@ -274,11 +335,15 @@ def test_effects_on_one_input_follow_one_another():
 @pytest.mark.parametrize("runtime", RUNTIMES)
 def test_fmus_of_both_builds_have_them(tmp_path, runtime):
     effects = [effect for effect, *_ in OTHERS.values()]
-    effects += [curve(MASS, *DAMPER, s, "N") for s in ("odd_quadratic", "stribeck", "stops", "weir")]
+    effects += [
+        curve(MASS, *DAMPER, s, "N") for s in ("odd_quadratic", "stribeck", "stops", "weir")
+    ]
     cls = stack(MASS, *effects)
     values = BASE | {name: value for _, own, *_ in OTHERS.values() for name, value in own.items()}
     values |= {f"damper_force_{s}": 0.5 for s in ("odd_quadratic", "stribeck", "stops", "weir")}
-    expected = CompiledModel(cls).run(TIME[:200], {"force": FORCE[:200]}, values).signals["position"]
+    expected = (
+        CompiledModel(cls).run(TIME[:200], {"force": FORCE[:200]}, values).signals["position"]
+    )
     path = tmp_path / f"{runtime}.fmu"
     path.write_bytes(build(cls, runtime, [host_platform()]))
     with Fmu(path, values) as instance:
@@ -306,15 +371,21 @@ def test_a_table_is_numpys_in_both_builds(tmp_path, runtime):
     with Fmu(path, values) as instance:
         instance.start(0.0, 6.0)
         found = simulate_instance(instance, time, {"command": AT})
-    assert found["force"] == pytest.approx(np.interp(AT, [-1.0, 0.5, 2.0], [-2.0, 1.0, 1.5]), rel=1e-14)
+    assert found["force"] == pytest.approx(
+        np.interp(AT, [-1.0, 0.5, 2.0], [-2.0, 1.0, 1.5]), rel=1e-14
+    )
 
 
 def test_a_table_has_exact_slopes():
     """By its values they are the hat functions."""
-    found = CompiledModel(Sledge, ["low", "middle", "high"]).run(np.arange(7.0), {"command": AT}, {})
+    found = CompiledModel(Sledge, ["low", "middle", "high"]).run(
+        np.arange(7.0), {"command": AT}, {}
+    )
     hats = [np.interp(AT, [-1.0, 0.5, 2.0], one) for one in np.eye(3)]
     assert found.sensitivities["force"] == pytest.approx(np.column_stack(hats), abs=1e-14)
-    assert table(AT, (0.0, 1.0), (2.0, 3.0)) == pytest.approx(np.interp(AT, [0.0, 1.0], [2.0, 3.0]), rel=1e-15)
+    assert table(AT, (0.0, 1.0), (2.0, 3.0)) == pytest.approx(
+        np.interp(AT, [0.0, 1.0], [2.0, 3.0]), rel=1e-15
+    )
     with pytest.raises(ValueError, match="a table of 2 abscissae and 1 values"):
         table(0.0, (1.0, 2.0), (1.0,))
 

@@ -93,8 +93,22 @@ class Chain(Component):
         return self.both()[0]
 
 
-CHAIN = ["sampled", "keep", "first_rate", "held", "spring", "second_rate", "handed_on", "damper", "constant", "swing",
-         "twice", "sum_of_laws", "of_the_time", "of_both"]  # fmt: skip
+CHAIN = [
+    "sampled",
+    "keep",
+    "first_rate",
+    "held",
+    "spring",
+    "second_rate",
+    "handed_on",
+    "damper",
+    "constant",
+    "swing",
+    "twice",
+    "sum_of_laws",
+    "of_the_time",
+    "of_both",
+]
 
 
 class Divider(Component):
@@ -132,14 +146,19 @@ def evaluated(cls, values):
 def points(cls, seed):
     """Random points of a trajectory: time, parameters, inputs, states."""
     rng, layout = np.random.default_rng(seed), cls.layout
-    parameters = {p.name: p.start * rng.uniform(0.9, 1.1) for p in layout.parameters if p.type == "real"}
+    parameters = {
+        p.name: p.start * rng.uniform(0.9, 1.1) for p in layout.parameters if p.type == "real"
+    }
 
     def drawn(group):
         return {v.name: v.start + 0.1 * v.nominal * rng.normal(size=POINTS) for v in group}
 
-    return np.sort(rng.uniform(0.0, 3.0, POINTS)), parameters, drawn(layout.inputs), drawn(
-        (*layout.states, *layout.discretes)
-    )  # fmt: skip
+    return (
+        np.sort(rng.uniform(0.0, 3.0, POINTS)),
+        parameters,
+        drawn(layout.inputs),
+        drawn((*layout.states, *layout.discretes)),
+    )
 
 
 def check_against_differences(cls, seed=3, skipped=()):
@@ -151,11 +170,15 @@ def check_against_differences(cls, seed=3, skipped=()):
     seen = 0.0
     for k in range(POINTS):
         at = parameters | {n: v[k] for n, v in (inputs | signals).items()} | {"time": time[k]}
-        exact = np.vstack([np.hstack([found.a[k], found.b[k]]), np.hstack([found.c[k], found.d[k]])])
+        exact = np.vstack(
+            [np.hstack([found.a[k], found.b[k]]), np.hstack([found.c[k], found.d[k]])]
+        )
         columns = []
         for s in layout.states:
             step = STEP * s.nominal
-            up, down = (evaluated(cls, at | {s.name: at[s.name] + way * step}) for way in (1.0, -1.0))
+            up, down = (
+                evaluated(cls, at | {s.name: at[s.name] + way * step}) for way in (1.0, -1.0)
+            )
             columns.append((up - down) / (2.0 * step))
         for i, law in enumerate(laws.names):
             step = STEP * max(abs(found.values[k, i]), 1e-3)
@@ -165,20 +188,26 @@ def check_against_differences(cls, seed=3, skipped=()):
         for j, (one, other) in enumerate(zip(exact.T, expected.T, strict=True)):
             name = (states + laws.names)[j]
             if name not in skipped:
-                assert one == pytest.approx(other, rel=1e-4, abs=1e-5 * np.abs(other).max() + 1e-12), name
+                assert one == pytest.approx(
+                    other, rel=1e-4, abs=1e-5 * np.abs(other).max() + 1e-12
+                ), name
         seen += np.abs(expected[:, len(states) :]).sum()
     assert seen > 0.0
     return laws
 
 
-@pytest.mark.parametrize("cls", [PpyActuator, Pendulum, FootDynamic, Chain], ids=lambda cls: cls.name)
+@pytest.mark.parametrize(
+    "cls", [PpyActuator, Pendulum, FootDynamic, Chain], ids=lambda cls: cls.name
+)
 def test_jacobians_are_those_of_differences(cls):
     check_against_differences(cls)
 
 
 def test_jacobians_of_a_component_that_is_sampled_and_saturates():
     """A law that tells yes from no is no number that a difference could be taken of."""
-    check_against_differences(Galvanostat, skipped=("in_recovery", "is_saturated", "recovery_count"))
+    check_against_differences(
+        Galvanostat, skipped=("in_recovery", "is_saturated", "recovery_count")
+    )
 
 
 def test_jacobians_of_effects_laid_over():
@@ -199,12 +228,16 @@ def test_jacobians_of_an_input_that_arrives_as_another():
 
 def test_values_are_those_of_the_laws():
     laws, (time, parameters, inputs, signals) = PerturbedLaws(Chain), points(Chain, 5)
-    values = dict(zip(laws.names, laws.along(time, parameters, inputs, signals).values.T, strict=True))
+    values = dict(
+        zip(laws.names, laws.along(time, parameters, inputs, signals).values.T, strict=True)
+    )
     first, second = signals["first"], signals["second"]
     assert values["held"] == pytest.approx(inputs["drive"])
     assert values["swing"] == pytest.approx(np.cos(time))
     assert values["damper"] == pytest.approx(np.exp(-second) + signals["kept"])
-    assert values["spring"] == pytest.approx(parameters["stiffness"] * first + first**3), "as it is called first"
+    assert values["spring"] == pytest.approx(parameters["stiffness"] * first + first**3), (
+        "as it is called first"
+    )
     assert values["sampled"] == pytest.approx(inputs["fed"] + first)
 
 
@@ -229,7 +262,9 @@ def test_a_component_without_states():
     found = laws.along(np.arange(3.0), {}, {"supply": np.array([1.0, 2.0, 3.0])}, {})
     assert found.a.shape == (3, 0, 0)
     assert found.b.shape == (3, 0, 2)
-    assert found.d[:, 0] == pytest.approx(np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])), "of tap and of share"
+    assert found.d[:, 0] == pytest.approx(np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])), (
+        "of tap and of share"
+    )
     assert found.values == pytest.approx(np.array([[0.25, 0.25], [0.5, 0.25], [0.75, 0.25]]))
 
 
@@ -253,7 +288,10 @@ def test_nothing_can_be_wrong_with_definitions_of_a_pendulum():
     ("law", "stands"),
     [
         ("first_rate", {"held", "spring", "first", "second"}),
-        ("second_rate", {"handed_on", "swing", "spring", "second", "damper", "constant"}),  # both() is a part of it
+        (
+            "second_rate",
+            {"handed_on", "swing", "spring", "second", "damper", "constant"},
+        ),  # both() is a part of it
         ("spring", {"first", "second"}),  # which are handed to it
         ("held", {"drive"}),
         ("swing", {"time"}),
@@ -288,7 +326,10 @@ def test_what_a_law_is_computed_from(law, from_these):
 @pytest.mark.parametrize(
     ("law", "beside"),
     [
-        ("held", {"drive", "first", "second", "kept", "time"}),  # in a rate, a sum and what the time stands in
+        (
+            "held",
+            {"drive", "first", "second", "kept", "time"},
+        ),  # in a rate, a sum and what the time stands in
         ("handed_on", {"first", "second", "kept", "time"}),
         ("twice", {"second", "kept"}),
         ("sampled", set()),  # of an update, which nothing feels at once
@@ -352,7 +393,11 @@ def test_a_law_through_another_that_an_effect_overrides():
 def test_sine_of_a_pendulum_by_hand():
     laws = PerturbedLaws(Pendulum)
     angle = np.array([0.3, -1.0])
-    found = laws.along(np.zeros(2), {}, {"torque": np.zeros(2)}, {"angle": angle, "velocity": np.zeros(2)})
+    found = laws.along(
+        np.zeros(2), {}, {"torque": np.zeros(2)}, {"angle": angle, "velocity": np.zeros(2)}
+    )
     assert found.a[:, 1, 0] == pytest.approx(-5.0 * np.cos(angle) / 0.5)
     assert found.b[:, 1, laws.names.index("friction")] == pytest.approx([-2.0, -2.0])
-    assert found.values[:, laws.names.index("gravity")] == pytest.approx(5.0 * np.array(list(map(sin, angle.tolist()))))
+    assert found.values[:, laws.names.index("gravity")] == pytest.approx(
+        5.0 * np.array(list(map(sin, angle.tolist())))
+    )

@@ -14,7 +14,13 @@ from tests.contract.subjects import ACTUATORS
 from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warmer
 from tests.support.pace import slow_but
 
-CLASSES = [Curved, Divider, Thermostat, stack(Thermostat, Warmer, Doubled), *map(fmus.component, fmus.COMPONENTS)]
+CLASSES = [
+    Curved,
+    Divider,
+    Thermostat,
+    stack(Thermostat, Warmer, Doubled),
+    *map(fmus.component, fmus.COMPONENTS),
+]
 graph_of = cache(trace)
 classes = pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.name)
 
@@ -29,7 +35,9 @@ def jacobians_of(cls):
     """Of rates and outputs, by everything but time."""
     graph = graph_of(cls)
     known = ca.vertcat(*graph.arguments[1:])
-    dense = (ca.densify(ca.jacobian(expression, known)) for expression in (graph.rates, graph.outputs))
+    dense = (
+        ca.densify(ca.jacobian(expression, known)) for expression in (graph.rates, graph.outputs)
+    )
     return [ca.Function("j", graph.arguments, [jacobian]) for jacobian in dense]
 
 
@@ -43,12 +51,16 @@ def point(cls, seed):
     values = {}
     for v in cls.layout.parameters:
         near = v.start * rng.uniform(0.5, 2.0) + (
-            rng.normal() * rng.choice([1.0, 10.0]) * v.nominal if v.start == 0 or v.starts is not None else 0.0
+            rng.normal() * rng.choice([1.0, 10.0]) * v.nominal
+            if v.start == 0 or v.starts is not None
+            else 0.0
         )
         values[v.name] = float(np.clip(near, v.min, v.max))
     for group in (cls.layout.inputs, cls.layout.states, cls.layout.discretes):
         for v in group:
-            values[v.name] = float(v.start + rng.normal() * v.nominal * (10.0 if v.unit == "K" else 1.0))
+            values[v.name] = float(
+                v.start + rng.normal() * v.nominal * (10.0 if v.unit == "K" else 1.0)
+            )
     for v in cls.layout.variables:
         if v.type == "boolean" and v.name in values:
             values[v.name] = float(rng.integers(2))
@@ -83,7 +95,11 @@ def test_the_graph_has_the_values_of_the_class(cls, seed):
     values, time = point(cls, seed)
     *laws, tangent = functions_of(cls)
     expected = evaluated(cls, values, time)
-    assert [f.name() for f in laws] == ["rates", "outputs", *(f"update_{i}" for i in range(len(cls.layout.sampled)))]
+    assert [f.name() for f in laws] == [
+        "rates",
+        "outputs",
+        *(f"update_{i}" for i in range(len(cls.layout.sampled))),
+    ]
     assert tangent.name() == "tangent"
     for function, numbers in zip(laws, expected, strict=True):
         result = function(time, *vectors(cls, values)).full().ravel()
@@ -105,7 +121,10 @@ def differences(cls, values, time, name, step):
 def test_linearisation_against_differences(cls, seed):
     values, _ = point(cls, seed)
     layout, graph = cls.layout, graph_of(cls)
-    if cls is Curved and min(abs(values["x"]), abs(values["z"]), abs(values["y"] - values["v"])) < 1e-3:
+    if (
+        cls is Curved
+        and min(abs(values["x"]), abs(values["z"]), abs(values["y"] - values["v"])) < 1e-3
+    ):
         return  # a kink or a jump has no derivative
     component = cls(**{v.name: values[v.name] for v in layout.parameters})
     for name, value in values.items():
@@ -131,7 +150,9 @@ def test_linearisation_has_the_dimensions_of_the_layout():
 
 
 def test_points_take_defaults_and_refuse_what_does_not_exist():
-    parameters, inputs, states, discretes = graph_of(Thermostat).point(loss=2.0, temperature=300.0, on=1.0)
+    parameters, inputs, states, discretes = graph_of(Thermostat).point(
+        loss=2.0, temperature=300.0, on=1.0
+    )
     assert parameters[0] == 2.0
     assert parameters[1] == 20.0
     assert inputs.tolist() == [280.0, 0.0]
@@ -171,22 +192,31 @@ def test_dependencies_against_differences(cls):
     seen = np.zeros((len(unknowns), len(knowns)), dtype=bool)
     rng = np.random.default_rng(1)
     listed = found["Derivatives"] | found["Outputs"]
-    expected = np.array([[position[known] in listed[position[unknown]] for known in knowns] for unknown in unknowns])
+    expected = np.array(
+        [[position[known] in listed[position[unknown]] for known in knowns] for unknown in unknowns]
+    )
     for seed in range(POINTS):
         if seed >= ENOUGH and (seen == expected).all():
             break
         values, time = point(cls, seed)
         base = evaluated(cls, values, time)
         for k, name in enumerate(knowns):
-            changed = evaluated(cls, values | {name: point(cls, int(rng.integers(2**31)))[0][name]}, time)
+            changed = evaluated(
+                cls, values | {name: point(cls, int(rng.integers(2**31)))[0][name]}, time
+            )
             seen[:, k] |= np.concatenate(base[:2]) != np.concatenate(changed[:2])
     for row, unknown in zip(seen, unknowns, strict=True):
-        assert listed[position[unknown]] == [position[k] for k, depends in zip(knowns, row, strict=True) if depends]
+        assert listed[position[unknown]] == [
+            position[k] for k, depends in zip(knowns, row, strict=True) if depends
+        ]
 
 
 @pytest.mark.parametrize(
     "cls",
-    slow_but(CLASSES, *(cls for cls in CLASSES if cls.name not in ("degradation_estimator", "foot_dynamic"))),
+    slow_but(
+        CLASSES,
+        *(cls for cls in CLASSES if cls.name not in ("degradation_estimator", "foot_dynamic")),
+    ),
     ids=lambda cls: cls.name,
 )
 def test_initial_dependencies_against_differences(cls):
@@ -197,7 +227,9 @@ def test_initial_dependencies_against_differences(cls):
     rng = np.random.default_rng(2)
 
     def at_start(values):
-        values = values | {s.name: values[f"{s.name}_start"] for s in (*layout.states, *layout.discretes)}
+        values = values | {
+            s.name: values[f"{s.name}_start"] for s in (*layout.states, *layout.discretes)
+        }
         rates, outputs, *_ = evaluated(cls, values, 0.0)
         by_name = values | dict(zip((o.name for o in layout.outputs), outputs, strict=True))
         by_name |= dict(zip((f"der({s.name})" for s in layout.states), rates, strict=True))
@@ -209,7 +241,10 @@ def test_initial_dependencies_against_differences(cls):
 
     seen = np.zeros((len(unknowns), len(knowns)), dtype=bool)
     expected = np.array(
-        [[names.index(known) in initial[names.index(unknown)] for known in knowns] for unknown in unknowns]
+        [
+            [names.index(known) in initial[names.index(unknown)] for known in knowns]
+            for unknown in unknowns
+        ]
     )
     for seed in range(POINTS):
         if seed >= ENOUGH and (seen == expected).all():
@@ -217,9 +252,13 @@ def test_initial_dependencies_against_differences(cls):
         values = start_point(seed)
         base = at_start(values)
         for k, name in enumerate(knowns):
-            seen[:, k] |= base != at_start(values | {name: start_point(int(rng.integers(2**31)))[name]})
+            seen[:, k] |= base != at_start(
+                values | {name: start_point(int(rng.integers(2**31)))[name]}
+            )
     for row, unknown in zip(seen, unknowns, strict=True):
-        assert initial[names.index(unknown)] == [names.index(k) for k, d in zip(knowns, row, strict=True) if d]
+        assert initial[names.index(unknown)] == [
+            names.index(k) for k, d in zip(knowns, row, strict=True) if d
+        ]
 
 
 def test_output_states_depend_on_themselves_and_discrete_outputs_on_nothing():
@@ -227,7 +266,9 @@ def test_output_states_depend_on_themselves_and_discrete_outputs_on_nothing():
     outputs = dependencies(Thermostat.layout, graph_of(Thermostat))["Outputs"]
     assert outputs[names.index("temperature")] == [names.index("temperature")]
     assert outputs[names.index("on")] == []
-    assert sorted(outputs) == sorted(names.index(n) for n in ("temperature", "on", "reading", "power", "warm"))
+    assert sorted(outputs) == sorted(
+        names.index(n) for n in ("temperature", "on", "reading", "power", "warm")
+    )
 
 
 def test_tracing_leaves_the_class_alone():

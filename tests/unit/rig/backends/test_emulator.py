@@ -18,14 +18,21 @@ P = RigParameters()
 
 
 def commands(rig: Emulator, k: int) -> dict[str, float]:
-    values = {"current": np.sin(k / 5), "force": 1 + np.cos(k / 9), "length_change": 1e-4 * np.cos(k / 9)}
+    values = {
+        "current": np.sin(k / 5),
+        "force": 1 + np.cos(k / 9),
+        "length_change": 1e-4 * np.cos(k / 9),
+    }
     values |= {"force_reference": 1 + np.cos(k / 9)}
     return {name: float(values[name]) for name in rig.inputs}
 
 
 @pytest.mark.parametrize("step", [1 / 30, 1e-3, 0.25])
 def test_in_lockstep_it_is_the_rig_stepped_directly(step: float) -> None:
-    rig, direct = Emulator(noise="off"), SteppedRig(ForceDriven(Physics(P)), SIGNALS["force-driven"].outputs)
+    rig, direct = (
+        Emulator(noise="off"),
+        SteppedRig(ForceDriven(Physics(P)), SIGNALS["force-driven"].outputs),
+    )
     rig.read()  # as on connecting, which must not start a clock
     time.sleep(0.01)
     for k in range(60):
@@ -61,7 +68,9 @@ def test_a_seed_changes_noise_specimen_and_hidden_effect() -> None:
 
     assert voltage(seed="1") != voltage(seed="2")
     assert voltage(seed="1", noise="off") == voltage(seed="2", noise="off")
-    assert voltage(seed="1", noise="off", specimen="drawn") != voltage(seed="2", noise="off", specimen="drawn")
+    assert voltage(seed="1", noise="off", specimen="drawn") != voltage(
+        seed="2", noise="off", specimen="drawn"
+    )
     drawn = {Emulator(seed=str(k), hidden="drawn").tell() for k in range(20)}
     assert len(drawn) == 20
     assert Emulator().tell() == "nothing is hidden"
@@ -171,7 +180,10 @@ def test_commands_that_are_none_are_refused(values: dict[str, float], message: s
         ({"signals": "force"}, r"option signals = 'force' \(did you mean force-driven\?\)"),
         ({"seed": "1.5"}, "option seed = '1.5': must be a whole number of at least 0"),
         ({"noise": "yes"}, r"option noise = 'yes' \(there are: on, off\)"),
-        ({"hidden": "everything"}, "option hidden: hidden effect 'everything': there are none, drawn"),
+        (
+            {"hidden": "everything"},
+            "option hidden: hidden effect 'everything': there are none, drawn",
+        ),
         ({"specimen": "other"}, "option specimen = 'other'"),
     ],
 )

@@ -34,12 +34,20 @@ def opened(**options: str) -> Backend:
 def test_volts_are_what_the_calibration_says(device: daqmx.Device) -> None:
     rig = opened()
     assert dict(rig.read()) == pytest.approx(
-        {"force_measured": 1.1125, "displacement": 5.08e-3, "voltage": -0.25, "stand_displacement": 0.0}
+        {
+            "force_measured": 1.1125,
+            "displacement": 5.08e-3,
+            "voltage": -0.25,
+            "stand_displacement": 0.0,
+        }
     )
     rig.write({"current": -0.7, "force": 1.95})
     assert device.outputs == pytest.approx({"Dev1/ao1": -0.7, "Dev1/ao0": 1.5})
     inputs = next(job for job in device.jobs.values() if job.kind == "in")
-    assert inputs.terminals[:2] == [TerminalConfiguration.DIFF.value, TerminalConfiguration.RSE.value]
+    assert inputs.terminals[:2] == [
+        TerminalConfiguration.DIFF.value,
+        TerminalConfiguration.RSE.value,
+    ]
     assert inputs.ranges[0] == (-2.0, 9.95)
     rig.close()
     assert device.jobs == {}
@@ -50,7 +58,9 @@ def test_opening_and_closing_change_no_output(device: daqmx.Device) -> None:
     assert device.outputs == {}
 
 
-@pytest.mark.parametrize(("has_clock", "timing", "rate"), [(True, "hardware", 30.0), (False, "software", None)])
+@pytest.mark.parametrize(
+    ("has_clock", "timing", "rate"), [(True, "hardware", 30.0), (False, "software", None)]
+)
 def test_the_device_samples_by_its_own_clock_where_it_can(
     monkeypatch: pytest.MonkeyPatch, has_clock: bool, timing: str, rate: float | None
 ) -> None:
@@ -74,12 +84,17 @@ def test_a_broken_wire_is_no_value(device: daqmx.Device) -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"current": 1.4, "force": 0.0}, "current = 1.4 A needs 1.4 V at ao1; its range is -1.3 … 1.3 V"),
+        (
+            {"current": 1.4, "force": 0.0},
+            "current = 1.4 A needs 1.4 V at ao1; its range is -1.3 … 1.3 V",
+        ),
         ({"current": 0.1}, "command force = missing: must be a finite number"),
         ({"current": math.nan, "force": 0.0}, "command current = nan: must be a finite number"),
     ],
 )
-def test_what_cannot_be_commanded_changes_nothing(device: daqmx.Device, values: dict[str, float], message: str) -> None:
+def test_what_cannot_be_commanded_changes_nothing(
+    device: daqmx.Device, values: dict[str, float], message: str
+) -> None:
     rig = opened()
     rig.write({"current": 0.5, "force": 0.0})
     before = dict(device.outputs)
@@ -108,7 +123,10 @@ def test_a_device_that_does_not_take_safe_values_is_reset(device: daqmx.Device) 
     rig = opened()
     rig.write({"current": 1.0, "force": 1.3})
     device.failing["write_analog_f64"] = -50405
-    with pytest.raises(UserError, match=r"Dev1 was reset, because it did not take safe values: Something is wrong\."):
+    with pytest.raises(
+        UserError,
+        match=r"Dev1 was reset, because it did not take safe values: Something is wrong\.",
+    ):
         rig.safe()
     assert device.resets == 1
     assert device.outputs == ZERO
@@ -119,7 +137,9 @@ def test_a_device_that_does_not_take_safe_values_is_reset(device: daqmx.Device) 
 def test_a_device_without_a_watchdog_is_told(device: daqmx.Device) -> None:
     rig = opened()
     note = rig.watchdog  # type: ignore[attr-defined]
-    assert note.startswith("none: Dev1 refuses one (Watchdog Timer is not supported on this device.")
+    assert note.startswith(
+        "none: Dev1 refuses one (Watchdog Timer is not supported on this device."
+    )
     assert note.endswith("its outputs stay as they are if this computer stops")
     rig.write({"current": 1.0, "force": 1.0})
     rig.close()
@@ -150,7 +170,9 @@ def test_the_devices_watchdog_has_the_safe_volts(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("call", ["create_task", "create_ai_voltage_chan", "start_task"])
 def test_a_device_that_cannot_be_opened_is_let_go(device: daqmx.Device, call: str) -> None:
     device.failing[call] = -200220
-    with pytest.raises(UserError, match=r"^backend nidaqmx: Dev1 cannot be opened: Something is wrong\. [^\n]*$"):
+    with pytest.raises(
+        UserError, match=r"^backend nidaqmx: Dev1 cannot be opened: Something is wrong\. [^\n]*$"
+    ):
         opened()
     assert device.jobs == {}
 
@@ -164,7 +186,9 @@ def test_an_error_of_the_driver_is_one_line(device: daqmx.Device) -> None:
 
 
 def test_without_a_driver_it_says_so() -> None:
-    with pytest.raises(UserError, match="Dev1 cannot be opened: Could not find an installation of NI-DAQmx"):
+    with pytest.raises(
+        UserError, match="Dev1 cannot be opened: Could not find an installation of NI-DAQmx"
+    ):
         opened(timing="software")
 
 
@@ -172,18 +196,25 @@ def test_without_a_driver_it_says_so() -> None:
     ("options", "message"),
     [
         ({"timing": "sometimes"}, "option timing = 'sometimes'"),
-        ({"timeout": "60"}, "option timeout = '60': must be a number of seconds above 0, at most 10"),
+        (
+            {"timeout": "60"},
+            "option timeout = '60': must be a number of seconds above 0, at most 10",
+        ),
         ({"device": "Dev1/ao0"}, "the name of a device is wanted"),
         ({"calibration": "thesis_generator"}, "current is a signal of an instrument"),
     ],
 )
-def test_wrong_options_are_told(device: daqmx.Device, options: dict[str, str], message: str) -> None:
+def test_wrong_options_are_told(
+    device: daqmx.Device, options: dict[str, str], message: str
+) -> None:
     with pytest.raises(UserError, match=message):
         opened(**options)
 
 
 @pytest.mark.device
-@pytest.mark.skipif("PPY_NIDAQMX_DEVICE" not in os.environ, reason="PPY_NIDAQMX_DEVICE names no device of NI-DAQmx")
+@pytest.mark.skipif(
+    "PPY_NIDAQMX_DEVICE" not in os.environ, reason="PPY_NIDAQMX_DEVICE names no device of NI-DAQmx"
+)
 def test_a_real_device_is_read_and_goes_to_zero() -> None:
     rig = opened(device=os.environ["PPY_NIDAQMX_DEVICE"])
     try:

@@ -76,7 +76,9 @@ def test_one_of_ones_own_is_opened_by_its_file(own: str) -> None:
         ("Lmp", {}, "there is no class 'Lmp' in it (did you mean Lamp?)"),
     ],
 )
-def test_what_is_wrong_with_ones_own_is_told(own: str, cls: str, options: dict[str, str], message: str) -> None:
+def test_what_is_wrong_with_ones_own_is_told(
+    own: str, cls: str, options: dict[str, str], message: str
+) -> None:
     with pytest.raises(UserError) as caught:
         open_backend(f"{own}:{cls}", options)
     assert message in str(caught.value)
@@ -104,7 +106,9 @@ def test_what_is_no_backend_is_told(spec: str, message: str) -> None:
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize(("spec", "library", "extra"), [("nidaqmx", "nidaqmx", "nidaqmx"), ("visa", "pyvisa", "visa")])
+@pytest.mark.parametrize(
+    ("spec", "library", "extra"), [("nidaqmx", "nidaqmx", "nidaqmx"), ("visa", "pyvisa", "visa")]
+)
 def test_a_library_that_is_not_installed_is_named(
     monkeypatch: pytest.MonkeyPatch, spec: str, library: str, extra: str
 ) -> None:
@@ -122,7 +126,10 @@ def test_a_library_that_is_not_installed_is_named(
 
 
 def test_those_that_step_are_the_emulator_and_replay() -> None:
-    assert [name for name in BACKENDS if issubclass(backend_class(name), Steppable)] == ["emulator", "replay"]
+    assert [name for name in BACKENDS if issubclass(backend_class(name), Steppable)] == [
+        "emulator",
+        "replay",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -130,12 +137,20 @@ def test_those_that_step_are_the_emulator_and_replay() -> None:
     [
         ("force-driven", ["ppy_actuator"], set()),
         ("length-driven", ["ppy_actuator_length_driven"], set()),
-        ("bench", ["voice_coil_dma", "ppy_actuator_length_driven"], {"tension", "length_change", "hold"}),
+        (
+            "bench",
+            ["voice_coil_dma", "ppy_actuator_length_driven"],
+            {"tension", "length_change", "hold"},
+        ),
     ],
 )
-def test_signals_are_those_of_the_components(name: str, components: list[str], connected: set[str]) -> None:
+def test_signals_are_those_of_the_components(
+    name: str, components: list[str], connected: set[str]
+) -> None:
     chosen, layouts = signals.SIGNALS[name], [component(c).layout for c in components]
-    inputs = {v.name: v.unit for layout in layouts for v in layout.inputs if v.name not in connected}
+    inputs = {
+        v.name: v.unit for layout in layouts for v in layout.inputs if v.name not in connected
+    }
     outputs = {v.name: v.unit for layout in layouts for v in layout.outputs}
     outputs |= {v.name: v.unit for layout in layouts for v in layout.states if v.output}
     assert {n: signals.UNITS[n] for n in chosen.inputs} == inputs
@@ -144,7 +159,11 @@ def test_signals_are_those_of_the_components(name: str, components: list[str], c
 
 @pytest.mark.parametrize(
     ("name", "proxy"),
-    [("force-driven", "rig_proxy"), ("length-driven", "rig_proxy_length_driven"), ("bench", "rig_proxy_bench")],
+    [
+        ("force-driven", "rig_proxy"),
+        ("length-driven", "rig_proxy_length_driven"),
+        ("bench", "rig_proxy_bench"),
+    ],
 )
 def test_the_proxies_that_ship_find_their_signals(name: str, proxy: str) -> None:
     """A proxy commands every input of a rig, and asks for what the rig has, in the rig's units."""

@@ -58,7 +58,10 @@ def test_a_hole_is_no_value(file: str) -> None:
 
 @pytest.mark.parametrize(
     ("at_end", "expected"),
-    [("hold", [0.01, 0.02, 0.03, 0.04, 0.04, 0.04]), ("loop", [0.01, 0.02, 0.03, 0.04, 0.01, 0.02])],
+    [
+        ("hold", [0.01, 0.02, 0.03, 0.04, 0.04, 0.04]),
+        ("loop", [0.01, 0.02, 0.03, 0.04, 0.01, 0.02]),
+    ],
 )
 def test_at_its_end_it_goes_on_as_asked(file: str, at_end: str, expected: list[float]) -> None:
     assert voltages(Replay(file, at_end=at_end), 0.5, 5) == pytest.approx(expected)
@@ -105,7 +108,10 @@ def test_columns_of_other_names_are_mapped(file: str) -> None:
     ("options", "message"),
     [
         ({"at_end": "stop"}, "option at_end = 'stop'"),
-        ({"outputs": "bath"}, r"option outputs: bath is not known by name; write its SI unit: bath\[K\]"),
+        (
+            {"outputs": "bath"},
+            r"option outputs: bath is not known by name; write its SI unit: bath\[K\]",
+        ),
         ({"outputs": "charge"}, "charge"),
         ({"outputs": ","}, "option outputs = ',': names no signal"),
         ({"outputs": "bath[Q]"}, "unknown unit 'Q'"),

@@ -95,7 +95,9 @@ def test_old_errors_are_told_once_and_then_gone(rig: Backend) -> None:
 
 def test_what_is_beyond_the_range_is_not_sent(rig: Backend) -> None:
     rig.write({"current": 0.5})
-    with pytest.raises(UserError, match=r"current = 1.5 A needs 1.5 V at generator; its range is -1.3 … 1.3 V"):
+    with pytest.raises(
+        UserError, match=r"current = 1.5 A needs 1.5 V at generator; its range is -1.3 … 1.3 V"
+    ):
         rig.write({"current": 1.5})
     assert offset(rig) == 0.5
 
@@ -108,12 +110,16 @@ def test_an_overload_is_no_value(tmp_path: Path) -> None:
 
 def test_an_answer_that_is_no_number_is_told(tmp_path: Path) -> None:
     rig = opened(changed(tmp_path, ("READ?", "WORDS?")))
-    with pytest.raises(UserError, match="multimeter: answers 'BUSY' to WORDS\\?, which is no number"):
+    with pytest.raises(
+        UserError, match="multimeter: answers 'BUSY' to WORDS\\?, which is no number"
+    ):
         rig.read()
     rig.close()
 
 
-def test_an_instrument_that_does_not_answer_is_waited_for_no_longer_than_its_timeout(tmp_path: Path) -> None:
+def test_an_instrument_that_does_not_answer_is_waited_for_no_longer_than_its_timeout(
+    tmp_path: Path,
+) -> None:
     rig = opened(changed(tmp_path, ("READ?", "SILENT?"), ("timeout = 1.0", "timeout = 0.2")))
     assert rig._sessions["multimeter"].timeout == 200  # type: ignore[attr-defined]
     began = time.monotonic()
@@ -146,7 +152,9 @@ def test_a_setup_that_is_refused_is_told(tmp_path: Path) -> None:
 
 
 def test_a_calibration_of_a_device_is_not_one_of_instruments() -> None:
-    with pytest.raises(UserError, match="thesis: current is a channel of a device, not of an instrument"):
+    with pytest.raises(
+        UserError, match="thesis: current is a channel of a device, not of an instrument"
+    ):
         opened("thesis")
 
 
@@ -155,7 +163,9 @@ def test_without_a_library_it_says_so() -> None:
         open_backend("visa", {"library": "/nowhere/libvisa.so"})
 
 
-def test_after_a_failed_message_safe_tries_again(rig: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_failed_message_safe_tries_again(
+    rig: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rig.write({"current": 0.5})
     session = rig._sessions["generator"]  # type: ignore[attr-defined]
     send, failures = session.write, [1]

@@ -38,7 +38,12 @@ def test_there_is_nothing_before_the_first_record():
     assert Board(new_memory()).sample.read() is None
 
 
-@given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2**63), st.floats(allow_nan=False), numbers), min_size=1))
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.integers(0, 2**63), st.floats(allow_nan=False), numbers),
+        min_size=1,
+    )
+)
 def test_what_was_written_last_is_read(records):
     place, memory = slot()
     other_end = Slot(memoryview(memory), 0, Command)

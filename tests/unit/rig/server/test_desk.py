@@ -20,7 +20,11 @@ from orchestration.rig.server.rig import State
 
 pytestmark = pytest.mark.real_time
 
-SIGNALS = Signals({"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m"}, {"current": Limit(-1.3, 1.3)})
+SIGNALS = Signals(
+    {"current": "A", "force": "N"},
+    {"voltage": "V", "displacement": "m"},
+    {"current": Limit(-1.3, 1.3)},
+)
 
 
 class SetRig:
@@ -86,15 +90,29 @@ class Trial:
         return None if reply is None else decode(reply, REPLIES)
 
     def connect(self, peer=b"a", client="a", inputs=None, outputs=None):
-        answer = self.ask("connect", peer, client=client, time=0.0, inputs=inputs or SIGNALS.inputs,
-                          outputs=SIGNALS.outputs if outputs is None else outputs)  # fmt: skip
+        answer = self.ask(
+            "connect",
+            peer,
+            client=client,
+            time=0.0,
+            inputs=inputs or SIGNALS.inputs,
+            outputs=SIGNALS.outputs if outputs is None else outputs,
+        )
         self.session = answer.get("session", self.session)
         return answer
 
     def exchange(self, sequence, values=(0.5, 1.0), seen=None, session=None, sent=0.0, peer=b"a"):
-        return self.ask("exchange", peer, session=session or self.session, sequence=sequence, sent=sent,
-                        seen=self.rig.now if seen is None else seen, time=0.0, step=0.02,
-                        values=list(values))  # fmt: skip
+        return self.ask(
+            "exchange",
+            peer,
+            session=session or self.session,
+            sequence=sequence,
+            sent=sent,
+            seen=self.rig.now if seen is None else seen,
+            time=0.0,
+            step=0.02,
+            values=list(values),
+        )
 
 
 @pytest.fixture
@@ -103,7 +121,9 @@ def trial():
 
 
 def test_values_are_in_the_order_of_the_client_and_the_rig_has_them_in_its_own(trial):
-    answer = trial.connect(inputs={"force": "N", "current": "A"}, outputs={"displacement": "m", "voltage": "V"})
+    answer = trial.connect(
+        inputs={"force": "N", "current": "A"}, outputs={"displacement": "m", "voltage": "V"}
+    )
     assert answer["values"] == [None, 0.5]
     assert answer["ages"] == [None, pytest.approx(0.01)]
     assert answer["limits"] == {"current": {"min": -1.3, "max": 1.3, "rate": None}}
@@ -114,12 +134,15 @@ def test_values_are_in_the_order_of_the_client_and_the_rig_has_them_in_its_own(t
 @given(
     st.lists(
         st.tuples(
-            st.integers(0, 6), st.sampled_from(["mine", "other"]), st.floats(-2.0, 2.0), st.floats(-0.1, 0.5),
+            st.integers(0, 6),
+            st.sampled_from(["mine", "other"]),
+            st.floats(-2.0, 2.0),
+            st.floats(-0.1, 0.5),
             st.floats(0.0, 0.1),
         ),
         max_size=25,
     )
-)  # fmt: skip
+)
 def test_a_command_is_carried_out_if_and_only_if_it_is_new_ours_fresh_and_within_limits(messages):
     trial = Trial()
     trial.connect()
@@ -127,7 +150,9 @@ def test_a_command_is_carried_out_if_and_only_if_it_is_new_ours_fresh_and_within
     for sequence, whose, current, age, wait in messages:
         trial.rig.now += wait
         seen = trial.rig.now - age
-        answer = trial.exchange(sequence, [current, 1.0], seen, None if whose == "mine" else "another")
+        answer = trial.exchange(
+            sequence, [current, 1.0], seen, None if whose == "mine" else "another"
+        )
         if whose != "mine":
             assert answer["type"] == "refused"
         elif sequence <= newest:
@@ -141,7 +166,9 @@ def test_a_command_is_carried_out_if_and_only_if_it_is_new_ours_fresh_and_within
         assert trial.rig.commands == wanted
 
 
-@pytest.mark.parametrize(("values", "part"), [((0.5,), "1 values; it takes 2"), ((0.5, 1.0, 1.0), "3 values")])
+@pytest.mark.parametrize(
+    ("values", "part"), [((0.5,), "1 values; it takes 2"), ((0.5, 1.0, 1.0), "3 values")]
+)
 def test_an_exchange_of_the_session_with_another_number_of_values_is_malformed(trial, values, part):
     trial.connect()
     with pytest.raises(ProtocolError, match=part):
@@ -230,7 +257,9 @@ def test_after_a_rest_a_rate_counts_from_zero_and_no_pause_makes_it_slower(trial
     trial.connect()
     trial.rig.now += 100.0
     assert "faster than 1 A/s" in trial.exchange(1, [0.3, 0.0])["refused"][0]
-    assert trial.exchange(2, [0.19, 0.0])["refused"] == [], "0.2 s, the watchdog time, is the longest that counts"
+    assert trial.exchange(2, [0.19, 0.0])["refused"] == [], (
+        "0.2 s, the watchdog time, is the longest that counts"
+    )
     trial.rig.now += 0.05
     assert trial.exchange(3, [0.25, 0.0])["refused"] != []
     assert trial.exchange(4, [0.23, 0.0])["refused"] == []

@@ -22,9 +22,30 @@ NOW, WATCHDOG, PERIOD = 100.0, 0.2, 1 / 30
         (0.16, b"read()", RUN, 0.0, False, "the device hangs: read() for 0.16 s"),
         (0.16, b"safe()", REST, 0.0, False, "the device hangs: safe()"),
         (0.16, b"read()", REST, 0.0, True, "the device hangs: read()"),
-        (0.16, b"sleep", RUN, 0.0, False, "has not run for 0.16 s, outside of the driver: this computer is too busy"),
-        (0.01, b"read()", RUN, 0.21, False, ""),  # the device has half a period to go safe by itself
-        (0.01, b"read()", RUN, 0.22, False, "no fresh command for 0.2 s, and the device did not go safe"),
+        (
+            0.16,
+            b"sleep",
+            RUN,
+            0.0,
+            False,
+            "has not run for 0.16 s, outside of the driver: this computer is too busy",
+        ),
+        (
+            0.01,
+            b"read()",
+            RUN,
+            0.21,
+            False,
+            "",
+        ),  # the device has half a period to go safe by itself
+        (
+            0.01,
+            b"read()",
+            RUN,
+            0.22,
+            False,
+            "no fresh command for 0.2 s, and the device did not go safe",
+        ),
         (0.01, b"sleep", RUN, 0.22, True, ""),  # it did
         (0.01, b"sleep", REST, 9.0, False, ""),  # no session
     ],

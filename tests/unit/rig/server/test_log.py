@@ -49,7 +49,11 @@ def test_of_a_kind_there_is_one_line_a_second_and_the_others_are_counted(capsys)
     lines = [line.split(" ", 2)[2] for line in capsys.readouterr().out.splitlines()]
     assert [line for line in lines if line.startswith("event")] == ["event 0", "event 1", "event 2"]
     dropped = [line for line in lines if line.startswith("dropped")]
-    assert dropped == ["dropped 0", "dropped 477 (and 476 like it before)", "dropped 954 (and 476 like it before)"]
+    assert dropped == [
+        "dropped 0",
+        "dropped 477 (and 476 like it before)",
+        "dropped 954 (and 476 like it before)",
+    ]
     assert lines[-1] == "malformed: 45 more"
 
 

@@ -50,7 +50,10 @@ def test_a_core_is_taken_or_it_is_noted_why_not():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() in ("", "--device-priority 50: Operation not permitted; it goes on without")
+    assert done.stdout.strip() in (
+        "",
+        "--device-priority 50: Operation not permitted; it goes on without",
+    )
 
 
 def test_the_collector_leaves_what_was_there_and_collects_what_is_new():

@@ -25,7 +25,10 @@ pytestmark = pytest.mark.real_time
         ({"port": 65535}, "--port 65535"),
         ({"priority": 0}, "--device-priority 0: allowed are 1 to 99"),
         ({"cpu": -1}, "--device-cpu -1"),
-        ({"host": "0.0.0.0"}, "--bind 0.0.0.0: beyond this machine the rig is served with keys only"),
+        (
+            {"host": "0.0.0.0"},
+            "--bind 0.0.0.0: beyond this machine the rig is served with keys only",
+        ),
         ({"host": "*"}, "with keys only"),
         ({"host": "::"}, "with keys only"),
         ({"host": "192.168.0.7"}, "with keys only"),
@@ -43,15 +46,32 @@ def test_with_keys_it_may_be_anywhere():
 
 @pytest.mark.parametrize(
     ("host", "is_it"),
-    [("127.0.0.1", True), ("127.9.9.9", True), ("localhost", True), ("[::1]", True), ("::1", True), ("", False),
-     ("10.0.0.1", False), ("127.0.0.1.example.org", False), ("localhost.example.org", False)],
-)  # fmt: skip
+    [
+        ("127.0.0.1", True),
+        ("127.9.9.9", True),
+        ("localhost", True),
+        ("[::1]", True),
+        ("::1", True),
+        ("", False),
+        ("10.0.0.1", False),
+        ("127.0.0.1.example.org", False),
+        ("localhost.example.org", False),
+    ],
+)
 def test_loopback(host, is_it):
     assert is_loopback(host) is is_it
 
 
 def test_options():
-    assert read_options(["seed=3", "file=a=b", "empty="]) == {"seed": "3", "file": "a=b", "empty": ""}
-    for texts, part in ((["seed"], "write KEY=VALUE"), (["=3"], "write KEY=VALUE"), (["a=1", "a=2"], "given twice")):
+    assert read_options(["seed=3", "file=a=b", "empty="]) == {
+        "seed": "3",
+        "file": "a=b",
+        "empty": "",
+    }
+    for texts, part in (
+        (["seed"], "write KEY=VALUE"),
+        (["=3"], "write KEY=VALUE"),
+        (["a=1", "a=2"], "given twice"),
+    ):
         with pytest.raises(UserError, match=part):
             read_options(texts)

@@ -15,14 +15,29 @@ from orchestration.rig.watch import feed as module
 from orchestration.rig.watch.feed import Feed
 
 STATUS = {
-    "state": "idle", "reason": "", "clock": 10.0, "client": "", "mode": "real-time", "period": 0.02, "watchdog": 0.2,
-    "limits": {"current": {"min": -1.3, "max": 1.3, "rate": None}}, "inputs": {"current": "A"},
-    "outputs": {"voltage": "V"}, "counts": {},
-}  # fmt: skip
+    "state": "idle",
+    "reason": "",
+    "clock": 10.0,
+    "client": "",
+    "mode": "real-time",
+    "period": 0.02,
+    "watchdog": 0.2,
+    "limits": {"current": {"min": -1.3, "max": 1.3, "rate": None}},
+    "inputs": {"current": "A"},
+    "outputs": {"voltage": "V"},
+    "counts": {},
+}
 TELEMETRY = {
-    "clock": 10.0, "state": "idle", "reason": "", "client": "", "inputs": {"current": 0.5},
-    "outputs": {"voltage": None}, "ages": {"voltage": None}, "command_age": None, "refused": [],
-}  # fmt: skip
+    "clock": 10.0,
+    "state": "idle",
+    "reason": "",
+    "client": "",
+    "inputs": {"current": 0.5},
+    "outputs": {"voltage": None},
+    "ages": {"voltage": None},
+    "command_age": None,
+    "refused": [],
+}
 
 
 def of_kind(items, kind):
@@ -68,7 +83,9 @@ def test_a_change_is_told_once():
     for k in range(50):
         feed.telemetry({**TELEMETRY, "clock": 10.0 + k, "refused": ["current 2 A is above 1.3 A"]})
     events = [event["text"] for event in of_kind(feed.everything()[1], "event")]
-    assert sorted(events) == sorted(["idle", "refused: current 2 A is above 1.3 A", "contact with the rig's server"])
+    assert sorted(events) == sorted(
+        ["idle", "refused: current 2 A is above 1.3 A", "contact with the rig's server"]
+    )
 
 
 def test_silence_is_lost_contact(monkeypatch):
@@ -84,7 +101,11 @@ def test_silence_is_lost_contact(monkeypatch):
         told.append(of_kind(feed.everything()[1], "contact")[0]["server"])
     assert told == [True] * 6 + [False] * 14  # until 0.7 s, so that a page says so within one
     feed.telemetry(TELEMETRY)
-    assert of_kind(feed.everything()[1], "contact")[0] == {"kind": "contact", "server": True, "samples": True}
+    assert of_kind(feed.everything()[1], "contact")[0] == {
+        "kind": "contact",
+        "server": True,
+        "samples": True,
+    }
 
 
 @pytest.mark.parametrize(("period", "lost"), [(0.02, True), (1.0, False)])
@@ -96,14 +117,23 @@ def test_a_rig_that_samples_slowly_is_waited_for(monkeypatch, period, lost):
     feed.telemetry(TELEMETRY)
     now[0] += 2.0
     feed.status({**STATUS, "period": period})
-    assert of_kind(feed.everything()[1], "contact")[0] == {"kind": "contact", "server": True, "samples": not lost}
+    assert of_kind(feed.everything()[1], "contact")[0] == {
+        "kind": "contact",
+        "server": True,
+        "samples": not lost,
+    }
 
 
 def test_memory_is_bounded():
     feed = Feed()
     for k in range(5000):
         feed.telemetry(
-            {**TELEMETRY, "clock": float(k), "reason": f"{k}" * 1000, "refused": [f"{k} {j}" for j in range(100)]}
+            {
+                **TELEMETRY,
+                "clock": float(k),
+                "reason": f"{k}" * 1000,
+                "refused": [f"{k} {j}" for j in range(100)],
+            }
         )
     _, items = feed.everything()
     assert len(items) < 3000
@@ -122,7 +152,13 @@ signals = st.dictionaries(texts, anything, max_size=5)
 
 @given(signals, signals, st.lists(texts, max_size=5), anything)
 def test_whatever_is_well_formed_becomes_json_that_a_browser_reads(inputs, outputs, refused, age):
-    values = {"inputs": inputs, "outputs": outputs, "ages": outputs, "refused": refused, "command_age": age}
+    values = {
+        "inputs": inputs,
+        "outputs": outputs,
+        "ages": outputs,
+        "refused": refused,
+        "command_age": age,
+    }
     frame = json.dumps({"ppy": 1, "type": "telemetry", **TELEMETRY, **values}).encode()
     feed = Feed()
     feed.telemetry(protocol.decode(frame, protocol.REPLIES))
@@ -133,7 +169,9 @@ def test_whatever_is_well_formed_becomes_json_that_a_browser_reads(inputs, outpu
 
 @pytest.mark.parametrize("number", ["1" + "0" * 400, "-1" + "0" * 400, "1e999", "NaN"])
 def test_a_number_that_is_none_is_malformed(number):
-    frame = json.dumps({"ppy": 1, "type": "telemetry", **TELEMETRY}).replace('"clock": 10.0', f'"clock": {number}')
+    frame = json.dumps({"ppy": 1, "type": "telemetry", **TELEMETRY}).replace(
+        '"clock": 10.0', f'"clock": {number}'
+    )
     assert number in frame
     with pytest.raises(protocol.ProtocolError, match="clock"):
         protocol.decode(frame.encode(), protocol.REPLIES)

@@ -26,7 +26,9 @@ def record(own, step):
     residual = {"y": HATS @ np.array([0.4, -0.1, 0.0, 0.2, 0.9]) - own @ step + noise}
     left = {"y": np.random.default_rng(2).normal(size=SAMPLES)}
     course = FreeCourse("law", residual, left, {"y": own}, [], {})
-    made = LinearisedRecord(course, PRIOR, {"y": np.ones(SAMPLES, dtype=bool)}, white(left), reach(np.ones(3)))
+    made = LinearisedRecord(
+        course, PRIOR, {"y": np.ones(SAMPLES, dtype=bool)}, white(left), reach(np.ones(3))
+    )
     return made, made({"y": residual["y"]}), made({"y": own}), made({"y": HATS})
 
 
@@ -65,12 +67,20 @@ def test_what_is_out_of_reach_is_the_least_that_bounds_allow(step):
 
     def slope(z):
         left = whole - columns @ (root @ z[3:]) + own @ z[:3]
-        return 2.0 * np.concatenate([own.T @ left + PRIOR * z[:3], -root.T @ columns.T @ left + z[3:]])
+        return 2.0 * np.concatenate(
+            [own.T @ left + PRIOR * z[:3], -root.T @ columns.T @ left + z[3:]]
+        )
 
     free = (None, None)
     bounds = [(LEAST, MOST), (LEAST, MOST), free, *[free] * root.shape[1]]
-    least = minimize(cost, np.zeros(3 + root.shape[1]), jac=slope, bounds=bounds, method="L-BFGS-B",
-                     options={"maxiter": 20000, "maxfun": 40000, "ftol": 1e-15, "gtol": 1e-9})  # fmt: skip
+    least = minimize(
+        cost,
+        np.zeros(3 + root.shape[1]),
+        jac=slope,
+        bounds=bounds,
+        method="L-BFGS-B",
+        options={"maxiter": 20000, "maxfun": 40000, "ftol": 1e-15, "gtol": 1e-9},
+    )
     mine = np.concatenate([moved, np.linalg.lstsq(root, found.values, rcond=None)[0]])
     assert cost(mine) <= least.fun * (1.0 + 1e-6)
     assert (moved[:2] >= LEAST - 1e-9).all()
@@ -89,5 +99,7 @@ def test_of_two_levels_what_bends_is_nothing_and_the_rest_has_its_bounds():
     found, moved = made.within_reach(curve, columns)
     slope = columns @ levels.knots
     left = whole + own @ moved
-    assert found.values == pytest.approx(levels.knots * (slope @ left) / (slope @ slope + 1.0), rel=1e-6)
+    assert found.values == pytest.approx(
+        levels.knots * (slope @ left) / (slope @ slope + 1.0), rel=1e-6
+    )
     assert moved[0] == pytest.approx(LEAST)

@@ -13,7 +13,13 @@ from fmus.kit.curves import SHAPES, curve
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides, continuous, responses_of_runs
+from orchestration.discrepancy.laws.linear.response import (
+    Course,
+    LinearResponse,
+    Sides,
+    continuous,
+    responses_of_runs,
+)
 from orchestration.records.joined import Run
 from tests.support.clean.models.pendulum import Pendulum
 
@@ -133,7 +139,9 @@ def responses(cls, law, signal, shape, time, inputs, linear, ran, outputs, runs=
     """Of every run, end to end."""
     runs = runs or [Run("", 0, len(time))]
     found = {o: np.full(len(time), np.nan) for o in outputs}
-    parts = responses_of_runs(PerturbedLaws(cls), time, inputs, ran, values or {}, linear, runs, outputs)
+    parts = responses_of_runs(
+        PerturbedLaws(cls), time, inputs, ran, values or {}, linear, runs, outputs
+    )
     for run, course, response in parts:
         x = {**course.inputs, **course.states}[signal]
         begin, end = (SHAPES[shape].form(side, 1.0, 1.0)[:, None] for side in (x.begin, x.end))
@@ -177,7 +185,9 @@ def test_parameters_are_those_that_are_given():
     time, values = clocks(0.02, False), {"weight": 8.0, "damping": 0.8}
     inputs = given(Pendulum, time, True)
     ran, exact = sensitivities(Pendulum, "gravity", "angle", "cubic", time, inputs, True, values)
-    found = responses(Pendulum, "gravity", "angle", "cubic", time, inputs, True, ran, ["position"], values=values)
+    found = responses(
+        Pendulum, "gravity", "angle", "cubic", time, inputs, True, ran, ["position"], values=values
+    )
     other = responses(Pendulum, "gravity", "angle", "cubic", time, inputs, True, ran, ["position"])
     assert error(found["position"], exact["position"]) < FIRST_ORDER
     assert error(other["position"], exact["position"]) > 10.0 * FIRST_ORDER
@@ -186,9 +196,14 @@ def test_parameters_are_those_that_are_given():
 def test_one_input_smooth_and_one_held():
     time = clocks(0.05, False)
     inputs = {"current": smooth(time, 3), "force": held(SAMPLES, 4, (1.0, 2.0), 10)}
-    for law, signal, output in (("terminal_voltage", "current", "voltage"), ("load", "force", "displacement")):
+    for law, signal, output in (
+        ("terminal_voltage", "current", "voltage"),
+        ("load", "force", "displacement"),
+    ):
         ran, exact = sensitivities(PpyActuator, law, signal, "quadratic", time, inputs, ["current"])
-        found = responses(PpyActuator, law, signal, "quadratic", time, inputs, ["current"], ran, [output])
+        found = responses(
+            PpyActuator, law, signal, "quadratic", time, inputs, ["current"], ran, [output]
+        )
         assert error(found[output], exact[output]) < 1e-4, law
 
 
@@ -223,16 +238,36 @@ def test_runs_are_by_themselves():
     for run, weight in zip(runs, (5.0, 2.0), strict=True):
         fed = {n: v[run.samples] for n, v in inputs.items()}
         clock = joined[run.samples] - run.ahead
-        ran, slopes = sensitivities(Pendulum, "gravity", "angle", "cubic", clock, fed, True, {"weight": weight})
+        ran, slopes = sensitivities(
+            Pendulum, "gravity", "angle", "cubic", clock, fed, True, {"weight": weight}
+        )
         parts[run.label] = ran
         exact.append(slopes["position"])
     signals = {n: np.append(parts["a"][n], parts["b"][n]) for n in parts["a"]}
-    found = responses(Pendulum, "gravity", "angle", "cubic", joined, inputs, True, signals, ["position"], runs,
-                      {"weight@b": 2.0})  # fmt: skip
+    found = responses(
+        Pendulum,
+        "gravity",
+        "angle",
+        "cubic",
+        joined,
+        inputs,
+        True,
+        signals,
+        ["position"],
+        runs,
+        {"weight@b": 2.0},
+    )
     assert error(found["position"][:first], exact[0]) < FIRST_ORDER
     assert error(found["position"][first:], exact[1]) < FIRST_ORDER
     (_, _, one), (_, course, other) = responses_of_runs(
-        PerturbedLaws(Pendulum), joined, inputs, signals, {"weight@b": 2.0}, True, runs, ["position"]
+        PerturbedLaws(Pendulum),
+        joined,
+        inputs,
+        signals,
+        {"weight@b": 2.0},
+        True,
+        runs,
+        ["position"],
     )
     assert course.time[0] == pytest.approx(0.0)
     assert len(one.steps) == first - 1
@@ -253,25 +288,37 @@ def test_a_lag_in_closed_form():
     added = continuous(np.column_stack([np.ones(SAMPLES), time]))
     found = response("arriving", added)
     assert found["state"] == pytest.approx(np.column_stack([step, ramp]), abs=1e-9)
-    assert found["seen"] == pytest.approx(np.column_stack([2.0 * step + 1.0, 2.0 * ramp + time]), abs=1e-9)
+    assert found["seen"] == pytest.approx(
+        np.column_stack([2.0 * step + 1.0, 2.0 * ramp + time]), abs=1e-9
+    )
     rate = response("change", added)
-    assert rate["state"] == pytest.approx(1.3 * np.column_stack([step, ramp]), abs=1e-9), "is not divided by T"
+    assert rate["state"] == pytest.approx(1.3 * np.column_stack([step, ramp]), abs=1e-9), (
+        "is not divided by T"
+    )
 
 
 def test_what_an_addition_drives_changes_within_a_step():
     """A law times a ramp: of dx/dt = t w with w = 1 comes t^2 / 2, however far samples are apart."""
-    cls = type("Ramped", (Lag,), {"change": lambda self: self.drive * self.arriving(), "arriving": lambda self: 0.0})
+    cls = type(
+        "Ramped",
+        (Lag,),
+        {"change": lambda self: self.drive * self.arriving(), "arriving": lambda self: 0.0},
+    )
     time = clocks(0.7, True)
     course = Course.of(time, {"drive": time}, {"state": np.zeros(SAMPLES)}, True)
     response = LinearResponse(PerturbedLaws(cls), course, {}, ["state"])
-    assert response("arriving", continuous(np.ones((SAMPLES, 1))))["state"][:, 0] == pytest.approx(time**2 / 2.0)
+    assert response("arriving", continuous(np.ones((SAMPLES, 1))))["state"][:, 0] == pytest.approx(
+        time**2 / 2.0
+    )
 
 
 def test_size_is_that_of_one_unit_all_the_time():
     time = clocks(0.07, False)
     step = 1.0 - np.exp(-time / 0.8)
     wanted = np.sqrt(np.sum((2.0 * step + 1.0) ** 2) / 4.0 + np.sum(step**2) / 9.0)
-    assert of_lag(time, np.sin(time)).size("arriving", {"seen": 2.0, "state": 3.0}) == pytest.approx(wanted)
+    assert of_lag(time, np.sin(time)).size(
+        "arriving", {"seen": 2.0, "state": 3.0}
+    ) == pytest.approx(wanted)
 
 
 def test_what_a_unit_drives_and_shows():
@@ -286,7 +333,10 @@ def test_what_a_unit_drives_and_shows():
 
 
 def test_a_law_that_no_state_feels():
-    response, added = of_lag(clocks(0.1, False), np.zeros(SAMPLES)), np.arange(SAMPLES, dtype=float)[:, None]
+    response, added = (
+        of_lag(clocks(0.1, False), np.zeros(SAMPLES)),
+        np.arange(SAMPLES, dtype=float)[:, None],
+    )
     found = response("unheard", continuous(added))
     assert found["seen"] == pytest.approx(added)
     assert not found["state"].any()
@@ -298,7 +348,14 @@ def test_steps_add_up_to_the_response():
     inputs = given(Pendulum, time, True)
     ran = CompiledModel(Pendulum).run(time, inputs, {}, True).signals
     [(_, _, response)] = responses_of_runs(
-        PerturbedLaws(Pendulum), time, inputs, ran, {}, True, [Run("", 0, SAMPLES)], ["angle", "velocity"]
+        PerturbedLaws(Pendulum),
+        time,
+        inputs,
+        ran,
+        {},
+        True,
+        [Run("", 0, SAMPLES)],
+        ["angle", "velocity"],
     )
     rng = np.random.default_rng(2)
     added = Sides(rng.normal(size=(SAMPLES, 2)), rng.normal(size=(SAMPLES, 2)))
@@ -315,7 +372,9 @@ def test_steps_add_up_to_the_response():
 
 def test_sides_of_a_course():
     time = np.array([0.0, 1.0, 2.0])
-    course = Course.of(time, {"a": np.array([1.0, 2.0, 4.0]), "b": np.float64(3.0)}, {"x": time}, ["b"])
+    course = Course.of(
+        time, {"a": np.array([1.0, 2.0, 4.0]), "b": np.float64(3.0)}, {"x": time}, ["b"]
+    )
     assert course.inputs["a"].end.tolist() == [1.0, 2.0, 4.0], "held"
     assert course.inputs["b"].end.tolist() == [3.0, 3.0, 3.0]
     assert course.states["x"].end.tolist() == [1.0, 2.0, 2.0]

@@ -68,17 +68,21 @@ def test_it_is_what_a_dense_least_squares_problem_gives(response, stirred, gap):
     y[list(gap)] = np.nan
     slopes = 10.0 * np.column_stack([np.exp(-np.arange(N) / 20.0), np.ones(N)])
     precision = np.array([0.5, 2.0])
-    [found], step, left = smoothed([wanted(response, y, slopes)], "fed", {"shown": 0.05}, precision, stirred)
+    [found], step, left = smoothed(
+        [wanted(response, y, slopes)], "fed", {"shown": 0.05}, precision, stirred
+    )
     seen = np.isfinite(y)
     columns = np.column_stack([shown(e) for e in np.eye(N)])
     whole = np.linalg.norm(y[seen]) / 0.05
     reach = stirred * whole / (np.linalg.norm(columns @ np.ones(N)) / 0.05)
     walk = np.diff(np.eye(N), axis=0) * np.sqrt((N - 1) * STEP / (reach**2 * STEP))
-    rows = np.vstack([
-        np.hstack([columns[seen], -slopes[seen]]) / 0.05,
-        np.hstack([walk, np.zeros((N - 1, 2))]),
-        np.hstack([np.zeros((2, N)), np.diag(np.sqrt(precision))]),
-    ])  # fmt: skip
+    rows = np.vstack(
+        [
+            np.hstack([columns[seen], -slopes[seen]]) / 0.05,
+            np.hstack([walk, np.zeros((N - 1, 2))]),
+            np.hstack([np.zeros((2, N)), np.diag(np.sqrt(precision))]),
+        ]
+    )
     dense = np.linalg.lstsq(rows, np.append(y[seen] / 0.05, np.zeros(N + 1)), rcond=None)[0]
     assert np.abs(dense[N:]).max() < 1.0, "farther a coordinate does not move"
     assert found == pytest.approx(dense[:N], rel=1e-5, abs=1e-5 * np.abs(dense).max())
@@ -91,7 +95,9 @@ def test_the_course_makes_up_for_what_a_coordinate_may_not_do(response):
     """Of a step of 5, wanted by an output that shows little of it, there is 1; what is left is as small as it was."""
     slope = 0.1 * np.cos(np.arange(N) / 30.0)[:, None]
     y = -5.0 * slope[:, 0]
-    found, step, left = smoothed([wanted(response, y, slope)], "fed", {"shown": 0.05}, np.array([1e-9]), 100.0)
+    found, step, left = smoothed(
+        [wanted(response, y, slope)], "fed", {"shown": 0.05}, np.array([1e-9]), 100.0
+    )
     assert step == pytest.approx([1.0])
     assert left < 1.2 * N
     assert shown(found[0]) == pytest.approx(y + slope[:, 0], abs=0.1)
@@ -101,7 +107,10 @@ def test_runs_have_courses_of_their_own_and_one_step(response):
     rng = np.random.default_rng(6)
     slope = np.cos(np.arange(N) / 4.0)[:, None]
     waves = [np.sin(np.arange(N) / 30.0), np.cos(np.arange(N) / 40.0)]
-    runs = [wanted(response, shown(w) - 0.7 * slope[:, 0] + 0.001 * rng.normal(size=N), slope) for w in waves]
+    runs = [
+        wanted(response, shown(w) - 0.7 * slope[:, 0] + 0.001 * rng.normal(size=N), slope)
+        for w in waves
+    ]
     courses, step, left = smoothed(runs, "fed", {"shown": 0.001}, np.array([0.01]), 1.0)
     assert step == pytest.approx([0.7], abs=0.01)
     for course, w in zip(courses, waves, strict=True):
@@ -120,7 +129,9 @@ def test_a_course_is_let_go_no_farther_than_it_has_to_be(response):
     [course], _, left = smoothed([wanted(response, wave)], "fed", level, NOTHING, stirred)
     assert left < 1.5 * N
     assert course[5:-5] == pytest.approx(np.sin(np.arange(N) / 3.0)[5:-5], abs=0.5)
-    assert smoothed([wanted(response, wave)], "fed", level, NOTHING, stirred / 10.0)[2] > 1.1**2 * left
+    assert (
+        smoothed([wanted(response, wave)], "fed", level, NOTHING, stirred / 10.0)[2] > 1.1**2 * left
+    )
 
 
 def test_the_same_as_the_response_has_it(response):

@@ -25,10 +25,16 @@ from tests.support.rig.tension import tension_by_bisection
 
 STEP = 0.004  # no divisor of the controller's period
 MEMBERS = {
-    "position": "bench", "velocity": "bench", "coil_current": "bench", "force_measured": "bench",
-    "position_measured": "bench", "tension": "actuator", "electrochemical_displacement": "actuator",
-    "mechanical_displacement": "actuator", "charge": "actuator",
-}  # fmt: skip
+    "position": "bench",
+    "velocity": "bench",
+    "coil_current": "bench",
+    "force_measured": "bench",
+    "position_measured": "bench",
+    "tension": "actuator",
+    "electrochemical_displacement": "actuator",
+    "mechanical_displacement": "actuator",
+    "charge": "actuator",
+}
 
 
 def bench() -> SteppedRig:
@@ -61,16 +67,23 @@ def test_it_is_the_fused_system_slack_and_saturation_included() -> None:
 def test_with_an_effect_it_solves_the_laws(kind: type[Physics]) -> None:
     """Coil, slide and sensors written out, the tension by bisection, an adaptive solver between samples."""
     physics, period = kind(RigParameters()), 1 / 30
-    rig, n = SteppedRig(BenchPlant(physics), ("position", "force_measured", "charge", "tension")), physics.order
+    rig, n = (
+        SteppedRig(BenchPlant(physics), ("position", "force_measured", "charge", "tension")),
+        physics.order,
+    )
     state, volts, before = np.zeros(n + 5), 0.0, 0.0
 
     def slope(_: float, y: np.ndarray, volts: float, current: float) -> list[Any]:
         i, x, v, force, position = y[n:]
         pull, corner = tension_by_bisection(physics, y[:n], x), 2 * np.pi * 100
         return [
-            *physics.rates(y[:n], current, pull), (volts - 3.0 * i - 3.9 * v) / 1e-3, v,
-            (3.9 * i - 6.0 * v - pull) / 0.03, corner * (pull - force), corner * (x - position),
-        ]  # fmt: skip
+            *physics.rates(y[:n], current, pull),
+            (volts - 3.0 * i - 3.9 * v) / 1e-3,
+            v,
+            (3.9 * i - 6.0 * v - pull) / 0.03,
+            corner * (pull - force),
+            corner * (x - position),
+        ]
 
     for k in range(10):
         reference, current = (2.0, 0.1)[k > 6], (1.3, -1.3)[k % 2]
@@ -78,9 +91,16 @@ def test_with_an_effect_it_solves_the_laws(kind: type[Physics]) -> None:
         rig.advance(period)
         error = reference - state[n + 3]
         volts, before = min(max(volts + 0.66 * error - 0.06 * before, 0.0), 10.0), error
-        state = solve_ivp(slope, (0, period), state, "DOP853", args=(volts, current), rtol=1e-9, atol=1e-12).y[:, -1]
+        state = solve_ivp(
+            slope, (0, period), state, "DOP853", args=(volts, current), rtol=1e-9, atol=1e-12
+        ).y[:, -1]
         pull = tension_by_bisection(physics, state[:n], state[n + 1])
-        exact = {"position": state[n + 1], "force_measured": state[n + 3], "charge": state[0], "tension": pull}
+        exact = {
+            "position": state[n + 1],
+            "force_measured": state[n + 3],
+            "charge": state[0],
+            "tension": pull,
+        }
         scale = {"position": 3e-4, "force_measured": 2.0, "charge": 0.1, "tension": 2.0}
         for name, value in rig.true().items():
             assert abs(value - exact[name]) < 1e-6 * scale[name], name
@@ -91,12 +111,18 @@ def test_with_an_effect_it_solves_the_laws(kind: type[Physics]) -> None:
 def test_no_effect_at_no_command_within_the_limits_breaks_it(name: str, plant: Any) -> None:
     sensed = ("voltage",) if "" not in CATALOGUE[name].limits else ("voltage", "displacement")
     random = np.random.default_rng(len(name))
-    rig = SteppedRig(plant(hidden_effect(name, 3, sensed).physics(RigParameters())), ("tension", "voltage", "charge"))
+    rig = SteppedRig(
+        plant(hidden_effect(name, 3, sensed).physics(RigParameters())),
+        ("tension", "voltage", "charge"),
+    )
     for _ in range(8):
-        rig.command({
-            "current": random.choice([-1.3, 1.3]), "length_change": random.choice([-12.7e-3, 0.0, 5e-4]),
-            "force_reference": random.choice([0.0, 3.0]),
-        })  # fmt: skip
+        rig.command(
+            {
+                "current": random.choice([-1.3, 1.3]),
+                "length_change": random.choice([-12.7e-3, 0.0, 5e-4]),
+                "force_reference": random.choice([0.0, 3.0]),
+            }
+        )
         rig.advance(0.05)
         values = rig.true()
         assert all(np.isfinite(value) for value in values.values())

@@ -40,7 +40,9 @@ def test_a_seed_draws_the_same_and_all_come_up() -> None:
 
 def test_what_is_hidden_can_be_told() -> None:
     assert str(hidden_effect("none", 0)) == "nothing is hidden"
-    assert str(hidden_effect("quadratic_strain", 3)).startswith("quadratic_strain: cosine_charge = ")
+    assert str(hidden_effect("quadratic_strain", 3)).startswith(
+        "quadratic_strain: cosine_charge = "
+    )
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,9 @@ from orchestration.rig.emulator.variations import CATALOGUE
 
 P = RigParameters()
 NAMES = [
-    name + (f".{output}" if output else "") for name, variation in CATALOGUE.items() for output in variation.limits
+    name + (f".{output}" if output else "")
+    for name, variation in CATALOGUE.items()
+    for output in variation.limits
 ]
 
 
@@ -45,7 +47,9 @@ def test_an_effect_in_time_is_the_effect_over_a_record(name: str) -> None:
 
 def test_a_late_sensor_on_the_bench_shows_what_was() -> None:
     late = HiddenEffect("transport_delay", "voltage", {"late_output": "voltage", "delay": 0.1})
-    rigs = [SteppedRig(BenchPlant(effect.physics(P)), ("voltage",)) for effect in (HiddenEffect(), late)]
+    rigs = [
+        SteppedRig(BenchPlant(effect.physics(P)), ("voltage",)) for effect in (HiddenEffect(), late)
+    ]
     shown: list[list[float]] = [[], []]
     for k in range(100):
         for rig, values in zip(rigs, shown, strict=True):

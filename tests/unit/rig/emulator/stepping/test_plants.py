@@ -16,7 +16,11 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.trace import trace
 from orchestration.fmu import Fmu
 from orchestration.rig.emulator.emulator import EmulatedRig
-from orchestration.rig.emulator.hidden_coupling import EvenStrain, LaggingStrain, LoadDependentVoltage
+from orchestration.rig.emulator.hidden_coupling import (
+    EvenStrain,
+    LaggingStrain,
+    LoadDependentVoltage,
+)
 from orchestration.rig.emulator.hidden_electrical import DiffusionLayer, DoubleLayer
 from orchestration.rig.emulator.hidden_mechanical import LoadDependentSpring, SaggingFilm
 from orchestration.rig.emulator.physics import Physics, RigParameters
@@ -40,7 +44,9 @@ def drive(rig: SteppedRig, step: float, rows: dict[str, np.ndarray]) -> dict[str
 
 
 def levels(count: int, low: float, high: float, dwell: int, seed: int) -> np.ndarray:
-    return np.repeat(np.random.default_rng(seed).uniform(low, high, count // dwell + 1), dwell)[:count]
+    return np.repeat(np.random.default_rng(seed).uniform(low, high, count // dwell + 1), dwell)[
+        :count
+    ]
 
 
 @pytest.mark.parametrize("kind", [Physics, DoubleLayer, DiffusionLayer, LaggingStrain])
@@ -57,11 +63,15 @@ def test_steps_by_force_are_those_of_the_rig_over_a_record(kind: type[Physics]) 
 
 
 @pytest.mark.parametrize(
-    "kind", [Physics, DoubleLayer, EvenStrain, LoadDependentVoltage, LoadDependentSpring, SaggingFilm]
+    "kind",
+    [Physics, DoubleLayer, EvenStrain, LoadDependentVoltage, LoadDependentSpring, SaggingFilm],
 )
 def test_steps_by_length_solve_the_laws_slack_included(kind: type[Physics]) -> None:
     physics, step = kind(P), 0.05
-    rows = {"current": levels(160, -1.3, 1.3, 20, 1), "length_change": levels(160, -2e-4, 6e-4, 13, 2)}
+    rows = {
+        "current": levels(160, -1.3, 1.3, 20, 1),
+        "length_change": levels(160, -2e-4, 6e-4, 13, 2),
+    }
     found = drive(SteppedRig(LengthDriven(physics), ("tension", "charge", "voltage")), step, rows)
     state, tensions, charges, voltages = np.zeros(physics.order), [], [], []
 
@@ -71,7 +81,7 @@ def test_steps_by_length_solve_the_laws_slack_included(kind: type[Physics]) -> N
     for current, length in zip(*rows.values(), strict=True):
         state = solve_ivp(
             slope, (0, step), state, "DOP853", args=(current, length), rtol=1e-11, atol=1e-15
-        ).y[:, -1]  # fmt: skip
+        ).y[:, -1]
         tensions.append(tension_by_bisection(physics, state, length))
         charges.append(state[0])
         voltages.append(float(physics.terminal_voltage(state, current, tensions[-1])))
@@ -106,12 +116,23 @@ def test_by_force_it_is_the_component(fmu: Any) -> None:
 
 def test_by_length_it_is_the_component() -> None:
     step = 0.02
-    rows = {"current": levels(200, -1.3, 1.3, 30, 6), "length_change": levels(200, -1e-4, 5e-4, 25, 7)}
-    found = drive(SteppedRig(LengthDriven(Physics(RigParameters())), SIGNALS["length-driven"].outputs), step, rows)
+    rows = {
+        "current": levels(200, -1.3, 1.3, 30, 6),
+        "length_change": levels(200, -1e-4, 5e-4, 25, 7),
+    }
+    found = drive(
+        SteppedRig(LengthDriven(Physics(RigParameters())), SIGNALS["length-driven"].outputs),
+        step,
+        rows,
+    )
     model = CompiledModel(trace(component("ppy_actuator_length_driven")))
-    exact = model.run(np.arange(201) * step, {n: np.append(v, v[-1]) for n, v in rows.items()}).signals
+    exact = model.run(
+        np.arange(201) * step, {n: np.append(v, v[-1]) for n, v in rows.items()}
+    ).signals
     # states do not jump, so that rows may be compared at the ends of steps; others jump with the inputs
-    assert np.abs(found["charge"] - exact["charge"][1:]).max() < 1e-7 * np.abs(exact["charge"]).max()
+    assert (
+        np.abs(found["charge"] - exact["charge"][1:]).max() < 1e-7 * np.abs(exact["charge"]).max()
+    )
     same = np.append(np.all([np.diff(v) == 0 for v in rows.values()], axis=0), True)
     for name, values in found.items():
         expected = exact[name][1:]
@@ -121,13 +142,22 @@ def test_by_length_it_is_the_component() -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(
-    current=st.floats(-1.3, 1.3), load=st.floats(0.0, 1.0), step=st.floats(1e-3, 0.5), share=st.floats(0.01, 0.99),
-    plant=st.sampled_from([ForceDriven, LengthDriven, BenchPlant]), seed=st.integers(0, 5),
-)  # fmt: skip
-def test_a_step_is_its_parts(current: float, load: float, step: float, share: float, plant: Any, seed: int) -> None:
+    current=st.floats(-1.3, 1.3),
+    load=st.floats(0.0, 1.0),
+    step=st.floats(1e-3, 0.5),
+    share=st.floats(0.01, 0.99),
+    plant=st.sampled_from([ForceDriven, LengthDriven, BenchPlant]),
+    seed=st.integers(0, 5),
+)
+def test_a_step_is_its_parts(
+    current: float, load: float, step: float, share: float, plant: Any, seed: int
+) -> None:
     """Held inputs, so that it does not matter where a step is cut; from states that are not at rest."""
     before = np.random.default_rng(seed).uniform(0.0, 1.0, 4)
-    whole, parts = (SteppedRig(plant(Physics(P)), ("voltage", "charge", "mechanical_displacement")) for _ in range(2))
+    whole, parts = (
+        SteppedRig(plant(Physics(P)), ("voltage", "charge", "mechanical_displacement"))
+        for _ in range(2)
+    )
     for rig in (whole, parts):
         for amperes, share_of_load in (before[:2], before[2:], (current, load)):
             rig.command({name: _scaled(name, amperes, share_of_load) for name in plant.inputs})
@@ -148,7 +178,10 @@ def test_the_same_steps_give_the_same_bits(plant: Any) -> None:
     commands = {"current": levels(60, -1, 1, 7, 1), "force": levels(60, 0, 3, 5, 2)}
     commands |= {"length_change": 1e-4 * commands["force"], "force_reference": commands["force"]}
     rows = {name: commands[name] for name in plant.inputs}
-    one, other = (drive(SteppedRig(plant(DoubleLayer(P)), ("voltage", "charge")), 1 / 30, rows) for _ in range(2))
+    one, other = (
+        drive(SteppedRig(plant(DoubleLayer(P)), ("voltage", "charge")), 1 / 30, rows)
+        for _ in range(2)
+    )
     for name, values in one.items():
         np.testing.assert_array_equal(values, other[name])
 
