@@ -35,23 +35,23 @@ test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -n 2 --dist loadfile -m slow
 
 clean-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.clean
-	$(BIN)/python -m benchmarks.public
+	$(BIN)/python -m studies.judging.clean
+	$(BIN)/python -m studies.judging.public
 
 hidden-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
+	$(BIN)/python -m studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
 
 laws-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.laws --records 120 --clean 232 --actuator 1 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
+	$(BIN)/python -m studies.judging.laws --records 120 --clean 232 --actuator 1 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
 
 public-laws: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.public_laws
+	$(BIN)/python -m studies.judging.public_laws
 
 foreign-study: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
+	$(BIN)/python -m studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
 
 naming: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.naming --seeds 2 --seed $(or $(SEED),700)
+	$(BIN)/python -m studies.judging.naming --seeds 2 --seed $(or $(SEED),700)
 
 hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output
@@ -84,12 +84,12 @@ $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; this is " + sys.version.split()[0] + " (set PYTHON=...)")'
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/installed: $(VENV)/bin/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[native,records]'
+$(VENV)/installed: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[native,records]'
 	@touch $@
 
-$(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+$(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@ $(VENV)/installed
 
 clean:

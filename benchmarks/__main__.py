@@ -44,10 +44,10 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
 }
 _HEAD = """# Benchmarks
 
-Written by `make benchmark` (`python -m benchmarks`). Times depend on the machine; the ratios are what counts. Whatever
-is compared was measured in one run, in turns. *Best* is the shortest time, the one least disturbed; a *median ratio* is
-the median over the rounds of the ratio within one round. How long hundreds of diagnoses take, the longest among them,
-is told in [clean records](clean-records.md)."""
+Written by `make benchmark` (`python -m benchmarks`). Times depend on the machine;
+the ratios are what counts. Whatever is compared was measured in one run, in turns. *Best* is the
+shortest time, the one least disturbed; a *median ratio* is the median over the rounds of the ratio
+within one round. [Clean records](clean-records.md) tells how long hundreds of diagnoses take."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""The five-hour life: three native FMUs that a master steps and that exchange signals, against real time."""
+"""The five-hour life of a film: three native FMUs under a master, against real time."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from fmus import component
-from fmus.kit.build import build_cached
+from fmus.kit.build.building import build_cached
 from orchestration.fmu.instance import Fmu
 from orchestration.system.library import ageing_actuator
-from orchestration.thesis import ageing
+from studies.thesis import ageing
 
 from .tables import Cell, Table, Topic
 from .timing import take_turns
@@ -39,9 +39,10 @@ def measure(quick: bool = False) -> Topic:
         )
     speed = duration / times.best(LIFE)
     text = (
-        f"{duration:g} s of cycling at {STEP} s: galvanostat, ageing actuator and degradation estimator, as native "
-        "FMUs in one process under our master (Jacobi); 18 values are set or read at each step, and 12 are recorded. "
-        f"Opening the FMUs counts too. Target {TARGET:,} times real time, {'met' if speed >= TARGET else 'missed'}."
+        f"{duration:g} s of cycling at {STEP} s: galvanostat, ageing actuator and degradation"
+        " estimator, as native FMUs in one process under our master (Jacobi); 18 values are set or"
+        f" read at each step, and 12 are recorded. Opening the FMUs counts too. Target {TARGET:,}"
+        f" times real time, {'met' if speed >= TARGET else 'missed'}."
     )
     columns = [
         "what",

@@ -33,7 +33,7 @@ def measure(quick: bool = False) -> Topic:
     platforms = [host] if quick else build.available_platforms()
 
     def planning(runtime: str) -> Callable[[], object]:
-        return lambda: build.plan(cls, runtime)
+        return lambda: build.plan_build(cls, runtime)
 
     def whole(runtime: str) -> Callable[[], object]:
         def action() -> None:
@@ -58,18 +58,22 @@ def measure(quick: bool = False) -> Topic:
     return Topic(
         "Building an FMU",
         [
-            f"`ppy_actuator` for this machine ({host}), with {label}. Sources lie in a new folder each "
-            "time, so that the compiler remembers nothing of them.",
+            (
+                f"`ppy_actuator` for this machine ({host}), with {label}. Sources lie in a new"
+                " folder each time, so that the compiler remembers nothing of them."
+            ),
             Table(["build", "best, s", f"of {NOTHING}"], rows),
-            "Bytes in the archive, compressed; in brackets the size of the library itself. The native build "
-            "also brings its sources.",
+            (
+                "Bytes in the archive, compressed; in brackets the size of the library itself. The"
+                " native build also brings its sources."
+            ),
             sizes(archives, platforms),
         ],
     )
 
 
 def _archive(cls: type[Component], runtime: str, platforms: list[str]) -> bytes:
-    """Build for every platform for which the build succeeds; say on the error stream for which it does not, and why."""
+    """Build for every platform that can be built for; name the others on standard error."""
     built = []
     for target in platforms:
         try:
@@ -104,9 +108,11 @@ def sizes(archives: dict[str, bytes], platforms: list[str]) -> Table:
             p: [e for e in entries if e.filename.startswith(f"binaries/{p}/")] for p in platforms
         }
         weights = [
-            f"{sum(e.compress_size for e in found):,} ({sum(e.file_size for e in found):,})"
-            if found
-            else "not built"
+            (
+                f"{sum(e.compress_size for e in found):,} ({sum(e.file_size for e in found):,})"
+                if found
+                else "not built"
+            )
             for found in binaries.values()
         ]
         rest = sum(e.compress_size for e in entries if not e.filename.startswith("binaries/"))
@@ -131,7 +137,7 @@ def _empty(*caches: str) -> Iterator[None]:
 
 
 def _first() -> float:
-    """Seconds for the first library when zig has prepared nothing yet; other compilers prepare nothing."""
+    """Measure seconds for the first library, before zig has prepared anything (others never do)."""
     with _empty("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
         begin = time.perf_counter()
         c_code.empty_library()

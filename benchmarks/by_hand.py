@@ -1,11 +1,12 @@
-"""Batches as people write them by hand, which `ppy.sweep` is held against: the same cases, the same numbers."""
+"""Batches written by hand, with which `ppy.sweep` is compared: the same cases and numbers."""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import fmpy
@@ -16,18 +17,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def simulate_each(
-    path: Path,
-    parameter: str,
-    values: Sequence[float],
-    time: Array,
-    name: str,
-    given: Array,
-    output: str,
-) -> Array:
-    """Call ``fmpy.simulate_fmu`` for every value.
+@dataclass(frozen=True)
+class Batch:
+    """Cases of one FMU: a parameter over values, one driven input and one output.
 
-    Parameters
+    Attributes
     ----------
     path : Path
         Of the FMU.
@@ -41,46 +35,52 @@ def simulate_each(
     given : ndarray, shape (n,)
         Its values.
     output : str
+    """
+
+    path: Path
+    parameter: str
+    values: Sequence[float]
+    time: Array
+    name: str
+    given: Array
+    output: str
+
+
+def simulate_each(batch: Batch) -> Array:
+    """Call ``fmpy.simulate_fmu`` for every value.
 
     Returns
     -------
     ndarray, shape (c, 3)
         The last value of the output, its smallest and its largest.
     """
-    step, stop = time[1], time[-1]
-    series = np.rec.fromarrays([time, given], names=["time", name])
+    step = batch.time[1]
+    series = np.rec.fromarrays([batch.time, batch.given], names=["time", batch.name])
     found = []
-    for value in values:
+    for value in batch.values:
         with contextlib.redirect_stdout(None):  # it warns of every input that has no series
             result = fmpy.simulate_fmu(
-                str(path),
-                stop_time=stop,
+                str(batch.path),
+                stop_time=batch.time[-1],
                 step_size=step,
                 output_interval=step,
-                start_values={parameter: value},
+                start_values={batch.parameter: value},
                 input=series,
-                output=[output],
+                output=[batch.output],
                 fmi_type="CoSimulation",
                 set_input_derivatives=False,
             )
-        found.append(_numbers(result[output]))
+        found.append(_numbers(result[batch.output]))
     return np.array(found)
 
 
-def reuse_one(
-    path: Path,
-    parameter: str,
-    values: Sequence[float],
-    time: Array,
-    name: str,
-    given: Array,
-    output: str,
-) -> Array:
-    """Unpack once, reset one instance, and call FMI with arguments that are ready: as fast as a loop in Python gets.
+def reuse_one(batch: Batch) -> Array:
+    """Unpack once, reset one instance, and call FMI with arguments that are ready.
 
-    Parameters and result as of :func:`simulate_each`.
+    It is as fast as a loop in Python gets. The result is as of :func:`simulate_each`.
     """
-    description, folder = fmpy.read_model_description(path), fmpy.extract(str(path))
+    description = fmpy.read_model_description(batch.path)
+    folder = fmpy.extract(str(batch.path))
     references = {v.name: v.valueReference for v in description.modelVariables}
     slave = FMU2Slave(
         guid=description.guid,
@@ -88,35 +88,46 @@ def reuse_one(
         modelIdentifier=description.coSimulation.modelIdentifier,
     )
     slave.instantiate()
+    run = _ready(slave, batch, references[batch.name], references[batch.output])
+    found = []
+    for value in batch.values:
+        slave.setupExperiment(startTime=0.0)
+        slave.setReal([references[batch.parameter]], [value])
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        found.append(_numbers(run()))
+        slave.reset()
+    slave.freeInstance()
+    shutil.rmtree(folder, ignore_errors=True)
+    return np.array(found)
+
+
+def _ready(slave: FMU2Slave, batch: Batch, given: int, asked: int) -> Callable[[], Array]:
+    """Bind the arguments of every call of one case; the function makes the calls."""
     set_real, do_step, get_real = (
         slave.dll[f"fmi2{verb}"] for verb in ("SetReal", "DoStep", "GetReal")
     )
-    component, one, step = (
-        ctypes.c_void_p(slave.component),
-        ctypes.c_size_t(1),
-        ctypes.c_double(time[1]),
-    )
-    into, out = ((ctypes.c_uint * 1)(references[n]) for n in (name, output))
-    got, no = (ctypes.c_double * 1)(), ctypes.c_int(0)
-    instants = [ctypes.c_double(t) for t in time.tolist()]
-    inputs = [(ctypes.c_double * 1)(u) for u in given.tolist()]
-    course, found = np.empty(len(time)), []
-    for value in values:
-        slave.setupExperiment(startTime=0.0)
-        slave.setReal([references[parameter]], [value])
-        slave.enterInitializationMode()
-        slave.exitInitializationMode()
+    component = ctypes.c_void_p(slave.component)
+    one = ctypes.c_size_t(1)
+    step = ctypes.c_double(batch.time[1])
+    no = ctypes.c_int(0)
+    into = (ctypes.c_uint * 1)(given)
+    out = (ctypes.c_uint * 1)(asked)
+    got = (ctypes.c_double * 1)()
+    instants = [ctypes.c_double(t) for t in batch.time.tolist()]
+    inputs = [(ctypes.c_double * 1)(u) for u in batch.given.tolist()]
+    course = np.empty(len(batch.time))
+
+    def run() -> Array:
         for k, (now, held) in enumerate(zip(instants, inputs, strict=True)):
             set_real(component, into, one, held)
             get_real(component, out, one, got)
             course[k] = got[0]
             if k + 1 < len(instants):
                 do_step(component, now, step, no)
-        found.append(_numbers(course))
-        slave.reset()
-    slave.freeInstance()
-    shutil.rmtree(folder, ignore_errors=True)
-    return np.array(found)
+        return course
+
+    return run
 
 
 def _numbers(course: Array) -> list[float]:

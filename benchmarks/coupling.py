@@ -1,4 +1,4 @@
-"""Coupling error of the systems that ship: its order in the communication step, and the energy it makes."""
+"""Coupling error of the systems that ship: its order in the communication step, and its energy."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .tables import Cell, Table, Topic
 Array = NDArray[np.float64]
 _PERIOD = 1.0 / 30.0  # s, of the bench's controller
 
-# Steps, duration, inputs and what to look at: taut and away from limits throughout, and the controller samples at
-# communication points, so that nothing kinks between them.
+# Steps, duration, inputs and what to look at: taut and away from limits throughout, and the
+# controller samples at communication points, so that nothing kinks between them.
 SMOOTH: dict[str, tuple[list[float], float, dict[str, Callable[[Array], Array]], str]] = {
     "dma_bench": (
         [_PERIOD / 128, _PERIOD / 256, _PERIOD / 512],
@@ -56,11 +56,12 @@ def measured(name: str, quick: bool = False, **options: Any) -> CouplingError:
 def measure(quick: bool = False) -> Topic:
     """Run every system in every way at every step."""
     parts: list[str | Table] = [
-        "Largest difference from the fused system, over the largest value, and the slope of its logarithm over that of "
-        "the step. Inputs of members are held over a step, or extrapolated linearly. Outputs are read after all inputs "
-        "of a point are set; *strict*, as libcosim and Ecos read them, they are taken as they stand after a step. "
-        "*Energy* is what the mechanical couplings make out of nothing, over the work they exchange, at worst and in "
-        "the shortest step; below 1e-7 it is the integration's and has no order."
+        "Largest difference from the fused system, over the largest value, and the slope of its"
+        " logarithm over that of the step. Inputs of members are held over a step, or extrapolated"
+        " linearly. Outputs are read after all inputs of a point are set; *strict*, as libcosim and"
+        " Ecos read them, they are taken as they stand after a step. *Energy* is what the"
+        " mechanical couplings make out of nothing, over the work they exchange, at worst and in"
+        " the shortest step; below 1e-7 it is the integration's and has no order."
     ]
     for name in list(SMOOTH)[: 1 if quick else None]:
         steps, stop, _, signal = SMOOTH[name]

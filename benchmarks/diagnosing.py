@@ -1,4 +1,4 @@
-"""Naming a cause: the time that a diagnosis with the full catalogue takes, over the length of the record."""
+"""Time of a diagnosis with the full catalogue over the length of the record."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from pathlib import Path
 import numpy as np
 
 from orchestration.discrepancy.candidates.candidate import catalogue, label
-from orchestration.discrepancy.data.records import dataset
+from orchestration.discrepancy.data.dataset import dataset_of
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.experiment.waveforms import multilevel
-from orchestration.fmu.model import catalogue as known_effects
+from orchestration.fmu.effects import catalogue as known_effects
 from orchestration.fmu.model import find_model
 from orchestration.records import Record
-from orchestration.rig import DRIVEN
-from orchestration.rig.emulator.bench import NOISE
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
-from orchestration.rig.emulator.records import UNITS
+from orchestration.rig.signals import RIG_COMPONENT
+from studies.emulator.bench import NOISE
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.hidden_coupling import SaturatingStrain
+from studies.emulator.physics import RigParameters
+from studies.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 
@@ -32,7 +33,7 @@ LIMITS = {6_000: 5.0, 180_000: 60.0}  # s
 
 
 def measure(quick: bool = False) -> Topic:
-    """Diagnose ever longer records of one rig with a hidden saturation, each in a process of its own."""
+    """Diagnose ever longer records of one rig with a hidden saturation, a process each."""
     rows: list[list[Cell]] = []
     for count in (600, 1_200) if quick else ROWS:
         command = [
@@ -55,16 +56,16 @@ def measure(quick: bool = False) -> Topic:
             [count, float(seconds), float(seconds) / count * 1e6, float(peak) / 1e6, cause, met]
         )
     text = (
-        f"Records at {RATE:g} Hz of an emulated rig whose strain saturates; all effects of the actuator and of both "
-        "measurements are looked at. The time is that of `diagnose` alone, models compiled before; the peak is the "
-        "memory of the whole process."
+        f"Records at {RATE:g} Hz of an emulated rig whose strain saturates; all effects of the"
+        " actuator and of both measurements are looked at. The time is that of `diagnose` alone,"
+        " models compiled before; the peak is the memory of the whole process."
     )
     columns = ["samples", "s", "µs for a sample", "peak, GB", "named first", "target"]
     return Topic("Naming a cause", [text, Table(columns, rows)])
 
 
 def once(count: int, effects: Collection[str] = ()) -> None:
-    """Diagnose one record by some effects, or all; print seconds, peak memory in kB, and what was named first."""
+    """Diagnose one record; print seconds, peak memory in kB and the first cause."""
     import resource  # not on every system
 
     instants = np.arange(count) / RATE
@@ -75,9 +76,9 @@ def once(count: int, effects: Collection[str] = ()) -> None:
         RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0, hidden=hidden
     )
     signals = {"current": current, "force": force} | rig.run(instants, current, force)
-    record, model = Record(instants, signals, UNITS, Path("drawn.csv")), find_model(DRIVEN)
+    record, model = Record(instants, signals, UNITS, Path("drawn.csv")), find_model(RIG_COMPONENT)
     began = time.perf_counter()
-    data = dataset(record, model, {})
+    data = dataset_of(record, model, {})
     known = catalogue(model.cls, known_effects(model.cls), data.measured)
     candidates = [effect for effect in known if not effects or label(effect) in effects]
     diagnosis = diagnose(model.cls, data, candidates)

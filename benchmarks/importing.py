@@ -64,8 +64,8 @@ def own_times(report: str) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Milliseconds spent in a package's own modules; what only the interpreter's start imports is left out by the
-        caller.
+        Milliseconds spent in a package's own modules; what only the interpreter's start imports is
+        left out by the caller.
     """
     total: dict[str, float] = defaultdict(float)
     for own, _, module in _IMPORT.findall(report):
@@ -79,7 +79,7 @@ def _report(arguments: tuple[str, ...]) -> dict[str, float]:
 
 
 def _heaviest(name: str, quick: bool) -> Table:
-    """Shortest time of each package over a few runs, without those that every Python imports at its start."""
+    """Measure the shortest import time of each package, without those that Python starts with."""
     reports = [_report(COMMANDS[name]) for _ in range(1 if quick else 5)]
     at_start = _report(COMMANDS[NOTHING])
     shortest = {

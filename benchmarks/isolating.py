@@ -1,4 +1,4 @@
-"""What it costs to run an FMU in a process of its own, beside this process and beside a call for each function."""
+"""Cost of running an FMU in a process of its own, beside this process and a call a function."""
 
 from __future__ import annotations
 
@@ -41,21 +41,28 @@ def measure(quick: bool = False) -> Topic:
             extra = each[BESIDE] - each[HERE]
             rows.append([name, each[HERE], each[BESIDE], extra, starts[BESIDE] - starts[HERE]])
             told.append(
-                f"{name}: {extra:.3g} µs more a step (target {TARGET:g}, {'met' if extra <= TARGET else 'missed'})"
+                f"{name}: {extra:.3g} µs more a step (target {TARGET:g},"
+                f" {'met' if extra <= TARGET else 'missed'})"
             )
     remote = CALLS * _round_trip(100 if quick else 20_000)
     return Topic(
         "Isolation",
         [
-            f"Time of a step of `ppy.simulate` with one input set at every point: by how much longer {many:,} steps "
-            f"take than {few:,}; and by how much longer the shorter run takes in a process of its own.",
+            (
+                "Time of a step of `ppy.simulate` with one input set at every point: by how much"
+                f" longer {many:,} steps take than {few:,}; and by how much longer the shorter run"
+                " takes in a process of its own."
+            ),
             "; ".join(told) + ".",
             Table(
                 ["FMU", f"{HERE}, µs", f"{BESIDE}, µs", "more a step, µs", "more at the start, s"],
                 rows,
             ),
-            f"Beside: {CALLS} calls to another process over a pipe, one for each function of a step, as where every "
-            f"function is called remotely: {remote:.3g} µs a step, without an FMU.",
+            (
+                f"Beside: {CALLS} calls to another process over a pipe, one for each function of a"
+                f" step, as where every function is called remotely: {remote:.3g} µs a step,"
+                " without an FMU."
+            ),
         ],
     )
 
@@ -74,9 +81,9 @@ def _costs(
             )
     times = take_turns(actions, rounds)
     each = {
-        where: 1e6
-        * (times.median(f"{where} {many}") - times.median(f"{where} {few}"))
-        / (many - few)
+        where: (
+            1e6 * (times.median(f"{where} {many}") - times.median(f"{where} {few}")) / (many - few)
+        )
         for where in (HERE, BESIDE)
     }
     return each, {where: times.median(f"{where} {few}") for where in (HERE, BESIDE)}

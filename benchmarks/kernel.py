@@ -1,4 +1,4 @@
-"""The stepping kernel: one FMU over a million steps, beside a bare loop in C and beside the loop in Python."""
+"""The stepping kernel: one FMU over a million steps, beside bare loops in C and in Python."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from fmus import component
-from fmus.kit.build import build_cached
+from fmus.kit.build.building import build_cached
 from orchestration.fmu import stepping
-from orchestration.fmu.course import course
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import one_fmu
+from orchestration.fmu.stepping import plan_course
 from tests.support import hosts
 from tests.support.kernel import bare_loop
 
@@ -62,10 +62,16 @@ def measure(quick: bool = False) -> Topic:
     return Topic(
         "Stepping kernel",
         [
-            f"Time of a step with one input set and one output read and kept, of {steps} steps as `ppy simulate` makes "
-            "them, without opening the FMU. The bare loop calls the same functions and does nothing else; that all "
-            "come to the same bits was verified.",
-            f"{NATIVE}: {ratio:.2f} of the bare loop (target {TARGET:g}, {'met' if ratio <= TARGET else 'missed'}).",
+            (
+                f"Time of a step with one input set and one output read and kept, of {steps} steps"
+                " as `ppy simulate` makes them, without opening the FMU. The bare loop calls the"
+                " same functions and does nothing else; that all come to the same bits was"
+                " verified."
+            ),
+            (
+                f"{NATIVE}: {ratio:.2f} of the bare loop (target {TARGET:g},"
+                f" {'met' if ratio <= TARGET else 'missed'})."
+            ),
             Table(columns, rows),
         ],
     )
@@ -78,10 +84,10 @@ def _time(path: Path, name: str, output: str, steps: int, rounds: int) -> Times:
     loops: dict[str, Callable[[Fmu, int], Callable[[], np.ndarray]]] = {
         BARE: lambda fmu, n: bare_loop(fmu, points[:n], name, values[:n], output),
         KERNEL: lambda fmu, n: partial(
-            _stepped, one_fmu.stepped, fmu, points[:n], {name: values[:n]}, output
+            _stepped, one_fmu.follow_course, fmu, points[:n], {name: values[:n]}, output
         ),
         PYTHON: lambda fmu, n: partial(
-            _stepped, stepping.stepped, fmu, points[:n], {name: values[:n]}, output
+            _stepped, stepping.follow_course, fmu, points[:n], {name: values[:n]}, output
         ),
     }
     seconds = {loop: np.empty(rounds) for loop in loops}
@@ -110,7 +116,7 @@ def _stepped(
     result = np.empty((len(points), 1))
     way(
         fmu,
-        course(fmu, points, inputs, (), 1),
+        plan_course(fmu, points, inputs, (), 1),
         [output],
         result,
         _silent,

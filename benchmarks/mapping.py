@@ -1,4 +1,4 @@
-"""Asking every law what it lacks: the time and the memory of the map, over the length of the record."""
+"""Time and memory of a map of all laws over the length of the record."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import numpy as np
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu.model import find_model
 from orchestration.records import Record
-from orchestration.rig import DRIVEN
-from orchestration.rig.emulator.bench import NOISE
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.rig.emulator.records import UNITS
+from orchestration.rig.signals import RIG_COMPONENT
+from studies.emulator.bench import NOISE
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.physics import RigParameters
+from studies.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 
@@ -51,10 +52,11 @@ def measure(quick: bool = False) -> Topic:
             ]
         )
     text = (
-        f"Records at {RATE:g} Hz of an emulated rig in which nothing is hidden; every law of the actuator is asked of "
-        "every signal and what is remembered of it. The peak is the memory of the whole process. Beside it stands one "
-        "simulation of the model with its derivatives, for every entry that would explain anything: what as many "
-        f"corrections cost that are only simulated once. Target: {LIMIT[1]:g} s and {LIMIT[2]:g} GB for ten minutes."
+        f"Records at {RATE:g} Hz of an emulated rig in which nothing is hidden; every law of the"
+        " actuator is asked of every signal and what is remembered of it. The peak is the memory"
+        " of the whole process. Beside it stands one simulation of the model with its derivatives,"
+        " for every entry that would explain anything: what as many corrections cost that are only"
+        f" simulated once. Target: {LIMIT[1]:g} s and {LIMIT[2]:g} GB for ten minutes."
     )
     columns = [
         "samples",
@@ -69,12 +71,12 @@ def measure(quick: bool = False) -> Topic:
 
 
 def once(count: int) -> None:
-    """Map one record; print seconds, peak memory in kB, entries, and seconds of one simulation with derivatives."""
+    """Map one record; print seconds, peak memory in kB, entries and seconds of one simulation."""
     import resource  # not on every system
 
     from orchestration.discrepancy.laws.base import search_of
     from orchestration.discrepancy.laws.map import LawMap
-    from orchestration.discrepancy.pipeline import Options, judge
+    from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
 
     instants = np.arange(count) / RATE
     current = multilevel(instants, [-1.2, -0.5, 0.2, 0.8, 1.2], (2.0, 9.0), 1)
@@ -82,7 +84,9 @@ def once(count: int) -> None:
     rig = EmulatedRig(RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0)
     signals = {"current": current, "force": force} | rig.run(instants, current, force)
     record = Record(instants, signals, UNITS, Path("drawn.csv"))
-    diagnosis = judge(record, find_model(DRIVEN), None, Options(effects=[])).diagnosis
+    diagnosis = diagnose_only(
+        record, find_model(RIG_COMPONENT), None, DiagnosisOptions(effects=[])
+    ).diagnosis
     search, base = search_of(diagnosis), diagnosis.selection.best
     LawMap(search, base).entries()  # what is made once for a model is not counted
     began = time.perf_counter()

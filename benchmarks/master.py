@@ -1,4 +1,4 @@
-"""The master against libcosim and Ecos: the same native FMUs, the same Jacobi steps, in one process and in turns."""
+"""The master against libcosim and Ecos: the same native FMUs and Jacobi steps, in turns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus import component
-from fmus.kit.build import build_cached
+from fmus.kit.build.building import build_cached
 from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
 from orchestration.fmu.instance import Fmu
@@ -44,7 +44,7 @@ Timed = Callable[[], float]
 
 
 def measure(quick: bool = False) -> Topic:
-    """Time all masters on `dma_bench`, with and without a record, and ours on systems of growing size and length."""
+    """Time all masters on `dma_bench`, and ours on systems of growing size and length."""
     steps, rounds = (100, 2) if quick else (5000, 15)
     library.system("dma_bench")  # built here, not in the measuring process
     finished = hosts.finish_in_subprocess(compare, steps, rounds, clean_exit=False, timeout=600.0)
@@ -56,15 +56,20 @@ def measure(quick: bool = False) -> Topic:
     floor, remaining = (alone.median_ratio(name, ECOS) for name in (CALLS, OURS))
     recorded = finished.result[RECORDED].median_ratio(OURS, ECOS)
     parts: list[str | Table] = [
-        f"`dma_bench` as native FMUs, a Jacobi step of {STEP:g} s, time per step without opening and initialization. "
-        "All in one process, in turns; that all come to the same position was verified. The first table is of stepping "
-        "alone, with values exchanged as libcosim and Ecos do it (`feedthrough=False`); ours keeps one signal. In the "
-        "second every output is recorded at every step: ours and libcosim in memory, Ecos in a CSV file, for want of "
-        "another place.",
-        f"Stepping alone, ours takes {alone.median_ratio(OURS, COSIM):.2g} of libcosim's time and {remaining:.2g} of "
-        f"that of Ecos; recording every output, {recorded:.2g} of that of Ecos. A kernel in C makes the steps. To call "
-        f"the six FMI functions from Python, as it is done where there is no compiler, takes {floor:.2g} of Ecos' time "
-        "already.",
+        (
+            f"`dma_bench` as native FMUs, a Jacobi step of {STEP:g} s, time per step without"
+            " opening and initialization. All in one process, in turns; that all come to the same"
+            " position was verified. The first table is of stepping alone, with values exchanged"
+            " as libcosim and Ecos do it (`feedthrough=False`); ours keeps one signal. In the"
+            " second every output is recorded at every step: ours and libcosim in memory, Ecos in"
+            " a CSV file, for want of another place."
+        ),
+        (
+            f"Stepping alone, ours takes {alone.median_ratio(OURS, COSIM):.2g} of libcosim's time"
+            f" and {remaining:.2g} of that of Ecos; recording every output, {recorded:.2g} of that"
+            " of Ecos. A kernel in C makes the steps. To call the six FMI functions from Python,"
+            f" as it is done where there is no compiler, takes {floor:.2g} of Ecos' time already."
+        ),
     ]
     for title, times in finished.result.items():
         rows: list[list[Cell]] = [
@@ -79,7 +84,8 @@ def measure(quick: bool = False) -> Topic:
     return Topic("Co-simulation masters", parts)
 
 
-# --- in the measuring process ---------------------------------------------------------------------------------------
+# --- in the measuring process
+# ---------------------------------------------------------------------------------------
 
 
 def compare(steps: int, rounds: int) -> dict[str, Times]:
@@ -150,7 +156,7 @@ def _fused(system: System, steps: int) -> Timed:
 
 
 def _calls(system: System, steps: int, opened: ExitStack) -> Timed:
-    """The calls of a Jacobi step, bound as the master binds them, with nothing in between."""
+    """Bind the calls of a Jacobi step as the master does, with nothing in between."""
     now, size = ctypes.c_double(), ctypes.c_double(STEP)
     calls, done = [], 0
     for member in system.members:
@@ -282,7 +288,8 @@ def _libcosim(system: System, steps: int, positions: dict[str, float], record: b
     return spent
 
 
-# --- growth ---------------------------------------------------------------------------------------------------------
+# --- growth
+# --------------------------------------------------------------------------------------------------
 
 
 def bundle(actuators: int) -> System:
@@ -321,9 +328,14 @@ def _growth(quick: bool) -> list[str | Table]:
     ]
     slope = np.polyfit(sizes, [grown.best(str(n)) / points * 1e6 for n in sizes], 1)[0]
     return [
-        f"Ours, a bench with more and more actuators, every output recorded: {slope:.3g} µs for another actuator.",
+        (
+            f"Ours, a bench with more and more actuators, every output recorded: {slope:.3g} µs for"
+            " another actuator."
+        ),
         Table(["actuators", "best, µs for a step", "µs for a step and a member"], rows),
-        f"And with 2 actuators over longer and longer times: time grows as steps to the power "
-        f"{exponent(longer, lengths):.2f}.",
+        (
+            "And with 2 actuators over longer and longer times: time grows as steps to the power "
+            f"{exponent(longer, lengths):.2f}."
+        ),
         Table(["steps", "best, s", "µs for a step"], rows_longer),
     ]

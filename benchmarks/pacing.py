@@ -1,4 +1,4 @@
-"""How punctual a run in real time is, beside a loop that does nothing but sleep until the next deadline."""
+"""Punctuality of a run in real time, beside a loop that only sleeps until the next deadline."""
 
 from __future__ import annotations
 
@@ -53,10 +53,11 @@ def measure(quick: bool = False) -> Topic:
         "99 % over it",
     ]
     remark = (
-        "How much later than its deadline each communication point was reached. Deadlines are absolute in both; the "
-        f"bare loop computes nothing and sleeps. {rounds} rounds of {seconds:g} s each, in turns. The master sleeps a "
-        "little less than it must and turns round for the rest, so its median is below the loop's. What is worst is "
-        "the machine's doing in both."
+        "How much later than its deadline each communication point was reached. Deadlines are"
+        f" absolute in both; the bare loop computes nothing and sleeps. {rounds} rounds of"
+        f" {seconds:g} s each, in turns. The master sleeps a little less than it must and turns"
+        " round for the rest, so its median is below the loop's. What is worst is the machine's"
+        " doing in both."
     )
     return Topic("Real time", [remark, Table(columns, rows)])
 

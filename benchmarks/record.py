@@ -1,4 +1,4 @@
-"""A whole record in one call: the compiled model against the same arithmetic by hand and in CasADi's VM."""
+"""A whole record in one call: the compiled model, the arithmetic by hand, and CasADi's VM."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fmus import component
 from fmus.kit.record.compiled import CompiledModel, Trajectory
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic import Graph, trace
 from orchestration.experiment import waveforms
 
 from . import c_code
@@ -47,12 +47,16 @@ def measure(quick: bool = False) -> Topic:
     return Topic(
         f"Simulation of {samples:,} samples",
         [
-            "`ppy_actuator` over a record at 10 Hz: square waves of current, staircases of load. It is linear, and so "
-            "long a record of it takes exact steps. The loop in C takes Runge-Kutta steps with step control, written "
-            "by hand for this one model, and is called in the same way from Python; it tries "
-            f"{tried / samples:.2f} internal steps per sample. CasADi's VM takes one such step per sample, without "
-            "error estimate and with the parameters as constants. The signals of all agree to "
-            f"{AGREEMENT:g} of the largest value. Eight sensitivities by differences would take nine runs.",
+            (
+                "`ppy_actuator` over a record at 10 Hz: square waves of current, staircases of"
+                " load. It is linear, and so long a record of it takes exact steps. The loop in C"
+                " takes Runge-Kutta steps with step control, written by hand for this one model,"
+                f" and is called in the same way from Python; it tries {tried / samples:.2f}"
+                " internal steps per sample. CasADi's VM takes one such step per sample, without"
+                " error estimate and with the parameters as constants. The signals of all agree to"
+                f" {AGREEMENT:g} of the largest value. Eight sensitivities by differences would"
+                " take nine runs."
+            ),
             _against(times, samples),
             "Cost of longer records:",
             _growth(growing, lengths),
@@ -96,10 +100,11 @@ def _growth(times: Times, lengths: tuple[int, ...]) -> Table:
     return Table(["samples", "best, ms", "per sample, ns"], rows)
 
 
-# --- what is timed --------------------------------------------------------------------------------------------------
+# --- what is timed
+# --------------------------------------------------------------------------------------------------
 
-# Largest difference from the compiled model, relative to the largest value of a signal: that of internal steps from
-# exact ones.
+# Largest difference from the compiled model, relative to the largest value of a signal: that of
+# internal steps from exact ones.
 AGREEMENT = 1e-9
 
 
@@ -117,7 +122,7 @@ def _simulation(model: CompiledModel, n: int) -> Callable[[], Trajectory]:
 def _actions(
     model: CompiledModel, n: int, library: ctypes.CDLL
 ) -> tuple[dict[str, Callable[[], object]], int]:
-    """What to time, after a look at the results; and how many internal steps the record takes."""
+    """Return what to time, its results checked, and the internal steps that the record takes."""
     sensitive = CompiledModel(component("ppy_actuator"), PARAMETERS)
     bare, machine = _bare(library, n), _machine(n)
     signals, tried = bare()
@@ -141,7 +146,7 @@ def _actions(
 
 
 def _bare(library: ctypes.CDLL, n: int) -> Callable[[], tuple[dict[str, Array], int]]:
-    """Call ``c/record.c`` as the compiled model is called: inputs gathered and results allocated each time."""
+    """Call ``c/record.c`` as the compiled model is called: inputs gathered, results allocated."""
     time, inputs = _record(n)
     cls = component("ppy_actuator")
     start = {p.name: float(p.start) for p in cls.layout.parameters}
@@ -162,17 +167,7 @@ def _bare(library: ctypes.CDLL, n: int) -> Callable[[], tuple[dict[str, Array], 
 def _machine(n: int) -> Callable[[], dict[str, Array]]:
     """Map CasADi's interpreter over the record, a step of Runge-Kutta at a time."""
     graph = trace(component("ppy_actuator"))
-    parameters = ca.DM(graph.point()[0])
-    x, u = graph.states, graph.inputs
-    rates = ca.Function("rates", [x, u], [ca.substitute(graph.rates, graph.parameters, parameters)])
-    k1 = rates(x, u)
-    k2 = rates(x + _STEP / 2 * k1, u)
-    k3 = rates(x + _STEP / 2 * k2, u)
-    k4 = rates(x + _STEP * k3, u)
-    after = x + _STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    outputs = ca.substitute(graph.outputs, graph.parameters, parameters)
-    step = ca.Function("step", [x, u], ca.cse([after, outputs, x]))
-    mapped = step.mapaccum("record", n, 1)
+    mapped = _runge_kutta(graph).mapaccum("record", n, 1)
     _, inputs = _record(n)
     table = ca.DM(np.vstack([inputs[v.name] for v in graph.layout.inputs]))
     start = ca.DM(graph.point()[2])
@@ -183,3 +178,18 @@ def _machine(n: int) -> Callable[[], dict[str, Array]]:
         return dict(zip(names, [*outputs.full(), *states.full()], strict=True))
 
     return run
+
+
+def _runge_kutta(graph: Graph) -> ca.Function:
+    """One step of the classical method, with outputs and states at its begin."""
+    parameters = ca.DM(graph.point()[0])
+    x = graph.states
+    u = graph.inputs
+    rates = ca.Function("rates", [x, u], [ca.substitute(graph.rates, graph.parameters, parameters)])
+    k1 = rates(x, u)
+    k2 = rates(x + _STEP / 2 * k1, u)
+    k3 = rates(x + _STEP / 2 * k2, u)
+    k4 = rates(x + _STEP * k3, u)
+    after = x + _STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    outputs = ca.substitute(graph.outputs, graph.parameters, parameters)
+    return ca.Function("step", [x, u], ca.cse([after, outputs, x]))

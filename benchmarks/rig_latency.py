@@ -1,7 +1,8 @@
-"""How long an exchange with a rig's server takes beside a bare ZeroMQ echo: ``python -m benchmarks.rig_latency``.
+"""Latency of a rig's server beside a bare ZeroMQ echo: ``python -m benchmarks.rig_latency``.
 
-A client sends at fixed times, to the server and to an echo in a process of its own, in turns whose order changes from
-one time to the next, so that both meet the same machine. A message is timed from sending it to having its answer.
+A client sends at fixed times, to the server and to an echo in a process of its own, in turns whose
+order changes from one time to the next, so that both meet the same machine. A message is timed from
+sending it to having its answer.
 """
 
 from __future__ import annotations
@@ -67,9 +68,11 @@ def measure(seconds: float = 60.0, rates: Sequence[int] = RATES) -> Topic:
     return Topic(
         "Round trip of an exchange on loopback",
         [
-            f"{seconds:g} s at each rate. The ratio is that to the echo; the target for p99 is {TARGET:g}. A deadline of "
-            "the client is missed when both answers took longer than a period; one of the rig when it took its sample a "
-            "period late.",
+            (
+                f"{seconds:g} s at each rate. The ratio is that to the echo; the target for p99 is"
+                f" {TARGET:g}. A deadline of the client is missed when both answers took longer"
+                " than a period; one of the rig when it took its sample a period late."
+            ),
             Table(columns, rows),
         ],
     )
@@ -152,7 +155,7 @@ class _Client:
         return decode(socket.recv(), REPLIES)
 
     def run(self, rate: int, seconds: float) -> tuple[dict[str, NDArray[np.float64]], int]:
-        """Exchange at a rate, after one tenth of the time, a second at most, that does not count."""
+        """Exchange at a rate; the first tenth, a second at most, does not count."""
         number, warm = round(rate * seconds), min(rate, round(0.1 * rate * seconds))
         times = {name: np.empty(number) for name in self._sockets}
         turns = [list(self._sockets), list(self._sockets)[::-1]]

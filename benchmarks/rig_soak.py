@@ -1,7 +1,7 @@
-"""A long session at 100 Hz whose memory must stay flat: ``python -m benchmarks.rig_soak``, or ``make soak``.
+"""Memory of a long session at 100 Hz, which must stay flat: ``python -m benchmarks.rig_soak``.
 
-The native and the Python proxy, each at a served rig of its own, step in this process in turns; memory is that of this
-process and of all processes of both servers, read while they work.
+The native and the Python proxy, each at a served rig of its own, step in this process in turns;
+memory is that of this process and of all processes of both servers, read while they work.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic
@@ -16,7 +17,7 @@ from time import monotonic
 import numpy as np
 
 from fmus import component
-from fmus.kit.build import RUNTIMES, build_cached
+from fmus.kit.build.building import RUNTIMES, build_cached
 from orchestration.fmu.instance import Fmu
 from tests.support.rig.process import Server
 
@@ -37,6 +38,39 @@ _ALLOWED = (
 )
 
 
+def _settled(seconds: float) -> float:
+    """Seconds after which memory is compared."""
+    return min(_SETTLED, 0.3 * seconds)
+
+
+def _run(
+    proxies: Sequence[Fmu], processes: Mapping[str, Path], seconds: float
+) -> dict[str, list[float]]:
+    """Step both proxies at the rate; memory of every process in MB, once settled."""
+    seen: dict[str, list[float]] = {name: [] for name in processes}
+    setters = [fmu.writer(["current", "force"]) for fmu in proxies]
+    for fmu in proxies:
+        fmu.start()
+    begin = looked = monotonic()
+    settled = _settled(seconds)
+    steps = round(seconds * RATE)
+    for k in range(steps):
+        values = np.array([0.5 * np.sin(0.01 * k), 1.0])
+        for fmu, write in zip(proxies, setters, strict=True):
+            write(values)
+            fmu.step(k / RATE, 1.0 / RATE)
+        now = monotonic()
+        if now - looked < _EVERY and k + 1 < steps:
+            continue
+        looked = now
+        if now - begin >= settled:
+            for name, path in processes.items():
+                seen[name].append(int(path.read_text().split()[1]) * 4096 / 1e6)
+            progress = f"{now - begin:.0f} s of {seconds:.0f} s"
+            print(progress, end="\r", flush=True, file=sys.stderr)
+    return seen
+
+
 def measure(seconds: float) -> tuple[Topic, bool]:
     """Run for a while.
 
@@ -50,56 +84,24 @@ def measure(seconds: float) -> tuple[Topic, bool]:
     flat : bool
         Whether no process has grown by more than what is allowed.
     """
-    seen: dict[str, list[float]] = {}
-    missed: dict[str, float] = {}
     steps = round(seconds * RATE)
+    proxies: dict[str, Fmu] = {}
+    processes = {"the master with both proxies": Path("/proc/self/statm")}
     with ExitStack() as opened:
-        proxies = {}
-        processes = {"the master with both proxies": Path("/proc/self/statm")}
         for runtime in RUNTIMES:
             folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="ppy-soak-")))
             server = opened.enter_context(
                 Server(folder, "emulator", "--rate", RATE, "--watchdog", _WATCHDOG)
             )
-            fmu = Fmu(
-                build_cached(component("rig_proxy"), runtime),
-                {"endpoint": server.wait_ready()},
-                runtime,
-            )
+            endpoint = {"endpoint": server.wait_ready()}
+            fmu = Fmu(build_cached(component("rig_proxy"), runtime), endpoint, runtime)
             proxies[runtime] = opened.enter_context(fmu)
             for number, process in enumerate(sorted(server.family())):
-                processes[f"server of the {runtime} proxy, process {number + 1}"] = Path(
-                    f"/proc/{process}/statm"
-                )
-        names = ["current", "force"]
-        setters = [fmu.writer(names) for fmu in proxies.values()]
-        for fmu in proxies.values():
-            fmu.start()
-        begin = looked = monotonic()
-        settled = min(_SETTLED, 0.3 * seconds)
-        for k in range(steps):
-            values = np.array([0.5 * np.sin(0.01 * k), 1.0])
-            for fmu, write in zip(proxies.values(), setters, strict=True):
-                write(values)
-                fmu.step(k / RATE, 1.0 / RATE)
-            now = monotonic()
-            if now - looked >= _EVERY or k + 1 == steps:
-                looked = now
-                if now - begin >= settled:
-                    for name, path in processes.items():
-                        seen.setdefault(name, []).append(
-                            int(path.read_text().split()[1]) * 4096 / 1e6
-                        )
-                    print(
-                        f"{now - begin:.0f} s of {seconds:.0f} s",
-                        end="\r",
-                        flush=True,
-                        file=sys.stderr,
-                    )
-        for runtime, fmu in proxies.items():
-            missed[runtime] = _missed(fmu)
+                name = f"server of the {runtime} proxy, process {number + 1}"
+                processes[name] = Path(f"/proc/{process}/statm")
+        seen = _run(list(proxies.values()), processes, seconds)
+        missed = {runtime: _missed(fmu) for runtime, fmu in proxies.items()}
     growth = {name: memory[-1] - memory[0] for name, memory in seen.items()}
-    flat = all(grown <= _ALLOWED for grown in growth.values())
     rows = [
         [name, f"{memory[0]:.1f}", f"{memory[-1]:.1f}", f"{growth[name]:+.2f}"]
         for name, memory in seen.items()
@@ -108,12 +110,21 @@ def measure(seconds: float) -> tuple[Topic, bool]:
         f"{count:.0f} of {steps} by the {runtime} one" for runtime, count in missed.items()
     )
     table = Table(
-        ["process", f"MB after {settled:.0f} s", f"MB after {seconds:.0f} s", "growth, MB"], rows
+        [
+            "process",
+            f"MB after {_settled(seconds):.0f} s",
+            f"MB after {seconds:.0f} s",
+            "growth, MB",
+        ],
+        rows,
     )
     text = [
-        f"{seconds:.0f} s at {RATE:g} Hz. Deadlines missed: {told}. Allowed growth: {_ALLOWED:g} MB."
+        f"{seconds:.0f} s at {RATE:g} Hz. Deadlines missed: {told}. Allowed growth:"
+        f" {_ALLOWED:g} MB."
     ]
-    return Topic("Memory of a long session", [*text, table]), flat
+    return Topic("Memory of a long session", [*text, table]), all(
+        grown <= _ALLOWED for grown in growth.values()
+    )
 
 
 def _missed(fmu: Fmu) -> float:

@@ -1,4 +1,4 @@
-"""How large a sweep a cluster can run: on paper, from what was measured here. Writes ``docs/sweep-sizing.md``."""
+"""Size of the sweep that a cluster can run, computed from measurements on one machine."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from pathlib import Path
 import numpy as np
 
 import orchestration as ppy
-from orchestration.sweeps.compiled import chosen
-from orchestration.sweeps.parts import LARGEST, SECONDS
-from orchestration.sweeps.storage.journal import Journal
-from orchestration.sweeps.task import Repeated, Task
+from orchestration.sweeps.chunking import LARGEST, SECONDS
+from orchestration.sweeps.compiled import choose_equations
+from orchestration.sweeps.storage.journal import SweepJournal
+from orchestration.sweeps.task import CaseRunner, Task
 
 from . import machine
 from .tables import Cell, Table, Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "sweep-sizing.md"
 CASES, NODES, CORES = 1_000_000, 100, 32
-SCHEDULER = 1e-3  # s for a part, as Dask's documentation has it: about a millisecond a task, whoever does it
+# s for a part, as Dask's documentation has it: about a millisecond a task, whoever does it
+SCHEDULER = 1e-3
 NETWORK = 125e6  # bytes/s, of one gigabit a second
 
 
 def measure(cases: int = 2000, points: int = 1001) -> Topic:
-    """Measure a case on a worker, and what it costs the machine that asks for it; work out the rest."""
+    """Measure a case on a worker and on the machine that asks for it; compute the rest."""
     clock = 0.01 * np.arange(points)
     model = ppy.find_model("ppy_actuator")
     rows: list[list[Cell]] = []
@@ -39,7 +40,7 @@ def measure(cases: int = 2000, points: int = 1001) -> Topic:
             {"current": np.sin(clock)},
             ("displacement",),
             ("last", "smallest", "largest"),
-            chosen(model, engine),
+            choose_equations(model, engine),
         )
         case, head, size, part = _measured(task, np.linspace(5.0, 10.0, cases)[:, np.newaxis])
         parts = sized(case, head, size, part)
@@ -50,17 +51,23 @@ def measure(cases: int = 2000, points: int = 1001) -> Topic:
     return Topic(
         f"A sweep of {CASES:,} cases on {NODES} nodes",
         [
-            f"Sized on paper, for {NODES} nodes of {CORES} cores such as those of the machine below, and a case of "
-            f"{points - 1:,} steps of `ppy_actuator` of which three numbers are kept. Measured: "
-            "a case on a worker; and what one costs the machine that asks for it, to read the answer and to write "
-            f"it to disk. Not measured: {1e3 * SCHEDULER:g} ms of Dask's scheduler for a part, as its documentation "
-            f"has it, and a network of one gigabit a second. Cases of a part: {', '.join(sizes)}.",
+            (
+                f"Sized on paper, for {NODES} nodes of {CORES} cores such as those of the machine"
+                f" below, and a case of {points - 1:,} steps of `ppy_actuator` of which three"
+                " numbers are kept. Measured: a case on a worker; and what one costs the machine"
+                " that asks for it, to read the answer and to write it to disk. Not measured:"
+                f" {1e3 * SCHEDULER:g} ms of Dask's scheduler for a part, as its documentation has"
+                f" it, and a network of one gigabit a second. Cases of a part: {', '.join(sizes)}."
+            ),
             str(machine.describe()),
             Table(["engine and share", "a case, µs", f"{CASES:,} cases, s"], rows),
-            f"The shares overlap, so that the largest is what the sweep takes: {'; '.join(told)}. More nodes do not "
-            "help where that is not the workers: larger parts, or reductions that keep less, do. With longer cases the "
-            "workers come to be it, from the length on at which a case takes as long on all cores as its largest "
-            "other share.",
+            (
+                "The shares overlap, so that the largest is what the sweep takes:"
+                f" {'; '.join(told)}. More nodes do not help where that is not the workers: larger"
+                " parts, or reductions that keep less, do. With longer cases the workers come to"
+                " be it, from the length on at which a case takes as long on all cores as its"
+                " largest other share."
+            ),
         ],
     )
 
@@ -92,8 +99,8 @@ def sized(case: float, head: float, size: float, part: int) -> dict[str, tuple[f
 
 
 def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float, int]:
-    """Seconds for a case on a worker and where it is asked for, bytes of its answer, and cases of a part."""
-    with Repeated(task) as repeated:
+    """Measure seconds for a case on both machines, bytes of its answer, and cases of a part."""
+    with CaseRunner(task) as repeated:
         part = CASES // (2 * NODES * CORES)
         case = repeated.run(cases[:part]).seconds / len(cases[:part])
         part = max(1, min(LARGEST, part, int(SECONDS / case)))
@@ -103,7 +110,7 @@ def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float, int]:
         sum(one.seconds for one in found) / len(cases),
     )
     with tempfile.TemporaryDirectory() as folder:
-        journal = Journal(Path(folder), task, cases, "")
+        journal = SweepJournal(Path(folder), task, cases, "")
         begin = time.process_time()
         for row, answer in zip(range(0, len(cases), part), answers, strict=True):
             journal.write(range(row, min(row + part, len(cases))), pickle.loads(answer))

@@ -38,7 +38,7 @@ _ACTUATOR = ("current", "voltage")
 
 
 def measure(quick: bool = False) -> Topic:
-    """Time every FMU through fmpy and in a loop in C, all in one process, and that in several processes."""
+    """Time every FMU through fmpy and in a loop in C, in each of several processes."""
     processes, size = (2, (3, 50)) if quick else (6, (12, 1000))
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
         fmus = {
@@ -51,11 +51,14 @@ def measure(quick: bool = False) -> Topic:
         loop = c_code.library("host.c", folder)
         measured = [_in_a_process(fmus, loop, *size) for _ in range(processes)]
     parts: list[str | Table] = [
-        f"Time of `setReal`, `doStep` ({STEP} s), `getReal`, one variable each. All FMUs are in one process and take "
-        f"turns; figures are of {processes} such processes, the range is of their median ratios and says how far a "
-        "ratio can be trusted. The actuator has three states and controls its error (at least five evaluations of the "
-        "rates in a step); the FMUs it is held against have one state and no error control. The floor is the time of "
-        "the host alone, in an FMU whose functions return at once.",
+        (
+            f"Time of `setReal`, `doStep` ({STEP} s), `getReal`, one variable each. All FMUs are in"
+            f" one process and take turns; figures are of {processes} such processes, the range is"
+            " of their median ratios and says how far a ratio can be trusted. The actuator has"
+            " three states and controls its error (at least five evaluations of the rates in a"
+            " step); the FMUs it is held against have one state and no error control. The floor is"
+            " the time of the host alone, in an FMU whose functions return at once."
+        ),
     ]
     for host, load in measured[0]:
         several = [found[host, load] for found in measured]
@@ -74,7 +77,7 @@ def measure(quick: bool = False) -> Topic:
 def _in_a_process(
     fmus: dict[str, Path], loop: Path, rounds: int, steps: int
 ) -> dict[tuple[str, str], Times]:
-    """Measure in a process of its own, left without clean-up, in which stock pythonfmu may read freed memory."""
+    """Measure in a process that ends without clean-up: stock pythonfmu may read freed memory."""
     finished = hosts.finish_in_subprocess(time_steps, fmus, loop, rounds, steps, clean_exit=False)
     if finished.result is None:
         raise RuntimeError(
@@ -130,7 +133,8 @@ def empty_fmu(folder: Path) -> Path:
     return path
 
 
-# --- in the measuring process ---------------------------------------------------------------------------------------
+# --- in the measuring process
+# ---------------------------------------------------------------------------------------
 
 
 class _Stepper:

@@ -1,4 +1,4 @@
-"""Stiff components over a record: the integrator that is chosen against the Runge-Kutta method of the FMUs."""
+"""Stiff components over a record: the chosen integrator against the FMUs' Runge-Kutta method."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from fmus import component
 from fmus.kit.record.compiled import CompiledModel, Trajectory
 from fmus.kit.record.linearisation import Linearisation
-from orchestration.discrepancy.diagnosis import searched
+from orchestration.discrepancy.diagnosis import searched_parameters
 from orchestration.experiment.waveforms import multilevel
 
 from .tables import Cell, Table, Topic
@@ -27,20 +27,20 @@ _SETTINGS = {"galvanostat": {"response_time": 1e-4}}
 
 
 def measure(quick: bool = False) -> Topic:
-    """Simulate each with the sensitivities to all parameters that a diagnosis fits, by either integrator."""
+    """Simulate each with the sensitivities that a diagnosis needs, by either integrator."""
     samples, rounds = (300, 2) if quick else (60_000, 5)
     rows: list[list[Cell]] = []
     for name in _INPUTS:
         explicit, chosen = _simulation(name, samples, True), _simulation(name, samples, False)
         times = take_turns({"explicit": explicit, "chosen": chosen}, rounds)
         ratio = times.median_ratio("explicit", "chosen")
-        parameters = len(searched(component(name)))
+        parameters = len(searched_parameters(component(name)))
         rows.append(
             [name, parameters, times.best("explicit") * 1e3, times.best("chosen") * 1e3, ratio]
         )
     text = (
-        f"{samples:,} samples at {1.0 / _STEP:g} Hz, inputs held at changing levels, sensitivities included; the "
-        "galvanostat with a lag of 0.1 ms."
+        f"{samples:,} samples at {1.0 / _STEP:g} Hz, inputs held at changing levels, sensitivities"
+        " included; the galvanostat with a lag of 0.1 ms."
     )
     columns = ["", "parameters", "Runge-Kutta, ms", "as chosen, ms", "gain, median"]
     return Topic("Stiff components", [text, Table(columns, rows)])
@@ -52,7 +52,7 @@ def _simulation(name: str, samples: int, explicit: bool) -> Callable[[], Traject
         n: multilevel(time, levels, (0.1, 0.5), _SEED + i)
         for i, (n, levels) in enumerate(_INPUTS[name].items())
     }
-    model = CompiledModel(component(name), searched(component(name)))
+    model = CompiledModel(component(name), searched_parameters(component(name)))
 
     def run() -> Trajectory:
         never = (

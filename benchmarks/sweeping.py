@@ -1,4 +1,4 @@
-"""Sweeps: many cases of one FMU, beside batches written by hand, and how two workers and many cases do."""
+"""Sweeps of one FMU beside batches written by hand, with two workers, and with many cases."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +46,7 @@ def measure(quick: bool = False) -> Topic:
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
         paths = {NATIVE: "ppy_actuator", YARDSTICK: str(hosts.build_one_state_fmu(folder))}
         measured = {
-            name: _time(model, *_SUBJECTS[name], cases, points, rounds)
-            for name, model in paths.items()
+            name: _time(name, model, cases, points, rounds) for name, model in paths.items()
         }
         beside = [_beside(FMU, paths[YARDSTICK], YARDSTICK, by_fmu, points, rounds)]
         beside += [
@@ -64,11 +65,14 @@ def measure(quick: bool = False) -> Topic:
     return Topic(
         "Sweeps",
         [
-            f"Processor time of a case of {points - 1:,} steps with one input set at every point, of {cases:,} cases "
-            "with other values of a parameter, of which the last, smallest and largest value of an output are kept; "
-            "with all that it takes to begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once, "
-            "resets one instance and calls the functions of the FMU with arguments made ready beforehand. One process "
-            "each; that the numbers agree to 1e-9 was verified.",
+            (
+                f"Processor time of a case of {points - 1:,} steps with one input set at every"
+                f" point, of {cases:,} cases with other values of a parameter, of which the last,"
+                " smallest and largest value of an output are kept; with all that it takes to"
+                " begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once,"
+                " resets one instance and calls the functions of the FMU with arguments made ready"
+                " beforehand. One process each; that the numbers agree to 1e-9 was verified."
+            ),
             _told(measured),
             Table(
                 [
@@ -78,13 +82,19 @@ def measure(quick: bool = False) -> Topic:
                 ],
                 rows,
             ),
-            f"Two workers beside one (target {TWO_WORKERS:g} times as fast). Each needs a core of its own. Of compiled "
-            "code they are threads; of an FMU processes, each with an interpreter that has to start first.",
+            (
+                f"Two workers beside one (target {TWO_WORKERS:g} times as fast). Each needs a core"
+                " of its own. Of compiled code they are threads; of an FMU processes, each with an"
+                " interpreter that has to start first."
+            ),
             Table(
                 ["", "cases", "one worker, s", "two workers, s", "times as fast, median"], beside
             ),
-            f"{whole:,} cases of {NATIVE}, compiled, one worker: {spent:.3g} s, {whole / spent:,.0f} cases a second. "
-            "Memory of the process at its largest, by the number of cases of ten steps:",
+            (
+                f"{whole:,} cases of {NATIVE}, compiled, one worker: {spent:.3g} s,"
+                f" {whole / spent:,.0f} cases a second. Memory of the process at its largest, by"
+                " the number of cases of ten steps:"
+            ),
             Table(
                 ["cases", "largest, MB"],
                 [[n, _memory(n)] for n in ((10, 40) if quick else (1000, 100_000))],
@@ -105,47 +115,32 @@ def _told(measured: dict[str, Times]) -> str:
                 ratio = times.median_ratio(other, way)
                 result = "met" if ratio >= target else "missed"
                 told.append(
-                    f"{name}: {way} {ratio:.3g} times as fast as {other} (target {target:g}, {result})"
+                    f"{name}: {way} {ratio:.3g} times as fast as {other} (target {target:g},"
+                    f" {result})"
                 )
     return "; ".join(told) + "."
 
 
-def _time(
-    model: str,
-    parameter: str,
-    low: float,
-    high: float,
-    name: str,
-    output: str,
-    cases: int,
-    points: int,
-    rounds: int,
-) -> Times:
-    """Seconds of the processor for a case, in turns; each way has one process and waits for nothing."""
-    clock, values = _STEP * np.arange(points), np.linspace(low, high, cases)
-    given = np.sin(clock)
+def _batch(name: str, path: Path, cases: int, points: int) -> by_hand.Batch:
+    """Cases of a subject: its parameter over a range, its input a sine."""
+    parameter, low, high, driven, output = _SUBJECTS[name]
+    clock = _STEP * np.arange(points)
+    values = np.linspace(low, high, cases).tolist()
+    return by_hand.Batch(path, parameter, values, clock, driven, np.sin(clock), output)
+
+
+def _time(name: str, model: str, cases: int, points: int, rounds: int) -> Times:
+    """Measure processor seconds for a case, in turns; each way has one process and never waits."""
     found_model = ppy.find_model(model)
-    path = found_model.path
+    batch = _batch(name, found_model.path, cases, points)
+    few = replace(batch, values=batch.values[::SHARE])
     ways: dict[str, Callable[[], NDArray[np.float64]]] = {
-        EACH: partial(
-            by_hand.simulate_each,
-            path,
-            parameter,
-            values[::SHARE].tolist(),
-            clock,
-            name,
-            given,
-            output,
-        ),
-        REUSE: partial(
-            by_hand.reuse_one, path, parameter, values.tolist(), clock, name, given, output
-        ),
+        EACH: partial(by_hand.simulate_each, few),
+        REUSE: partial(by_hand.reuse_one, batch),
     }
     for way, engine in ENGINES.items():
         if engine == "fmu" or model == "ppy_actuator":
-            ways[way] = partial(
-                _swept, found_model, parameter, values, clock, {name: given}, output, engine
-            )
+            ways[way] = partial(_swept, found_model, batch, engine)
     seconds = {way: np.empty(rounds) for way in ways}
     for k in range(-1, rounds):  # the first does not count
         found = {}
@@ -167,43 +162,26 @@ def check_agreement(found: dict[str, NDArray[np.float64]]) -> None:
 
 
 def _swept(
-    model: Model | str,
-    parameter: str,
-    values: NDArray[np.float64],
-    clock: NDArray[np.float64],
-    inputs: dict[str, NDArray[np.float64]],
-    output: str,
-    engine: str,
-    workers: int = 1,
+    model: Model | str, batch: by_hand.Batch, engine: str, workers: int = 1
 ) -> NDArray[np.float64]:
     """Run them as a user does; last, smallest and largest (cases, 3)."""
     found = ppy.sweep(
         model,
-        {parameter: values.tolist()},
-        inputs,
-        time=clock,
-        outputs=[output],
+        {batch.parameter: batch.values},
+        {batch.name: batch.given},
+        time=batch.time,
+        outputs=[batch.output],
         keep=KEEP,
         engine=engine,
         workers=workers,
     )
-    return np.column_stack([found[f"{output}_{kept}"].values for kept in KEEP])
+    return np.column_stack([found[f"{batch.output}_{kept}"].values for kept in KEEP])
 
 
 def _seconds(name: str, model: str, way: str, cases: int, points: int, workers: int = 1) -> float:
-    parameter, low, high, driven, output = _SUBJECTS[name]
-    clock = _STEP * np.arange(points)
+    batch = _batch(name, Path(model), cases, points)
     begin = time.perf_counter()
-    _swept(
-        model,
-        parameter,
-        np.linspace(low, high, cases),
-        clock,
-        {driven: np.sin(clock)},
-        output,
-        ENGINES[way],
-        workers,
-    )
+    _swept(model, batch, ENGINES[way], workers)
     return time.perf_counter() - begin
 
 

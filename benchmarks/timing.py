@@ -1,4 +1,4 @@
-"""Timing several things fairly: in turns within one run, so that whatever else the machine does hits all of them."""
+"""Fair timing of several things: in turns within one run, so that disturbances hit all of them."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def pooled(parts: Sequence[Times]) -> Times:
 def take_turns(actions: Mapping[str, Callable[[], object]], rounds: int) -> Times:
     """Time actions in interleaved rounds, each after one call that is not counted.
 
-    The order within a round rotates from round to round: no action always follows the same one. Garbage collection
-    is off meanwhile.
+    The order within a round rotates from round to round: no action always follows the same one.
+    Garbage collection is off meanwhile.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 from typing import TYPE_CHECKING
 
-from .kit.errors import UserError, suggestion
+from .kit import UserError, suggestion
 
 if TYPE_CHECKING:
     from .kit import Component, Effect
@@ -45,9 +45,12 @@ def component(name: str) -> type[Component]:
 
 
 def effects(name: str) -> dict[str, type[Effect]]:
-    """Effects that the laws of a component neglect, by id: ``EFFECTS`` of its package's module ``effects``, if any.
+    """Collect the effects of a component by id.
 
-    Where a package has several components, an effect of a law that one of them has not is none of its own.
+    They are ``EFFECTS`` of its package's module ``effects``, if there is one.
+
+    Where a package has several components, an effect of a law that one of them has not is none of
+    its own.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from fmus import COMPONENTS, component
-from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 
 pytest.register_assert_rewrite(
@@ -31,12 +31,15 @@ PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] /
 
 
 _watch = Watch()
-# where the suite was started in the background nobody hears Ctrl-C, nor does what tests start: they send it themselves
+# where the suite was started in the background nobody hears Ctrl-C, nor does what tests start: they
+# send it themselves
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Leave to the slow tests what is asked of the gait in Python: it costs as much as all other FMUs together."""
+    """Leave to the slow tests what is asked of the gait in Python: it costs as much as all other
+    FMUs together.
+    """
     given = item.callspec.params if hasattr(item, "callspec") else {}
     if given.get("runtime") == "python" and "foot_dynamic" in (
         given.get("name"),
@@ -46,7 +49,9 @@ def pytest_itemcollected(item: pytest.Item) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Keep what lives until the end out of every collection of garbage; a run in real time begins with one."""
+    """Keep what lives until the end out of every collection of garbage; a run in real time begins
+    with one.
+    """
     gc.collect()
     gc.freeze()
 
@@ -59,7 +64,9 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
-    """Do not judge a test about milliseconds that failed while the machine did not keep real time."""
+    """Do not judge a test about milliseconds that failed while the machine did not keep real
+    time.
+    """
     outcome = yield
     report = outcome.get_result()
     mark = item.get_closest_marker("real_time")

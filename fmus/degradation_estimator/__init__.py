@@ -1,1 +1,3 @@
-"""Degradation estimator: impedance while the actuator works, and the voltage limit that follows from it."""
+"""Degradation estimator: impedance while the actuator works, and the voltage limit that follows
+from it.
+"""

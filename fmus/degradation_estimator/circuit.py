@@ -1,7 +1,7 @@
 """The circuit behind an estimate, R2 across R1 and C in series (fig. 4-2), and its impedance.
 
-An estimate is ``b0``, ``b1`` and ``a`` of ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6), a circuit is ``R1``,
-``R2`` and ``C``.
+An estimate is ``b0``, ``b1`` and ``a`` of ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6), a
+circuit is ``R1``, ``R2`` and ``C``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ _SMALL = 1e-9
 
 
 def exists(estimate: Vector, held: Any) -> Any:
-    """Whether an estimate is that of a circuit with positive R1, R2 and C; parameters are those of :func:`solved`."""
+    """Return whether an estimate is of a circuit with positive R1, R2 and C.
+
+    Parameters are those of :func:`solved`.
+    """
     b0, b1, a = estimate
     decays = logical_and(1.0 + a > _SMALL, where(held, -a, b0 - b1) > _SMALL)
     return logical_and(
@@ -25,10 +28,11 @@ def exists(estimate: Vector, held: Any) -> Any:
 
 
 def solved(estimate: Vector, held: Any, period: Any) -> Vector:
-    """R1, R2 and C of an estimate: exact for held current, or by Tustin (eqs. 4.3-4.5); any numbers if there are none.
+    """R1, R2 and C of an estimate: exact for held current, or by Tustin (eqs. 4.3-4.5); any numbers
+    if there are none.
 
-    With a held current ``a = -exp(-T_s / tau)``, ``b0 = R1 R2 / (R1 + R2)`` and ``b1 = (1 + a) R2 - b0``, where
-    ``tau = (R1 + R2) C``.
+    With a held current ``a = -exp(-T_s / tau)``, ``b0 = R1 R2 / (R1 + R2)`` and ``b1 = (1 + a) R2 -
+    b0``, where ``tau = (R1 + R2) C``.
 
     Parameters
     ----------
@@ -54,7 +58,9 @@ def solved(estimate: Vector, held: Any, period: Any) -> Vector:
 
 
 def magnitude(circuit: Vector, angular_frequency: Any) -> Any:
-    """Magnitude of the impedance of a circuit in ohm, at an angular frequency in rad/s (eq. 4.10)."""
+    """Magnitude of the impedance of a circuit in ohm, at an angular frequency in rad/s
+    (eq. 4.10).
+    """
     R1, R2, C = circuit
     return (
         R2 * hypot(1.0, R1 * C * angular_frequency) / hypot(1.0, (R1 + R2) * C * angular_frequency)

@@ -1,26 +1,28 @@
-"""Known ways the estimator is wrong: what it samples is not the voltage across the actuator at that instant."""
+"""Known ways the estimator is wrong: what it samples is not the voltage across the actuator at that
+instant.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Discrete, Effect, Parameter
-from ..kit.component import Term, by_name
+from ..kit import Discrete, Effect, Parameter, Term, effects_by_name
 
 if TYPE_CHECKING:
     from .model import DegradationEstimator
 
     class EstimatorEffect(Effect, DegradationEstimator):
-        """What an effect can count on: the laws of the estimator that it is laid over."""
+        """Laws of the estimator that an effect overrides."""
 else:
     EstimatorEffect = Effect
 
 
 class LeadResistance(EstimatorEffect):
-    """Voltage sensed behind leads and contacts that the current flows through, in two wires: ``v + R_l i``.
+    """Voltage sensed behind leads and contacts that the current flows through, in two wires: ``v +
+    R_l i``.
 
-    It is in R1, R2 and C at once, since R_l is in series with the whole circuit. Relaxes assumption 5, that the voltage
-    is that across the actuator; ``R_l = 0`` is the base model.
+    It is in R1, R2 and C at once, since R_l is in series with the whole circuit. Relaxes assumption
+    5, that the voltage is that across the actuator; ``R_l = 0`` is the base model.
     """
 
     id = "lead_resistance"
@@ -45,8 +47,9 @@ class LeadResistance(EstimatorEffect):
 class VoltageGain(EstimatorEffect):
     """Scale of the sampled voltage that is wrong: ``(1 + g) v``.
 
-    The circuit follows from the ratio of voltage to current: a current that is 1 + g times too small looks the same.
-    Relaxes assumption 5, that sensors are calibrated; ``g = 0`` is the base model.
+    The circuit follows from the ratio of voltage to current: a current that is 1 + g times too
+    small looks the same. Relaxes assumption 5, that sensors are calibrated; ``g = 0`` is the base
+    model.
     """
 
     id = "voltage_gain"
@@ -70,11 +73,12 @@ class VoltageGain(EstimatorEffect):
 
 
 class SamplingSkew(EstimatorEffect):
-    """Voltage that is sampled before the current by a share ``s`` of the period: ``v(t) + s (v(t - T_s) - v(t))``.
+    """Voltage that is sampled before the current by a share ``s`` of the period: ``v(t) + s (v(t -
+    T_s) - v(t))``.
 
-    Between its samples the voltage is taken to go linearly, as multiplexed converters and slow readings see it; at
-    ``s = 1`` it is that of the sample before. Relaxes assumption 2, that both are sampled together; ``s = 0`` is the
-    base model.
+    Between its samples the voltage is taken to go linearly, as multiplexed converters and slow
+    readings see it; at ``s = 1`` it is that of the sample before. Relaxes assumption 2, that both
+    are sampled together; ``s = 0`` is the base model.
     """
 
     id = "sampling_skew"
@@ -113,4 +117,4 @@ class SamplingSkew(EstimatorEffect):
         return now + self.voltage_skew * (self.punctual_voltage - now)
 
 
-EFFECTS: dict[str, type[Effect]] = by_name(LeadResistance, VoltageGain, SamplingSkew)
+EFFECTS: dict[str, type[Effect]] = effects_by_name(LeadResistance, VoltageGain, SamplingSkew)

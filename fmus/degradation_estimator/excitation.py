@@ -1,7 +1,9 @@
-"""Excitation: reversals of the current, whether there are enough of them to estimate from, and how often they come.
+"""Excitation: reversals of the current, whether there are enough of them to estimate from, and how
+often they come.
 
-A reversal is a change by more than a swing back from the extreme. Two reversals of equal sign are a period apart, in
-whatever shape the current swings; so the sum of the latest two times between reversals is a period.
+A reversal is a change by more than a swing back from the extreme. Two reversals of equal sign are a
+period apart, in whatever shape the current swings; so the sum of the latest two times between
+reversals is a period.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ _REVERSALS_BEFORE_A_PERIOD = 3
 
 
 class Excitation(Measurement):
-    """How the current moves."""
+    """Excitation of the current: its reversals and their period."""
 
     minimum_swing = Parameter(
         0.1,
@@ -108,7 +110,8 @@ class Excitation(Measurement):
         doc="period of the current as tracked; 0 before it is known",
     )
 
-    # --- reversals --------------------------------------------------------------------------------------------------
+    # --- reversals
+    # ----------------------------------------------------------------------------------------------
 
     def extreme_current(self) -> Any:
         """Extreme of the current in its direction, this sample included."""
@@ -120,7 +123,9 @@ class Excitation(Measurement):
         )
 
     def reverses(self) -> Any:
-        """Whether the current has come back from its extreme by more than the swing, or first moves."""
+        """Whether the current has come back from its extreme by more than the swing, or first
+        moves.
+        """
         back = self.measured_current() - self.extreme_current()
         swing = where(self.direction == 0.0, abs(back), -self.direction * back)
         return swing > self.minimum_swing
@@ -142,21 +147,25 @@ class Excitation(Measurement):
         """Time since the latest reversal."""
         return where(self.reverses(), 0.0, self.time_since_reversal + self.sample_period)
 
-    # --- enough to estimate from ------------------------------------------------------------------------------------
+    # --- enough to estimate from
+    # ------------------------------------------------------------------------------------
 
     def turned_lately(self) -> Any:
         """Whether there was a reversal before this sample, and not too long ago."""
         return logical_and(self.reversals > 0.0, self.time_since_reversal < self.excitation_timeout)
 
     def excited(self) -> Any:
-        """Whether this sample counts: there is one before it, and the current turned lately before it."""
+        """Whether this sample counts: there is one before it, and the current turned lately before
+        it.
+        """
         return logical_and(self.samples > 0.0, self.turned_lately())
 
     def next_excited_time(self) -> Any:
         """Time spent estimating."""
         return self.excited_time + where(self.excited(), self.sample_period, 0.0)
 
-    # --- frequency --------------------------------------------------------------------------------------------------
+    # --- frequency
+    # ----------------------------------------------------------------------------------------------
 
     def next_steady_reversals(self) -> Any:
         """Count a reversal; the first after a rest begins anew."""
@@ -170,7 +179,9 @@ class Excitation(Measurement):
         )
 
     def next_excitation_period(self) -> Any:
-        """Period, a low-pass of the time between reversals of equal sign; held while none is known anew."""
+        """Period, a low-pass of the time between reversals of equal sign; held while none is known
+        anew.
+        """
         latest = self.time_since_reversal + self.sample_period
         steady = logical_and(
             self.turned_lately(), self.steady_reversals >= _REVERSALS_BEFORE_A_PERIOD
@@ -192,5 +203,7 @@ class Excitation(Measurement):
 
     @Output("rad/s")
     def tracked_angular_frequency(self) -> Any:
-        """Fundamental angular frequency of the current, whether it is used or not; the one given before it is known."""
+        """Fundamental angular frequency of the current, whether it is used or not; the one given
+        before it is known.
+        """
         return self.fundamental(self.excitation_period)

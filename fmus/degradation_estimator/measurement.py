@@ -1,4 +1,6 @@
-"""What the sensors deliver, sampled: current and voltage without single faults, and those of the sample before."""
+"""Measurement of the sensors, sampled: current and voltage without single faults, and those of the
+sample before.
+"""
 
 from __future__ import annotations
 
@@ -46,9 +48,13 @@ class Measurement(Component):
         return self.samples + 1.0
 
     def measured_current(self) -> Any:
-        """Current as the sensor shows it; the reading before where it is beyond what there can be."""
+        """Current as the sensor shows it; the reading before where it is beyond what
+        there can be.
+        """
         return where(abs(self.current) <= self.largest_current, self.current, self.last_current)
 
     def measured_voltage(self) -> Any:
-        """Voltage as the sensor shows it; the reading before where it is beyond what there can be."""
+        """Voltage as the sensor shows it; the reading before where it is beyond what
+        there can be.
+        """
         return where(abs(self.voltage) <= self.largest_voltage, self.voltage, self.last_voltage)

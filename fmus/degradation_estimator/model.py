@@ -1,8 +1,9 @@
-"""The degradation estimator: impedance of the actuator while it works, and the voltage limit that follows from it.
+"""The degradation estimator: impedance of the actuator while it works, and the voltage limit that
+follows from it.
 
-Thesis chapter 4. Samples (``measurement.py``) of a current that moves (``excitation.py``) give a recursive estimate of
-eq. 4.6 with forgetting (``regression.py``); here it becomes the circuit ``R1 R2 C`` behind it, the impedance at one
-frequency (eq. 4.10), and the derating of fig. 4-3.
+Thesis chapter 4. Samples (``measurement.py``) of a current that moves (``excitation.py``) give a
+recursive estimate of eq. 4.6 with forgetting (``regression.py``); here it becomes the circuit ``R1
+R2 C`` behind it, the impedance at one frequency (eq. 4.10), and the derating of fig. 4-3.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ _DESIGN = "design choice; the thesis gives no number (section 4.2)"
 
 
 class DegradationEstimator(Regression):
-    """Recursive impedance estimate with forgetting, and the derated voltage limit (thesis chapter 4)."""
+    """Recursive impedance estimate with forgetting, and the derated voltage limit (thesis chapter
+    4).
+    """
 
     name = "degradation_estimator"
     experiment = (600.0, 0.1)
@@ -133,10 +136,13 @@ class DegradationEstimator(Regression):
         doc="derating steps taken so far",
     )
 
-    # --- circuit ----------------------------------------------------------------------------------------------------
+    # --- circuit
+    # ----------------------------------------------------------------------------------------------
 
     def circuit(self) -> Vector:
-        """R1, R2 and C of the estimate; kept while it is that of no circuit, and without excitation."""
+        """R1, R2 and C of the estimate; kept while it is that of no circuit, and without
+        excitation.
+        """
         estimate = self.estimate()
         R1, R2, C = solved(estimate, self.zero_order_hold, self.sample_period)
         new = logical_and(exists(estimate, self.zero_order_hold), self.excited())
@@ -154,7 +160,8 @@ class DegradationEstimator(Regression):
         """Third element of :meth:`circuit`."""
         return self.circuit()[2]
 
-    # --- validity ---------------------------------------------------------------------------------------------------
+    # --- validity
+    # ----------------------------------------------------------------------------------------------
 
     def settled(self) -> Any:
         """Whether excitation and time suffice."""
@@ -162,16 +169,21 @@ class DegradationEstimator(Regression):
         return logical_and(self.next_reversals() >= self.minimum_reversals, long)
 
     def next_estimate_valid(self) -> Any:
-        """Whether to trust the estimate; without excitation it stays what it was, as the estimate does."""
+        """Whether to trust the estimate; without excitation it stays what it was, as the estimate
+        does.
+        """
         now = where(
             logical_and(self.settled(), exists(self.estimate(), self.zero_order_hold)), 1.0, 0.0
         )
         return where(self.excited(), now, where(self.estimate_valid, 1.0, 0.0))
 
-    # --- reference: the first valid estimate, the base of all changes (section 4.2) -----------------------------------
+    # --- reference: the first valid estimate, the base of all changes (section 4.2)
+    # -----------------------------------
 
     def reference_of(self, kept: Any, latest: Any) -> Any:
-        """Element of the reference circuit; the first valid estimate is taken over at the sample after it."""
+        """Element of the reference circuit; the first valid estimate is taken over at the sample
+        after it.
+        """
         return where(logical_and(self.estimate_valid, self.reference_R2 <= 0.0), latest, kept)
 
     def next_reference_R1(self) -> Any:
@@ -187,7 +199,9 @@ class DegradationEstimator(Regression):
         return self.reference_of(self.reference_C, self.C)
 
     def reference_at(self, angular_frequency: Any) -> Any:
-        """Impedance of the reference; evaluated anew while the frequency is tracked, to compare like with like."""
+        """Impedance of the reference; evaluated anew while the frequency is tracked, to compare
+        like with like.
+        """
         anew = logical_and(self.track_frequency, self.reference_R2 > 0.0)
         circuit = self.reference_R1, self.reference_R2, self.reference_C
         return where(anew, magnitude(circuit, angular_frequency), self.reference_impedance)
@@ -203,20 +217,24 @@ class DegradationEstimator(Regression):
         first = logical_and(reference <= 0.0, self.next_estimate_valid() > 0.5)
         return where(first, now, reference)
 
-    # --- derating ---------------------------------------------------------------------------------------------------
+    # --- derating
+    # ----------------------------------------------------------------------------------------------
 
     def relative_change(self, impedance: Any, reference: Any) -> Any:
         """Change of the impedance from the reference; 0 while there is none."""
         return where(reference > 0.0, impedance / where(reference > 0.0, reference, 1.0) - 1.0, 0.0)
 
     def next_derating_steps(self) -> Any:
-        """Steps taken: one per ``impedance_step`` of a valid estimate's change, and none taken back (fig. 4-3)."""
+        """Steps taken: one per ``impedance_step`` of a valid estimate's change, and none taken back
+        (fig. 4-3).
+        """
         due = floor(self.relative_change(*self.next_impedances()) / self.impedance_step)
         return where(
             self.next_estimate_valid() > 0.5, maximum(self.derating_steps, due), self.derating_steps
         )
 
-    # --- outputs ----------------------------------------------------------------------------------------------------
+    # --- outputs
+    # ----------------------------------------------------------------------------------------------
 
     def present_impedance(self) -> Any:
         """Magnitude of the impedance of the latest circuit (eq. 4.10)."""
@@ -231,7 +249,9 @@ class DegradationEstimator(Regression):
 
     @Output("1", display="%")
     def impedance_change(self) -> Any:
-        """Change of the impedance from the first valid estimate, both at the same angular frequency."""
+        """Change of the impedance from the first valid estimate, both at the same angular
+        frequency.
+        """
         return self.relative_change(self.present_impedance(), self.reference_impedance)
 
     @Output("V")
@@ -252,8 +272,10 @@ class DegradationEstimator(Regression):
                 "instrumental_variable": 0,
                 "zero_order_hold": 0,
             },
-            doc="least squares of appendix A3: 10 Hz, forgetting factor 0.91, covariance reset to unity every 10 s, "
-            "Tustin conversion; biased by noise (errata 8, 9, 11)",
+            doc=(
+                "least squares of appendix A3: 10 Hz, forgetting factor 0.91, covariance reset to"
+                " unity every 10 s, Tustin conversion; biased by noise (errata 8, 9, 11)"
+            ),
         ),
         "thesis_15_hz": Preset(
             {
@@ -266,7 +288,9 @@ class DegradationEstimator(Regression):
                 "instrumental_variable": 0,
                 "zero_order_hold": 0,
             },
-            doc="least squares of section 4.3: 15 Hz, forgetting factor 0.985, covariance reset to unity every 5 s, "
-            "Tustin conversion; biased by noise (errata 8, 9, 11)",
+            doc=(
+                "least squares of section 4.3: 15 Hz, forgetting factor 0.985, covariance reset to"
+                " unity every 5 s, Tustin conversion; biased by noise (errata 8, 9, 11)"
+            ),
         ),
     }

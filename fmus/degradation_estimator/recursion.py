@@ -1,7 +1,8 @@
-"""Recursive estimation of three parameters, with the matrices written out so that floats and symbols serve alike.
+"""Recursive estimation of three parameters, with the matrices written out so that floats and
+symbols serve alike.
 
-A vector is a tuple of 3, a matrix a tuple of 9 by rows. The estimate belongs to ``y = phi . theta + noise``; the
-instrument ``zeta`` is the regressor ``phi`` itself for least squares.
+A vector is a tuple of 3, a matrix a tuple of 9 by rows. The estimate belongs to ``y = phi . theta +
+noise``; the instrument ``zeta`` is the regressor ``phi`` itself for least squares.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from ..kit import where
 Vector = tuple[Any, Any, Any]
 Matrix = tuple[Any, Any, Any, Any, Any, Any, Any, Any, Any]
 
-# A denominator below this share of the forgetting factor comes from an instrument that opposes the regressor; least
-# squares never has one below that factor. The update is left out then.
+# A denominator below this share of the forgetting factor comes from an instrument that opposes the
+# regressor; least squares never has one below that factor. The update is left out then.
 _LEAST_DENOMINATOR = 0.1
 
 
@@ -39,7 +40,8 @@ def trace(p: Matrix) -> Any:
 
 
 def gain(p: Matrix, phi: Vector, zeta: Vector, forgetting: Any) -> Vector:
-    """Gain ``P zeta / (alpha + phi' P zeta)``, zero where the denominator is not safely positive or not a number.
+    """Gain ``P zeta / (alpha + phi' P zeta)``, zero where the denominator is not safely positive or
+    not a number.
 
     Eq. 4.7 with the ``phi`` and the forgetting factor that it lacks (errata 6).
     """

@@ -1,7 +1,9 @@
-"""Recursive estimate of ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6), by least squares or with an instrument.
+"""Recursive estimate of ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6), by least squares or
+with an instrument.
 
-Noise in ``v(t-1)`` biases least squares (``docs/errata.md``, row 9). An instrumental variable does without: an
-auxiliary model, which follows the estimate, tells from the current alone what the voltage would be.
+Noise in ``v(t-1)`` biases least squares (``docs/errata.md``, row 9). An instrumental variable does
+without: an auxiliary model, which follows the estimate, tells from the current alone what the
+voltage would be.
 """
 
 from __future__ import annotations
@@ -159,7 +161,8 @@ class Regression(Excitation):
         doc="filtered voltage of the auxiliary model, noise-free",
     )
 
-    # --- regressor and instrument -----------------------------------------------------------------------------------
+    # --- regressor and instrument
+    # -----------------------------------------------------------------------------------
 
     def with_instrument(self) -> Any:
         """Whether this sample is taken with the instrument."""
@@ -171,7 +174,9 @@ class Regression(Excitation):
         return clip(-self.auxiliary_a, 0.0, _SLOWEST_POLE)
 
     def next_filtered_current(self) -> Any:
-        """Current filtered by ``1 / (1 + a z^-1)`` of the auxiliary model, which whitens noise on the voltage."""
+        """Current filtered by ``1 / (1 + a z^-1)`` of the auxiliary model, which whitens noise on
+        the voltage.
+        """
         return self.measured_current() + self.auxiliary_pole() * self.filtered_current
 
     def next_filtered_voltage(self) -> Any:
@@ -187,10 +192,11 @@ class Regression(Excitation):
         return driven + self.auxiliary_pole() * self.instrument
 
     def regression(self) -> tuple[Vector, Vector, Any]:
-        """Data vector of eq. 4.6, ``[i(t), i(t-1), -v(t-1)]``, its instrument, and the voltage to explain.
+        """Data vector of eq. 4.6, ``[i(t), i(t-1), -v(t-1)]``, its instrument, and the voltage to
+        explain.
 
-        With the instrument all are filtered, and the auxiliary model's voltage stands in it for the measured one; in
-        least squares it is the data vector itself.
+        With the instrument all are filtered, and the auxiliary model's voltage stands in it for the
+        measured one; in least squares it is the data vector itself.
         """
         late = self.with_instrument()
         before = where(late, self.filtered_current, self.last_current)
@@ -200,10 +206,13 @@ class Regression(Excitation):
         wanted = where(late, self.next_filtered_voltage(), self.measured_voltage())
         return (now, before, -old), (now, before, -clean), wanted
 
-    # --- estimate ---------------------------------------------------------------------------------------------------
+    # --- estimate
+    # ----------------------------------------------------------------------------------------------
 
     def forgetting_factor(self) -> Any:
-        """Forgetting factor of eq. 4.11, ``epsilon^(T_s / T_f)`` with the weight as a fraction; at least 0.01."""
+        """Forgetting factor of eq. 4.11, ``epsilon^(T_s / T_f)`` with the weight as a fraction; at
+        least 0.01.
+        """
         return maximum(
             exp(log(self.remaining_weight) * self.sample_period / self.forgetting_time),
             _LEAST_FORGETTING,
@@ -250,7 +259,9 @@ class Regression(Excitation):
         return self.estimate()[2]
 
     def auxiliary_share(self) -> Any:
-        """Share of the new estimate in the auxiliary model: all of it at first, then a low-pass; none when frozen."""
+        """Share of the new estimate in the auxiliary model: all of it at first, then a low-pass;
+        none when frozen.
+        """
         slow = 1.0 - exp(-self.sample_period / self.instrument_time)
         return where(self.excited(), where(self.with_instrument(), slow, 1.0), 0.0)
 
@@ -266,7 +277,8 @@ class Regression(Excitation):
         """``a`` of the auxiliary model follows the estimate."""
         return self.auxiliary_a + self.auxiliary_share() * (self.next_a() - self.auxiliary_a)
 
-    # --- covariance matrix ------------------------------------------------------------------------------------------
+    # --- covariance matrix
+    # ------------------------------------------------------------------------------------------
 
     def reset_due(self) -> Any:
         """Whether the covariance matrix is reset after this sample (section 4.1.1)."""
@@ -282,7 +294,8 @@ class Regression(Excitation):
         return where(self.excited(), counted, self.time_since_reset)
 
     def next_covariance(self, row: int, column: int) -> Any:
-        """Element of the covariance matrix after this sample (eq. 4.9 with errata 6), reset or bounded.
+        """Element of the covariance matrix after this sample (eq. 4.9 with errata 6), reset or
+        bounded.
 
         It is kept without excitation, and put at its start before anything was estimated.
         """

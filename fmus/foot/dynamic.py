@@ -1,4 +1,6 @@
-"""The foot that moves by itself: joint inertias under the torques of the statics, between soft stops."""
+"""The foot that moves by itself: joint inertias under the torques of the statics, between soft
+stops.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,11 @@ def _limit(default: float, low: float, high: float, doc: str) -> Any:
 
 
 class FootDynamic(FootStatics):
-    """Foot that moves under tensions and toe force: joint inertias, damping, the arch as a spring, and soft stops.
+    """Foot that moves under tensions and toe force: joint inertias, damping, the arch as a spring,
+    and soft stops.
 
-    The leg is still fixed and the inertias are not coupled: each joint carries what it moves as one constant inertia.
+    The leg is still fixed and the inertias are not coupled: each joint carries what it moves as one
+    constant inertia.
     """
 
     name = "foot_dynamic"
@@ -68,7 +72,10 @@ class FootDynamic(FootStatics):
         max=1e4,
         nominal=100.0,
         source="assumed",
-        doc="natural frequency of each joint's inertia on its stop; the stop's stiffness is its square times inertia",
+        doc=(
+            "natural frequency of each joint's inertia on its stop; the stop's stiffness is its"
+            " square times inertia"
+        ),
     )
 
     ankle_angle = State(
@@ -139,7 +146,9 @@ class FootDynamic(FootStatics):
         return self.mtp_rate
 
     def stop(self, angle: Any, lower: Any, upper: Any) -> Any:
-        """Angular acceleration that a soft stop gives: none between the limits, proportional to what is beyond."""
+        """Angular acceleration that a soft stop gives: none between the limits, proportional to
+        what is beyond.
+        """
         beyond = maximum(angle - upper, 0.0) + minimum(angle - lower, 0.0)
         return -self.stop_frequency * self.stop_frequency * beyond
 

@@ -1,24 +1,34 @@
-"""Known ways the foot is wrong: tendons that stretch, rub and cross the arch, and joints with dry friction.
+"""Known ways the foot is wrong: tendons that stretch, rub and cross the arch, and joints with dry
+friction.
 
-Each is a mixin that overrides laws (never an output) through ``super()``. At its neutral parameter value the laws give
-the bits of the base model. Dry friction is of the joints that move by themselves; the others are of both forms.
+Each is a mixin that overrides laws (never an output) through ``super()``. At its neutral parameter
+value the laws give the bits of the base model. Dry friction is of the joints that move by
+themselves; the others are of both forms.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Effect, Parameter, State, exp, tanh
-from ..kit.component import Term, by_name
-from ..kit.curves import curve
-from ..kit.generic import described
+from ..kit import (
+    Effect,
+    EffectNames,
+    Parameter,
+    State,
+    Term,
+    curve,
+    describe_effect,
+    effects_by_name,
+    exp,
+    tanh,
+)
 from .dynamic import FootDynamic
 
 if TYPE_CHECKING:
     from .statics import FootStatics
 
     class FootEffect(Effect, FootStatics):
-        """What an effect can count on: the laws of the foot that it is laid over."""
+        """Laws of the foot that an effect overrides."""
 else:
     FootEffect = Effect
 
@@ -36,12 +46,14 @@ def _stretch(actuator: str) -> Any:
 
 
 class PlantarTendonAcrossArch(FootEffect):
-    """Plantar tendon that crosses the arch as well, on an attachment radius ``a``, and presses it down under tension.
+    """Plantar tendon that crosses the arch as well, on an attachment radius ``a``, and presses it
+    down under tension.
 
-    Virtual work asks for the same arm everywhere: ``a theta_TM`` more in the length of pl, ``a dtheta_TM/dt`` in its
-    rate, ``a T_pl`` less in the torque of the joint, and ``K = R^T K_l R`` with a term between arch and toe. Relaxes
-    assumption 3, that pl acts on the toe only; the program of the thesis (appendix A4) has a token 0.001 in that place.
-    ``a = 0`` is the base model.
+    Virtual work asks for the same arm everywhere: ``a theta_TM`` more in the length of pl, ``a
+    dtheta_TM/dt`` in its rate, ``a T_pl`` less in the torque of the joint, and ``K = R^T K_l R``
+    with a term between arch and toe. Relaxes assumption 3, that pl acts on the toe only; the
+    program of the thesis (appendix A4) has a token 0.001 in that place. ``a = 0`` is the base
+    model.
     """
 
     id = "plantar_tendon_across_arch"
@@ -79,7 +91,9 @@ class PlantarTendonAcrossArch(FootEffect):
         return ankle, tm - self.pl_arch_arm() * self.tensions()[3], mtp
 
     def compliance(self, row: int, column: int) -> Any:
-        """Entry of ``J K'^-1 J^T``, written as what ``K' - K = k a [[a, r], [r, 0]]`` over arch and toe takes away."""
+        """Entry of ``J K'^-1 J^T``, written as what ``K' - K = k a [[a, r], [r, 0]]`` over arch and
+        toe takes away.
+        """
         _, tm, mtp = self.jacobian()
         _, arch, toe = self.joint_stiffnesses()
         k, a, r = self.k_pl, self.pl_arch_arm(), self.pl_arm()
@@ -94,10 +108,12 @@ class PlantarTendonAcrossArch(FootEffect):
 
 
 class TendonStretch(FootEffect):
-    """Tendons that stretch under tension, each as a Voigt body: ``tau ds/dt = c T - s``, and an actuator shorter by s.
+    """Tendons that stretch under tension, each as a Voigt body: ``tau ds/dt = c T - s``, and an
+    actuator shorter by s.
 
-    Stiffness and damping seen at the toe stay those of the actuators. Relaxes assumption 7, that tendons do not
-    stretch; ``c = 0`` is the base model. Of viscoelastic tendons: Fung, Biomechanics, 2nd ed., 1993, section 2.11.
+    Stiffness and damping seen at the toe stay those of the actuators. Relaxes assumption 7, that
+    tendons do not stretch; ``c = 0`` is the base model. Of viscoelastic tendons: Fung,
+    Biomechanics, 2nd ed., 1993, section 2.11.
     """
 
     id = "tendon_stretch"
@@ -162,11 +178,13 @@ class TendonStretch(FootEffect):
 
 
 class TendonFriction(FootEffect):
-    """Tendons that rub in their guides: at the joint the tension is ``T exp(w tanh(v / v_w))``, v the rate of length.
+    """Tendons that rub in their guides: at the joint the tension is ``T exp(w tanh(v / v_w))``, v
+    the rate of length.
 
-    A joint that draws its tendon out feels more than the actuator pulls with, one that is drawn along less; w is the
-    coefficient of friction times the angle of wrap (Euler and Eytelwein's capstan equation), the same for all tendons.
-    Relaxes assumption 7, that tendons do not rub; ``w = 0`` is the base model.
+    A joint that draws its tendon out feels more than the actuator pulls with, one that is drawn
+    along less; w is the coefficient of friction times the angle of wrap (Euler and Eytelwein's
+    capstan equation), the same for all tendons. Relaxes assumption 7, that tendons do not rub; ``w
+    = 0`` is the base model.
     """
 
     id = "tendon_friction"
@@ -210,11 +228,13 @@ def _dry_friction(joint: str) -> type[Effect]:
         "sign",
         "N*m",
         _DRY,
-        id="coulomb_friction",
-        suffixes=("coulomb", "coulomb_velocity"),
-        qualifier=law,
+        names=EffectNames(
+            id="coulomb_friction",
+            variables=(f"{law}_coulomb", f"{law}_coulomb_velocity"),
+            qualifier=law,
+        ),
     )
-    return described(
+    return describe_effect(
         effect,
         8,
         f"""Dry friction of the {joint}: ``M_c tanh(omega / omega_c)`` more, a smooth sign.
@@ -224,7 +244,7 @@ def _dry_friction(joint: str) -> type[Effect]:
     )
 
 
-EFFECTS: dict[str, type[Effect]] = by_name(
+EFFECTS: dict[str, type[Effect]] = effects_by_name(
     PlantarTendonAcrossArch,
     TendonStretch,
     TendonFriction,

@@ -1,7 +1,8 @@
 """Stance phase of the gait, eqs. 5.13-5.16, and the joint angles that actuator lengths ask for.
 
-Eq. 5.16 as printed repeats eq. 5.15; the plantar length is that of the M-file (``docs/errata.md``, row 14). Together
-the four lengths are no motion of a rigid foot: antagonists of unequal moment arms cannot both move by 1 mm.
+Eq. 5.16 as printed repeats eq. 5.15; the plantar length is that of the M-file (``docs/errata.md``,
+row 14). Together the four lengths are no motion of a rigid foot: antagonists of unequal moment arms
+cannot both move by 1 mm.
 """
 
 from __future__ import annotations
@@ -56,8 +57,9 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
     Returns
     -------
     float
-        In rad, on the side of the singular postures where the reference configuration is. For ``an`` and ``po`` the
-        angle of the ankle, for ``do`` and ``pl`` that of the metatarsal-phalangeal joint.
+        In rad, on the side of the singular postures where the reference configuration is. For
+        ``an`` and ``po`` the angle of the ankle, for ``do`` and ``pl`` that of the
+        metatarsal-phalangeal joint.
 
     Raises
     ------
@@ -76,8 +78,8 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
     base = math.hypot(along, across)  # from the joint to the origin of the actuator
     if not abs(base - radius) < length < base + radius:
         raise UserError(
-            f"length {length:g} m of actuator {actuator!r} cannot be reached: its triangle closes between "
-            f"{abs(base - radius):.6g} m and {base + radius:.6g} m"
+            f"length {length:g} m of actuator {actuator!r} cannot be reached: its triangle closes"
+            f" between {abs(base - radius):.6g} m and {base + radius:.6g} m"
         )
     # law of cosines for the angle at the joint, against that of the reference configuration
     turned = math.acos((base**2 + radius**2 - length**2) / (2.0 * base * radius)) - math.atan2(

@@ -1,9 +1,9 @@
 """Kinematics of the foot: joint angles to actuator lengths and to the toe, and their derivatives.
 
-Thesis eqs. 5.2-5.4, table 5-1. Three revolute joints in a row, ``ankle``, ``tm`` and ``mtp``; four actuators, ``an``
-and ``po`` on the ankle, ``do`` and ``pl`` on the toe. Angles are zero in the reference configuration and positive in
-dorsiflexion (toes up). The frame is fixed to the leg with its origin in the ankle, x down along the leg and y forward,
-as eq. 5.3 has it.
+Thesis eqs. 5.2-5.4, table 5-1. Three revolute joints in a row, ``ankle``, ``tm`` and ``mtp``; four
+actuators, ``an`` and ``po`` on the ankle, ``do`` and ``pl`` on the toe. Angles are zero in the
+reference configuration and positive in dorsiflexion (toes up). The frame is fixed to the leg with
+its origin in the ankle, x down along the leg and y forward, as eq. 5.3 has it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def attached_length(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
     Returns
     -------
     float
-        In metres: ``l^2 = l0^2 + 2 r ((r - l0 cos(angle)) (1 - cos(turn)) + l0 sin(angle) sin(turn))``.
+        In metres: ``l^2 = l0^2 + 2 r ((r - l0 cos(angle)) (1 - cos(turn)) + l0 sin(angle)
+        sin(turn))``.
     """
     along = radius - length * cos(angle)
     half = sin(0.5 * turn)  # 1 - cos(turn) = 2 half^2 without cancellation
@@ -63,7 +64,9 @@ def attached_length(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
 
 
 def attached_arm(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
-    """Moment arm of such an actuator, the derivative of :func:`attached_length` with respect to ``turn``, in m/rad."""
+    """Moment arm of such an actuator, the derivative of :func:`attached_length` with respect to
+    ``turn``, in m/rad.
+    """
     along = radius - length * cos(angle)
     across = length * sin(angle)
     return (
@@ -123,18 +126,25 @@ class FootKinematics(Component):
     tm_rate: Any
     mtp_rate: Any
 
-    # --- actuators: lengths, and R = dl/dtheta, which has one entry for each ---------------------------------------
+    # --- actuators: lengths, and R = dl/dtheta, which has one entry for each
+    # ---------------------------------------
 
     def an_triangle(self) -> tuple[Any, Any, Any, Any]:
-        """Length, radius and angle of an, and how far its attachment has turned: dorsiflexion shortens it."""
+        """Length, radius and angle of an, and how far its attachment has turned: dorsiflexion
+        shortens it.
+        """
         return self.l_an, self.r_an, self.beta_an - self.gamma_an, -self.ankle_angle
 
     def po_triangle(self) -> tuple[Any, Any, Any, Any]:
-        """Length, radius and angle of po, and how far its attachment has turned: dorsiflexion lengthens it."""
+        """Length, radius and angle of po, and how far its attachment has turned: dorsiflexion
+        lengthens it.
+        """
         return self.l_po, self.r_po, self.beta_po - self.gamma_po, self.ankle_angle
 
     def do_triangle(self) -> tuple[Any, Any, Any, Any]:
-        """Length, radius and angle of do, and how far its attachment has turned: dorsiflexion shortens it."""
+        """Length, radius and angle of do, and how far its attachment has turned: dorsiflexion
+        shortens it.
+        """
         return self.l_do, self.r_do, self.gamma_do, -self.mtp_angle
 
     def arms(self) -> tuple[Any, Any, Any, Any]:
@@ -155,7 +165,9 @@ class FootKinematics(Component):
         return self.scale * self.arms()[2]
 
     def pl_arm(self) -> Any:
-        """Moment arm of pl, dl/dtheta of the metatarsal-phalangeal joint: the radius its tendon lies on."""
+        """Moment arm of pl, dl/dtheta of the metatarsal-phalangeal joint: the radius its tendon
+        lies on.
+        """
         return self.scale * self.arms()[3]
 
     def length_changes(self) -> tuple[Any, Any, Any, Any]:
@@ -171,7 +183,8 @@ class FootKinematics(Component):
         an, po = self.an_arm() * self.ankle_rate, self.po_arm() * self.ankle_rate
         return an, po, self.do_arm() * self.mtp_rate, self.pl_arm() * self.mtp_rate
 
-    # --- toe: position and J = dx/dtheta (eq. 5.3) ------------------------------------------------------------------
+    # --- toe: position and J = dx/dtheta (eq. 5.3)
+    # ------------------------------------------------------------------
 
     def link_angles(self) -> tuple[Any, Any, Any]:
         """Angles of the three links from the x axis."""
@@ -202,7 +215,8 @@ class FootKinematics(Component):
         ankle, tm, mtp = self.jacobian()
         return ankle[axis] * self.ankle_rate + tm[axis] * self.tm_rate + mtp[axis] * self.mtp_rate
 
-    # --- outputs ----------------------------------------------------------------------------------------------------
+    # --- outputs
+    # ----------------------------------------------------------------------------------------------
 
     @Output("m", nominal=0.1, display="mm")
     def an_length(self) -> Any:

@@ -1,7 +1,8 @@
 """Statics of the foot: joint torques, and stiffness and damping of the actuators seen at the toe.
 
-Antagonists act in parallel: their stiffnesses add at the joint, ``K = R^T K_l R`` with ``R = dl/dtheta``. That is not
-eq. 5.7, which adds compliances (``docs/errata.md``, row 13); eqs. 5.11 and 5.12 as printed are in ``thesis.py``.
+Antagonists act in parallel: their stiffnesses add at the joint, ``K = R^T K_l R`` with ``R =
+dl/dtheta``. That is not eq. 5.7, which adds compliances (``docs/errata.md``, row 13); eqs. 5.11 and
+5.12 as printed are in ``thesis.py``.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from ..kit import Input, Output, Parameter, maximum
 from .kinematics import FootKinematics
 
 _FIGURE = "thesis fig. 5-7, 12-layer actuator"
-# Determinant of J over ankle and mtp below which the toe counts as locked, in m^2; within the joints' ranges it is
-# above 1e-4. It keeps the damping of a singular posture finite.
+# Determinant of J over ankle and mtp below which the toe counts as locked, in m^2; within the
+# joints' ranges it is above 1e-4. It keeps the damping of a singular posture finite.
 _LOCKED = 1e-9
 
 
@@ -67,7 +68,9 @@ class FootStatics(FootKinematics):
         return self.an_tension, self.po_tension, self.do_tension, self.pl_tension
 
     def joint_torques(self) -> tuple[Any, Any, Any]:
-        """Torques on ankle, tm and mtp by tensions and toe force, J^T F - R^T T, positive in dorsiflexion."""
+        """Torques on ankle, tm and mtp by tensions and toe force, J^T F - R^T T, positive in
+        dorsiflexion.
+        """
         ankle, tm, mtp = (x * self.toe_force_x + y * self.toe_force_y for x, y in self.jacobian())
         an, po, do, pl = self.tensions()
         ankle_pull = self.an_arm() * an + self.po_arm() * po
@@ -93,7 +96,8 @@ class FootStatics(FootKinematics):
         return sum(j[row] * j[column] / stiffness for j, stiffness in pairs)
 
     def damping(self, row: int, column: int) -> Any:
-        """Entry of J^-T D J^-1 over ankle and mtp: toe force per toe velocity while the arch does not move.
+        """Entry of J^-T D J^-1 over ankle and mtp: toe force per toe velocity while the arch does
+        not move.
 
         Arms and J are equally long, so that it is the same at any scale.
         """
@@ -107,7 +111,8 @@ class FootStatics(FootKinematics):
         )
         return products / maximum(determinant * determinant, _LOCKED * _LOCKED)
 
-    # --- outputs ----------------------------------------------------------------------------------------------------
+    # --- outputs
+    # ----------------------------------------------------------------------------------------------
 
     @Output("N*m", nominal=0.1)
     def ankle_torque(self) -> Any:
@@ -121,7 +126,9 @@ class FootStatics(FootKinematics):
 
     @Output("N*m", nominal=0.1)
     def mtp_torque(self) -> Any:
-        """Torque of tensions and toe force on the metatarsal-phalangeal joint, positive in dorsiflexion."""
+        """Torque of tensions and toe force on the metatarsal-phalangeal joint, positive in
+        dorsiflexion.
+        """
         return self.joint_torques()[2]
 
     @Output("m/N", nominal=1e-3, display="mm/N")

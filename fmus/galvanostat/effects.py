@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Effect, Parameter
-from ..kit.component import Term, by_name
+from ..kit import Effect, Parameter, Term, effects_by_name
 
 if TYPE_CHECKING:
     from .model import Galvanostat
 
     class GalvanostatEffect(Effect, Galvanostat):
-        """What an effect can count on: the laws of the galvanostat that it is laid over."""
+        """Laws of the galvanostat that an effect overrides."""
 else:
     GalvanostatEffect = Effect
 
@@ -19,8 +18,8 @@ else:
 class CurrentSaturation(GalvanostatEffect):
     """The drive clips at a lower current than declared: ``|i| <= (1 - l) I``.
 
-    Relaxes assumption 1, that the current limit is the declared one (table 2-2); ``l = 0`` is the base model. The
-    parameter is seen only in a record whose command reaches the limit that is left.
+    Relaxes assumption 1, that the current limit is the declared one (table 2-2); ``l = 0`` is the
+    base model. The parameter is seen only in a record whose command reaches the limit that is left.
     """
 
     id = "current_saturation"
@@ -45,9 +44,11 @@ class CurrentSaturation(GalvanostatEffect):
 
 
 class CurrentOffset(GalvanostatEffect):
-    """Current that flows where none is wanted: an offset of the drive, within its limits and not in recovery.
+    """Current that flows where none is wanted: an offset of the drive, within its limits and not in
+    recovery.
 
-    Relaxes assumption 2, that the instrument is ideal between its limits; ``b = 0`` is the base model.
+    Relaxes assumption 2, that the instrument is ideal between its limits; ``b = 0`` is the base
+    model.
     """
 
     id = "current_offset"
@@ -73,7 +74,8 @@ class CurrentOffset(GalvanostatEffect):
 class CurrentGain(GalvanostatEffect):
     """Drive whose scale is wrong: ``(1 + g)`` times the wanted current, within its limits.
 
-    Relaxes assumption 2, that the instrument is ideal between its limits; ``g = 0`` is the base model.
+    Relaxes assumption 2, that the instrument is ideal between its limits; ``g = 0`` is the base
+    model.
     """
 
     id = "current_gain"
@@ -92,4 +94,4 @@ class CurrentGain(GalvanostatEffect):
         return super().tolerated_current() * (1.0 + self.drive_gain_error)
 
 
-EFFECTS: dict[str, type[Effect]] = by_name(CurrentSaturation, CurrentOffset, CurrentGain)
+EFFECTS: dict[str, type[Effect]] = effects_by_name(CurrentSaturation, CurrentOffset, CurrentGain)

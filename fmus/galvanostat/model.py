@@ -1,8 +1,10 @@
-"""The potentiostat-galvanostat: limits, compliance, and the voltage protection of thesis section 4.2.
+"""The potentiostat-galvanostat: limits, compliance, and the voltage protection of thesis section
+4.2.
 
-Thesis table 2-2 gives the numbers of the instrument (Hokuto Denko HA-151), fig. 4-4 and its text the protection. The
-voltage is looked at only at sample instants, so that no algebraic loop runs through the current and the voltage of the
-actuator; between them the current follows the command at once.
+Thesis table 2-2 gives the numbers of the instrument (Hokuto Denko HA-151), fig. 4-4 and its text
+the protection. The voltage is looked at only at sample instants, so that no algebraic loop runs
+through the current and the voltage of the actuator; between them the current follows the command at
+once.
 """
 
 from __future__ import annotations
@@ -25,16 +27,20 @@ from ..kit import (
 )
 
 _TABLE = "thesis table 2-2 (HA-151)"
-# Response time below which the instrument counts as ideal, in seconds: no lag is integrated, however stiff.
+# Response time below which the instrument counts as ideal, in seconds: no lag is integrated,
+# however stiff.
 _SHORTEST_RESPONSE = 1e-6
 # Smallest share of the current that compliance leaves, so that it can grow again by a factor.
 _SMALLEST_SHARE = 1e-6
-# A recovery time this close to whole periods is that number of them; the quotient of two decimals is rounded.
+# A recovery time this close to whole periods is that number of them; the quotient of two decimals
+# is rounded.
 _SAME_COUNT = 1e-9
 
 
 class Galvanostat(Component):
-    """Potentiostat-galvanostat: current in, limited current out, with voltage protection (thesis sections 2.3, 4.2)."""
+    """Potentiostat-galvanostat: current in, limited current out, with voltage protection (thesis
+    sections 2.3, 4.2).
+    """
 
     name = "galvanostat"
     experiment = (60.0, 0.01)
@@ -66,7 +72,10 @@ class Galvanostat(Component):
         max=1e3,
         nominal=1e-3,
         display="mA",
-        doc="deviation of the setpoint from the current wanted, a dead band in either direction; 0 is exact",
+        doc=(
+            "deviation of the setpoint from the current wanted, a dead band in either direction; 0"
+            " is exact"
+        ),
     )
     recovery_time = Parameter(
         0.5,
@@ -74,7 +83,10 @@ class Galvanostat(Component):
         min=0,
         max=1e3,
         source="choice; thesis section 4.2 gives no number",
-        doc="time without current after the voltage was beyond its limit, in whole protection periods and at least one",
+        doc=(
+            "time without current after the voltage was beyond its limit, in whole protection"
+            " periods and at least one"
+        ),
     )
     protection_period = Parameter(
         0.01,
@@ -151,14 +163,17 @@ class Galvanostat(Component):
         doc="voltage error at the latest control sample",
     )
 
-    # --- limits -----------------------------------------------------------------------------------------------------
+    # --- limits
+    # ----------------------------------------------------------------------------------------------
 
     def maximum_current(self) -> Any:
         """Current at which the instrument clips (table 2-2)."""
         return self.current_limit
 
     def upper_current(self) -> Any:
-        """Largest current; less than the maximum if the voltage is positive and at the compliance."""
+        """Largest current; less than the maximum if the voltage is positive and at the
+        compliance.
+        """
         return self.maximum_current() * where(
             self.sampled_voltage > 0.0, self.compliance_share, 1.0
         )
@@ -170,22 +185,31 @@ class Galvanostat(Component):
         )
 
     def next_compliance_share(self) -> Any:
-        """Scale the share by V_c / |v|, at most doubling it: into a resistance R the current settles at V_c / R."""
+        """Scale the share by V_c / |v|, at most doubling it: into a resistance R the current
+        settles at V_c / R.
+        """
         factor = self.compliance_voltage / maximum(abs(self.voltage), 0.5 * self.compliance_voltage)
         return clip(self.compliance_share * factor, _SMALLEST_SHARE, 1.0)
 
     def next_sampled_voltage(self) -> Any:
-        """Sample of the voltage, whose sign tells which direction of the current the compliance limits."""
+        """Sample of the voltage, whose sign tells which direction of the current the compliance
+        limits.
+        """
         return self.voltage
 
-    # --- protection -------------------------------------------------------------------------------------------------
+    # --- protection
+    # ----------------------------------------------------------------------------------------------
 
     def recovery_count(self) -> Any:
-        """Number of protection periods that make the recovery time: rounded up, and at least one."""
+        """Number of protection periods that make the recovery time: rounded up, and at
+        least one.
+        """
         return maximum(-floor(_SAME_COUNT - self.recovery_time / self.protection_period), 1.0)
 
     def next_recovery_samples(self) -> Any:
-        """Count down, then look at the voltage: beyond the limit, the (next) recovery begins (fig. 4-4)."""
+        """Count down, then look at the voltage: beyond the limit, the (next) recovery begins
+        (fig. 4-4).
+        """
         begun = where(abs(self.voltage) > self.voltage_limit, self.recovery_count(), 0.0)
         return where(self.recovery_samples > 1.5, self.recovery_samples - 1.0, begun)
 
@@ -193,7 +217,8 @@ class Galvanostat(Component):
         """Whether the protection holds the current at zero."""
         return self.recovery_samples > 0.5
 
-    # --- potentiostat -----------------------------------------------------------------------------------------------
+    # --- potentiostat
+    # ----------------------------------------------------------------------------------------------
 
     def voltage_error(self) -> Any:
         """What the voltage lacks of its command, less what is within the tolerance."""
@@ -205,7 +230,9 @@ class Galvanostat(Component):
         return self.voltage_error()
 
     def next_control_current(self) -> Any:
-        """PI law in its velocity form, i + k_i T e + k_p (e - e_before), held at the limits and in recovery."""
+        """PI law in its velocity form, i + k_i T e + k_p (e - e_before), held at the limits and in
+        recovery.
+        """
         error = self.voltage_error()
         change = self.integral_gain * self.control_period * error + self.proportional_gain * (
             error - self.control_error
@@ -215,7 +242,8 @@ class Galvanostat(Component):
             self.potentiostat, where(self.in_recovery(), self.control_current, following), 0.0
         )
 
-    # --- current ----------------------------------------------------------------------------------------------------
+    # --- current
+    # ----------------------------------------------------------------------------------------------
 
     def wanted_current(self) -> Any:
         """Command of the galvanostat, or what the potentiostat makes of its own."""
@@ -232,7 +260,9 @@ class Galvanostat(Component):
         return where(self.in_recovery(), 0.0, limited)
 
     def lagged_current_rate(self) -> Any:
-        """First-order response to the setpoint, (i_set - i) / T; none if the instrument is ideal."""
+        """First-order response to the setpoint, (i_set - i) / T; none if the instrument
+        is ideal.
+        """
         response = maximum(self.response_time, _SHORTEST_RESPONSE)
         return where(
             self.response_time < _SHORTEST_RESPONSE,
@@ -245,12 +275,15 @@ class Galvanostat(Component):
         return where(self.response_time < _SHORTEST_RESPONSE, self.setpoint(), self.lagged_current)
 
     def is_saturated(self) -> Any:
-        """Whether the current wanted is beyond its limits; that of the potentiostat, held there, is at them."""
+        """Whether the current wanted is beyond its limits; that of the potentiostat, held there, is
+        at them.
+        """
         wanted, upper, lower = self.wanted_current(), self.upper_current(), self.lower_current()
         held = logical_or(wanted >= upper, wanted <= lower)
         return where(self.potentiostat, held, logical_or(wanted > upper, wanted < lower))
 
-    # --- outputs ----------------------------------------------------------------------------------------------------
+    # --- outputs
+    # ----------------------------------------------------------------------------------------------
 
     @Output("A")
     def current(self) -> Any:
@@ -264,7 +297,9 @@ class Galvanostat(Component):
 
     @Output("1", type="boolean")
     def recovering(self) -> Any:
-        """Whether the protection holds the current at zero; a controller freezes its integrator meanwhile."""
+        """Whether the protection holds the current at zero; a controller freezes its integrator
+        meanwhile.
+        """
         return self.in_recovery()
 
     presets = {
@@ -276,7 +311,10 @@ class Galvanostat(Component):
                 "control_tolerance": 1e-3,
                 "voltage_tolerance": 3e-3,
             },
-            doc="Hokuto Denko HA-151 with the response time and the tolerances of thesis table 2-2, where the printed "
-            "response, an upper bound, is taken as the time constant; a lag so short takes many internal steps",
+            doc=(
+                "Hokuto Denko HA-151 with the response time and the tolerances of thesis table 2-2,"
+                " where the printed response, an upper bound, is taken as the time constant; a lag"
+                " so short takes many internal steps"
+            ),
         ),
     }

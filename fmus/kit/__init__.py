@@ -1,11 +1,33 @@
 """The authoring kit: declare a component once, get a Python FMU and a native FMU.
 
-Importing this package is cheap; it needs only the standard library, because it travels inside the Python FMUs.
+Importing this package is cheap; it needs only the standard library, because it travels inside the
+Python FMUs. What not every component needs is imported when it is first used.
 """
 
-from .component import Component, Effect, stack
-from .declare import Discrete, Input, Output, Parameter, Preset, State, Text
-from .errors import UserError
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .component import Component, Effect, Engine, Term, effect_name, effects_by_name, stack
+from .declare import (
+    Declaration,
+    Discrete,
+    DiscreteDeclaration,
+    Input,
+    InputDeclaration,
+    Output,
+    OutputDeclaration,
+    Parameter,
+    ParameterDeclaration,
+    Preset,
+    State,
+    Text,
+    make_start_parameter,
+    name_declaration,
+    summary,
+)
+from .errors import UserError, suggestion
 from .functions import (
     absolute,
     arccos,
@@ -23,44 +45,111 @@ from .functions import (
     minimum,
     sign,
     sin,
+    slopes,
     smooth_table,
     sqrt,
     table,
     tanh,
     where,
 )
+from .layout import Layout
+
+if TYPE_CHECKING:
+    from .arms import lag_effect
+    from .corrections import MEMORIES, SignalTerm, SmoothTable, correction, effect_family
+    from .curves import SHAPES, EffectNames, curve
+    from .generic import describe_effect
+    from .integrate import Integrator
+    from .sensors import MEASUREMENTS, measurement_effects, transport_delay
+    from .slave import describe_error
 
 __all__ = [
+    "MEASUREMENTS",
+    "MEMORIES",
+    "SHAPES",
     "Component",
+    "Declaration",
     "Discrete",
+    "DiscreteDeclaration",
     "Effect",
+    "EffectNames",
+    "Engine",
     "Input",
+    "InputDeclaration",
+    "Integrator",
+    "Layout",
     "Output",
+    "OutputDeclaration",
     "Parameter",
+    "ParameterDeclaration",
     "Preset",
+    "SignalTerm",
+    "SmoothTable",
     "State",
+    "Term",
     "Text",
     "UserError",
     "absolute",
     "arccos",
     "arctan2",
     "clip",
+    "correction",
     "cos",
+    "curve",
+    "describe_effect",
+    "describe_error",
+    "effect_family",
+    "effect_name",
+    "effects_by_name",
     "exp",
     "floor",
     "hypot",
+    "lag_effect",
     "log",
     "logical_and",
     "logical_not",
     "logical_or",
+    "make_start_parameter",
     "maximum",
+    "measurement_effects",
     "minimum",
+    "name_declaration",
     "sign",
     "sin",
+    "slopes",
     "smooth_table",
     "sqrt",
     "stack",
+    "suggestion",
+    "summary",
     "table",
     "tanh",
+    "transport_delay",
     "where",
 ]
+
+_HOMES = {
+    "lag_effect": "arms",
+    "MEMORIES": "corrections",
+    "SignalTerm": "corrections",
+    "SmoothTable": "corrections",
+    "correction": "corrections",
+    "effect_family": "corrections",
+    "SHAPES": "curves",
+    "EffectNames": "curves",
+    "curve": "curves",
+    "describe_effect": "generic",
+    "Integrator": "integrate",
+    "MEASUREMENTS": "sensors",
+    "measurement_effects": "sensors",
+    "transport_delay": "sensors",
+    "describe_error": "slave",
+}
+"""Name -> module of this package that is imported when the name is first used."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import the module that a name is in."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

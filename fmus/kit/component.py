@@ -1,31 +1,63 @@
-"""Component: declarations plus laws, evaluated on whatever its attributes hold."""
+"""A component, its effects and its engine: declared variables and the laws that compute them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 from zlib import crc32
 
 from .declare import Declaration, Preset
-from .engine import Engine
 from .errors import UserError, suggestion
 from .layout import Layout, arrange, check, extract
+
+
+@dataclass(frozen=True)
+class Engine:
+    """The engine that computes a component without laws, such as a rig at the end of a cable.
+
+    Such a component keeps something outside of its memory, so its FMU state cannot be saved.
+
+    Attributes
+    ----------
+    slave : str
+        Class with the methods of :class:`fmus.kit.slave.Slave`, ``module:Class``; called with the
+        component's class, its memory and its texts.
+    needs : Mapping of str to str
+        Packages that it imports at run time, by the name that is imported: what to install.
+    folder : str
+        Package with the C files of the native build.
+    sources : tuple of str
+        C files, which implement the engine of ``fmi2/engine.h``.
+    headers : tuple of str
+    libraries : Mapping of str to tuple of str
+        Names for ``-l`` by FMI platform.
+    """
+
+    slave: str
+    needs: Mapping[str, str] = field(default_factory=dict)
+    folder: str = ""
+    sources: tuple[str, ...] = ()
+    headers: tuple[str, ...] = ()
+    libraries: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
 
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
 
 class Component:
-    """Base of every component: the class body declares variables, instance attributes are their current values.
+    """Base class of every component.
 
-    Laws are methods that compute from ``self``, without arguments where a declaration names them. They are plain
-    arithmetic and the functions of :mod:`fmus.kit.functions`; no ``if`` on values, so that one source serves floats,
-    NumPy arrays and CasADi symbols.
+    The class body declares variables; the attributes of an instance are their current values. Laws
+    are methods that compute from ``self``, without arguments where a declaration names them. They
+    are plain arithmetic and the functions of :mod:`fmus.kit.functions`; no ``if`` on values, so
+    that one source serves floats, NumPy arrays and CasADi symbols.
 
     Parameters
     ----------
     **values
-        Initial values by variable name (SI), replacing defaults. States start from their ``*_start`` parameters.
+        Initial values by variable name (SI), replacing defaults. States start from their
+        ``*_start`` parameters.
 
     Raises
     ------
@@ -39,8 +71,8 @@ class Component:
     author, copyright, license : str
         For the FMU's description; left out where empty.
     remark : str
-        How it differs from its class (effects, fitted values), for the FMU's description and documentation; one
-        statement to a line.
+        Differences from its class (effects, fitted values), for the FMU's description and
+        documentation; one statement to a line.
     tolerance : float
         Declared accuracy of the internal integration: local error per internal step, relative to
         ``nominal + |state|``.
@@ -49,9 +81,9 @@ class Component:
     presets : Mapping of str to Preset
         Named sets of parameter values, which the FMU brings along.
     engine : Engine or None
-        What computes it, where that is not its laws.
+        Computes it in place of laws; None where it has laws.
     declared : dict of str to Declaration
-        What this class itself declares, by name.
+        Variables that this class itself declares, by name.
     layout : Layout
         All variables, inherited ones included.
     time : float
@@ -89,19 +121,20 @@ class Component:
                 raise UserError(
                     f"{self.name or type(self).__name__}: no parameter or input named {name!r}"
                 )
-        # setattr rather than __dict__: an instance whose __dict__ was touched is slower for good in CPython
+        # setattr rather than __dict__: an instance whose __dict__ was touched is slower for good in
+        # CPython
         for name, value in (known | values).items():
             setattr(self, name, value)
         self.time = 0.0
         self.start()
 
     def start(self) -> None:
-        """Put every state at its start value."""
+        """Set every state to its start value."""
         for state, parameter in self.layout.start_of.items():
             setattr(self, state, getattr(self, parameter))
 
     def laws(self, names: list[str]) -> list[Callable[[], Any]]:
-        """Bound methods that the declarations name; where an effect overrides one, it is the effect's.
+        """Return bound methods by name.
 
         Parameters
         ----------
@@ -110,32 +143,34 @@ class Component:
         Returns
         -------
         list of callable
-            Without arguments.
+            Without arguments; where an effect overrides a method, it is the effect's.
         """
         return [getattr(self, name) for name in names]
 
     def rates(self) -> list[Any]:
-        """Time derivatives of the states, in layout order."""
+        """Return the time derivatives of the states, in layout order."""
         return [law() for law in self.laws([state.rate for state in self.layout.states])]
 
     def outputs(self) -> list[Any]:
-        """Values of the outputs, in layout order."""
+        """Return the values of the outputs, in layout order."""
         return [law() for law in self.laws([output.name for output in self.layout.outputs])]
 
 
 @dataclass(frozen=True)
 class Term:
-    """What an effect adds to a law.
+    """The change of a law that an effect makes.
 
     Attributes
     ----------
     law, signal, shape : str
         The law it changes, the signal that the change is a function of, and that function.
     family : str
-        What effects have in common that are one cause in several shapes: a law over a signal, what it remembers of
-        one, the loop that it runs through over one, or an input as it arrives. Empty where there are no others.
+        Name shared by effects that are one cause in several shapes: a law over a signal, a law with
+        a memory of one, the loop that it runs through over one, or an input as it arrives. Empty
+        where there are no others.
     qualifier : str
-        What tells it from an effect of the same id: the law, or the input, that it concerns, or its shape.
+        Distinguishes it from an effect of the same id: the law, or the input, that it concerns, or
+        its shape.
     """
 
     law: str = ""
@@ -146,10 +181,10 @@ class Term:
 
 
 class Effect(Component):
-    """An unmodelled effect of known form: a mixin that overrides one law of a component through ``super()``.
+    """An unmodelled effect of known form: a mixin that overrides a law through ``super()``.
 
-    An effect of the physics overrides laws; an output is for effects of its measurement, which no law sees
-    (:mod:`fmus.kit.sensors`).
+    An effect of the physics overrides laws; an output is for effects of its measurement, which no
+    law sees (:mod:`fmus.kit.sensors`).
 
     Attributes
     ----------
@@ -158,11 +193,11 @@ class Effect(Component):
     output : str
         The output whose measurement it concerns; empty for effects of the physics.
     term : Term
-        What it adds to which law, where that is told.
+        Its change of a law, where that has a formula.
     neutral : str
         The parameter that switches it: at the default value the component is exactly the one below.
     assumption : int or str
-        What it relaxes: number of an assumption in the component's README, or words.
+        The assumption it relaxes: its number in the component's README, or words.
     """
 
     id: ClassVar[str] = ""
@@ -173,49 +208,49 @@ class Effect(Component):
 
 
 def effect_name(effect: type[Effect]) -> str:
-    """Id of an effect, with what it is of where there may be several: ``sensor_lag(voltage)``, ``cubic(drop)``."""
-    of = effect.output or effect.term.qualifier
-    return f"{effect.id}({of})" if of else effect.id
+    """Return the id of an effect with its output or qualifier, if any: ``sensor_lag(voltage)``."""
+    subject = effect.output or effect.term.qualifier
+    return f"{effect.id}({subject})" if subject else effect.id
 
 
-def by_name(*effects: type[Effect]) -> dict[str, type[Effect]]:
-    """Effects by their names, for a catalogue."""
+def effects_by_name(*effects: type[Effect]) -> dict[str, type[Effect]]:
+    """Return effects by their names, for a catalogue."""
     return {effect_name(effect): effect for effect in effects}
 
 
-def _label(effect: type[Effect]) -> str:
-    of = (effect.output or effect.term.qualifier).replace(", ", "_of_")
-    return f"{effect.id}_of_{of}" if of else effect.id
+def _identifier(effect: type[Effect]) -> str:
+    """Return the name of an effect as a part of a file name."""
+    subject = (effect.output or effect.term.qualifier).replace(", ", "_of_")
+    return f"{effect.id}_of_{subject}" if subject else effect.id
 
 
 def _joined(parts: list[str]) -> str:
-    """Join names into one; a long one ends in a checksum of the whole, because it becomes a file name."""
+    """Join names into one that is short enough for a file; a longer one ends in a checksum."""
     name = "_with_".join(parts)
-    return (
-        name
-        if len(name) <= _LONGEST_NAME
-        else f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
-    )
+    if len(name) <= _LONGEST_NAME:
+        return name
+    return f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
 
 
 def _owners(cls: type[Component]) -> dict[str, type]:
-    """Variables of a class, and by which of its bases each is declared."""
+    """Return the variables of a class by name, each with the base class that declares it."""
     return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
 
 
 def _redeclared(
     prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float | str]
 ) -> dict[str, Any]:
-    """Declare parameters anew with other defaults; the start value of a state is in the state's declaration."""
-    holders: dict[str, Any] = {
-        p.name: p for part in parts for p in (*part.layout.parameters, *part.layout.texts)
-    }
-    layouts = [part.layout for part in parts]
-    holders |= {
-        layout.start_of[s.name]: s
-        for layout in layouts
-        for s in (*layout.states, *layout.discretes)
-    }
+    """Declare parameters anew with other defaults.
+
+    The start value of a state is in the state's own declaration.
+    """
+    holders: dict[str, Any] = {}
+    for part in parts:
+        for variable in (*part.layout.parameters, *part.layout.texts):
+            holders[variable.name] = variable
+    for part in parts:
+        for state in (*part.layout.states, *part.layout.discretes):
+            holders[part.layout.start_of[state.name]] = state
     for name in defaults:
         if name not in holders:
             raise UserError(f"{prefix}: no parameter named {name!r}{suggestion(name, holders)}")
@@ -224,13 +259,38 @@ def _redeclared(
     }
 
 
+def _check_effects(prefix: str, base: type[Component], effects: tuple[type[Effect], ...]) -> None:
+    """Check that effects can be laid over a component together; UserError if not."""
+    ids = [_identifier(effect) for effect in effects]
+    for identifier in ids:
+        if ids.count(identifier) > 1:
+            raise UserError(f"{prefix}: effect {identifier!r} is laid over it twice")
+    owners = _owners(base)
+    for effect in effects:
+        for variable, owner in _owners(effect).items():
+            other = owners.setdefault(variable, owner)
+            if other is not owner:
+                raise UserError(
+                    f"{prefix}: {other.__name__} and {owner.__name__} both declare variable"
+                    f" {variable!r}"
+                )
+    outputs = {output.name for part in (base, *effects) for output in part.layout.outputs}
+    for effect in effects:
+        if effect.output and effect.output not in outputs:
+            raise UserError(
+                f"{prefix}: {effect.id} is of {effect.output!r}, which is none of its outputs"
+            )
+
+
 def stack(
     base: type[Component],
     *effects: type[Effect],
     name: str | None = None,
     defaults: Mapping[str, float | str] | None = None,
 ) -> type[Component]:
-    """Lay effects over a component; later effects see the laws of earlier ones through ``super()``.
+    """Lay effects over a component.
+
+    Later effects see the laws of earlier ones through ``super()``.
 
     Parameters
     ----------
@@ -239,10 +299,11 @@ def stack(
     *effects : type[Effect]
         Effects, innermost first.
     name : str, optional
-        FMU name of the result; default joins the ids, with the output that an effect is of, as far as a file name goes.
+        FMU name of the result; default joins the ids of the effects, with their outputs or
+        qualifiers, shortened to the length of a file name.
     defaults : Mapping of str to float or str, optional
-        Values of parameters that replace their defaults, start values too, SI; texts of texts. Those of the base stay
-        otherwise.
+        Values that replace defaults of parameters, start values included, SI, and of texts. Those
+        of the base stay otherwise.
 
     Returns
     -------
@@ -251,41 +312,30 @@ def stack(
     Raises
     ------
     UserError
-        If the base has no laws, two effects have the same id and output, two classes declare a variable of the same
-        name, or there is no such output, or a default is of no parameter or out of its range.
+        If the base has no laws, two effects have the same id and output, two classes declare a
+        variable of the same name, or there is no such output, or a default is of no parameter or
+        out of its range.
     """
-    prefix, remark = base.name, base.remark
+    prefix = base.name
     if effects and base.engine is not None:
         raise UserError(
             f"{prefix} has no laws that an effect could change: it stands for something outside"
         )
-    name = name or _joined([prefix, *map(_label, effects)])
     values = {**vars(base).get("stacked_with", {}), **(defaults or {})}
-    base, earlier = vars(base).get("stacked", (base, ()))
-    effects = (*earlier, *effects)
-    ids = [_label(e) for e in effects]
-    repeated = [i for i in ids if ids.count(i) > 1]
-    if repeated:
-        raise UserError(f"{prefix}: effect {repeated[0]!r} is laid over it twice")
-    owners = _owners(base)
-    for effect in effects:
-        for variable, owner in _owners(effect).items():
-            other = owners.setdefault(variable, owner)
-            if other is not owner:
-                raise UserError(
-                    f"{prefix}: {other.__name__} and {owner.__name__} both declare variable {variable!r}"
-                )
-    outputs = {o.name for part in (base, *effects) for o in part.layout.outputs}
-    for effect in effects:
-        if effect.output and effect.output not in outputs:
-            raise UserError(
-                f"{prefix}: {effect.id} is of {effect.output!r}, which is none of its outputs"
-            )
-    title = "".join(e.__name__ for e in reversed(effects)) + base.__name__
-    about = {"name": name, "remark": remark, "__doc__": base.__doc__, "__module__": base.__module__}
-    made = {"stacked": (base, effects), "stacked_with": values}
+    component, earlier = vars(base).get("stacked", (base, ()))
+    layers = (*earlier, *effects)
+    _check_effects(prefix, component, layers)
+    body = {
+        "name": name or _joined([prefix, *map(_identifier, effects)]),
+        "remark": base.remark,
+        "__doc__": component.__doc__,
+        "__module__": component.__module__,
+        "stacked": (component, layers),
+        "stacked_with": values,
+    }
+    title = "".join(effect.__name__ for effect in reversed(layers)) + component.__name__
     return type(
         title,
-        (*reversed(effects), base),
-        about | made | _redeclared(prefix, (base, *effects), values),
+        (*reversed(layers), component),
+        body | _redeclared(prefix, (component, *layers), values),
     )

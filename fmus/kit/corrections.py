@@ -1,7 +1,8 @@
-"""What a law lacks, whichever law, of whichever signal: a shape or a table, added to it or multiplied with it.
+"""Corrections: effects that add a function of a signal to a law, or multiply the law with it.
 
-The effects of :mod:`fmus.kit.curves` are of inputs and states; here the signal may be what another law gives, the time,
-or what is remembered of any of these.
+The function is a shape or a table. The effects of :mod:`fmus.kit.curves` are functions of inputs
+and states; here the signal may also be the value of another law or the time, and the function may
+be of a memory of any of these.
 """
 
 from __future__ import annotations
@@ -9,45 +10,170 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from inspect import signature
 from math import inf, isfinite
 from typing import Any
 
 from .component import Component, Effect, Term
-from .curves import ANY, SHAPES, coefficient, in_brackets, per
+from .curves import ANY, SHAPES, coefficient, in_brackets, per, width_parameter
 from .declare import Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
-from .memory import LAGS, MEMORIES, Of, family
 
 KINDS = ("add", "multiply")
-__all__ = ["KINDS", "MEMORIES", "Of", "correction", "family", "with_constant"]
+MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
+LAGS = ("lagged", "leading", "heat")
+# families of effects of a signal, by its memory; others remember the signal
+_FAMILIES = {"": "over {}", "heat": "over temperature", "throughput": "over throughput"}
+
+
+@dataclass(frozen=True)
+class SignalTerm:
+    """A signal that a law depends on, as it is or as it is remembered.
+
+    Attributes
+    ----------
+    name : str
+        Input, state, law, or ``time``.
+    memory : {"", "lagged", "leading", "heat", "integrated", "throughput"}
+        The signal itself; the signal through a lag of first order; the signal less that; its square
+        through a lag, as heat is; its integral; or the integral of its modulus.
+    constant : float
+        Time constant of the lag, s.
+    unit : str
+        SI unit of the signal itself.
+    scale : float
+        Typical magnitude of the remembered value.
+    start : float
+        Start value of the remembered value.
+    zero : float
+        Origin of the argument of shapes: an absolute temperature never comes near zero.
+    """
+
+    name: str
+    memory: str = ""
+    constant: float = 0.0
+    unit: str = "1"
+    scale: float = 1.0
+    start: float = 0.0
+    zero: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """Description for people, with the time constant."""
+        lag = f" by {self.constant:.3g} s" if self.constant else ""
+        words = {
+            "lagged": f" lagged{lag}",
+            "leading": f" less itself lagged{lag}",
+            "heat": f" squared, lagged{lag}",
+            "integrated": " integrated",
+            "throughput": " integrated in modulus",
+        }
+        return self.name + words.get(self.memory, "")
+
+    @property
+    def words(self) -> str:
+        """Description for people, without the time constant, which is a parameter of the effect."""
+        return replace(self, constant=0.0).label
+
+    @property
+    def counted(self) -> str:
+        """Description of the argument x of a shape."""
+        return self.words + (f" less {self.zero:g}" if self.zero else "")
+
+    @property
+    def unit_of_memory(self) -> str:
+        """SI unit of the remembered value."""
+        if self.memory in ("integrated", "throughput"):
+            return "s" if self.unit == "1" else f"({self.unit})*s"
+        if self.memory == "heat" and self.unit != "1":
+            return f"({self.unit})^2"
+        return self.unit
+
+
+@dataclass(frozen=True)
+class SmoothTable:
+    """A function given by its values at knots.
+
+    It is smooth in between and straight beyond them (:func:`~fmus.kit.functions.smooth_table`).
+
+    Attributes
+    ----------
+    knots : sequence of float, shape (k,)
+        In the unit of the signal, each above the one before.
+    values : sequence of float, shape (k,)
+        In the unit of the law, or without one if the law is multiplied; 0 unless given.
+    fixed : bool
+        Whether the values are constants rather than parameters.
+    """
+
+    knots: Sequence[float]
+    values: Sequence[float] = ()
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class _Values:
+    """The values of a function that corrects a law.
+
+    Attributes
+    ----------
+    law : str
+    own : str
+        Name of the parameter that switches the effect; others begin with it.
+    unit : str
+    nominal : float
+        Their typical magnitude.
+    """
+
+    law: str
+    own: str
+    unit: str
+    nominal: float
 
 
 @dataclass(frozen=True)
 class _Function:
-    """A function of a signal: its formula, its value for a component and x, and its own declarations by name."""
+    """A function of a signal that corrects a law.
+
+    Attributes
+    ----------
+    text : str
+        Its formula, for people.
+    value : callable
+        Its value, from the component instance and x.
+    declared : dict of str to object
+        Its declarations by name.
+    """
 
     text: str
     value: Callable[[Any, Any], Any]
     declared: dict[str, Any]
 
 
+def effect_family(law: str, signal: str, memory: str = "") -> str:
+    """Return the family of effects that a law has of a signal (:class:`~fmus.kit.component.Term`).
+
+    A heated part has a temperature, and an integrated modulus is a throughput, whichever the
+    signal is.
+    """
+    return f"{law} {_FAMILIES.get(memory, 'remembering {}').format(signal)}"
+
+
 def correction(
     component: type[Component],
     law: str,
-    of: Of | tuple[Any, ...],
-    shape: str | Sequence[float],
+    signal: SignalTerm,
+    shape: str | SmoothTable,
     unit: str = "1",
     nominal: float = 1.0,
+    *,
     kind: str = "add",
-    values: Sequence[float] = (),
-    fixed: bool = False,
     number: int = 1,
     beside: bool = False,
 ) -> type[Effect]:
-    """Let a law hang on a signal.
+    """Make an effect that lets a law depend on a signal.
 
     Parameters
     ----------
@@ -55,122 +181,144 @@ def correction(
         Has the law and the signal.
     law : str
         Method that is corrected, which gives one number; its arguments are passed on.
-    of : Of or tuple
-        The signal (x), or its attributes in order. Of a law that corrects itself it is what that law is without.
-    shape : str or sequence of float
-        One of :data:`~fmus.kit.curves.SHAPES`, or the knots of a table in the unit of the signal, smooth in
-        between and straight on beyond them (:func:`~fmus.kit.functions.smooth_table`).
+    signal : SignalTerm
+        The signal (x). If it is the corrected law itself, x is its value without the correction.
+    shape : str or SmoothTable
+        One of :data:`~fmus.kit.curves.SHAPES`, or a table.
     unit : str
         SI unit of the law.
     nominal : float
         Typical magnitude of the law.
     kind : {"add", "multiply"}
         Whether ``f(x)`` is added to the law, or the law is multiplied with ``1 + f(x)``.
-    values : sequence of float, optional
-        Of a table at its knots, in the unit of the law or, if multiplied, of unit 1; 0 unless given.
-    fixed : bool
-        Whether a table's values are constants rather than parameters.
     number : int
-        Beside others of the same law, signal and memory, of which each has its own parameters.
+        Distinguishes corrections of the same law, signal and memory, of which each has its own
+        parameters.
     beside : bool
-        Whether a constant stands beside the shape: ``a (f(x) + b)``.
+        Whether a constant is added to the shape: ``a (f(x) + b)``.
 
     Returns
     -------
     type[Effect]
-        With a parameter that switches it, ``<law>_of_<signal>[_<memory>][_<number>]``: the amount ``a``, of a table 1
-        for all of it. Beside it, under that name, ``_width`` of a shape that has one, ``_beside`` of a constant,
-        ``_at_<k>`` of a table's values, ``_memory`` of what is remembered, ``_memory_constant`` of its lag.
+        With a parameter that switches it, ``<law>_of_<signal>[_<memory>][_<number>]``: the amount
+        ``a``, of a table 1 for all of it. Further variables begin with that name: ``_width`` of a
+        shape that has one, ``_beside`` of a constant, ``_at_<k>`` of a table's values, ``_memory``
+        of the remembered value, ``_memory_constant`` of its lag.
 
     Raises
     ------
     UserError
-        If the component has no such law or signal, or the signal is computed from the law; if there is no such shape,
-        memory or kind; if knots do not rise, or values are not as many; if a magnitude or a time constant is not
-        positive.
+        If the component has no such law or signal, or the signal is computed from the law; if there
+        is no such shape, memory or kind; if knots do not rise, or values are not as many; if a
+        magnitude or a time constant is not positive.
     """
-    of = _plain(of if isinstance(of, Of) else Of(*of))
-    nominal = float(nominal)
-    _check_choices(of, shape, kind, nominal)
-    _check_laws(component, law, of)
-    what = "_".join(filter(None, (of.name, of.memory, str(number) if number > 1 else "")))
-    own = f"{law}_of_{what}"
-    memory = f"{own}_memory"
-    size, wanted = (unit, nominal) if kind == "add" else ("1", 1.0)
+    source = _plain(signal)
+    size = float(nominal)
+    _check_choices(source, shape, kind, size)
+    _check_laws(component, law, source)
+    suffix = "_".join(filter(None, (source.name, source.memory, str(number) if number > 1 else "")))
+    own = f"{law}_of_{suffix}"
+    values = _Values(law, own, unit, size) if kind == "add" else _Values(law, own, "1", 1.0)
+    given: str | SmoothTable
     if isinstance(shape, str):
-        function = _shaped(law, of, shape, own, size, wanted, beside)
+        given = shape
+        function = _shaped(values, source, shape, beside)
     else:
-        shape, values = tuple(map(float, shape)), tuple(map(float, values)) or (0.0,) * len(shape)
-        _check_table(shape, values)
-        function = _tabulated(law, of, (shape, values), own, size, wanted, fixed)
+        given = _plain_table(shape)
+        function = _tabulated(values, source, given)
+    memory = f"{own}_memory"
 
     def now(self: Any) -> Any:
-        """The signal itself; of the law that is corrected what it is without."""
-        value = getattr(super(effect, self) if of.name == law else self, of.name)
+        """Return the signal itself; of the corrected law its value without the correction."""
+        value = getattr(super(effect, self) if source.name == law else self, source.name)
         return value() if callable(value) else value
+
+    def argument(self: Any) -> Any:
+        if not source.memory:
+            return now(self)
+        remembered = getattr(self, memory)
+        return now(self) - remembered if source.memory == "leading" else remembered
 
     def corrected(self: Any, *arguments: Any) -> Any:
         below = getattr(super(effect, self), law)(*arguments)
-        x = getattr(self, memory) if of.memory else now(self)
-        x = now(self) - x if of.memory == "leading" else x
-        more = function.value(self, x)
+        more = function.value(self, argument(self))
         return below + more if kind == "add" else below * (1.0 + more)
 
     about = {
         "id": law,
-        "term": Term(law, of.words, function.text, family(law, of.name, of.memory), what),
+        "term": Term(
+            law, source.words, function.text, effect_family(law, source.name, source.memory), suffix
+        ),
         "neutral": own,
         "made_by": correction,
-        # plain numbers, because a Python FMU writes them down
-        "made_with": (law, astuple(of), shape, unit, nominal, kind, values, fixed, number, beside),
-        "assumption": f"{law} does not hang on {of.words}"
-        + (" like this" if isinstance(shape, str) else ""),
-        "__doc__": f"{law} hangs on {of.words}: {function.text}, "
-        + ("added." if kind == "add" else "multiplied with one and it."),
+        "made_with": {
+            "law": law,
+            "signal": source,
+            "shape": given,
+            "unit": unit,
+            "nominal": size,
+            "kind": kind,
+            "number": number,
+            "beside": beside,
+        },
+        "assumption": (
+            f"{law} does not hang on {source.words}"
+            + (" like this" if isinstance(given, str) else "")
+        ),
+        "__doc__": (
+            f"{law} hangs on {source.words}: {function.text}, "
+            + ("added." if kind == "add" else "multiplied with one and it.")
+        ),
         "__module__": __name__,
         law: corrected,
     }
-    remembers = _remembering(law, of, memory, now) if of.memory else {}
+    remembers = _remembering(law, source, memory, now) if source.memory else {}
     title = f"{own}_correction".title().replace("_", "")
     effect: type[Effect] = type(title, (Effect,), about | function.declared | remembers)
     return effect
 
 
-def _plain(of: Of) -> Of:
-    """The same with Python's own numbers."""
-    return replace(of, constant=float(of.constant), scale=float(of.scale), start=float(of.start))
+def _plain(signal: SignalTerm) -> SignalTerm:
+    """Return a signal with Python's own numbers, because a Python FMU writes them down."""
+    return replace(
+        signal,
+        constant=float(signal.constant),
+        scale=float(signal.scale),
+        start=float(signal.start),
+    )
 
 
-def _shaped(
-    law: str, of: Of, shape: str, own: str, size: str, wanted: float, beside: bool
-) -> _Function:
-    """One of the shapes; ``size`` and ``wanted`` are unit and typical magnitude of its values."""
-    chosen, width, constant = SHAPES[shape], f"{own}_width", f"{own}_beside"
+def _plain_table(table: SmoothTable) -> SmoothTable:
+    """Return a table with Python's own numbers, and with a value at every knot."""
+    knots = tuple(map(float, table.knots))
+    values = tuple(map(float, table.values)) or (0.0,) * len(knots)
+    _check_table(knots, values)
+    return SmoothTable(knots, values, table.fixed)
+
+
+def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _Function:
+    """Return a function that has one of the shapes."""
+    chosen = SHAPES[shape]
+    law = values.law
+    own = values.own
+    width = f"{own}_width"
+    constant = f"{own}_beside"
     text = with_constant(chosen.text) if beside else chosen.text
+    typical = signal.scale**chosen.power
     declared = {
         own: coefficient(
-            per(size, of.unit_of_memory, chosen.power),
-            wanted / of.scale**chosen.power,
-            f"{text} in {law}, x being {of.counted} (a)",
+            per(values.unit, signal.unit_of_memory, chosen.power),
+            values.nominal / typical,
+            f"{text} in {law}, x being {signal.counted} (a)",
         )
     }
     if chosen.width:
-        begin = chosen.width * of.scale
-        # a stop may be anywhere; a width is none at zero
-        least = -ANY * of.scale if chosen.power else 1e-9 * of.scale
-        declared[width] = Parameter(
-            begin,
-            of.unit_of_memory,
-            min=least,
-            max=1e3 * of.scale,
-            nominal=begin,
-            doc=f"{of.counted} at which {law} bends (w)",
-        )
+        doc = f"{signal.counted} at which {law} bends (w)"
+        declared[width] = width_parameter(chosen, signal.unit_of_memory, signal.scale, doc)
     if beside:
-        unit, typical = _power(of.unit_of_memory, chosen.power), of.scale**chosen.power
         declared[constant] = Parameter(
             0.0,
-            unit,
+            _power(signal.unit_of_memory, chosen.power),
             min=-ANY * typical,
             max=ANY * typical,
             nominal=typical,
@@ -178,105 +326,115 @@ def _shaped(
         )
 
     def value(self: Any, x: Any) -> Any:
-        x = x - of.zero if of.zero else x
-        form = chosen.form(x, getattr(self, width) if chosen.width else 1.0, of.scale)
+        argument = x - signal.zero if signal.zero else x
+        w = getattr(self, width) if chosen.width else 1.0
+        form = chosen.form(argument, w, signal.scale)
         return getattr(self, own) * (form + getattr(self, constant) if beside else form)
 
     return _Function(text, value, declared)
 
 
 def with_constant(text: str) -> str:
-    """Formula of a shape with a constant beside it: ``a (x^3 + b)`` for ``a x^3``."""
+    """Return the formula of a shape with a constant beside it: ``a (x^3 + b)`` for ``a x^3``."""
     whole, *more = re.split(r"(?=, [^()]*$| with | beyond )", text.removeprefix("a "), maxsplit=1)
     inner = whole[1:-1] if whole.startswith("(") and whole.endswith(")") else whole
     return f"a ({inner} + b){''.join(more)}"
 
 
 def _power(unit: str, power: float) -> str:
-    """Unit of a power of what has a unit."""
+    """Return a power of a unit."""
     if not power or unit == "1":
         return "1"
     return in_brackets(unit) + (f"^{power:g}" if power != 1 else "")
 
 
-def _tabulated(
-    law: str,
-    of: Of,
-    points: tuple[Sequence[float], Sequence[float]],
-    own: str,
-    size: str,
-    wanted: float,
-    fixed: bool,
-) -> _Function:
-    """A table of knots and values, of unit ``size`` and of typical magnitude ``wanted``."""
-    knots, given = points
-    names = [] if fixed else [f"{own}_at_{k}" for k in range(len(knots))]
-    how_much = f"how much of the table of {of.words} {law} has; 0 is without"
+def _tabulated(values: _Values, signal: SignalTerm, table: SmoothTable) -> _Function:
+    """Return a function that is a table."""
+    law = values.law
+    own = values.own
+    names = [f"{own}_at_{k}" for k in range(len(table.knots))]
+    how_much = f"how much of the table of {signal.words} {law} has; 0 is without"
     declared = {own: Parameter(0.0, "1", min=-ANY, max=ANY, doc=how_much)}
-    for name, x, y in zip(names, knots, given, strict=False):  # no names of what is fixed
-        text = f"{law} has so much more at {of.words} = {x:g}"
-        declared[name] = Parameter(
-            y, size, min=-ANY * wanted, max=ANY * wanted, nominal=wanted, doc=text
-        )
+    if not table.fixed:
+        for name, x, y in zip(names, table.knots, table.values, strict=True):
+            declared[name] = Parameter(
+                y,
+                values.unit,
+                min=-ANY * values.nominal,
+                max=ANY * values.nominal,
+                nominal=values.nominal,
+                doc=f"{law} has so much more at {signal.words} = {x:g}",
+            )
 
     def value(self: Any, x: Any) -> Any:
-        values = given if fixed else [getattr(self, name) for name in names]
-        return getattr(self, own) * smooth_table(x, knots, values)
+        ys = table.values if table.fixed else [getattr(self, name) for name in names]
+        return getattr(self, own) * smooth_table(x, table.knots, ys)
 
     return _Function("a table", value, declared)
 
 
-def _remembering(law: str, of: Of, memory: str, now: Callable[[Any], Any]) -> dict[str, Any]:
-    """State that remembers, its rate, and the time constant of a lag, by name."""
-    rate, constant = f"{memory}_rate", f"{memory}_constant"
+def _remembering(
+    law: str, signal: SignalTerm, memory: str, now: Callable[[Any], Any]
+) -> dict[str, Any]:
+    """Declare the state of a memory with its rate, and the time constant of a lag, by name."""
+    rate = f"{memory}_rate"
+    constant = f"{memory}_constant"
 
-    def lagging(self: Any) -> Any:
+    def lag_rate(self: Any) -> Any:
         x = now(self)
-        return ((x * x if of.memory == "heat" else x) - getattr(self, memory)) / getattr(
-            self, constant
-        )
+        target = x * x if signal.memory == "heat" else x
+        return (target - getattr(self, memory)) / getattr(self, constant)
 
-    def integral(self: Any) -> Any:
+    def integral_rate(self: Any) -> Any:
         x = now(self)
-        return absolute(x) if of.memory == "throughput" else x
+        return absolute(x) if signal.memory == "throughput" else x
 
     state = State(
-        of.unit_of_memory,
+        signal.unit_of_memory,
         rate=rate,
-        start=of.start,
-        nominal=of.scale,
-        doc=f"{of.words}, on which {law} hangs",
+        start=signal.start,
+        nominal=signal.scale,
+        doc=f"{signal.words}, on which {law} hangs",
     )
-    if of.memory not in LAGS:
-        return {memory: state, rate: integral}
-    least = 1e-3 * min(of.constant, 1.0)
+    if signal.memory not in LAGS:
+        return {memory: state, rate: integral_rate}
     lag = Parameter(
-        of.constant, "s", min=least, max=1e9, nominal=of.constant, doc=f"lag of {of.name}"
+        signal.constant,
+        "s",
+        min=1e-3 * min(signal.constant, 1.0),
+        max=1e9,
+        nominal=signal.constant,
+        doc=f"lag of {signal.name}",
     )
-    return {memory: state, rate: lagging, constant: lag}
+    return {memory: state, rate: lag_rate, constant: lag}
 
 
-def _check_choices(of: Of, shape: str | Sequence[float], kind: str, nominal: float) -> None:
-    for what, given, allowed in (("memory", of.memory, MEMORIES), ("kind", kind, KINDS)):
+def _check_choices(signal: SignalTerm, shape: str | SmoothTable, kind: str, nominal: float) -> None:
+    """Check that memory, kind and shape exist, and that magnitudes are positive numbers."""
+    for title, given, allowed in (("memory", signal.memory, MEMORIES), ("kind", kind, KINDS)):
         if given not in allowed:
-            raise UserError(
-                f"no {what} named {given!r}{suggestion(given, list(filter(None, allowed)))}"
-            )
+            known = list(filter(None, allowed))
+            raise UserError(f"no {title} named {given!r}{suggestion(given, known)}")
     if isinstance(shape, str) and shape not in SHAPES:
         raise UserError(f"no shape named {shape!r}{suggestion(shape, SHAPES)}")
-    sizes = {f"typical magnitude of {of.name}": of.scale, "typical magnitude of the law": nominal}
-    if of.memory in LAGS:
-        sizes["time constant of a lag"] = of.constant
-    for what, size in sizes.items():
+    sizes = {
+        f"typical magnitude of {signal.name}": signal.scale,
+        "typical magnitude of the law": nominal,
+    }
+    if signal.memory in LAGS:
+        sizes["time constant of a lag"] = signal.constant
+    for title, size in sizes.items():
         if not 0.0 < size < inf:
-            raise UserError(f"{what} must be positive, which {size:g} is not")
-    if not isfinite(of.start):
+            raise UserError(f"{title} must be positive, which {size:g} is not")
+    if not isfinite(signal.start):
         raise UserError(
-            f"what is remembered of {of.name} at first must be a number, which {of.start:g} is not"
+            f"what is remembered of {signal.name} at first must be a number, which"
+            f" {signal.start:g} is not"
         )
 
 
 def _check_table(knots: Sequence[float], values: Sequence[float]) -> None:
+    """Check that knots rise, and that there is a finite value at each."""
     if not knots or not all(a < b for a, b in zip((-inf, *knots), (*knots, inf), strict=True)):
         raise UserError(f"knots of a table must rise, which {list(knots)} do not")
     if len(values) != len(knots):
@@ -285,53 +443,57 @@ def _check_table(knots: Sequence[float], values: Sequence[float]) -> None:
         raise UserError(f"values of a table must be numbers, which {list(values)} are not")
 
 
-def _check_laws(component: type[Component], law: str, of: Of) -> None:
-    layout, label = component.layout, component.name or component.__name__
+def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> None:
+    """Check that the law and the signal exist, are single numbers, and make no loop."""
+    layout = component.layout
+    label = component.name or component.__name__
     laws = list(_laws(component))
     if law not in laws:
         raise UserError(f"{label}: no law named {law!r}{suggestion(law, laws)}")
-    known = [v.name for v in (*layout.inputs, *layout.states, *layout.discretes)] + ["time"]
-    if of.name not in (*known, *laws):
+    variables = [v.name for v in (*layout.inputs, *layout.states, *layout.discretes)] + ["time"]
+    known = [*variables, *laws]
+    if signal.name not in known:
         raise UserError(
-            f"{label}: no input, state or law named {of.name!r}{suggestion(of.name, [*known, *laws])}"
+            f"{label}: no input, state or law named {signal.name!r}{suggestion(signal.name, known)}"
         )
-    for name in {law, of.name} - set(known):
+    for name in {law, signal.name} - set(variables):
         arguments = len(signature(getattr(component, name)).parameters) - 1
-        if arguments and name == of.name:
+        if arguments and name == signal.name:
             raise UserError(f"{label}: {name} takes arguments, and is no signal")
-        if not arguments and isinstance(_asked(component, name)[0], Sequence):
+        if not arguments and isinstance(_evaluated(component, name)[0], Sequence):
             raise UserError(f"{label}: {name} gives several numbers, not one")
-    if (
-        of.name not in known
-        and of.name != law
-        and of.memory in ("", "leading")
-        and _asked(component, of.name, law)[1]
-    ):
-        raise UserError(f"{label}: {law} cannot hang on {of.name}, which is computed from it")
+    is_other_law = signal.name not in variables and signal.name != law
+    passes_at_once = signal.memory in ("", "leading")
+    if is_other_law and passes_at_once and _evaluated(component, signal.name, law)[1]:
+        raise UserError(f"{label}: {law} cannot hang on {signal.name}, which is computed from it")
 
 
 def _laws(component: type[Component]) -> Iterator[str]:
-    """Names of methods that the component has beyond what every component has."""
-    every = set(dir(Component))
-    return (
-        name for name in dir(component) if name not in every and callable(getattr(component, name))
-    )
+    """Yield the names of methods that the component has beyond those of every component."""
+    common = set(dir(Component))
+    for name in dir(component):
+        if name not in common and callable(getattr(component, name)):
+            yield name
 
 
-def _asked(component: type[Component], law: str, other: str = "") -> tuple[Any, bool]:
-    """Value of a law at the defaults, None where there is none, and whether it calls another law for it."""
+def _evaluated(component: type[Component], law: str, other: str = "") -> tuple[Any, bool]:
+    """Return the value of a law at the defaults, and whether it calls another law for that.
+
+    The value is None where there is none.
+    """
     called = False
 
     def spy(self: Any, *arguments: Any) -> Any:
         nonlocal called
         called = True
-        return getattr(super(seen, self), other)(*arguments)
+        return getattr(super(watched, self), other)(*arguments)
 
-    about: dict[str, Any] = {"__module__": component.__module__}
-    seen = type(component.__name__, (component,), about | ({other: spy} if other else {}))
+    body: dict[str, Any] = {"__module__": component.__module__}
+    if other:
+        body[other] = spy
+    watched = type(component.__name__, (component,), body)
     value = None
-    with suppress(
-        ArithmeticError, AttributeError
-    ):  # at its defaults it may divide by zero, or lack a law
-        value = getattr(seen(), law)()
+    # at its defaults a law may divide by zero, or lack another
+    with suppress(ArithmeticError, AttributeError):
+        value = getattr(watched(), law)()
     return value, called

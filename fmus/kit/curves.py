@@ -1,16 +1,17 @@
-"""What a law may do besides: a function of a signal that it lacks, chosen from a table of shapes.
+"""Curves: effects that add a function of one signal, chosen from a table of shapes, to a law.
 
-A law that a model takes to be linear is a curve in truth: friction over velocity, a spring's force over its
-elongation, a voltage over charge. Each shape here adds to a law ``f(x)`` of one signal; at the neutral value of its
-first parameter the law gives the bits of the component below. :mod:`fmus.kit.generic` has those that engineers know by
-a name of their own. Stribeck's curve is that of Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models,
-analysis tools and compensation methods for the control of machines with friction, Automatica 30(7), 1994; the weir is
+A law that a model takes to be linear is a curve in truth: friction over velocity, a spring's force
+over its elongation, a voltage over charge. Each shape here adds to a law ``f(x)`` of one signal; at
+the neutral value of its first parameter the law gives the bits of the component below.
+:mod:`fmus.kit.generic` has those that engineers know by a name of their own. Stribeck's curve is
+that of Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and
+compensation methods for the control of machines with friction, Automatica 30(7), 1994; the weir is
 Poleni's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,9 +21,8 @@ from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
-_STEEPEST = (
-    30.0  # exponent beyond which an exponential is cut off: ten million million times its unit
-)
+# exponent beyond which an exponential is cut off: ten million million times its unit
+_STEEPEST = 30.0
 _ROUND = 1e-6  # of the nominal signal, below which a square root is straight
 _STEEP = 10.0  # of the sign in Stribeck's curve, relative to the velocity at which it falls
 _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical size
@@ -39,11 +39,11 @@ class Shape:
     power : float
         Of the signal in the unit that ``a`` is divided by; 0 where ``f`` has no unit.
     width : float
-        Where a search for ``w`` starts, in typical sizes of the signal; 0 where there is none.
+        Start value of ``w`` in a fit, in typical magnitudes of the signal; 0 where there is none.
     text : str
         The formula, for people; n is the nominal signal, because units have whole powers in FMI.
     least : float
-        Of ``a``, in nominal values.
+        Lower bound of ``a``, in nominal values.
     """
 
     form: Callable[[Any, Any, float], Any]
@@ -94,6 +94,25 @@ SHAPES: dict[str, Shape] = {
 }
 
 
+@dataclass(frozen=True)
+class EffectNames:
+    """The names of an effect that is made for a law; an empty one is replaced by the standard name.
+
+    Attributes
+    ----------
+    id : str
+        Id of the effect.
+    variables : tuple of str
+        Names of its variables: of the parameter that switches it, then of the others.
+    qualifier : str
+        Distinguishes the effect from the same of another law.
+    """
+
+    id: str = ""
+    variables: tuple[str, ...] = ()
+    qualifier: str = ""
+
+
 def curve(
     component: type[Component],
     law: str,
@@ -101,13 +120,12 @@ def curve(
     shape: str,
     unit: str = "1",
     nominal: float = 1.0,
+    *,
     scale: float | None = None,
-    id: str = "",
-    suffixes: tuple[str, ...] = (),
-    qualifier: str = "",
+    names: EffectNames | None = None,
     either_way: bool = False,
 ) -> type[Effect]:
-    """Let a law do more: a shape of one signal is added to it.
+    """Make an effect that adds a shape of one signal to a law.
 
     Parameters
     ----------
@@ -125,19 +143,17 @@ def curve(
         Typical magnitude of the law.
     scale : float, optional
         Typical magnitude of the signal; its nominal value unless given.
-    id : str, optional
-        Of the effect; the shape unless given.
-    suffixes : tuple of str, optional
-        Of the parameters' names behind the law's: of ``a``, and of ``w``.
-    qualifier : str, optional
-        What tells it from the same of another law.
+    names : EffectNames, optional
+        Names of the effect, of ``a`` and of ``w``; unless given the effect is called like the
+        shape, and its parameters ``<law>_<shape>`` and ``<law>_<shape>_width``.
     either_way : bool
-        Whether ``a`` may have any sign, as in a rate, from which what brakes is taken away.
+        Whether ``a`` may have any sign, as in a rate, from which a braking term is subtracted.
 
     Returns
     -------
     type[Effect]
-        With a parameter for ``a``, which switches it, and one for the width ``w`` if the shape has one.
+        With a parameter for ``a``, which switches it, and one for the width ``w`` if the shape has
+        one.
 
     Raises
     ------
@@ -146,57 +162,50 @@ def curve(
     """
     if shape not in SHAPES:
         raise UserError(f"no shape named {shape!r}{suggestion(shape, SHAPES)}")
-    chosen, of = SHAPES[shape], variable(component, signal)
-    size = scale or of.nominal
-    amount, width = (
-        f"{law}_{end}"
-        for end in (
-            (*suffixes, "") if len(suffixes) == 1 else suffixes or (shape, f"{shape}_width")
-        )
-    )
+    chosen = SHAPES[shape]
+    argument = variable(component, signal)
+    size = scale or argument.nominal
+    called = names or EffectNames()
+    standard = (f"{law}_{shape}", f"{law}_{shape}_width")
+    amount, width = (*called.variables, *standard[len(called.variables) :])
 
     def more(self: Any) -> Any:
         x = getattr(self, signal)
-        return getattr(self, amount) * chosen.form(
-            x, getattr(self, width) if chosen.width else 1.0, of.nominal
-        )
+        w = getattr(self, width) if chosen.width else 1.0
+        return getattr(self, amount) * chosen.form(x, w, argument.nominal)
 
     members: dict[str, Any] = {
+        "id": called.id or shape,
+        "term": Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
         "assumption": f"{law} has no part {chosen.text} with x = {signal}",
         "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
-            per(unit, of.unit, chosen.power),
+            per(unit, argument.unit, chosen.power),
             nominal / size**chosen.power,
             f"part {chosen.text} of {law}, x being {signal} (a)",
             least=-ANY if either_way else chosen.least,
         ),
     }
     if chosen.width:
-        begin = chosen.width * size
-        # a stop may be anywhere; a width is none at zero
-        least = -ANY * size if chosen.power else 1e-9 * size
-        members[width] = Parameter(
-            begin,
-            of.unit,
-            min=least,
-            max=1e3 * size,
-            nominal=begin,
-            doc=f"{signal} at which {law} bends (w)",
-        )
-    given = (law, signal, shape, unit, nominal, scale, id, suffixes, qualifier, either_way)
-    about = {
-        "id": id or shape,
-        "term": Term(law, signal, chosen.text, f"{law} over {signal}", qualifier),
+        doc = f"{signal} at which {law} bends (w)"
+        members[width] = width_parameter(chosen, argument.unit, size, doc)
+    arguments = {
+        "law": law,
+        "signal": signal,
+        "shape": shape,
+        "unit": unit,
+        "nominal": nominal,
+        "scale": scale,
+        "names": names,
+        "either_way": either_way,
     }
-    return added(curve, component, given, more, members | about)
+    return added(curve, component, arguments, more, members)
 
 
 def variable(component: type[Component], name: str) -> Declaration:
     """Look up the declared input or state that an effect depends on."""
-    known = {
-        v.name: v
-        for v in (*component.layout.inputs, *component.layout.states, *component.layout.discretes)
-    }
+    layout = component.layout
+    known = {v.name: v for v in (*layout.inputs, *layout.states, *layout.discretes)}
     if name not in known:
         raise UserError(
             f"{_label(component)}: no input or state named {name!r}{suggestion(name, known)}"
@@ -216,13 +225,21 @@ def coefficient(unit: str, nominal: float, doc: str, least: float = -ANY) -> Any
     )
 
 
+def width_parameter(shape: Shape, unit: str, size: float, doc: str) -> Any:
+    """Declare the width of a shape of a signal that has this unit and this typical magnitude."""
+    start = shape.width * size
+    # a stop may be anywhere, but a width of zero is none
+    least = -ANY * size if shape.power else 1e-9 * size
+    return Parameter(start, unit, min=least, max=1e3 * size, nominal=start, doc=doc)
+
+
 def in_brackets(unit: str) -> str:
-    """A unit to divide, to divide by, or to raise to a power: in brackets where it is not a name alone."""
+    """Put a unit in brackets unless it is a single name, so that it can be a factor or a base."""
     return f"({unit})" if set(unit) & set("/*^") else unit
 
 
 def per(unit: str, below: str, power: float = 1) -> str:
-    """Unit of a coefficient that is multiplied by a variable, or by a power of it."""
+    """Return the unit of a coefficient that is multiplied by a power of a variable."""
     if not power or below == "1":
         return unit
     return f"{in_brackets(unit)}/{in_brackets(below)}" + (f"^{power:g}" if power != 1 else "")
@@ -231,33 +248,53 @@ def per(unit: str, below: str, power: float = 1) -> str:
 def added(
     make: Callable[..., type[Effect]],
     component: type[Component],
-    arguments: tuple[Any, ...],
+    arguments: Mapping[str, Any],
     more: Callable[[Any], Any],
     members: dict[str, Any],
 ) -> type[Effect]:
-    """Make the effect that adds to a law; the first parameter among the members switches it."""
-    law = arguments[0]
+    """Make the effect that adds to a law.
+
+    Parameters
+    ----------
+    make : callable
+        The function of this package that the user called.
+    component : type[Component]
+        Has the law.
+    arguments : Mapping of str to object
+        Arguments of `make` after the component, by name; the law is the first.
+    more : callable
+        Gives the value that is added, from the component instance.
+    members : dict of str to object
+        Further members of the class, its docstring among them; the first parameter switches the
+        effect.
+
+    Raises
+    ------
+    UserError
+        If the component has no such law.
+    """
+    law = arguments["law"]
     if not callable(getattr(component, law, None)):
         raise UserError(f"{_label(component)}: no law named {law!r}")
 
     def enlarged(self: Any) -> Any:
         return getattr(super(effect, self), law)() + more(self)
 
-    about = {
+    standard = {
         "id": make.__name__,
         "term": Term(law),
         "neutral": next(name for name, value in members.items() if isinstance(value, Declaration)),
         "made_by": make,
         "made_with": arguments,
-        "__doc__": str(make.__doc__).partition("\n\n    Parameters\n")[0],
         "__module__": __name__,
         law: enlarged,
     }
-    body = about | members
+    body = standard | members
     title = f"{body['id']}_of_{law}".title().replace("_", "")
     effect: type[Effect] = type(title, (Effect,), body)
     return effect
 
 
 def _label(component: type[Component]) -> str:
+    """Return the name of a component for messages."""
     return component.name or component.__name__

@@ -1,7 +1,8 @@
-"""Declarations: what a component's variables are, stated once.
+"""Declarations of a component's variables: kind, unit, range and description, each stated once.
 
-A declaration is written as a class attribute; the value of the same name lives in the instance. Units are strings
-that pint understands and are SI throughout; ``display`` names the unit people prefer to read.
+A declaration is written as a class attribute; the value of the same name lives in the instance.
+Units are strings that pint understands and are SI throughout; ``display`` names the unit people
+prefer to read.
 """
 
 from __future__ import annotations
@@ -15,9 +16,32 @@ Number = float | int | bool
 _D = TypeVar("_D", bound="Declaration")
 
 
+def summary(documented: Any) -> str:
+    """Return the summary of a docstring, in one line and without its full stop.
+
+    It is the first line, and those after it until one ends with a full stop or is empty.
+
+    Parameters
+    ----------
+    documented : object
+        A class, or a function.
+
+    Returns
+    -------
+    str
+        Empty if it has no docstring.
+    """
+    lines: list[str] = []
+    for line in (documented.__doc__ or "").strip().split("\n"):
+        if not line.strip() or (lines and lines[-1].endswith(".")):
+            break
+        lines.append(line.strip())
+    return " ".join(lines).rstrip(".")
+
+
 @dataclass(kw_only=True, eq=False)
 class Declaration:
-    """What every variable has: a name, a unit, a range and a sentence.
+    """The attributes that every variable has: a name, a unit, a range and a description.
 
     Attributes
     ----------
@@ -36,7 +60,7 @@ class Declaration:
     source : str
         Where the default value or the law comes from.
     name : str
-        Filled in by the class body.
+        Set by the class body.
     """
 
     unit: str
@@ -73,7 +97,7 @@ class ParameterDeclaration(Started):
     Attributes
     ----------
     starts : str or None
-        The state, continuous or discrete, whose start value it is; filled in where the layout is made.
+        The state, continuous or discrete, whose start value it is; set where the layout is made.
     """
 
     starts: str | None = field(default=None, init=False)
@@ -81,7 +105,7 @@ class ParameterDeclaration(Started):
 
 @dataclass(kw_only=True, eq=False)
 class TextDeclaration(Declaration):
-    """A parameter that is a text: an address, the name of a file. No law sees it.
+    """A parameter that is a text, such as an address or the name of a file; no law sees it.
 
     Attributes
     ----------
@@ -145,13 +169,13 @@ class DiscreteDeclaration(Started):
     output: bool = False
 
 
-def named(declaration: _D, name: str) -> _D:
+def name_declaration(declaration: _D, name: str) -> _D:
     """Name a declaration outside a class body.
 
     Parameters
     ----------
     declaration : Declaration
-        Is changed in place.
+        Changed in place.
     name : str
 
     Returns
@@ -163,13 +187,13 @@ def named(declaration: _D, name: str) -> _D:
     return declaration
 
 
-def starting(parameter: ParameterDeclaration, state: str) -> ParameterDeclaration:
-    """Make a parameter the start value of a state, and name it after that.
+def make_start_parameter(parameter: ParameterDeclaration, state: str) -> ParameterDeclaration:
+    """Make a parameter the start value of a state, and name it after that state.
 
     Parameters
     ----------
     parameter : ParameterDeclaration
-        Is changed in place.
+        Changed in place.
     state : str
         Name of the state, continuous or discrete.
 
@@ -179,7 +203,7 @@ def starting(parameter: ParameterDeclaration, state: str) -> ParameterDeclaratio
         The same.
     """
     parameter.starts = state
-    return named(parameter, f"{state}_start")
+    return name_declaration(parameter, f"{state}_start")
 
 
 def Parameter(default: Number, unit: str, **about: Any) -> Any:
@@ -226,9 +250,10 @@ def Input(unit: str, start: Number = 0.0, **about: Any) -> Any:
 
 
 def Output(unit: str, **about: Any) -> Callable[[Callable[[Any], Any]], Any]:
-    """Declare the decorated law as an output of the same name; its docstring's first line is the description.
+    """Declare the decorated law as an output of the same name.
 
-    The law stays callable (``self.voltage()``), and a subclass overrides it with a plain method.
+    The first line of its docstring is the description. The law stays callable
+    (``self.voltage()``), and a subclass overrides it with a plain method.
 
     Parameters
     ----------
@@ -244,8 +269,7 @@ def Output(unit: str, **about: Any) -> Callable[[Callable[[Any], Any]], Any]:
     """
 
     def declare(law: Callable[[Any], Any]) -> Any:
-        summary = (law.__doc__ or "").strip().split("\n")[0].rstrip(".")
-        return OutputDeclaration(unit=unit, law=law, **{"doc": summary} | about)
+        return OutputDeclaration(unit=unit, law=law, **{"doc": summary(law)} | about)
 
     return declare
 
@@ -279,11 +303,12 @@ def Discrete(
 ) -> Any:
     """Declare a state that changes only at sample instants.
 
-    All states of one period are updated together from the values before the instant. Where several periods coincide
-    they are updated in order of declaration, and a later one sees the new values of an earlier one.
+    All states of one period are updated together from the values before the instant. Where several
+    periods coincide they are updated in order of declaration, and a later one sees the new values
+    of an earlier one.
 
-    A sample instant at the end of a communication step is taken at the start of the next one, with the inputs of that
-    one; so at the start time the state still shows its start value.
+    A sample instant at the end of a communication step is taken at the start of the next one, with
+    the inputs of that one; so at the start time the state still shows its start value.
 
     Parameters
     ----------
@@ -314,7 +339,7 @@ class Preset:
     values : Mapping[str, float]
         Parameter name to value in the parameter's SI unit.
     doc : str
-        What the preset stands for and where its numbers come from.
+        Meaning of the preset and the source of its numbers.
     """
 
     values: Mapping[str, float]

@@ -1,4 +1,4 @@
-"""The one exception a user is meant to see, and the help for a misspelt name."""
+"""The exception for mistakes of a user, and the hint for a misspelt name."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Collection
 class UserError(ValueError):
     """A mistake in what the user gave us, described in one readable line.
 
-    The text names what is wrong, where (file, row, column or variable), which value it has and what is allowed.
-    The command line prints it and exits with code 2; no traceback reaches the user.
+    The text names what is wrong, where (file, row, column or variable), which value it has and what
+    is allowed. The command line prints it and exits with code 2; no traceback reaches the user.
     """
 
 
 def suggestion(name: str, known: Collection[str], few: int = 20) -> str:
-    """Help with a name that is not known.
+    """Return a hint for a name that is not known.
 
     Parameters
     ----------
@@ -23,16 +23,20 @@ def suggestion(name: str, known: Collection[str], few: int = 20) -> str:
     known : collection of str
         The names that exist.
     few : int
-        Largest number of names that are listed where none is near.
+        Largest number of names that are listed where none is similar.
 
     Returns
     -------
     str
         ``" (did you mean R1?)"``, ``" (there are: R1, R2)"``, or empty; to append to a message.
     """
-    import difflib  # here, because this module travels inside Python FMUs, which need not wait for it
+    # here, because this module travels inside Python FMUs, which need not wait for it
+    import difflib
 
     folded = {word.casefold(): word for word in known}
-    if near := difflib.get_close_matches(name.casefold(), list(folded), 1, 0.5):
-        return f" (did you mean {folded[near[0]]}?)"
-    return f" (there are: {', '.join(known)})" if 0 < len(known) <= few else ""
+    similar = difflib.get_close_matches(name.casefold(), list(folded), 1, 0.5)
+    if similar:
+        return f" (did you mean {folded[similar[0]]}?)"
+    if 0 < len(known) <= few:
+        return f" (there are: {', '.join(known)})"
+    return ""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Writing of files whole or not at all, and questions to the file system that never raise."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def write(path: Path, contents: bytes) -> None:
 
 
 def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
-    """Write a file whole or not at all into a folder that is there; it is on the disk when this returns.
+    """Write a file whole or not at all into an existing folder.
+
+    The file is on the disk when this returns.
 
     Parameters
     ----------
@@ -49,15 +51,15 @@ def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
     OSError
         If it cannot be written.
     """
-    # beside the target, so that replacing it is one step; of its own name, so that two writers do not mix
+    # beside the target, so that replacing it is one step; with a name of its own, so that two
+    # writers do not mix
     temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}.part")
     try:
         with open(temporary, "xb", opener=functools.partial(os.open, mode=mode)) as file:
             file.write(contents)
             file.flush()
-            os.fsync(
-                file.fileno()
-            )  # else a file may have its name, and after a power failure nothing in it
+            # else a file may have its name, and after a power failure no contents
+            os.fsync(file.fileno())
         temporary.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):
@@ -67,7 +69,7 @@ def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
 
 
 def _sync(folder: Path) -> None:
-    """Have the names in a folder on the disk, where the platform can; what they name is there already."""
+    """Put the names of files in a folder on the disk, where the platform can."""
     if sys.platform == "win32":
         return
     with contextlib.suppress(OSError):
@@ -79,16 +81,17 @@ def _sync(folder: Path) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file; a name that no file can have, such as a far too long one, is none either."""
+    """Return whether there is a file; a name that no file can have, such as a long one, is none."""
     return _is(path.is_file)
 
 
 def is_folder(path: Path) -> bool:
-    """Whether there is a folder; likewise."""
+    """Return whether there is a folder, likewise."""
     return _is(path.is_dir)
 
 
 def _is(question: Callable[[], bool]) -> bool:
+    """Return the answer of the file system; False for a name that it does not accept."""
     try:
         return question()
     except (OSError, ValueError):

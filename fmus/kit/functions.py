@@ -1,7 +1,8 @@
 """Arithmetic for laws, on floats, NumPy arrays and CasADi symbols alike.
 
-A law is written once; what it computes with is decided by what its component holds. On floats the results follow
-C (overflow gives infinity, ``log(0)`` gives ``-inf``) so that the Python and the native build behave alike.
+A law is written once; whether it computes with floats, arrays or symbols depends on the values
+that its component holds. On floats the results follow C (overflow gives infinity, ``log(0)`` gives
+``-inf``) so that the Python and the native build compute the same.
 """
 
 from __future__ import annotations
@@ -21,17 +22,22 @@ _IN_CASADI = {
 }
 
 
-def _of_library(name: str, value: Any) -> Any:
-    """NumPy's function for arrays, CasADi's for symbols; neither is imported before something of theirs comes along."""
+def _library_function(name: str, value: Any) -> Any:
+    """Return NumPy's function for arrays and CasADi's for symbols.
+
+    Neither library is imported here: a value of its types shows that it is loaded.
+    """
     if type(value).__module__.startswith("casadi"):
         return getattr(sys.modules["casadi"], _IN_CASADI.get(name, name))
     return getattr(sys.modules["numpy"], name)
 
 
 def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[Any], Any]:
+    """Make a function of one value from a function of floats and the name in the libraries."""
+
     def function(x: Any) -> Any:
         if not isinstance(x, _SCALARS):
-            return _of_library(name, x)(x)
+            return _library_function(name, x)(x)
         try:
             return scalar(x)
         except OverflowError:
@@ -45,10 +51,12 @@ def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[A
 
 
 def _binary(name: str, scalar: Callable[[Any, Any], Any], doc: str) -> Callable[[Any, Any], Any]:
+    """Make a function of two values from a function of floats and the name in the libraries."""
+
     def function(a: Any, b: Any) -> Any:
         if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
             return scalar(a, b)
-        return _of_library(name, b if isinstance(a, _SCALARS) else a)(a, b)
+        return _library_function(name, b if isinstance(a, _SCALARS) else a)(a, b)
 
     function.__name__ = name
     function.__doc__ = doc
@@ -100,21 +108,21 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
     """
     if isinstance(condition, _SCALARS):
         return yes if condition else no
-    return _of_library("where", condition)(condition, yes, no)
+    return _library_function("where", condition)(condition, yes, no)
 
 
 def minimum(a: Any, b: Any) -> Any:
     """Smaller of two values, element by element; like C's ``fmin`` it passes over a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
         return a if a < b or b != b else b
-    return _of_library("fmin", b if isinstance(a, _SCALARS) else a)(a, b)
+    return _library_function("fmin", b if isinstance(a, _SCALARS) else a)(a, b)
 
 
 def maximum(a: Any, b: Any) -> Any:
     """Larger of two values, element by element; like C's ``fmax`` it passes over a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
         return a if a > b or b != b else b
-    return _of_library("fmax", b if isinstance(a, _SCALARS) else a)(a, b)
+    return _library_function("fmax", b if isinstance(a, _SCALARS) else a)(a, b)
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
@@ -125,7 +133,8 @@ def clip(x: Any, low: Any, high: Any) -> Any:
 def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
     """Interpolate linearly in a table, and stay flat beyond its ends, as ``numpy.interp`` does.
 
-    Its points may be parameters, of which it has exact sensitivities. Of a number that is none it is the first value.
+    Its points may be parameters, with respect to which it has exact sensitivities. For NaN it
+    gives the first value.
 
     Parameters
     ----------
@@ -147,18 +156,19 @@ def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
     """
     if not xs or len(xs) != len(ys):
         raise ValueError(f"a table of {len(xs)} abscissae and {len(ys)} values")
-    found = ys[0]
-    for left, right, low, high in zip(xs, xs[1:], ys, ys[1:], strict=False):
-        found = where(x > left, low + (high - low) / (right - left) * (x - left), found)
-    return where(x >= xs[-1], ys[-1], found)
+    result = ys[0]
+    for start, end, low, high in zip(xs, xs[1:], ys, ys[1:], strict=False):
+        result = where(x > start, low + (high - low) / (end - start) * (x - start), result)
+    return where(x >= xs[-1], ys[-1], result)
 
 
 def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
-    """Interpolate in a table by cubics whose slope has no jumps, and go straight on beyond its ends.
+    """Interpolate in a table by cubics with a continuous slope, and linearly beyond its ends.
 
-    The slope at a point is that of the parabola through it and its neighbours (Fritsch, Carlson, SIAM J. Numer. Anal.
-    17, 1980, of those that are linear in the values). Where there is a point at zero the curve may step: it is straight
-    from the point before it to the one behind it, and its slope may jump there.
+    The slope at a point is that of the parabola through it and its neighbours (Fritsch, Carlson,
+    SIAM J. Numer. Anal. 17, 1980, the scheme that is linear in the values). Where there is a point
+    at zero the curve may step: it is straight from the point before it to the one after it, and its
+    slope may jump there.
 
     Parameters
     ----------
@@ -183,39 +193,44 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
     if len(xs) == 1:
         return ys[0]
     ends = slopes(xs, ys)
-    found = ys[0] + ends[0][0] * (x - xs[0])
-    for left, right, low, high, (rise, fall) in zip(xs, xs[1:], ys, ys[1:], ends, strict=False):
-        width, beyond = right - left, x - left
-        chord = (high - low) / width
-        bend, twist = (
-            (3.0 * chord - 2.0 * rise - fall) / width,
-            (rise + fall - 2.0 * chord) / (width * width),
-        )
-        found = where(x > left, low + beyond * (rise + beyond * (bend + beyond * twist)), found)
-    return where(x >= xs[-1], ys[-1] + ends[-1][1] * (x - xs[-1]), found)
+    result = ys[0] + ends[0][0] * (x - xs[0])
+    for k, (first_slope, last_slope) in enumerate(ends):
+        width = xs[k + 1] - xs[k]
+        distance = x - xs[k]
+        chord = (ys[k + 1] - ys[k]) / width
+        # coefficients of the square and the cube of the distance
+        second = (3.0 * chord - 2.0 * first_slope - last_slope) / width
+        third = (first_slope + last_slope - 2.0 * chord) / (width * width)
+        cubic = ys[k] + distance * (first_slope + distance * (second + distance * third))
+        result = where(x > xs[k], cubic, result)
+    return where(x >= xs[-1], ys[-1] + ends[-1][1] * (x - xs[-1]), result)
 
 
 def slopes(xs: Sequence[float], ys: Sequence[Any]) -> list[tuple[Any, Any]]:
-    """Slopes of a smooth table at both ends of each interval between its points; see :func:`smooth_table`.
+    """Return the slopes of a smooth table at both ends of each interval; see :func:`smooth_table`.
 
     Parameters
     ----------
-    xs : sequence of float, of k
-    ys : sequence, of k
+    xs : sequence of float, shape (k,)
+    ys : sequence, shape (k,)
 
     Returns
     -------
-    list of tuple, of k - 1
+    list of tuple, shape (k - 1, 2)
     """
     widths = [xs[k + 1] - xs[k] for k in range(len(xs) - 1)]
     chords = [(high - low) / width for low, high, width in zip(ys, ys[1:], widths, strict=False)]
     last = len(widths)
-    apart = {0, last} | {k + side for k in range(1, last) if xs[k] == 0.0 for side in (-1, 0, 1)}
+    straight = {0, last}  # points at which the slope is that of the interval itself
+    for k in range(1, last):
+        if xs[k] == 0.0:
+            straight |= {k - 1, k, k + 1}
 
     def slope(k: int, interval: int) -> Any:
-        if k in apart:
+        if k in straight:
             return chords[interval]
-        before, behind = widths[k - 1], widths[k]
-        return (behind * chords[k - 1] + before * chords[k]) / (before + behind)
+        before = widths[k - 1]
+        after = widths[k]
+        return (after * chords[k - 1] + before * chords[k]) / (before + after)
 
     return [(slope(k, k), slope(k + 1, k)) for k in range(last)]

@@ -1,29 +1,30 @@
-"""Effects that many mechanical models share: dry and asymmetric friction, an offset, a hardening spring, more creep.
+"""Effects that many mechanical models share: friction, an offset, a hardening spring, more creep.
 
 Each function here makes an effect for one law of a component, whatever its name::
 
-    EFFECTS = {e.id: e for e in (coulomb_friction(Stage, "friction", "velocity"), force_offset(Stage, "friction"))}
+    EFFECTS = {e.id: e for e in (coulomb_friction(Stage, "friction", "velocity"),
+    force_offset(Stage, "friction"))}
 
-Its parameters are named after that law, and at the neutral value the law gives the bits of the component below. The
-variables that an effect depends on (a velocity, a position, a load) are declared by the component, which gives their
-units; a law declares none, so its unit is an argument here.
+Its parameters are named after that law, and at the neutral value the law gives the bits of the
+component below. The variables that an effect depends on (a velocity, a position, a load) are
+declared by the component, which gives their units; a law declares none, so its unit is an argument
+here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from .arms import arm
+from .arms import lag_effect
 from .component import Component, Effect, Term
-from .curves import added, coefficient, curve
+from .curves import EffectNames, added, coefficient, curve
 
 
 def coulomb_friction(
     component: type[Component], law: str, velocity: str, unit: str = "N", nominal: float = 1.0
 ) -> type[Effect]:
-    """Dry friction, ``F_c tanh(v / v_c)`` more; a sign of the velocity that is smooth within ``v_c``.
+    """Make the effect of dry friction: a smooth sign of the velocity.
 
-    Slower than ``v_c`` it is viscous: what should stick creeps. ``F_c = 0`` is the base model.
+    It adds ``F_c tanh(v / v_c)`` to the friction. Slower than ``v_c`` it is viscous: what should
+    stick creeps. ``F_c = 0`` is the base model.
 
     Parameters
     ----------
@@ -48,28 +49,26 @@ def coulomb_friction(
     UserError
         If the component has no such law or variable.
     """
-    effect = curve(
-        component,
-        law,
-        velocity,
-        "sign",
-        unit,
-        nominal,
-        None,
-        "coulomb_friction",
-        ("coulomb", "coulomb_velocity"),
+    variables = (f"{law}_coulomb", f"{law}_coulomb_velocity")
+    names = EffectNames("coulomb_friction", variables)
+    effect = curve(component, law, velocity, "sign", unit, nominal, names=names)
+    return describe_effect(
+        effect,
+        "friction is viscous",
+        "Dry friction, ``F_c tanh(v / v_c)`` more; a sign of the velocity that is smooth within "
+        "``v_c``.",
     )
-    return _known(effect, coulomb_friction, "friction is viscous")
 
 
 def asymmetric_friction(
     component: type[Component], law: str, velocity: str, unit: str = "N", nominal: float = 1.0
 ) -> type[Effect]:
-    """Viscous friction that differs in the two directions: ``d |v|`` more.
+    """Make the effect of viscous friction that differs in the two directions.
 
-    That is ``d`` more damping forwards and ``d`` less backwards. *Dry* friction that differs is a mean one and a
-    constant: :func:`coulomb_friction` with :func:`force_offset`, indistinguishable from it while something moves.
-    ``d = 0`` is the base model.
+    It adds ``d |v|`` to the friction, ``d`` more damping forwards and ``d`` less backwards;
+    ``d = 0`` is the base model. *Dry* friction that differs is a mean one and a constant:
+    :func:`coulomb_friction` with :func:`force_offset`, indistinguishable from it while something
+    moves.
 
     Parameters
     ----------
@@ -88,26 +87,22 @@ def asymmetric_friction(
 
     Notes
     -----
-    Janot, Gautier, Brunot: Data set and reference models of EMPS, Nonlinear System Identification Benchmarks, 2019.
+    Janot, Gautier, Brunot: Data set and reference models of EMPS, Nonlinear System Identification
+    Benchmarks, 2019.
     """
-    effect = curve(
-        component,
-        law,
-        velocity,
-        "asymmetric",
-        unit,
-        nominal,
-        None,
-        "asymmetric_friction",
-        ("asymmetry",),
+    names = EffectNames("asymmetric_friction", (f"{law}_asymmetry",))
+    effect = curve(component, law, velocity, "asymmetric", unit, nominal, names=names)
+    return describe_effect(
+        effect,
+        "friction is the same in both directions",
+        "Viscous friction that differs in the two directions: ``d |v|`` more.",
     )
-    return _known(effect, asymmetric_friction, "friction is the same in both directions")
 
 
 def force_offset(
     component: type[Component], law: str, unit: str = "N", nominal: float = 1.0
 ) -> type[Effect]:
-    """Constant force more, as of a weight or a drive with an offset; 0 is the base model.
+    """Make the effect of a constant force, as of a weight or a drive with an offset.
 
     Parameters
     ----------
@@ -128,9 +123,13 @@ def force_offset(
     return added(
         force_offset,
         component,
-        (law, unit, nominal),
+        {"law": law, "unit": unit, "nominal": nominal},
         lambda self: getattr(self, offset),
         {
+            "__doc__": (
+                "Constant force more, as of a weight or a drive with an offset; 0 is the base"
+                " model."
+            ),
             "assumption": "nothing pushes at rest",
             "term": Term(law, "", "a"),
             offset: coefficient(unit, nominal, f"constant part of {law}"),
@@ -141,7 +140,9 @@ def force_offset(
 def cubic_stiffness(
     component: type[Component], law: str, position: str, unit: str = "N", nominal: float = 1.0
 ) -> type[Effect]:
-    """Spring that hardens, or softens, with the stroke: ``k_3 x^3`` more, after Duffing; ``k_3 = 0`` is the base model.
+    """Make the effect of a spring that hardens, or softens, with the stroke, after Duffing.
+
+    It adds ``k_3 x^3`` to the force of the spring; ``k_3 = 0`` is the base model.
 
     Parameters
     ----------
@@ -162,10 +163,14 @@ def cubic_stiffness(
     UserError
         If the component has no such law or variable.
     """
-    effect = curve(
-        component, law, position, "cubic", unit, nominal, None, "cubic_stiffness", ("cubic",)
+    names = EffectNames("cubic_stiffness", (f"{law}_cubic",))
+    effect = curve(component, law, position, "cubic", unit, nominal, names=names)
+    return describe_effect(
+        effect,
+        "the spring is linear",
+        "Spring that hardens, or softens, with the stroke: ``k_3 x^3`` more, after Duffing; "
+        "``k_3 = 0`` is the base model.",
     )
-    return _known(effect, cubic_stiffness, "the spring is linear")
 
 
 def extra_kelvin(
@@ -175,11 +180,14 @@ def extra_kelvin(
     ordinal: str,
     time: float,
     unit: str = "m",
+    *,
     nominal: float = 1.0,
 ) -> type[Effect]:
-    """One more Kelvin element in a chain that creeps: ``J f`` more, where ``T df/dt = F - f`` is its spring's force.
+    """Make the effect of one more Kelvin element in a chain that creeps.
 
-    Its transfer function from the load is ``J / (T s + 1)``; ``J = 0`` is the base model. A chain may have several.
+    It adds ``J f`` to the elongation, where ``T df/dt = F - f`` is the force of its spring; the
+    transfer function from the load is ``J / (T s + 1)``. ``J = 0`` is the base model. A chain may
+    have several.
 
     Parameters
     ----------
@@ -201,7 +209,8 @@ def extra_kelvin(
     Returns
     -------
     type[Effect]
-        With parameters ``<ordinal>_<law>_compliance`` (J) and ``<ordinal>_<law>_time`` (T), and a state.
+        With parameters ``<ordinal>_<law>_compliance`` (J) and ``<ordinal>_<law>_time`` (T), and a
+        state.
 
     Raises
     ------
@@ -209,21 +218,34 @@ def extra_kelvin(
         If the component has no such law or variable.
     """
     own = f"{ordinal}_{law}"
-    names = f"{own}_compliance", f"{own}_time", f"{own}_force"
-    effect = arm(
-        component, law, load, "lagging", time, unit, nominal, None, f"{ordinal}_kelvin", names
+    variables = (f"{own}_compliance", f"{own}_time", f"{own}_force")
+    names = EffectNames(f"{ordinal}_kelvin", variables)
+    effect = lag_effect(component, law, load, "lagging", time, unit, nominal=nominal, names=names)
+    return describe_effect(
+        effect,
+        "creep has no further time constant",
+        "One more Kelvin element in a chain that creeps: ``J f`` more, where ``T df/dt = F - f`` is"
+        " its spring's force.",
     )
-    return _known(effect, extra_kelvin, "creep has no further time constant")
 
 
-def described(effect: type[Effect], assumption: int | str, text: str) -> type[Effect]:
-    """Say of an effect, for a component's own catalogue, what it is and which assumption it relaxes."""
-    effect.__doc__, effect.assumption = text, assumption
+def describe_effect(effect: type[Effect], assumption: int | str, text: str) -> type[Effect]:
+    """Give an effect the description and the assumption that it has in a component's catalogue.
+
+    Parameters
+    ----------
+    effect : type[Effect]
+        Changed in place.
+    assumption : int or str
+        The assumption it relaxes: its number in the component's README, or words.
+    text : str
+        Docstring of the effect; its first line describes it in reports and in FMUs.
+
+    Returns
+    -------
+    type[Effect]
+        The same.
+    """
+    effect.__doc__ = text
+    effect.assumption = assumption
     return effect
-
-
-def _known(
-    effect: type[Effect], make: Callable[..., type[Effect]], assumption: str
-) -> type[Effect]:
-    """Let an effect be described as engineers know it."""
-    return described(effect, assumption, str(make.__doc__).partition("\n\n    Parameters\n")[0])

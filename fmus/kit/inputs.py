@@ -1,16 +1,19 @@
-"""Errors of what feeds a component: its laws see an input as it arrives, not as it was commanded.
+"""Effects of inputs: the laws see an input as it arrives, not as it was commanded.
 
-Each function here makes an effect for one real input of a component, to be laid over it by :func:`.stack`::
+Each function here makes an effect for one real input of a component, to be laid over it by
+:func:`.stack`::
 
     stack(Motor, dead_zone(Motor, "voltage"))
 
-Whoever sets the input sets what was commanded; at the neutral value the laws see just that. Effects of one input are
-laid one over the other: the first one is next to the command, the last one next to the laws.
+A host sets the commanded value; at the neutral value of the effect the laws see just that. Effects
+of one input are laid one over the other: the first one is next to the command, the last one next to
+the laws.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 from .arms import GIVES
@@ -23,11 +26,26 @@ from .functions import clip, sqrt
 _ANY = 1e6  # bound of parameters, in typical magnitudes of the input
 
 
-class _AsItArrives:
-    """An input as laws see it: what was set, or what the effect below makes of it, passed on by a law."""
+class _ArrivingInput:
+    """An input as laws see it: a law of the set value, or of the value that the effect below gives.
+
+    Parameters
+    ----------
+    name : str
+        The input.
+    law : callable
+        Gives the arriving value, from the component instance and the value below.
+
+    Attributes
+    ----------
+    effect : type[Effect]
+        The effect that it belongs to.
+    """
 
     def __init__(self, name: str, law: Callable[[Any, Any], Any]):
-        self.name, self.law, self.effect = name, law, Effect
+        self.name = name
+        self.law = law
+        self.effect = Effect
 
     def __get__(self, one: Any, owner: Any = None) -> Any:
         if one is None:
@@ -35,7 +53,7 @@ class _AsItArrives:
         return self.law(one, self.below(one))
 
     def below(self, one: Any) -> Any:
-        """What comes from the effect below, or was set."""
+        """Return the value that the effect below gives, or the value that was set."""
         try:
             return getattr(super(self.effect, one), self.name)
         except AttributeError:
@@ -45,44 +63,66 @@ class _AsItArrives:
         one.__dict__[self.name] = value
 
 
-def _feeding(
-    make: Callable[..., type[Effect]],
-    component: type[Component],
-    name: str,
-    arguments: tuple[Any, ...],
-    text: str,
-    arrives: Callable[[Any, Any], Any],
-    members: dict[str, Any],
-    follows: tuple[str, Callable[[Any, Any], Any]] | None = None,
-    family: str = "{} as it arrives",
+@dataclass(frozen=True)
+class _Change:
+    """The change that an effect makes to an input.
+
+    Attributes
+    ----------
+    text : str
+        Its formula, for people.
+    arrives : callable
+        Gives the arriving value, from the component instance and the value below.
+    declared : dict of str to Declaration
+        Variables of the effect; the first parameter switches it.
+    rates : dict of str to callable
+        Laws for the rates of its states, from the component instance and the value below.
+    family : str
+        Name shared by effects that are one cause in several shapes, with a place for the input.
+    """
+
+    text: str
+    arrives: Callable[[Any, Any], Any]
+    declared: dict[str, Any]
+    rates: dict[str, Callable[[Any, Any], Any]] = field(default_factory=dict)
+    family: str = "{} as it arrives"
+
+
+def _changed(
+    make: Callable[..., type[Effect]], name: str, scale: float | None, doc: str, change: _Change
 ) -> type[Effect]:
-    """Make the effect on an input; the first parameter among the members switches it, a state may follow the input."""
-    passed = _AsItArrives(name, arrives)
-    if follows:
-        members[follows[0]] = lambda self: follows[1](self, passed.below(self))
+    """Make the effect of an input; ``make`` is the function that the user called."""
+    arriving = _ArrivingInput(name, change.arrives)
+
+    def rate_law(rate: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
+        return lambda self: rate(self, arriving.below(self))
+
+    switch = next(n for n, value in change.declared.items() if isinstance(value, Declaration))
     effect: type[Effect] = type(
         f"{make.__name__}_of_{name}".title().replace("_", ""),
         (Effect,),
         {
             "id": make.__name__,
-            "term": Term("", name, text, family.format(name), name),
+            "term": Term("", name, change.text, change.family.format(name), name),
             "assumption": f"{name} arrives as it is commanded",
-            "neutral": next(n for n, value in members.items() if isinstance(value, Declaration)),
+            "neutral": switch,
             "made_by": make,
-            "made_with": (name, *arguments),
-            "__doc__": str(make.__doc__).partition("\n\n    Parameters\n")[0],
+            "made_with": {"input": name, "scale": scale},
+            "__doc__": doc,
             "__module__": __name__,
-            name: passed,
-            **members,
+            name: arriving,
+            **change.declared,
+            **{law: rate_law(rate) for law, rate in change.rates.items()},
         },
     )
-    passed.effect = effect
+    arriving.effect = effect
     return effect
 
 
 def _input(
     component: type[Component], name: str, scale: float | None
 ) -> tuple[InputDeclaration, float]:
+    """Return a real input and its typical magnitude."""
     known = {v.name: v for v in component.layout.inputs if v.type == "real"}
     if name not in known:
         label = component.name or component.__name__
@@ -90,8 +130,21 @@ def _input(
     return known[name], scale or known[name].nominal
 
 
+def _switch(fed: InputDeclaration, size: float, doc: str, least: float = 0.0) -> Any:
+    """Declare the parameter that switches an effect, a value of the input; without it at 0."""
+    return Parameter(
+        0.0,
+        fed.unit,
+        min=least * size,
+        max=_ANY * size,
+        nominal=0.1 * size,
+        display=fed.display,
+        doc=f"{doc}; 0 is without",
+    )
+
+
 def dead_zone(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
-    """Dead zone of an input: within ``d`` of zero nothing arrives, beyond it what is more.
+    """Make the effect of a dead zone: within ``d`` of zero nothing arrives, beyond it the excess.
 
     Parameters
     ----------
@@ -111,33 +164,22 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     UserError
         If there is no such input.
     """
-    of, size = _input(component, input, scale)
+    fed, size = _input(component, input, scale)
     width = f"{input}_dead_zone"
-    return _feeding(
-        dead_zone,
-        component,
-        input,
-        (scale,),
-        "x - clip(x, -d, d)",
-        lambda self, x: x - clip(x, -getattr(self, width), getattr(self, width)),
-        {
-            width: Parameter(
-                0.0,
-                of.unit,
-                min=0.0,
-                max=_ANY * size,
-                nominal=0.1 * size,
-                display=of.display,
-                doc=f"{input} below which nothing arrives (d); 0 is without",
-            ),
-        },
-    )
+
+    def arrives(self: Any, x: Any) -> Any:
+        return x - clip(x, -getattr(self, width), getattr(self, width))
+
+    switch = _switch(fed, size, f"{input} below which nothing arrives (d)")
+    doc = "Dead zone of an input: within ``d`` of zero nothing arrives, beyond it what is more."
+    change = _Change("x - clip(x, -d, d)", arrives, {width: switch})
+    return _changed(dead_zone, input, scale, doc, change)
 
 
 def asymmetric_dead_zone(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
-    """Dead zone of an input whose ends differ: from ``-r d`` to ``d`` nothing arrives.
+    """Make the effect of a dead zone whose ends differ: from ``-r d`` to ``d`` nothing arrives.
 
     Parameters
     ----------
@@ -147,52 +189,41 @@ def asymmetric_dead_zone(
     Returns
     -------
     type[Effect]
-        With parameters ``<input>_dead_zone_end`` (d), of which 0 is the base model, and ``<input>_dead_zone_ratio``.
+        With parameters ``<input>_dead_zone_end`` (d), of which 0 is the base model, and
+        ``<input>_dead_zone_ratio``.
 
     Raises
     ------
     UserError
         If there is no such input.
     """
-    of, size = _input(component, input, scale)
-    end, ratio = f"{input}_dead_zone_end", f"{input}_dead_zone_ratio"
+    fed, size = _input(component, input, scale)
+    end = f"{input}_dead_zone_end"
+    ratio = f"{input}_dead_zone_ratio"
 
     def arrives(self: Any, x: Any) -> Any:
         return x - clip(x, -(getattr(self, ratio) * getattr(self, end)), getattr(self, end))
 
-    return _feeding(
-        asymmetric_dead_zone,
-        component,
-        input,
-        (scale,),
-        "x - clip(x, -r d, d)",
-        arrives,
-        {
-            end: Parameter(
-                0.0,
-                of.unit,
-                min=0.0,
-                max=_ANY * size,
-                nominal=0.1 * size,
-                display=of.display,
-                doc=f"positive {input} below which nothing arrives (d); 0 is without",
-            ),
-            ratio: Parameter(
-                1.0,
-                "1",
-                min=0.0,
-                max=1e3,
-                nominal=1.0,
-                doc=f"lower end of it relative to {end} (r)",
-            ),
-        },
-    )
+    declared = {
+        end: _switch(fed, size, f"positive {input} below which nothing arrives (d)"),
+        ratio: Parameter(
+            1.0,
+            "1",
+            min=0.0,
+            max=1e3,
+            nominal=1.0,
+            doc=f"lower end of it relative to {end} (r)",
+        ),
+    }
+    doc = "Dead zone of an input whose ends differ: from ``-r d`` to ``d`` nothing arrives."
+    change = _Change("x - clip(x, -r d, d)", arrives, declared)
+    return _changed(asymmetric_dead_zone, input, scale, doc, change)
 
 
 def input_offset(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
-    """Offset of an input: something arrives where nothing is commanded.
+    """Make the effect of an offset: something arrives where nothing is commanded.
 
     Parameters
     ----------
@@ -209,33 +240,24 @@ def input_offset(
     UserError
         If there is no such input.
     """
-    of, size = _input(component, input, scale)
+    fed, size = _input(component, input, scale)
     offset = f"{input}_input_offset"
-    return _feeding(
-        input_offset,
-        component,
-        input,
-        (scale,),
-        "x + a",
-        lambda self, x: x + getattr(self, offset),
-        {
-            offset: Parameter(
-                0.0,
-                of.unit,
-                min=-_ANY * size,
-                max=_ANY * size,
-                nominal=0.1 * size,
-                display=of.display,
-                doc=f"{input} that arrives where none is commanded; 0 is without",
-            ),
-        },
-    )
+
+    def arrives(self: Any, x: Any) -> Any:
+        return x + getattr(self, offset)
+
+    switch = _switch(fed, size, f"{input} that arrives where none is commanded", least=-_ANY)
+    doc = "Offset of an input: something arrives where nothing is commanded."
+    change = _Change("x + a", arrives, {offset: switch})
+    return _changed(input_offset, input, scale, doc, change)
 
 
 def input_saturation(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
-    """Input that levels off: ``x / sqrt(1 + c x^2)`` arrives, which never passes ``1 / sqrt(c)``.
+    """Make the effect of an input that levels off and never passes ``1 / sqrt(c)``.
+
+    ``x / sqrt(1 + c x^2)`` arrives.
 
     Parameters
     ----------
@@ -252,32 +274,33 @@ def input_saturation(
     UserError
         If there is no such input.
     """
-    of, size = _input(component, input, scale)
+    fed, size = _input(component, input, scale)
     level = f"{input}_saturation"
-    return _feeding(
-        input_saturation,
-        component,
-        input,
-        (scale,),
-        "x / sqrt(1 + c x^2)",
-        lambda self, x: x / sqrt(1.0 + getattr(self, level) * (x * x)),
-        {
-            level: Parameter(
-                0.0,
-                per("1", of.unit, 2),
-                min=0.0,
-                max=_ANY / size**2,
-                nominal=0.1 / size**2,
-                doc=f"inverse square of the {input} that is never passed (c); 0 is without",
-            ),
-        },
+
+    def arrives(self: Any, x: Any) -> Any:
+        return x / sqrt(1.0 + getattr(self, level) * (x * x))
+
+    switch = Parameter(
+        0.0,
+        per("1", fed.unit, 2),
+        min=0.0,
+        max=_ANY / size**2,
+        nominal=0.1 / size**2,
+        doc=f"inverse square of the {input} that is never passed (c); 0 is without",
     )
+    doc = (
+        "Input that levels off: ``x / sqrt(1 + c x^2)`` arrives, which never passes"
+        " ``1 / sqrt(c)``."
+    )
+    change = _Change("x / sqrt(1 + c x^2)", arrives, {level: switch})
+    return _changed(input_saturation, input, scale, doc, change)
 
 
 def backlash(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
-    """Play in what passes an input on: it is taken along only after ``d``, and stays where it is on the way back.
+    """Make the effect of play: an input is passed on only after ``d``, in both directions.
 
-    What arrives is ``x - clip(x - z, -d, d)``, where ``z`` follows it at once, within a hundredth of a second.
+    ``x - clip(x - z, -d, d)`` arrives, where ``z`` follows it at once, within a hundredth of a
+    second.
 
     Parameters
     ----------
@@ -294,8 +317,9 @@ def backlash(component: type[Component], input: str, scale: float | None = None)
     UserError
         If there is no such input.
     """
-    of, size = _input(component, input, scale)
-    gap, place = f"{input}_play", f"{input}_passed_on"
+    fed, size = _input(component, input, scale)
+    gap = f"{input}_play"
+    place = f"{input}_passed_on"
 
     def arrives(self: Any, x: Any) -> Any:
         return x - clip(x - getattr(self, place), -getattr(self, gap), getattr(self, gap))
@@ -303,38 +327,27 @@ def backlash(component: type[Component], input: str, scale: float | None = None)
     def rate(self: Any, x: Any) -> Any:
         return (arrives(self, x) - getattr(self, place)) / GIVES
 
-    return _feeding(
-        backlash,
-        component,
-        input,
-        (scale,),
-        "x - clip(x - z, -d, d)",
-        arrives,
-        {
-            gap: Parameter(
-                0.0,
-                of.unit,
-                min=0.0,
-                max=_ANY * size,
-                nominal=0.1 * size,
-                display=of.display,
-                doc=f"half of the play of {input} (d); 0 is without",
-            ),
-            place: State(
-                of.unit,
-                rate=f"{place}_rate",
-                nominal=size,
-                display=of.display,
-                doc=f"{input} as passed on",
-            ),
-        },
-        (f"{place}_rate", rate),
-        "loop of {} on its way",
+    declared = {
+        gap: _switch(fed, size, f"half of the play of {input} (d)"),
+        place: State(
+            fed.unit,
+            rate=f"{place}_rate",
+            nominal=size,
+            display=fed.display,
+            doc=f"{input} as passed on",
+        ),
+    }
+    doc = (
+        "Play in what passes an input on: it is taken along only after ``d``, and stays where it is"
+        " on the way back."
     )
+    text = "x - clip(x - z, -d, d)"
+    change = _Change(text, arrives, declared, {f"{place}_rate": rate}, "loop of {} on its way")
+    return _changed(backlash, input, scale, doc, change)
 
 
 def input_lag(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
-    """Input that arrives late: the share ``p`` of it lags by ``T`` behind the command.
+    """Make the effect of an input that arrives late: the share ``p`` of it lags by ``T``.
 
     Parameters
     ----------
@@ -344,53 +357,47 @@ def input_lag(component: type[Component], input: str, scale: float | None = None
     Returns
     -------
     type[Effect]
-        With parameters ``<input>_lagging_share`` (p), of which 0 is the base model and 1 a plain lag, and
-        ``<input>_lag`` (T), and a state.
+        With parameters ``<input>_lagging_share`` (p), of which 0 is the base model and 1 a plain
+        lag, and ``<input>_lag`` (T), and a state.
 
     Raises
     ------
     UserError
         If there is no such input.
     """
-    of, size = _input(component, input, scale)
-    share, time, behind = f"{input}_lagging_share", f"{input}_lag", f"{input}_behind"
+    fed, size = _input(component, input, scale)
+    share = f"{input}_lagging_share"
+    time = f"{input}_lag"
+    lagged = f"{input}_behind"
 
     def arrives(self: Any, x: Any) -> Any:
-        return x + getattr(self, share) * (getattr(self, behind) - x)
+        return x + getattr(self, share) * (getattr(self, lagged) - x)
 
     def rate(self: Any, x: Any) -> Any:
-        return (x - getattr(self, behind)) / getattr(self, time)
+        return (x - getattr(self, lagged)) / getattr(self, time)
 
-    return _feeding(
-        input_lag,
-        component,
-        input,
-        (scale,),
-        "x + p (s - x) with T ds/dt = x - s",
-        arrives,
-        {
-            share: Parameter(
-                0.0,
-                "1",
-                min=0.0,
-                max=1.0,
-                nominal=0.3,
-                doc=f"share of {input} that lags (p); 0 is without",
-            ),
-            time: Parameter(
-                0.1, "s", min=1e-4, max=1e6, nominal=0.1, doc="time by which it lags (T)"
-            ),
-            behind: State(
-                of.unit,
-                rate=f"{behind}_rate",
-                nominal=size,
-                display=of.display,
-                doc=f"{input} that lags",
-            ),
-        },
-        (f"{behind}_rate", rate),
-        "{} arriving late",
-    )
+    declared = {
+        share: Parameter(
+            0.0,
+            "1",
+            min=0.0,
+            max=1.0,
+            nominal=0.3,
+            doc=f"share of {input} that lags (p); 0 is without",
+        ),
+        time: Parameter(0.1, "s", min=1e-4, max=1e6, nominal=0.1, doc="time by which it lags (T)"),
+        lagged: State(
+            fed.unit,
+            rate=f"{lagged}_rate",
+            nominal=size,
+            display=fed.display,
+            doc=f"{input} that lags",
+        ),
+    }
+    doc = "Input that arrives late: the share ``p`` of it lags by ``T`` behind the command."
+    text = "x + p (s - x) with T ds/dt = x - s"
+    change = _Change(text, arrives, declared, {f"{lagged}_rate": rate}, "{} arriving late")
+    return _changed(input_lag, input, scale, doc, change)
 
 
 INPUT_EFFECTS = (

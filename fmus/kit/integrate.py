@@ -1,8 +1,8 @@
-"""Internal integration of a component in Python: adaptive Runge-Kutta 4(3) and exact sample instants.
+"""The integrator of a component in Python: adaptive Runge-Kutta 4(3) with exact sample instants.
 
-The method, its error estimate and the step control are those of ``fmi2/integrate.c``; see ``docs/decisions`` for why
-this one. Operations and their order are the same, so both round alike. It works on floats and on NumPy arrays (a batch
-shares one internal step).
+The method, its error estimate and the step control are those of ``fmi2/integrate.c``; see
+``docs/decisions`` for why this one. Operations and their order are the same, so both round alike.
+It works on floats and on NumPy arrays (a batch shares one internal step).
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from .errors import UserError
 
 MIN_STEP = 1e-14
 MAX_STEPS = 1_000_000
-# Times this close are the same instant: hosts round, and late in a simulation more than a share of the period.
-SAME_INSTANT, ROUNDING = 1e-9, 1e-15  # relative to the period, and to the time
+# Times this close are the same instant: hosts round, and late in a simulation by more than a share
+# of the period.
+SAME_INSTANT = 1e-9  # relative to the period
+ROUNDING = 1e-15  # relative to the time
 
 
 def _unrolled(names: list[str], batch: bool) -> str:
-    """Source of one trial step, unrolled over the states: a loop would cost a Python FMU three times as much.
+    """Write the source of one trial step, unrolled over the states.
 
-    The function returns the error relative to the tolerance, infinity if it is not finite, and leaves the states as
-    they were if that is above 1. Where C computes infinity, Python may raise (``1e200**2``, ``1 / 0``); that too is
-    an infinite error.
+    A loop would make a Python FMU three times as slow. The function returns the error relative to
+    the tolerance, infinity if it is not finite, and leaves the states as they were if that is above
+    1. Where C computes infinity, Python may raise (``1e200**2``, ``1 / 0``); that too is an
+    infinite error.
     """
     n = range(len(names))
 
@@ -65,7 +68,8 @@ def _unrolled(names: list[str], batch: bool) -> str:
         "    g = h / 7.5 / tolerance",
         "    "
         + each(
-            "e{i} = (abs(g * (a{i} - 3.0 * (p{i} + d{i}) + 8.0 * q{i})) + abs(w * (b{i} - c{i}))) / (n{i} + abs(x{i}))"
+            "e{i} = (abs(g * (a{i} - 3.0 * (p{i} + d{i}) + 8.0 * q{i})) + abs(w * (b{i} - c{i}))) /"
+            " (n{i} + abs(x{i}))"
         ),
         *(["    " + each("e{i} = float(e{i}.max())")] if batch else []),
         # max() alone would drop a NaN that is not its first argument
@@ -80,7 +84,10 @@ def _unrolled(names: list[str], batch: bool) -> str:
 
 @lru_cache(maxsize=64)
 def _trial(cls: type[Component], batch: bool) -> Callable[..., float] | None:
-    """Compile a trial step, once for all instances of a class; each class its own, for CPython adapts code to types."""
+    """Compile the trial step of a class.
+
+    All instances of a class share it; each class has its own, because CPython adapts code to types.
+    """
     names = [state.name for state in cls.layout.states]
     if not names:
         return None
@@ -93,14 +100,14 @@ def _trial(cls: type[Component], batch: bool) -> Callable[..., float] | None:
 
 
 class Integrator:
-    """Advances a component in time.
+    """The integrator of one component instance, which advances it in time.
 
     Parameters
     ----------
     component : Component
         Holds the states, as floats or as arrays of one shape.
     batch : bool
-        Set when the attributes hold NumPy arrays.
+        Whether the attributes hold NumPy arrays.
 
     Attributes
     ----------
@@ -135,7 +142,8 @@ class Integrator:
     def advance(self, time: float, step: float) -> None:
         """Advance the component from ``time`` to ``time + step``.
 
-        A sample instant at ``time`` is taken first; one at ``time + step`` belongs to the next call.
+        A sample instant at ``time`` is taken first; one at ``time + step`` belongs to the next
+        call.
 
         Parameters
         ----------
@@ -150,7 +158,8 @@ class Integrator:
         if not self.groups:
             self._integrate(time, time + step)
             return
-        end, self._budget = time + step, MAX_STEPS
+        end = time + step
+        self._budget = MAX_STEPS
         while time < end:
             target = end
             for index, group in enumerate(self.groups):
@@ -163,15 +172,20 @@ class Integrator:
                 if instant < end - slack:
                     target = min(target, instant)
             target = max(target, time)
-            self._budget -= 1 + (self._integrate(time, target) if target > time else 0)
+            steps = 1
+            if target > time:
+                steps += self._integrate(time, target)
+            self._budget -= steps
             if self._budget <= 0 and target < end:
                 raise self._exhausted(target)
             time = target
 
     def _period(self, period: str | float) -> float:
+        """Return a sample period in s, which may be the value of a parameter."""
         return getattr(self.component, period) if isinstance(period, str) else period
 
     def _sample(self, time: float, index: int) -> None:
+        """Update the discrete states of one group."""
         _, names, updates = self.groups[index]
         self.component.time = time
         for name, value in zip(names, [update() for update in updates], strict=True):
@@ -179,27 +193,25 @@ class Integrator:
         self.counters[index] += 1.0
 
     def _integrate(self, time: float, target: float) -> int:
-        """Integrate from ``time`` to ``target``; the number of internal steps is returned, less the last one."""
+        """Integrate from ``time`` to ``target``; return the number of steps before the last one."""
         trial = self._step
         if trial is None:
             return 0
-        component, tolerance, nominal, rates = (
-            self.component,
-            self.tolerance,
-            self.nominal,
-            self.rates,
-        )
+        # a local name costs less than an attribute of self, and this loop is run very often
+        component = self.component
+        tolerance = self.tolerance
+        nominal = self.nominal
+        rates = self.rates
         for used in range(self._budget):
             remaining = target - time
             h = self.hint if self.hint <= 0.999 * remaining else remaining
             error = trial(component, time, h, tolerance, nominal, rates)
             if error <= 1.0 and h == remaining and self.hint == math.inf:
                 return used
-            following = (
-                h * min(max(0.9 / math.sqrt(math.sqrt(error)), 0.2), 5.0)
-                if 0.0 < error < math.inf
-                else h * (5.0 if error == 0.0 else 0.1)
-            )
+            if 0.0 < error < math.inf:
+                following = h * min(max(0.9 / math.sqrt(math.sqrt(error)), 0.2), 5.0)
+            else:
+                following = h * (5.0 if error == 0.0 else 0.1)
             if error <= 1.0:
                 time += h
                 # a step shortened to land on the target says nothing against a longer one
@@ -218,22 +230,28 @@ class Integrator:
         raise self._exhausted(time)
 
     def _exhausted(self, time: float) -> UserError:
+        """Return the error for too many internal steps in one communication step."""
         return UserError(
-            f"more than {MAX_STEPS} internal steps in one communication step at {time:.10g} s: with these parameters "
-            "a time constant is far too short for a step so long"
+            f"more than {MAX_STEPS} internal steps in one communication step at {time:.10g} s: with"
+            " these parameters a time constant is far too short for a step so long"
         )
 
     def _culprit(self) -> str:
-        """Name the state that stops the integration: one whose rate is not finite, else the fastest."""
-        culprit, fastest = self.names[0], -1.0
+        """Name the state that stops the integration.
+
+        It is one whose rate is not finite, or else the one that changes fastest.
+        """
+        culprit = self.names[0]
+        fastest = -1.0
         for name, nominal, rate in zip(self.names, self.nominal, self.rates, strict=True):
             try:
                 speed = abs(rate()) / (nominal + abs(getattr(self.component, name)))
             except ArithmeticError as error:
                 return f"not finite: {name} ({error})"
-            speed = float(speed.max()) if hasattr(speed, "max") else speed
-            if not speed < math.inf:
+            largest = float(speed.max()) if hasattr(speed, "max") else speed
+            if not largest < math.inf:
                 return f"not finite: {name}"
-            if speed > fastest:
-                culprit, fastest = name, speed
+            if largest > fastest:
+                culprit = name
+                fastest = largest
         return f"not finite: {culprit}"

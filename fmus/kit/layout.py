@@ -1,4 +1,4 @@
-"""The layout of a component: its declared variables in memory order, and what is checked of them."""
+"""The layout of a component: its declared variables in memory order, and their consistency."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .declare import (
     Started,
     StateDeclaration,
     TextDeclaration,
-    starting,
+    make_start_parameter,
 )
 from .errors import UserError
 
@@ -28,7 +28,9 @@ _LONGEST_TEXT = 511  # bytes, of fmi2/engine.h
 
 @dataclass(frozen=True)
 class Layout:
-    """The variables of a component in memory order; an index into :attr:`variables` is the FMI value reference.
+    """The variables of a component in memory order.
+
+    An index into :attr:`variables` is the FMI value reference.
 
     Attributes
     ----------
@@ -39,7 +41,7 @@ class Layout:
     discretes : tuple of DiscreteDeclaration
     outputs : tuple of OutputDeclaration
     texts : tuple of TextDeclaration
-        Not in memory; their value references come behind those of all names.
+        Not in memory; their value references follow those of all names.
     """
 
     parameters: tuple[ParameterDeclaration, ...]
@@ -66,12 +68,12 @@ class Layout:
 
     @cached_property
     def start_parameters(self) -> dict[str, str]:
-        """Name of each parameter that is a start value, to the name of the state that starts there."""
+        """The state that starts at each parameter that is a start value, by name."""
         return {p.name: p.starts for p in self.parameters if p.starts is not None}
 
     @cached_property
     def start_of(self) -> dict[str, str]:
-        """Name of each state, continuous or discrete, to the name of the parameter that it starts at."""
+        """The start parameter of each state, continuous or discrete, by name."""
         return {state: parameter for parameter, state in self.start_parameters.items()}
 
     @property
@@ -84,7 +86,7 @@ class Layout:
 
     @property
     def measurable(self) -> list[Declaration]:
-        """What a master can read as output: outputs, and the states declared ``output=True``."""
+        """Variables that are outputs of the FMU: outputs, and states declared ``output=True``."""
         return [
             v
             for v in self.variables
@@ -131,11 +133,11 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
     """
     declared = list(declarations)
 
-    def of(kind: type) -> tuple[Any, ...]:
+    def of_kind(kind: type) -> tuple[Any, ...]:
         return tuple(v for v in declared if type(v) is kind)
 
     starts = []
-    for state in (*of(StateDeclaration), *of(DiscreteDeclaration)):
+    for state in (*of_kind(StateDeclaration), *of_kind(DiscreteDeclaration)):
         start = ParameterDeclaration(
             start=state.start,
             unit=state.unit,
@@ -146,25 +148,25 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
             display=state.display,
             type=state.type,
         )
-        starts.append(starting(start, state.name))
-    parameters = (*of(ParameterDeclaration), *starts)
-    kinds = (
-        InputDeclaration,
-        StateDeclaration,
-        DiscreteDeclaration,
-        OutputDeclaration,
-        TextDeclaration,
+        starts.append(make_start_parameter(start, state.name))
+    return Layout(
+        parameters=(*of_kind(ParameterDeclaration), *starts),
+        inputs=of_kind(InputDeclaration),
+        states=of_kind(StateDeclaration),
+        discretes=of_kind(DiscreteDeclaration),
+        outputs=of_kind(OutputDeclaration),
+        texts=of_kind(TextDeclaration),
     )
-    return Layout(parameters, *map(of, kinds))
 
 
 def check(owner: Any, layout: Layout) -> None:
-    """Check the variables of a class body, for what would otherwise show far from there.
+    """Check the variables of a class body for mistakes that would otherwise show far from there.
 
     Parameters
     ----------
     owner : type
-        The class; methods that its declarations name must be there unless it is abstract, without a ``name``.
+        The class; methods that its declarations name must be there unless it is abstract, without a
+        ``name``.
     layout : Layout
 
     Raises
@@ -179,8 +181,7 @@ def check(owner: Any, layout: Layout) -> None:
 
 def _check_variables(owner: Any, layout: Layout) -> None:
     """Check each variable for itself: name, range, nominal value, type and start value."""
-    component = owner.__mro__[-2]
-    names = set()
+    names: set[str] = set()
     # parameters last, so that a mistake in a state is not blamed on its start parameter
     for v in (
         *layout.inputs,
@@ -190,17 +191,7 @@ def _check_variables(owner: Any, layout: Layout) -> None:
         *layout.parameters,
         *layout.texts,
     ):
-        holder = (
-            component if isinstance(v, OutputDeclaration) else owner
-        )  # the law of an output has its name
-        if not _is_name(v.name) or v.name.startswith("_"):
-            raise _mistake(
-                owner, v, "must be named by an ASCII identifier without an underscore in front"
-            )
-        if v.name in names:
-            raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
-        if v.name in component.__annotations__ or hasattr(holder, v.name):
-            raise _mistake(owner, v, "has the name of something else in the class")
+        _check_name(owner, v, names)
         names.add(v.name)
         if not v.min < v.max:
             raise _mistake(owner, v, f"has an empty range, {_span(v)}")
@@ -211,53 +202,86 @@ def _check_variables(owner: Any, layout: Layout) -> None:
         if isinstance(v, TextDeclaration):
             if len(v.start.encode()) > _LONGEST_TEXT:
                 raise _mistake(owner, v, f"starts with a text of more than {_LONGEST_TEXT} bytes")
-            continue
-        if v.type not in _TYPES or (v.type != "real" and isinstance(v, StateDeclaration)):
-            kinds = "there are real, integer and boolean, and a continuous state is real"
-            raise _mistake(owner, v, f"is of type {v.type!r}; {kinds}")
-        if isinstance(v, Started) and v.type == "integer" and v.start != int(v.start):
-            raise _mistake(owner, v, f"is an integer but starts at {v.start:g}")
-        if isinstance(v, Started) and not v.min <= v.start <= v.max:
-            raise _mistake(
-                owner, v, f"starts at {v.start:g} {v.unit}, outside its range, {_span(v)}"
-            )
+        else:
+            _check_type_and_start(owner, v)
+
+
+def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
+    """Check that the name of a variable is an identifier and names nothing else."""
+    component = owner.__mro__[-2]
+    # the law of an output has its name
+    holder = component if isinstance(v, OutputDeclaration) else owner
+    if not _is_name(v.name) or v.name.startswith("_"):
+        raise _mistake(
+            owner, v, "must be named by an ASCII identifier without an underscore in front"
+        )
+    if v.name in taken:
+        raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
+    if v.name in component.__annotations__ or hasattr(holder, v.name):
+        raise _mistake(owner, v, "has the name of something else in the class")
+
+
+def _check_type_and_start(owner: Any, v: Declaration) -> None:
+    """Check that a variable has a type of FMI, and a start value of that type in its range."""
+    if v.type not in _TYPES or (v.type != "real" and isinstance(v, StateDeclaration)):
+        kinds = "there are real, integer and boolean, and a continuous state is real"
+        raise _mistake(owner, v, f"is of type {v.type!r}; {kinds}")
+    if not isinstance(v, Started):
+        return
+    if v.type == "integer" and v.start != int(v.start):
+        raise _mistake(owner, v, f"is an integer but starts at {v.start:g}")
+    if not v.min <= v.start <= v.max:
+        raise _mistake(owner, v, f"starts at {v.start:g} {v.unit}, outside its range, {_span(v)}")
 
 
 def _check_references(owner: Any, layout: Layout) -> None:
-    """Check what declarations name: methods of the class, parameters of the presets and sample periods."""
+    """Check the methods, parameters and sample periods that declarations and presets name."""
     if not _is_name(owner.name):
         raise UserError(
-            f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII identifier"
+            f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII"
+            " identifier"
         )
-    for kind, group in (("rate", layout.states), ("update", layout.discretes)):
-        for v in group:
-            law = getattr(v, kind)
-            if not callable(getattr(owner, law, None)):
-                raise _mistake(owner, v, f"has the {kind} {law!r}, which is no method of the class")
+    for state in layout.states:
+        _check_method(owner, state, "rate", state.rate)
+    for discrete in layout.discretes:
+        _check_method(owner, discrete, "update", discrete.update)
     parameters = {p.name: p for p in layout.parameters}
     for title, preset in owner.presets.items():
         for name, value in preset.values.items():
             if name not in parameters or not parameters[name].min <= value <= parameters[name].max:
                 raise UserError(
-                    f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter allows"
+                    f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter"
+                    " allows"
                 )
-    for d in layout.discretes:
-        known = d.period in parameters if isinstance(d.period, str) else 0.0 < d.period < inf
+    for discrete in layout.discretes:
+        period = discrete.period
+        known = period in parameters if isinstance(period, str) else 0.0 < period < inf
         if not known:
-            reason = f"has the period {d.period!r}, which is neither a parameter nor a positive number of seconds"
-            raise _mistake(owner, d, reason)
+            reason = (
+                f"has the period {period!r}, which is neither a parameter nor a positive number"
+                " of seconds"
+            )
+            raise _mistake(owner, discrete, reason)
+
+
+def _check_method(owner: Any, variable: Declaration, kind: str, name: str) -> None:
+    """Check that a declaration names a method of the class."""
+    if not callable(getattr(owner, name, None)):
+        raise _mistake(owner, variable, f"has the {kind} {name!r}, which is no method of the class")
 
 
 def _mistake(owner: Any, variable: Declaration, reason: str) -> UserError:
+    """Return the error for a mistake in a declaration."""
     return UserError(
         f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}"
     )
 
 
 def _span(variable: Declaration) -> str:
+    """Return the range of a variable as text."""
     return f"{variable.min:g} to {variable.max:g} {variable.unit}"
 
 
 def _is_name(text: str) -> bool:
-    """Whether it can be a name in Python, in C and in FMI's structured naming."""
+    """Return whether a text can be a name in Python, in C and in FMI's structured naming."""
     return text.isascii() and text.isidentifier() and not keyword.iskeyword(text)

@@ -1,13 +1,15 @@
 """Measurement errors: effects on the measured value of an output, not on the physics.
 
-Each function here makes an effect for one real output of a component, to be laid over it by :func:`.stack`::
+Each function here makes an effect for one real output of a component, to be laid over it by
+:func:`.stack`::
 
     stack(PpyActuator, sensor_lag(PpyActuator, "voltage"), sensor_gain(PpyActuator, "displacement"))
 
-Its ``id`` is the name of the function, its ``output`` the one it was made for, and its parameters are named after that.
-It overrides the output, which no law sees, so the physics stays as it is to the bit; at the neutral value the output
-does, too. Effects of one output are laid one over the other, the first one next to the physics.
-``docs/decisions/0007-measurement-effects.md`` gives the reasons.
+Its ``id`` is the name of the function, its ``output`` the one it was made for, and its parameters
+are named after that. It overrides the output, which no law sees, so the physics stays as it is to
+the bit; at the neutral value the output does, too. Effects of one output are laid one over the
+other, the first one next to the physics. ``docs/decisions/0007-measurement-effects.md`` gives the
+reasons.
 """
 
 from __future__ import annotations
@@ -24,11 +26,15 @@ from .functions import clip, exp, maximum, minimum, where
 Law = Callable[[Any], Any]
 Factory = Callable[[type[Component], str], type[Effect]]
 
-# Lags shorter than this, in seconds, are only half resolved. A lag of zero time would be infinitely stiff.
+# Lags shorter than this, in seconds, are only half resolved. A lag of zero time would be infinitely
+# stiff.
 SHORTEST_LAG = 0.01
-# The delay's memory: what it reaches back is their product, what it rounds off is the curvature within one period.
-DELAY_PERIOD, DELAY_SAMPLES = 0.02, 64
-_ONCE = 1e9  # a sample period, in seconds, that leaves one sample in any simulation: the one at the start
+# The register of the delay reaches back by the product of the two; it rounds off the curvature
+# within one period.
+DELAY_PERIOD = 0.02  # s
+DELAY_SAMPLES = 64
+# a sample period, in seconds, that leaves one sample in any simulation: the one at the start
+_ONCE = 1e9
 _ANY = 1e9  # bound of parameters that may have any value
 _ARGUMENTS = """
 
@@ -60,36 +66,48 @@ class _Quantity:
     below: Law
 
     def about(self, per: str = "", scale: float = 1.0) -> dict[str, Any]:
-        """Unit, nominal value and display unit of something that is measured like the output."""
+        """Return unit, nominal value and display unit of a variable measured like the output.
+
+        Parameters
+        ----------
+        per : str
+            Appended to the units.
+        scale : float
+            Factor of the nominal value.
+        """
         display = self.display + per if self.display else None
         return {"unit": self.unit + per, "nominal": self.nominal * scale, "display": display}
 
 
 def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
-    """Make a factory of effects from a function that returns the class body for one output."""
+    """Make a factory of effects from a function that returns the class body for one output.
+
+    The docstring of that function is the docstring of the effects, unless the body has one.
+    """
 
     def make(component: type[Component], output: str) -> type[Effect]:
         declared = {o.name: o for o in component.layout.outputs if o.type == "real"}
         if output not in declared:
-            named = component.name or component.__name__
+            label = component.name or component.__name__
             raise UserError(
-                f"{named}: no measured output named {output!r}{suggestion(output, declared)}"
+                f"{label}: no measured output named {output!r}{suggestion(output, declared)}"
             )
-        of = declared[output]
+        measured = declared[output]
 
         def below(self: Any) -> Any:
             return getattr(super(effect, self), output)()
 
-        about = {
+        quantity = _Quantity(output, measured.unit, measured.nominal, measured.display, below)
+        members = {
             "id": body.__name__,
             "output": output,
             "__doc__": body.__doc__,
+            "__module__": __name__,
             "made_by": make,
-            "made_with": (output,),
+            "made_with": {"output": output},
         }
-        members = body(_Quantity(output, of.unit, of.nominal, of.display, below)) | about
         title = f"{body.__name__}_of_{output}".title().replace("_", "")
-        effect: type[Effect] = type(title, (Effect,), members | {"__module__": __name__})
+        effect: type[Effect] = type(title, (Effect,), members | body(quantity))
         return effect
 
     # not functools.wraps: the signature is that of the factory
@@ -99,19 +117,21 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
 
 
 @_measurement
-def sensor_lag(of: _Quantity) -> dict[str, Any]:
+def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     """First-order lag of a sensor, in equilibrium at the start.
 
-    It reads ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))`` and ``m`` = 10 ms: the first-order lag of
-    time ``T`` where that is several times ``m``, nothing at ``T = 0``, and late by ``T`` on a ramp everywhere. The
-    state is the change of ``w`` since the start, when ``w = u``.
+    It reads ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))`` and ``m`` = 10 ms: the
+    first-order lag of time ``T`` where that is several times ``m``, nothing at ``T = 0``, and late
+    by ``T`` on a ramp everywhere. The state is the change of ``w`` since the start, when ``w = u``.
     """
-    lag, change, reference, started = (
-        f"{of.name}_lag_{part}" for part in ("time", "change", "reference", "started")
-    )
+    lag = f"{quantity.name}_lag_time"
+    change = f"{quantity.name}_lag_change"
+    reference = f"{quantity.name}_lag_reference"
+    started = f"{quantity.name}_lag_started"
 
     def rate(self: Any) -> Any:
-        value, time = of.below(self), getattr(self, lag)
+        value = quantity.below(self)
+        time = getattr(self, lag)
         # until the first sample, which is taken when the first step begins, the start is now
         at_start = where(getattr(self, started), getattr(self, reference), value)
         return (value - at_start - getattr(self, change)) / (
@@ -119,21 +139,28 @@ def sensor_lag(of: _Quantity) -> dict[str, Any]:
         )
 
     def measured(self: Any) -> Any:
-        return of.below(self) - getattr(self, lag) * rate(self)
+        return quantity.below(self) - getattr(self, lag) * rate(self)
 
     return {
         "neutral": lag,
         "assumption": "the sensor follows at once",
         lag: Parameter(
-            0.0, "s", min=0, max=1e6, doc=f"time constant of the sensor of {of.name}; 0 is without"
+            0.0,
+            "s",
+            min=0,
+            max=1e6,
+            doc=f"time constant of the sensor of {quantity.name}; 0 is without",
         ),
         change: State(
             rate=f"{change}_rate",
-            doc=f"change of the lagged {of.name} since the start",
-            **of.about(),
+            doc=f"change of the lagged {quantity.name} since the start",
+            **quantity.about(),
         ),
         reference: Discrete(
-            update=f"{reference}_update", period=_ONCE, doc=f"{of.name} at the start", **of.about()
+            update=f"{reference}_update",
+            period=_ONCE,
+            doc=f"{quantity.name} at the start",
+            **quantity.about(),
         ),
         started: Discrete(
             "1",
@@ -142,35 +169,39 @@ def sensor_lag(of: _Quantity) -> dict[str, Any]:
             type="boolean",
             doc=f"whether {reference} is known",
         ),
-        of.name: measured,
+        quantity.name: measured,
         f"{change}_rate": rate,
-        f"{reference}_update": of.below,
+        f"{reference}_update": quantity.below,
         f"{started}_update": lambda self: 1.0,
     }
 
 
 @_measurement
-def transport_delay(of: _Quantity) -> dict[str, Any]:
+def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     """Pure delay of up to 1.28 s.
 
-    The output is sampled every 20 ms into a shift register and interpolated linearly at the time that lies the delay
-    ago, the present value being the newest point. That is exact for a ramp, for a smooth signal it errs by at most an
-    eighth of the period squared times the second derivative, and a jump becomes a slope over one period. What is read
-    of the time before the start is a line: two states that start at 0, which is at rest at the value at the start.
+    The output is sampled every 20 ms into a shift register and interpolated linearly at the time
+    that lies the delay ago, the present value being the newest point. That is exact for a ramp, for
+    a smooth signal it errs by at most an eighth of the period squared times the second derivative,
+    and a jump becomes a slope over one period. Before the start the output is taken to be a line,
+    given by two states; they start at 0, which is at rest at the value at the start.
     """
-    delay = f"{of.name}_delay"
-    latest, instant, started, begin = (
-        f"{delay}_{part}" for part in ("sample", "instant", "started", "begin")
-    )
-    history, slope = f"{delay}_history", f"{delay}_history_slope"
+    delay = f"{quantity.name}_delay"
+    latest = f"{delay}_sample"
+    instant = f"{delay}_instant"
+    started = f"{delay}_started"
+    begin = f"{delay}_begin"
+    history = f"{delay}_history"
+    slope = f"{delay}_history_slope"
     changes = [f"{delay}_change_{k}" for k in range(1, DELAY_SAMPLES + 1)]
 
     def change_to(self: Any, value: Any) -> Any:
-        """Change from the latest sample; none before there is one."""
+        """Return the change from the latest sample; none before there is one."""
         return value - where(getattr(self, started), getattr(self, latest), value)
 
     def measured(self: Any) -> Any:
-        value, back = of.below(self), getattr(self, delay)
+        value = quantity.below(self)
+        back = getattr(self, delay)
         age = maximum(self.time - getattr(self, instant), 1e-9 * DELAY_PERIOD)
         undone = minimum(back / age, 1.0) * change_to(self, value)
         periods = (back - age) / DELAY_PERIOD
@@ -194,11 +225,13 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
             min=0,
             max=DELAY_PERIOD * DELAY_SAMPLES,
             nominal=0.1,
-            doc=f"delay of {of.name}; 0 is without",
+            doc=f"delay of {quantity.name}; 0 is without",
         ),
-        latest: sampled(f"{of.name} at the latest sample", update=f"{latest}_update", **of.about()),
+        latest: sampled(
+            f"{quantity.name} at the latest sample", update=f"{latest}_update", **quantity.about()
+        ),
         instant: sampled(
-            f"time of the latest sample of {of.name}", unit="s", update=f"{instant}_update"
+            f"time of the latest sample of {quantity.name}", unit="s", update=f"{instant}_update"
         ),
         started: sampled(
             f"whether {latest} is known", unit="1", type="boolean", update=f"{started}_update"
@@ -206,31 +239,33 @@ def transport_delay(of: _Quantity) -> dict[str, Any]:
         begin: Discrete("s", update=f"{begin}_update", period=_ONCE, doc="time of the start"),
         history: State(
             rate=f"{history}_rate",
-            doc=f"{of.name} read of the time before the start, more than at the start",
-            **of.about(),
+            doc=f"{quantity.name} read of the time before the start, more than at the start",
+            **quantity.about(),
         ),
-        slope: State(rate=f"{slope}_rate", doc=f"rate of {history}", **of.about("/s")),
-        of.name: measured,
+        slope: State(rate=f"{slope}_rate", doc=f"rate of {history}", **quantity.about("/s")),
+        quantity.name: measured,
         f"{history}_rate": value_of(slope),
         f"{slope}_rate": lambda self: 0.0,
         f"{begin}_update": lambda self: self.time,
-        f"{latest}_update": of.below,
+        f"{latest}_update": quantity.below,
         f"{instant}_update": lambda self: self.time,
         f"{started}_update": lambda self: 1.0,
     }
-    register = [lambda self: change_to(self, of.below(self)), *map(value_of, changes[:-1])]
+    register = [lambda self: change_to(self, quantity.below(self)), *map(value_of, changes[:-1])]
     for change, before in zip(changes, register, strict=True):
         members[change] = sampled(
-            f"change of {of.name} between two samples", update=f"{change}_update", **of.about()
+            f"change of {quantity.name} between two samples",
+            update=f"{change}_update",
+            **quantity.about(),
         )
         members[f"{change}_update"] = before
     return members
 
 
 @_measurement
-def sensor_gain(of: _Quantity) -> dict[str, Any]:
+def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     """Scale error of a sensor: it reads ``g u``; ``g = 1`` is without."""
-    gain = f"{of.name}_gain"
+    gain = f"{quantity.name}_gain"
     return {
         "neutral": gain,
         "assumption": "the sensor is calibrated",
@@ -239,48 +274,58 @@ def sensor_gain(of: _Quantity) -> dict[str, Any]:
             "1",
             min=-_ANY,
             max=_ANY,
-            doc=f"scale of the measured {of.name}; 1 is without error",
+            doc=f"scale of the measured {quantity.name}; 1 is without error",
         ),
-        of.name: lambda self: getattr(self, gain) * of.below(self),
+        quantity.name: lambda self: getattr(self, gain) * quantity.below(self),
     }
 
 
 @_measurement
-def sensor_offset(of: _Quantity) -> dict[str, Any]:
+def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
     """Bias of a sensor: it reads ``u + b``; ``b = 0`` is without."""
-    offset = f"{of.name}_offset"
+    offset = f"{quantity.name}_offset"
     return {
         "neutral": offset,
         "assumption": "the sensor has its zero at zero",
         offset: Parameter(
-            0.0, min=-_ANY, max=_ANY, doc=f"bias of the measured {of.name}", **of.about()
+            0.0,
+            min=-_ANY,
+            max=_ANY,
+            doc=f"bias of the measured {quantity.name}",
+            **quantity.about(),
         ),
-        of.name: lambda self: of.below(self) + getattr(self, offset),
+        quantity.name: lambda self: quantity.below(self) + getattr(self, offset),
     }
 
 
 @_measurement
-def sensor_drift(of: _Quantity) -> dict[str, Any]:
-    """Bias of a sensor that grows steadily: it reads ``u + d t``, ``t`` being the time since the start."""
-    drift = f"{of.name}_drift"
+def sensor_drift(quantity: _Quantity) -> dict[str, Any]:
+    """Bias of a sensor that grows steadily: it reads ``u + d t`` at the time ``t``."""
+    drift = f"{quantity.name}_drift"
     since = f"{drift}_time"
     return {
+        "__doc__": (
+            "Bias of a sensor that grows steadily: it reads ``u + d t``, ``t`` being the time since"
+            " the start."
+        ),
         "neutral": drift,
         "assumption": "the zero of the sensor stays",
         drift: Parameter(
             0.0,
             min=-_ANY,
             max=_ANY,
-            doc=f"rate at which the bias of {of.name} grows",
-            **of.about("/s", 1e-3),
+            doc=f"rate at which the bias of {quantity.name} grows",
+            **quantity.about("/s", 1e-3),
         ),
         since: State(
             "s",
             rate=f"{since}_rate",
             nominal=1e3,
-            doc=f"time since the start, for the drift of {of.name}",
+            doc=f"time since the start, for the drift of {quantity.name}",
         ),
-        of.name: lambda self: of.below(self) + getattr(self, drift) * getattr(self, since),
+        quantity.name: lambda self: (
+            quantity.below(self) + getattr(self, drift) * getattr(self, since)
+        ),
         f"{since}_rate": lambda self: 1.0,
     }
 
@@ -292,7 +337,7 @@ MEASUREMENTS: dict[str, Factory] = {
 
 
 def measurement_effects(component: type[Component]) -> list[type[Effect]]:
-    """Every effect of the measurement that a component can have: each of `MEASUREMENTS` on each real output.
+    """Make every effect of measurements: each of `MEASUREMENTS` for each real output.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
-"""The Python side of a Python FMU: a component over the instance's memory, which the C front-end owns.
+"""The Python side of a Python FMU: a component that works on the memory of an FMU instance.
 
-Every call loads its values from that memory and leaves its results there. Nothing survives in Python between calls,
-so saving the memory saves the instance (FMU contract, line 5).
+The C front-end owns that memory. Every call loads its values from there and stores its results
+there. Nothing survives in Python between calls, so saving the memory saves the instance (FMU
+contract, line 5).
 """
 
 from __future__ import annotations
@@ -16,16 +17,19 @@ from .component import Component
 from .errors import UserError
 from .integrate import Integrator
 
-_HINT, _START_TIME, _TOLERANCE, _PARAMETERS_CHANGED, _COUNTERS = range(
-    5
-)  # internals, in the order of fmi2/engine.h
+# positions of the internals, in the order of fmi2/engine.h
+_HINT = 0
+_START_TIME = 1
+_TOLERANCE = 2
+_PARAMETERS_CHANGED = 3
+_COUNTERS = 4
 
 
 @cache
 def _transfer(*statements: str) -> Callable[[Component, Any], None]:
-    """Compile assignments between component ``m`` and memory ``y``: a loop would take twice as long.
+    """Compile assignments between component ``m`` and memory ``y``: a loop takes twice as long.
 
-    Once for all instances, because compiling is most of what it takes to create one.
+    All instances share the result, because most of the time to create one would go into compiling.
     """
     namespace: dict[str, Any] = {}
     exec("def transfer(m, y):\n    " + ("; ".join(statements) or "pass"), namespace)
@@ -34,16 +38,16 @@ def _transfer(*statements: str) -> Callable[[Component, Any], None]:
 
 
 class Slave:
-    """One FMU instance.
+    """The state and the laws of one FMU instance.
 
     Parameters
     ----------
     cls : type[Component]
         The component.
     memory : memoryview
-        Doubles in the order of :class:`fmus.kit.layout.Layout`, then derivatives, then the internals
-        ``hint, start time, tolerance, parameters changed`` and a counter for each sampled group
-        (``fmi2/engine.h``).
+        Doubles in the order of :class:`fmus.kit.layout.Layout`, then derivatives, then the
+        internals ``hint, start time, tolerance, parameters changed`` and a counter for each sampled
+        group (``fmi2/engine.h``).
     texts : memoryview
         Text parameters, of which laws know nothing.
     """
@@ -70,10 +74,9 @@ class Slave:
         self._outputs = self.component.laws([o.name for o in layout.outputs])
 
     def initialize(self) -> str | None:
-        """Run once at the end of initialization; a message means that the parameters cannot work."""
-        self.memory[self._internals + _PARAMETERS_CHANGED] = (
-            1.0  # the host may have set the tolerance last
-        )
+        """Compute the outputs at the end of initialization; return the message of an error."""
+        # the host may have set the tolerance last
+        self.memory[self._internals + _PARAMETERS_CHANGED] = 1.0
         return self.evaluate(0.0)
 
     def evaluate(self, time: float) -> str | None:
@@ -96,8 +99,10 @@ class Slave:
         return self._compute(time, self.integrator.rates, self._first_derivative)
 
     def _compute(self, time: float, laws: list[Callable[[], Any]], first: int) -> str | None:
+        """Store the values of laws in the memory, from position ``first`` on."""
         try:
-            memory, component = self.memory, self.component
+            memory = self.memory
+            component = self.component
             if memory[self._internals + _PARAMETERS_CHANGED]:
                 self._take_parameters()
             self._load(component, memory)
@@ -105,7 +110,7 @@ class Slave:
             for index, law in enumerate(laws, first):
                 memory[index] = law()
         except BaseException as error:
-            return sentence(error)
+            return describe_error(error)
         return None
 
     def advance(self, time: float, step: float) -> str | None:
@@ -122,12 +127,10 @@ class Slave:
             Message of an error.
         """
         try:
-            memory, component, integrator, internals = (
-                self.memory,
-                self.component,
-                self.integrator,
-                self._internals,
-            )
+            memory = self.memory
+            component = self.component
+            integrator = self.integrator
+            internals = self._internals
             if memory[internals + _PARAMETERS_CHANGED]:
                 self._take_parameters()
             self._load(component, memory)
@@ -142,27 +145,28 @@ class Slave:
             for index, count in enumerate(integrator.counters, internals + _COUNTERS):
                 memory[index] = count
         except BaseException as error:
-            return sentence(error)
+            return describe_error(error)
         return None
 
     def warning(self) -> str | None:
-        """Say what is to be told of a step that succeeded: laws have nothing to tell."""
+        """Return a warning about a step that succeeded: laws have none."""
         return None
 
     def terminate(self) -> None:
-        """End the simulation: laws hold nothing that would have to end."""
+        """End the simulation: laws hold nothing that would need an end."""
 
     def close(self) -> None:
-        """Let go of the memory before the front-end frees it."""
+        """Release the memory before the front-end frees it."""
         self.memory.release()
 
     def _take_parameters(self) -> None:
+        """Load the parameters and the tolerance, which change seldom."""
         self._load_parameters(self.component, self.memory)
         self.integrator.tolerance = self.memory[self._internals + _TOLERANCE]
         self.memory[self._internals + _PARAMETERS_CHANGED] = 0.0
 
 
-def sentence(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Describe an error for the host in one line; Ctrl-C reaches it too.
 
     Parameters
@@ -176,9 +180,12 @@ def sentence(error: BaseException) -> str:
     if isinstance(error, UserError):
         return str(error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    text = f"{type(error).__name__}: {error} (in {frame.name}, line {frame.lineno} of {frame.filename})"
+    text = (
+        f"{type(error).__name__}: {error} (in {frame.name}, line {frame.lineno} of"
+        f" {frame.filename})"
+    )
     if isinstance(error, KeyboardInterrupt):
-        # The host shall see it too, but after this call, which would end it again: another thread waits for the lock
-        # of Python until then. Nothing here may take long after it has started.
+        # The host shall get the interrupt too, but after this call, which would swallow it: another
+        # thread waits for the lock of Python until then. Nothing here may take long after that.
         _thread.start_new_thread(_thread.interrupt_main, ())
     return text

@@ -1,7 +1,13 @@
-"""Units through pint: one string in a declaration feeds the FMU, parameter files, docs and CSV headers."""
+"""Units: parsing and conversion through pint, SI base units for FMI, and Modelica's spelling.
+
+One string in a declaration feeds the FMU, parameter files, documentation and CSV headers. There are
+two ways to write a unit: as pint reads it (``N*m``, ``ohm``), and as Modelica and FMI do (``N.m``,
+``Ohm``).
+"""
 
 from __future__ import annotations
 
+import ast
 import math
 import re
 from dataclasses import dataclass
@@ -9,7 +15,6 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from fmus.kit.errors import UserError
-from fmus.kit.spelling import from_modelica
 
 if TYPE_CHECKING:
     import pint
@@ -26,10 +31,14 @@ _BASE = {
     "radian": "rad",
 }
 _LONGEST = 100  # characters of a unit
+# factors, or their powers, of which none has a power itself
 _WRITTEN = re.compile(
     r"\s*(?:1\s*(?=/)|[^\W\d]\w*|[°%Ω]\w*|[()*/·.]|\s"
     r"|(?:\^|\*\*)\s*\(?[+-]?\d{1,2}(?:\.\d{1,2})?\)?(?!\s*(?:\^|\*\*|\.?\d)))*"
-)  # factors, or their powers, of which none has a power itself
+)
+# of Modelica: a name with its power directly after it, and divisors in brackets
+_FACTOR = re.compile(r"([^\W\d_]+)([+-]?\d{1,2}(?!\w))?")
+_DIVISORS = re.compile(r"/\(([^()/]*)\)")
 
 
 @cache
@@ -62,8 +71,9 @@ def parse(unit: str) -> pint.Unit:
     Parameters
     ----------
     unit : str
-        Names that pint knows, as factors of products and quotients, with brackets and powers of up to two digits, or
-        the same in Modelica's grammar (``m/s2``, ``Ohm``); ``"1"`` and ``"%"`` are dimensionless.
+        Names that pint knows, as factors of products and quotients, with brackets and powers of up
+        to two digits, or the same in Modelica's grammar (``m/s2``, ``Ohm``); ``"1"`` and ``"%"``
+        are dimensionless.
 
     Returns
     -------
@@ -77,7 +87,8 @@ def parse(unit: str) -> pint.Unit:
     if unit.strip() in ("", "1", "-", "–"):
         return registry().dimensionless
     for spelt in (unit, from_modelica(unit[:_LONGEST])):
-        if (known := _known(spelt)) is not None:
+        known = _known(spelt)
+        if known is not None:
             return known
     raise UserError(f"unknown unit {unit[:_LONGEST]!r}; write it like N, mm, N*s/m, ohm, degC")
 
@@ -85,7 +96,7 @@ def parse(unit: str) -> pint.Unit:
 def _known(unit: str) -> pint.Unit | None:
     """Read a unit as pint does; None if that cannot."""
     if len(unit) > _LONGEST or not _WRITTEN.fullmatch(unit):
-        return None  # pint computes what it is given, and 9**9**9**9 takes for ever
+        return None  # pint computes any power, and 9**9**9**9 takes for ever
     try:
         return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
     except Exception:
@@ -93,7 +104,7 @@ def _known(unit: str) -> pint.Unit | None:
 
 
 @lru_cache
-def familiar(unit: str) -> str:
+def to_familiar(unit: str) -> str:
     """Write a unit of an FMU as everywhere else: ``N*m`` for ``N.m``, ``ohm`` for ``Ohm``.
 
     Parameters
@@ -104,7 +115,7 @@ def familiar(unit: str) -> str:
     Returns
     -------
     str
-        `unit` as it is if pint does not know it: an FMU may name its units as it likes.
+        `unit` unchanged if pint does not know it: an FMU may name its units as it likes.
     """
     spelt = from_modelica(unit[:_LONGEST])
     return spelt if _known(spelt) is not None else unit
@@ -128,10 +139,8 @@ def base_unit(unit: str) -> BaseUnit:
     UserError
         If FMI cannot express it: a fractional power, or a base unit outside SI.
     """
-    one, zero = (
-        registry().Quantity(1.0, parse(unit)).to_base_units(),
-        registry().Quantity(0.0, parse(unit)).to_base_units(),
-    )
+    one = registry().Quantity(1.0, parse(unit)).to_base_units()
+    zero = registry().Quantity(0.0, parse(unit)).to_base_units()
     powers = {str(name): float(str(power)) for name, power in one.unit_items()}
     if not all(name in _BASE and power.is_integer() for name, power in powers.items()):
         raise UserError(
@@ -150,7 +159,7 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
     unit, to : str
         From which unit, to which.
     what : str
-        What is converted, for the message.
+        Name of the value, for the message.
 
     Returns
     -------
@@ -163,17 +172,20 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
     """
     if unit == to:
         return value
-    source, target = parse(unit), parse(to)
+    source = parse(unit)
+    target = parse(to)
     if not convertible(source, target):
         raise UserError(f"{what}: unit {unit!r} cannot be converted to {to!r}")
-    return value if source == target else registry().Quantity(value, source).to(target).magnitude
+    if source == target:
+        return value
+    return registry().Quantity(value, source).to(target).magnitude
 
 
 def convertible(source: pint.Unit, target: pint.Unit) -> bool:
-    """Whether two parsed units measure the same thing.
+    """Return whether two parsed units measure the same thing.
 
-    pint counts an angle as a pure number, so that 1 Hz would be 1 rad/s and 60 rpm would be 2 pi Hz; here an angle
-    must remain one.
+    pint counts an angle as a pure number, so that 1 Hz would be 1 rad/s and 60 rpm would be 2 pi
+    Hz; here an angle must remain one.
 
     Parameters
     ----------
@@ -187,18 +199,16 @@ def convertible(source: pint.Unit, target: pint.Unit) -> bool:
 
 
 def _angles(unit: pint.Unit) -> float:
-    """Power of the angle in a unit: 1 for rad/s and rpm, 0 for Hz."""
-    powers = registry().Quantity(1.0, unit)._units
-    turning = (
-        power
-        for name, power in powers.items()
-        if "radian" in str(registry().get_root_units(name)[1])
-    )
-    return sum(float(str(power)) for power in turning)
+    """Return the power of the angle in a unit: 1 for rad/s and rpm, 0 for Hz."""
+    total = 0.0
+    for name, power in registry().Quantity(1.0, unit)._units.items():
+        if "radian" in str(registry().get_root_units(name)[1]):
+            total += float(str(power))
+    return total
 
 
 class Described(Protocol):
-    """What is needed to write a value: a declaration, or a variable of anybody's FMU.
+    """A declaration, or a variable of any FMU, whose values can be written with a unit.
 
     Attributes
     ----------
@@ -213,14 +223,12 @@ class Described(Protocol):
 
     type: str
     unit: str
-    display: (
-        Any  # str | None would not match a class that always has one, for an attribute can be set
-    )
+    display: Any  # str | None would not match a class that always has one: it can be set
     min: float
     max: float
 
 
-def shown(value: float, variable: Described, digits: int = 6) -> str:
+def format_value(value: float, variable: Described, digits: int = 6) -> str:
     """Write a value with its unit as people read it, e.g. ``0.068 mm/C``.
 
     Parameters
@@ -240,8 +248,10 @@ def shown(value: float, variable: Described, digits: int = 6) -> str:
     return _with_unit(value, variable.unit, variable.display or variable.unit, digits)
 
 
-def shown_difference(value: float, variable: Described, digits: int = 6) -> str:
-    """Write a difference of two values, such as an error: 2 K stay 2 K, where the value 2 K would be -271 degC.
+def format_difference(value: float, variable: Described, digits: int = 6) -> str:
+    """Write a difference of two values, such as an error, with its unit as people read it.
+
+    A difference of 2 K is 2 K, where the value 2 K is written as -271 degC.
 
     Parameters
     ----------
@@ -274,12 +284,12 @@ def unit_of_differences(variable: Described) -> str:
 
 
 def _with_unit(value: float, unit: str, display: str, digits: int) -> str:
-    return f"{convert(float(value), unit, display):.{digits}g}" + (
-        "" if display == "1" else f" {display}"
-    )
+    """Write a value converted to the unit that is displayed."""
+    number = f"{convert(float(value), unit, display):.{digits}g}"
+    return number if display == "1" else f"{number} {display}"
 
 
-def allowed(variable: Described) -> str:
+def format_range(variable: Described) -> str:
     """Write the range of a variable as people read it, e.g. ``0 … 1e+06 ohm``.
 
     Parameters
@@ -291,14 +301,103 @@ def allowed(variable: Described) -> str:
     str
         Empty if the range is open.
     """
-    low, high = math.isfinite(variable.min), math.isfinite(variable.max)
-    if low and high:
+    has_lower = math.isfinite(variable.min)
+    has_upper = math.isfinite(variable.max)
+    if has_lower and has_upper:
         least = convert(variable.min, variable.unit, variable.display or variable.unit)
-        return f"{least:g} … {shown(variable.max, variable)}"
-    return (
-        f"≥ {shown(variable.min, variable)}"
-        if low
-        else f"≤ {shown(variable.max, variable)}"
-        if high
-        else ""
-    )
+        return f"{least:g} … {format_value(variable.max, variable)}"
+    if has_lower:
+        return f"≥ {format_value(variable.min, variable)}"
+    if has_upper:
+        return f"≤ {format_value(variable.max, variable)}"
+    return ""
+
+
+def to_modelica(unit: str) -> str:
+    """Write a unit in the grammar of the Modelica language, which tools that import FMUs read.
+
+    Parameters
+    ----------
+    unit : str
+        As pint reads it.
+
+    Returns
+    -------
+    str
+        Factors with points between them, powers after names, one slash; `unit` unchanged if that
+        is impossible.
+
+    Examples
+    --------
+    >>> [to_modelica(u) for u in ("N*m", "ohm", "m/s/s", "A/V/s", "kg*m^2", "1/s", "1", "degC")]
+    ['N.m', 'Ohm', 'm/s2', 'A/(V.s)', 'kg.m2', '1/s', '1', 'degC']
+    """
+    text = unit.strip().replace("^", "**").replace("·", "*").replace(".", "*").replace("°C", "degC")
+    text = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
+    try:
+        powers = _powers(ast.parse(text, mode="eval").body)
+    except (SyntaxError, ValueError):
+        return unit
+    above: list[str] = []
+    below: list[str] = []
+    for name, power in powers.items():
+        spelt = re.sub("(ohm|Ω)$", "Ohm", name).replace("μ", "u")
+        if power:
+            factors = above if power > 0 else below
+            factors.append(spelt + (str(abs(power)) if abs(power) != 1 else ""))
+    numerator = ".".join(above) or "1"
+    if not below:
+        return numerator
+    denominator = ".".join(below)
+    return f"{numerator}/({denominator})" if len(below) > 1 else f"{numerator}/{denominator}"
+
+
+def _powers(node: ast.expr) -> dict[str, int]:
+    """Return the power of each name, in order of appearance; ValueError for anything else."""
+    match node:
+        case ast.Name(id=name) if not any(map(str.isdigit, name)):
+            return {name: 1}
+        case ast.Constant(value=1):
+            return {}
+        case ast.BinOp(left=left, op=ast.Mult() | ast.Div(), right=right):
+            powers = _powers(left)
+            sign = 1 if isinstance(node.op, ast.Mult) else -1
+            for name, power in _powers(right).items():
+                powers[name] = powers.get(name, 0) + sign * power
+            return powers
+        case ast.BinOp(left=base, op=ast.Pow(), right=exponent):
+            times = ast.literal_eval(exponent)
+            if isinstance(times, int):
+                return {name: times * power for name, power in _powers(base).items()}
+    raise ValueError(node)
+
+
+def from_modelica(unit: str) -> str:
+    """Write a unit that may be in Modelica's grammar as pint reads it.
+
+    The names may still be unknown to pint.
+
+    Parameters
+    ----------
+    unit : str
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> [from_modelica(unit) for unit in ("N.m", "mOhm", "m/s2", "A/(V.s)", "s-1", "N*s/m")]
+    ['N*m', 'mohm', 'm/s^2', 'A/V/s', 's^-1', 'N*s/m']
+    """
+    text = _FACTOR.sub(_factor_for_pint, unit)
+    text = re.sub(r"\.(?!\d)", "*", text)
+    return _DIVISORS.sub(lambda match: "/" + match[1].replace("*", "/"), text)
+
+
+def _factor_for_pint(match: re.Match[str]) -> str:
+    """Write a name and its power as pint reads them."""
+    name = match[1]
+    if name.endswith("Ohm"):
+        name = name.removesuffix("Ohm") + "ohm"
+    return f"{name}^{match[2]}" if match[2] else name

@@ -1,11 +1,12 @@
 """The polypyrrole actuator: RC charging, Burgers viscoelasticity, charge-to-displacement coupling.
 
-Thesis chapter 3, eqs. 3.1-3.9 and fig. 3-1. The charge does not feel the load and the creep does not feel the charge;
-the two displacements add (assumptions 1 and 5). The mechanical numbers are those of fig. 3-9 in N/m and N s/m; the
-printed N/mm is an error of the source (``docs/errata.md``, row 1).
+Thesis chapter 3, eqs. 3.1-3.9 and fig. 3-1. The charge does not feel the load and the creep does
+not feel the charge; the two displacements add (assumptions 1 and 5). The mechanical numbers are
+those of fig. 3-9 in N/m and N s/m; the printed N/mm is an error of the source (``docs/errata.md``,
+row 1).
 
-Outputs only show laws, and no law calls an output: what is wrong with a measurement can then be laid over an output
-without changing the physics.
+Outputs only show laws, and no law calls an output: what is wrong with a measurement can then be
+laid over an output without changing the physics.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ _FIGURE = "thesis fig. 3-9, 12-layer actuator 106, in N/m and N*s/m (errata 1)"
 
 
 class Actuator(Component):
-    """What both causalities share: the electrical circuit, the creep elements and the coupling."""
+    """Laws that both causalities share: circuit, creep elements and coupling."""
 
     R1 = Parameter(
         0.43,
@@ -75,7 +76,8 @@ class Actuator(Component):
         doc="elongation of the Maxwell dashpot (x_b1)",
     )
 
-    # --- electrical -------------------------------------------------------------------------------------------------
+    # --- electrical
+    # ----------------------------------------------------------------------------------------------
 
     def supply_current(self) -> Any:
         """Current that reaches the circuit of fig. 3-1: all of it."""
@@ -111,13 +113,15 @@ class Actuator(Component):
         """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
         return self.immediate_resistance() * self.capacitor_current() + self.capacitor_voltage()
 
-    # --- coupling ---------------------------------------------------------------------------------------------------
+    # --- coupling
+    # ----------------------------------------------------------------------------------------------
 
     def charge_elongation(self, charge: Any) -> Any:
         """Elongation due to charge, alpha Q (eq. 3.4)."""
         return self.alpha * charge
 
-    # --- mechanical -------------------------------------------------------------------------------------------------
+    # --- mechanical
+    # ----------------------------------------------------------------------------------------------
 
     # Force through every element of the series chain, tension positive: given by the causality.
     load: Callable[[], Any]
@@ -127,7 +131,9 @@ class Actuator(Component):
         return self.k2 * self.kelvin_elongation
 
     def kelvin_rate(self) -> Any:
-        """Creep rate of the Kelvin element, second row of eq. 3.5; its time constant is b2 / k2 (eq. 3.1)."""
+        """Creep rate of the Kelvin element, second row of eq. 3.5; its time constant is b2 / k2
+        (eq. 3.1).
+        """
         return (self.load() - self.kelvin_force()) / self.b2
 
     def flow_force(self) -> Any:
@@ -135,7 +141,9 @@ class Actuator(Component):
         return self.load()
 
     def maxwell_rate(self) -> Any:
-        """Flow rate of the Maxwell dashpot, third row of eq. 3.5; its slope under constant load gives b1 (eq. 3.3)."""
+        """Flow rate of the Maxwell dashpot, third row of eq. 3.5; its slope under constant load
+        gives b1 (eq. 3.3).
+        """
         return self.flow_force() / self.b1
 
     def creep(self) -> Any:
@@ -154,7 +162,8 @@ class Actuator(Component):
         """Elongation of the whole chain, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
         return self.creep() + self.spring_elongation(self.load())
 
-    # --- outputs ----------------------------------------------------------------------------------------------------
+    # --- outputs
+    # ----------------------------------------------------------------------------------------------
 
     @Output("V")
     def voltage(self) -> Any:
@@ -182,14 +191,19 @@ class Actuator(Component):
                 "k2": 1.0e4 * 5 / 12,
                 "b2": 2.0e6 * 5 / 12,
             },
-            doc="5-layer actuator: circuit as measured (thesis section 3.3.1, fig. 3-5); stiffness and damping are the "
-            "12-layer values times 5/12, because parallel films add (section 3.1.2); alpha is kept",
+            doc=(
+                "5-layer actuator: circuit as measured (thesis section 3.3.1, fig. 3-5); stiffness"
+                " and damping are the 12-layer values times 5/12, because parallel films add"
+                " (section 3.1.2); alpha is kept"
+            ),
         ),
     }
 
 
 class PpyActuator(Actuator):
-    """Force-driven actuator: current and load in, voltage and displacement out (thesis eqs. 3.1-3.9)."""
+    """Force-driven actuator: current and load in, voltage and displacement out
+    (thesis eqs. 3.1-3.9).
+    """
 
     name = "ppy_actuator"
 
@@ -210,7 +224,8 @@ class PpyActuator(Actuator):
 class PpyActuatorLengthDriven(Actuator):
     """Length-driven actuator: the same laws with current and length in, tension and voltage out.
 
-    Only the instantaneous spring k1 answers at once; its elongation is what remains of the imposed length change.
+    Only the instantaneous spring k1 answers at once; its elongation is what remains of the imposed
+    length change.
     """
 
     name = "ppy_actuator_length_driven"
@@ -220,7 +235,9 @@ class PpyActuatorLengthDriven(Actuator):
     )
 
     def load(self) -> Any:
-        """What the instantaneous spring makes of the elongation that remains for it; slack instead of compression."""
+        """What the instantaneous spring makes of the elongation that remains for it; slack instead
+        of compression.
+        """
         elongation = self.length_change - self.charge_elongation(self.charge) - self.creep()
         return maximum(self.spring_force(elongation), 0.0)
 

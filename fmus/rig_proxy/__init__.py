@@ -1,1 +1,59 @@
 """The rig proxy: takes the place of a component and forwards its signals to the real rig."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from . import protocol
+from .credentials import ClientKeys, checked, key, read_client_keys, read_table
+from .protocol import (
+    ENDPOINT,
+    IDLE,
+    LOCKSTEP,
+    MAX_FRAME,
+    PORT,
+    REAL_TIME,
+    REQUESTS,
+    RUNNING,
+    SAFE,
+    ProtocolError,
+    decode,
+    encode,
+)
+from .proxy import LINK_STATES
+
+if TYPE_CHECKING:
+    from .link import Link, LinkError
+
+__all__ = [
+    "ENDPOINT",
+    "IDLE",
+    "LINK_STATES",
+    "LOCKSTEP",
+    "MAX_FRAME",
+    "PORT",
+    "REAL_TIME",
+    "REQUESTS",
+    "RUNNING",
+    "SAFE",
+    "ClientKeys",
+    "Link",
+    "LinkError",
+    "ProtocolError",
+    "checked",
+    "decode",
+    "encode",
+    "key",
+    "protocol",
+    "read_client_keys",
+    "read_table",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what speaks to a rig when it is first used: ZeroMQ takes its time."""
+    if name not in ("Link", "LinkError"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from . import link
+
+    return getattr(link, name)

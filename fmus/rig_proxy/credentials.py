@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import os
 import stat
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..kit.errors import UserError
+from ..kit import UserError
 
 _ALPHABET = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#"
 _LENGTH = 40  # characters: 32 bytes, five characters for every four of them
@@ -22,7 +21,7 @@ _LARGEST = 64 * 1024  # bytes; a key file has a few hundred
 
 @dataclass(frozen=True)
 class ClientKeys:
-    """What a client needs to speak with a server that has keys; each is Z85.
+    """Keys with which a client speaks to a server that has keys; each is Z85.
 
     Attributes
     ----------
@@ -68,19 +67,25 @@ def read_client_keys(path: Path, warn: Callable[[str], None] = lambda text: None
     Raises
     ------
     UserError
-        If there is no such file, it is no TOML, or a key is missing or no key: one line, which shows no secret.
+        If there is no such file, it is no TOML, or a key is missing or no key: one line, which
+        shows no secret.
     """
     table = read_table(path, warn)
     if "clients" in table:
         raise UserError(
-            f"{path}: this is the key file of a server; a client has server_key, public_key and secret_key"
+            f"{path}: this is the key file of a server; a client has server_key, public_key and"
+            " secret_key"
         )
     keys = {name: key(table, name, path) for name in ("server_key", "public_key", "secret_key")}
     return ClientKeys(**keys)
 
 
 def read_table(path: Path, warn: Callable[[str], None] = lambda text: None) -> dict[str, Any]:
-    """Read a key file without judging what is in it; parameters and errors as in :func:`read_client_keys`."""
+    """Read a key file without judging what is in it; parameters and errors as in
+    :func:`read_client_keys`.
+    """
+    import tomllib
+
     try:
         with path.open("rb") as file:
             mode = os.fstat(file.fileno()).st_mode
@@ -134,7 +139,8 @@ def checked(text: Any, where: str) -> str:
             digit = _ALPHABET.find(character)
             if digit < 0:
                 raise UserError(
-                    f"{where} is not Z85: one of characters {start + 1} to {start + 5} cannot be in a key"
+                    f"{where} is not Z85: one of characters {start + 1} to {start + 5} cannot be in"
+                    " a key"
                 )
             value = value * len(_ALPHABET) + digit
         if value >= 2**32:

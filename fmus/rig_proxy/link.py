@@ -1,4 +1,6 @@
-"""The client's end of the rig protocol, over ZeroMQ: connect, exchange, disconnect; every wait has a bound."""
+"""The client's end of the rig protocol, over ZeroMQ: connect, exchange, disconnect; every wait has
+a bound.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from typing import Any
 
 import zmq
 
-from ..kit.errors import UserError
+from ..kit import UserError
 from . import protocol
 from .credentials import read_client_keys
 
@@ -46,7 +48,8 @@ class Link:
     Attributes
     ----------
     accepted : Mapping
-        What the server said when it accepted the session: its clock, mode, period, watchdog and limits.
+        What the server said when it accepted the session: its clock, mode, period, watchdog and
+        limits.
     round_trip_time : float
         Of the newest answer, in s.
     """
@@ -119,7 +122,8 @@ class Link:
                 return message
         keys = ", without keys" if self._keys is None else ", with these keys"
         raise LinkError(
-            f"no answer within {timeout:g} s from {self.endpoint}{keys}; is `ppy rig serve` running?"
+            f"no answer within {timeout:g} s from {self.endpoint}{keys}; is `ppy rig serve`"
+            " running?"
         )
 
     def exchange(
@@ -139,7 +143,8 @@ class Link:
         Returns
         -------
         Mapping of str to object or None
-            The message ``sample``; None if it did not come in time. A late one is returned by `late`.
+            The message ``sample``; None if it did not come in time. A late one is returned by
+            `late`.
 
         Raises
         ------
@@ -218,7 +223,9 @@ class Link:
             self._socket.send(protocol.encode(kind, **fields), zmq.DONTWAIT)
 
     def _answers(self, until: float) -> Iterator[Mapping[str, Any]]:
-        """Give well-formed replies until a time of our clock; what has arrived already is given in any case."""
+        """Give well-formed replies until a time of our clock; what has arrived already is given in
+        any case.
+        """
         for _ in range(_MOST):  # a peer that floods us must not hold us
             if not self._socket.poll(ceil(max(0.0, until - monotonic()) * 1e3)):
                 return

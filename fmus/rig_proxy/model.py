@@ -1,4 +1,5 @@
-"""The proxies that ship: their signals are those of the component, or the system, whose place they take.
+"""The proxies that ship: their signals are those of the component, or the system, whose place they
+take.
 
 What a rig of one's own measures is declared in the same way, in a file of one's own::
 
@@ -18,7 +19,7 @@ from .proxy import Measured, Proxy
 
 
 class _Actuator(Proxy):
-    """What both causalities share."""
+    """Signals that both causalities share."""
 
     current = Input("A", doc="current into the actuator")
     voltage = Measured("V", doc="voltage across the actuator")
@@ -41,7 +42,9 @@ class RigProxy(_Actuator):
 
 
 class RigProxyLengthDriven(_Actuator):
-    """The length-driven actuator of a real rig: what ppy_actuator_length_driven computes, measured."""
+    """The length-driven actuator of a real rig: what ppy_actuator_length_driven
+    computes, measured.
+    """
 
     name = "rig_proxy_length_driven"
 
@@ -52,7 +55,9 @@ class RigProxyLengthDriven(_Actuator):
 
 
 class RigProxyBench(Proxy):
-    """The whole test bench with its force loop and the actuator on it: what the system dma_bench computes, measured."""
+    """The whole test bench with its force loop and the actuator on it: what the system dma_bench
+    computes, measured.
+    """
 
     name = "rig_proxy_bench"
 

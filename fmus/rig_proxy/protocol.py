@@ -1,4 +1,5 @@
-"""The rig protocol, version 1: what its messages are and how they stand in a frame (``docs/reference/protocol.md``).
+"""The rig protocol, version 1: what its messages are and how they stand in a frame
+(``docs/reference/protocol.md``).
 
 Needs Python alone: it travels inside the Python FMU, and the server has it from here.
 """
@@ -9,7 +10,7 @@ import json
 import sys
 from typing import Any
 
-from ..kit.errors import UserError
+from ..kit import UserError
 
 VERSION = 1
 MAX_FRAME = 65536  # bytes

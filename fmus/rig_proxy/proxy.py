@@ -1,13 +1,19 @@
-"""What every rig proxy has beside its signals: how to reach the rig, how long to wait, and how well it answers."""
+"""Base of the rig proxies: how to reach the rig, how long to wait, how well it answers."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Component, Parameter, Text
-from ..kit.declare import Declaration, OutputDeclaration, named
-from ..kit.engine import Engine
-from ..kit.errors import UserError
+from ..kit import (
+    Component,
+    Declaration,
+    Engine,
+    OutputDeclaration,
+    Parameter,
+    Text,
+    UserError,
+    name_declaration,
+)
 from .protocol import ENDPOINT
 
 CONNECTED, REFUSED, STALE, LOST = range(4)
@@ -112,7 +118,7 @@ def _age_of(value: Declaration) -> Any:
     age = OutputDeclaration(
         unit="s", doc=f"age of {value.name}", law=_unlawful, min=0.0, nominal=0.1
     )
-    return named(age, AGE.format(value.name))
+    return name_declaration(age, AGE.format(value.name))
 
 
 def _link() -> dict[str, Any]:
@@ -141,4 +147,4 @@ def _link() -> dict[str, Any]:
             type="integer",
         ),
     }
-    return {name: named(output, name) for name, output in outputs.items()}
+    return {name: name_declaration(output, name) for name, output in outputs.items()}

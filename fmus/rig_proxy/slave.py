@@ -1,8 +1,8 @@
 """The Python build of a proxy: an FMU instance over its memory, and a link to the rig.
 
-A step sends the commands, waits on the rig's clock for its own end, and takes the values of then. So the values are
-those of the communication point that the master reads them at, whatever master it is. All waits together stay below
-``communication_timeout``.
+A step sends the commands, waits on the rig's clock for its own end, and takes the values of then.
+So the values are those of the communication point that the master reads them at, whatever master it
+is. All waits together stay below ``communication_timeout``.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
-from ..kit.component import Component
-from ..kit.errors import UserError
-from ..kit.slave import sentence
+from ..kit import Component, UserError, describe_error
 from .link import FAREWELL, Link, LinkError
 from .protocol import LOCKSTEP, SAFE
 from .proxy import AGE, CONNECTED, FAIL, HOLD, LOST, REFUSED, STALE
 
 _TEXT_SIZE = 512  # bytes, of fmi2/engine.h
 _START_TIME = 1  # among the internals, of fmi2/engine.h
-_AWAKE = 0.25  # share of the rig's watchdog time after which held commands are sent again during a long step
+# share of the rig's watchdog time after which held commands are sent again during a long step
+_AWAKE = 0.25
 _ROUNDING = 1e-6  # s
 
 
@@ -34,7 +33,8 @@ class ProxySlave:
     cls : type[Component]
         The proxy.
     memory : memoryview
-        Doubles in the order of :class:`fmus.kit.layout.Layout`, then the internals (``fmi2/engine.h``).
+        Doubles in the order of :class:`fmus.kit.layout.Layout`, then the internals
+        (``fmi2/engine.h``).
     texts : memoryview
         Text parameters, 512 bytes each.
     """
@@ -88,7 +88,7 @@ class ProxySlave:
             self._look(CONNECTED)
         except BaseException as error:
             self._drop()
-            return sentence(error)
+            return describe_error(error)
         return None
 
     def evaluate(self, time: float) -> str | None:
@@ -126,7 +126,7 @@ class ProxySlave:
                 self._again(time)
             self._look(self._make(time, step, last))
         except BaseException as error:
-            text = sentence(error)
+            text = describe_error(error)
             self._end(last - monotonic())  # a rig that nobody steers any more is to be at zero
             return text
         return None
@@ -146,7 +146,8 @@ class ProxySlave:
         finally:
             self._memory.release()
 
-    # --- one step ---------------------------------------------------------------------------------------------------
+    # --- one step
+    # ----------------------------------------------------------------------------------------------
 
     def _make(self, time: float, step: float, last: float) -> int:
         """Make one step, which ends before a time of our clock; return the state of the link."""
@@ -246,7 +247,8 @@ class ProxySlave:
             assert self._link is not None
             self._link.accepted = {}  # connect anew with the next step
 
-    # --- the link ---------------------------------------------------------------------------------------------------
+    # --- the link
+    # ----------------------------------------------------------------------------------------------
 
     def _connect(self, time: float, timeout: float) -> None:
         assert self._link is not None
@@ -279,7 +281,8 @@ class ProxySlave:
             self._link.close()
             self._link = None
 
-    # --- memory -----------------------------------------------------------------------------------------------------
+    # --- memory
+    # ----------------------------------------------------------------------------------------------
 
     def _check_parameters(self) -> None:
         if self._text("on_stale") not in (HOLD, FAIL):
@@ -288,8 +291,8 @@ class ProxySlave:
             )
         if self._value("deadline") > self._value("communication_timeout"):
             raise UserError(
-                f"parameter 'deadline' = {self._value('deadline'):g} s is longer than communication_timeout, "
-                f"{self._value('communication_timeout'):g} s"
+                f"parameter 'deadline' = {self._value('deadline'):g} s is longer than"
+                f" communication_timeout, {self._value('communication_timeout'):g} s"
             )
 
     def _value(self, name: str) -> float:

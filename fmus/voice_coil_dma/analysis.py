@@ -1,8 +1,10 @@
-"""The force loop as linear analysis sees it: eq. 2.1, the loop's Bode data, margins and closed-loop step.
+"""The force loop as linear analysis sees it: eq. 2.1, the loop's Bode data, margins and closed-loop
+step.
 
-Not part of the FMU; the library ``control`` is imported where it is used. Defaults are those of thesis appendix A1.
-Equation 2.1 gives the force of the coil over its voltage with the actuator as a spring k1 beside a spring k2 in
-series with a dashpot b2; the load cell shows the same force but for slide friction and inertia.
+Not part of the FMU; the library ``control`` is imported where it is used. Defaults are those of
+thesis appendix A1. Equation 2.1 gives the force of the coil over its voltage with the actuator as a
+spring k1 beside a spring k2 in series with a dashpot b2; the load cell shows the same force but for
+slide friction and inertia.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ A1_ACTUATOR = {"k1": 3860.0, "k2": 300.0, "b2": 2300.0}
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a loop is from instability.
+    """Stability margins of a loop.
 
     Attributes
     ----------
@@ -59,11 +61,13 @@ def plant(
     Parameters
     ----------
     R, L, K, m, b_vc : float
-        Coil resistance in ohm, inductance in H, force constant in N/A, moving mass in kg, slide damping in N s/m.
+        Coil resistance in ohm, inductance in H, force constant in N/A, moving mass in kg, slide
+        damping in N s/m.
     k1, k2, b2 : float
         Actuator: stiffness in N/m at once and delayed, damping in N s/m.
     back_emf : bool
-        False leaves the back-EMF out, which is the plant that appendix A1 designs for: (K/R) / ((L/R) s + 1).
+        False leaves the back-EMF out, which is the plant that appendix A1 designs for: (K/R) /
+        ((L/R) s + 1).
 
     Returns
     -------
@@ -82,7 +86,8 @@ def plant(
 
 
 def controller(gain: float = 18.0, zero_time: float = 0.02) -> Any:
-    """PI controller gain (zero_time s + 1)/s, from N to V; the defaults are what eq. 2.2 came from (errata 3).
+    """PI controller gain (zero_time s + 1)/s, from N to V; the defaults are what eq. 2.2 came from
+    (errata 3).
 
     Returns
     -------
@@ -217,7 +222,8 @@ def closed_loop_step(
     cutoff: float | None = 100.0,
     **about_plant: Any,
 ) -> NDArray[np.float64]:
-    """Force after a step of 1 N of the reference (fig. 2-6), the filter being in the feedback path as in A1.
+    """Force after a step of 1 N of the reference (fig. 2-6), the filter being in the feedback path
+    as in A1.
 
     Parameters
     ----------
@@ -241,7 +247,9 @@ def closed_loop_step(
 def rise_time(
     time: NDArray[np.float64], response: NDArray[np.float64], final: float = 1.0
 ) -> float:
-    """Time in s at which a response first reaches 63.2 % of its final value, interpolated; NaN if it does not."""
+    """Time in s at which a response first reaches 63.2 % of its final value, interpolated; NaN if
+    it does not.
+    """
     share = np.asarray(response) / final
     above = np.flatnonzero(share >= 1.0 - np.exp(-1.0))
     if not len(above):

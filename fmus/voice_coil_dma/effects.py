@@ -1,38 +1,50 @@
-"""Known ways the bench model is wrong: dry friction, a force constant that is none, an amplifier that clips.
+"""Known ways the bench model is wrong: dry friction, a force constant that is none, an amplifier
+that clips.
 
-Each is a mixin that overrides one law (never an output) through ``super()``. At its neutral parameter value the laws
-give the bits of the base model: what it adds is multiplied by zero, what it divides by is one.
+Each is a mixin that overrides one law (never an output) through ``super()``. At its neutral
+parameter value the laws give the bits of the base model: what it adds is multiplied by zero, what
+it divides by is one.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Effect, Parameter, sqrt, tanh, where
-from ..kit.arms import arm
-from ..kit.component import Term, by_name
-from ..kit.curves import curve
-from ..kit.generic import described
+from ..kit import (
+    Effect,
+    EffectNames,
+    Parameter,
+    Term,
+    curve,
+    describe_effect,
+    effects_by_name,
+    lag_effect,
+    sqrt,
+    tanh,
+    where,
+)
 from .model import VoiceCoilDma
 
 if TYPE_CHECKING:
 
     class BenchEffect(Effect, VoiceCoilDma):
-        """What an effect can count on: the laws of the bench that it is laid over."""
+        """Laws of the bench that an effect overrides."""
 else:
     BenchEffect = Effect
 
-# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the slope below 1e-12.
+# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the
+# slope below 1e-12.
 _SMALL = 1e-6
 _STROKE = 12.7e-3  # m to either side, thesis section 2.2.2
 _CONTINUOUS = 4.9 / 3.9  # A, of the force that the coil may give continuously
 
 
 class CoulombFriction(BenchEffect):
-    """Dry friction of the slide, ``F_c tanh(v / v_c)``; a sign of the velocity that is smooth within ``v_c``.
+    """Dry friction of the slide, ``F_c tanh(v / v_c)``; a sign of the velocity that is smooth
+    within ``v_c``.
 
-    Slower than ``v_c`` it is viscous: the slide creeps where a real one sticks. Relaxes assumption 1, that friction is
-    viscous; ``F_c = 0`` is the base model.
+    Slower than ``v_c`` it is viscous: the slide creeps where a real one sticks. Relaxes assumption
+    1, that friction is viscous; ``F_c = 0`` is the base model.
     """
 
     id = "coulomb_friction"
@@ -60,11 +72,13 @@ class CoulombFriction(BenchEffect):
 
 
 class AsymmetricFriction(BenchEffect):
-    """Dry friction that differs in the two directions: ``F_a s (1 + s) / 2`` more, with ``s = tanh(v / v_a)``.
+    """Dry friction that differs in the two directions: ``F_a s (1 + s) / 2`` more, with ``s =
+    tanh(v / v_a)``.
 
-    That is ``F_a`` more friction while the coil pulls the actuator longer and none more while it gives way, nothing
-    at rest, and never a gain of energy if ``F_a`` is positive. Relaxes assumption 1, that friction is viscous and the
-    same in both directions; ``F_a = 0`` is the base model.
+    That is ``F_a`` more friction while the coil pulls the actuator longer and none more while it
+    gives way, nothing at rest, and never a gain of energy if ``F_a`` is positive. Relaxes
+    assumption 1, that friction is viscous and the same in both directions; ``F_a = 0`` is the base
+    model.
     """
 
     id = "asymmetric_friction"
@@ -100,8 +114,8 @@ class AsymmetricFriction(BenchEffect):
 class PositionDependentForceConstant(BenchEffect):
     """Force constant that falls off the centre of the stroke: ``K / (1 + c (x - x_c)^2)``.
 
-    Force and back-EMF fall together, as power demands. Relaxes assumption 2, that K does not depend on the position;
-    ``c = 0`` is the base model.
+    Force and back-EMF fall together, as power demands. Relaxes assumption 2, that K does not depend
+    on the position; ``c = 0`` is the base model.
     """
 
     id = "position_dependent_force_constant"
@@ -138,11 +152,13 @@ class PositionDependentForceConstant(BenchEffect):
 
 
 class AmplifierSaturation(BenchEffect):
-    """Amplifier that levels off below its rails: ``v = V_s tanh(u / V_s)``, written with ``c = 1 / V_s^2``.
+    """Amplifier that levels off below its rails: ``v = V_s tanh(u / V_s)``, written with ``c = 1 /
+    V_s^2``.
 
-    The controller does not know of it; the limits of the base model it does. The voltage is multiplied by
-    ``tanh(z) / z``, ``z = sqrt(c) u``, which is 1 at ``c = 0``, the base model, and has a slope there. Relaxes
-    assumption 3, that the amplifier passes every voltage between its limits unchanged.
+    The controller does not know of it; the limits of the base model it does. The voltage is
+    multiplied by ``tanh(z) / z``, ``z = sqrt(c) u``, which is 1 at ``c = 0``, the base model, and
+    has a slope there. Relaxes assumption 3, that the amplifier passes every voltage between its
+    limits unchanged.
     """
 
     id = "amplifier_saturation"
@@ -174,7 +190,7 @@ class AmplifierSaturation(BenchEffect):
         return voltage * where(small, series, tanh(z) / z)
 
 
-_STRIBECK = described(
+_STRIBECK = describe_effect(
     curve(
         VoiceCoilDma,
         "slide_friction",
@@ -182,16 +198,19 @@ _STRIBECK = described(
         "stribeck",
         "N",
         scale=0.02,
-        id="stribeck_friction",
-        suffixes=("stribeck", "stribeck_velocity"),
+        names=EffectNames(
+            id="stribeck_friction",
+            variables=("slide_friction_stribeck", "slide_friction_stribeck_velocity"),
+        ),
     ),
     1,
-    """Friction that is larger at low speed, after Stribeck: ``F_s sign(v) exp(-(v / v_s)^2)`` more, smooth.
+    """Friction that is larger at low speed, after Stribeck: ``F_s sign(v) exp(-(v / v_s)^2)`` more,
+    smooth.
 
     Relaxes assumption 1, that friction is viscous; ``F_s = 0`` is the base model.
     """,
 )
-_STOPS = described(
+_STOPS = describe_effect(
     curve(
         VoiceCoilDma,
         "slide_friction",
@@ -199,37 +218,44 @@ _STOPS = described(
         "stops",
         "N",
         scale=2.0 * _STROKE,
-        id="end_stops",
-        suffixes=("stop_stiffness", "stop_position"),
+        names=EffectNames(
+            id="end_stops",
+            variables=("slide_friction_stop_stiffness", "slide_friction_stop_position"),
+        ),
     ),
     4,
-    """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, w being 12.7 mm to begin with.
+    """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, w being 12.7 mm
+    to begin with.
 
     Relaxes assumption 4, that the stroke is not limited; ``k = 0`` is the base model.
     """,
 )
-_HEATING = described(
-    arm(
+_HEATING = describe_effect(
+    lag_effect(
         VoiceCoilDma,
         "coil_resistance",
         "coil_current",
         "warming",
         100.0,
         "ohm",
-        0.3,
-        _CONTINUOUS,
-        "coil_heating",
-        ("coil_heating", "coil_heating_time", "coil_mean_square"),
+        nominal=0.3,
+        scale=_CONTINUOUS,
+        names=EffectNames(
+            id="coil_heating",
+            variables=("coil_heating", "coil_heating_time", "coil_mean_square"),
+        ),
     ),
     7,
-    """Coil whose resistance rises as it warms: ``a s`` more, ``T ds/dt = i^2 - s``, a thermal node of the dissipation.
+    """Coil whose resistance rises as it warms: ``a s`` more, ``T ds/dt = i^2 - s``, a thermal node
+    of the dissipation.
 
-    The 4.9 N that the coil may give for long are 1.26 A. Relaxes assumption 7, that its resistance is constant;
+    The 4.9 N that the coil may give for long are 1.26 A. Relaxes assumption 7, that its
+    resistance is constant;
     ``a = 0`` is the base model.
     """,
 )
 
-EFFECTS: dict[str, type[Effect]] = by_name(
+EFFECTS: dict[str, type[Effect]] = effects_by_name(
     CoulombFriction,
     AsymmetricFriction,
     _STRIBECK,

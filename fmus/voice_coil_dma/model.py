@@ -1,9 +1,11 @@
-"""The voice-coil dynamic mechanical analyzer (DMA): a coil that pulls on the actuator, and its sampled force loop.
+"""The voice-coil dynamic mechanical analyzer (DMA): a coil that pulls on the actuator, and its
+sampled force loop.
 
-Thesis section 2.2, eqs. 2.1 and 2.2, appendix A1. Equation 2.1 is written here as its physics: the coil current, and
-the mass that the coil moves against slide damping and the tension of whatever is clamped to it. Coil force pulls, so
-the position grows as the actuator stretches; tension opposes. Parameter values are those of A1, whose comments in the
-source are shifted by one line (``docs/errata.md``, row 2).
+Thesis section 2.2, eqs. 2.1 and 2.2, appendix A1. Equation 2.1 is written here as its physics: the
+coil current, and the mass that the coil moves against slide damping and the tension of whatever is
+clamped to it. Coil force pulls, so the position grows as the actuator stretches; tension opposes.
+Parameter values are those of A1, whose comments in the source are shifted by one line
+(``docs/errata.md``, row 2).
 
 Outputs only show laws, and no law calls an output.
 """
@@ -21,12 +23,16 @@ _SECTION = "thesis section 2.2.2"
 
 
 def _limited(value: Any, low: Any, high: Any) -> Any:
-    """Limit to a range; unlike ``clip`` a value that is not a number stays one, so that it is noticed."""
+    """Limit to a range; unlike ``clip`` a value that is not a number stays one, so that it is
+    noticed.
+    """
     return where(value > high, high, where(value < low, low, value))
 
 
 class VoiceCoilDma(Component):
-    """Voice coil, moving mass, sensors and the sampled force controller of the test bench (thesis section 2.2)."""
+    """Voice coil, moving mass, sensors and the sampled force controller of the test bench (thesis
+    section 2.2).
+    """
 
     name = "voice_coil_dma"
     experiment = (2.0, 1e-3)
@@ -177,14 +183,17 @@ class VoiceCoilDma(Component):
         "N", update="force_error", period="sample_period", doc="force error at the last sample"
     )
 
-    # --- coil -------------------------------------------------------------------------------------------------------
+    # --- coil
+    # ----------------------------------------------------------------------------------------------
 
     def force_constant(self) -> Any:
         """Force per current, which is also voltage per velocity, K (eq. 2.1)."""
         return self.K
 
     def drive_voltage(self) -> Any:
-        """Voltage out of converter and unity-gain amplifier: the command within 0 to 10 V (section 2.2.3)."""
+        """Voltage out of converter and unity-gain amplifier: the command within 0 to 10 V (section
+        2.2.3).
+        """
         return self.converted(_limited(self.voltage_command, self.voltage_min, self.voltage_max))
 
     def coil_resistance(self) -> Any:
@@ -198,7 +207,8 @@ class VoiceCoilDma(Component):
             self.drive_voltage() - self.coil_resistance() * self.coil_current - back_emf
         ) / self.L
 
-    # --- slide ------------------------------------------------------------------------------------------------------
+    # --- slide
+    # ----------------------------------------------------------------------------------------------
 
     def coil_force(self) -> Any:
         """Force of the coil, K i; F(s) of eq. 2.1."""
@@ -216,7 +226,8 @@ class VoiceCoilDma(Component):
         """Momentum of the moving mass (eq. 2.1): m dv/dt = K i - b_vc v - tension."""
         return (self.coil_force() - self.slide_friction() - self.tension) / self.m
 
-    # --- sensors ----------------------------------------------------------------------------------------------------
+    # --- sensors
+    # ----------------------------------------------------------------------------------------------
 
     def force_filter_rate(self) -> Any:
         """First-order filter of the load cell, 1/(s/(2 pi f_c) + 1) (appendix A1)."""
@@ -227,7 +238,9 @@ class VoiceCoilDma(Component):
         return 2.0 * pi * self.position_cutoff * (self.position - self.position_filtered)
 
     def converted(self, volts: Any) -> Any:
-        """Voltage as a converter passes it: the nearest of 2^bits levels from -range, the same voltage if off."""
+        """Voltage as a converter passes it: the nearest of 2^bits levels from -range, the same
+        voltage if off.
+        """
         level = 2.0 * self.converter_range / 2.0**self.converter_bits
         nearest = level * floor(volts / level + 0.5)
         limited = _limited(nearest, -self.converter_range, self.converter_range - level)
@@ -247,7 +260,8 @@ class VoiceCoilDma(Component):
         """Position as the computer knows it: filtered, converted, calibrated."""
         return self.through_converter(self.position_filtered, self.potentiometer_sensitivity)
 
-    # --- controller -------------------------------------------------------------------------------------------------
+    # --- controller
+    # ----------------------------------------------------------------------------------------------
 
     def force_error(self) -> Any:
         """Reference less measured force, E(t) of eq. 2.2."""
@@ -256,7 +270,8 @@ class VoiceCoilDma(Component):
     def controller_law(self) -> Any:
         """Voltage after eq. 2.2, V(t-1) + b0 E(t) + b1 E(t-1); on hold without its integral part.
 
-        Written b0 and b1 for both coefficients, Tustin's rule gives a proportional gain of (b0 - b1)/2.
+        Written b0 and b1 for both coefficients, Tustin's rule gives a proportional gain of (b0 -
+        b1)/2.
         """
         error = self.force_error()
         full = self.error_gain * error + self.previous_error_gain * self.previous_error
@@ -266,11 +281,14 @@ class VoiceCoilDma(Component):
         return self.voltage_command + where(self.hold, proportional, full)
 
     def next_command(self) -> Any:
-        """Voltage to hold until the next sample; limited before it is remembered, so that it cannot wind up."""
+        """Voltage to hold until the next sample; limited before it is remembered, so that it cannot
+        wind up.
+        """
         wanted = where(self.controller_on, self.controller_law(), self.force_reference)
         return where(self.anti_windup, _limited(wanted, self.voltage_min, self.voltage_max), wanted)
 
-    # --- outputs ----------------------------------------------------------------------------------------------------
+    # --- outputs
+    # ----------------------------------------------------------------------------------------------
 
     @Output("V")
     def coil_voltage(self) -> Any:
@@ -290,6 +308,9 @@ class VoiceCoilDma(Component):
     presets = {
         "as_described": Preset(
             {"force_cutoff": 10.0, "position_cutoff": 10.0, "converters_on": True},
-            doc="the bench in the words of thesis section 2.2.2: filters at about 10 Hz and 16-bit converters",
+            doc=(
+                "the bench in the words of thesis section 2.2.2: filters at about 10 Hz and 16-bit"
+                " converters"
+            ),
         ),
     }

@@ -1,1 +1,5 @@
 """The user's functions in Python; `orchestration` hands them on."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Unpack
 
 from fmus.kit import Component, files
 from fmus.kit import build as kit
-from fmus.kit.build.toolchain import host_platform
+from fmus.kit.build import host_platform
+from orchestration.api.declaration import takes
+from orchestration.api.options import BuildKeywords
+from orchestration.fmu import find_class
 from orchestration.fmu.check import Finding, check_fmu
-from orchestration.fmu.model import find_class
 
 
-def build(
-    model: type[Component] | str,
-    path: str | Path,
-    *,
-    runtime: str = "native",
-    effects: Sequence[str] = (),
-    platforms: Sequence[str] | None = None,
-) -> Path:
+@takes(BuildKeywords)
+def build(model: type[Component] | str, path: str | Path, **options: Unpack[BuildKeywords]) -> Path:
     """Build a component as an FMU 2.0.
 
     Parameters
@@ -28,12 +24,6 @@ def build(
         A component's name, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
     path : str or Path
         The ``.fmu`` to write.
-    runtime : {"native", "python", "pythonfmu"}
-        Compiled from C, laws interpreted by Python, or a stock archive of pythonfmu, which promises less.
-    effects : sequence of str
-        Effects of the catalogue to lay over it.
-    platforms : sequence of str, optional
-        FMI platforms; default this machine's.
 
     Returns
     -------
@@ -51,8 +41,9 @@ def build(
     >>> ppy.build("ppy_actuator", "actuator.fmu", effects=["strain_saturation"]).name
     'actuator.fmu'
     """
-    cls = find_class(model, effects) if isinstance(model, str) else model
-    files.write(Path(path), kit.build(cls, runtime, platforms or [host_platform()]))
+    cls = find_class(model, options["effects"]) if isinstance(model, str) else model
+    platforms = options["platforms"] or [host_platform()]
+    files.write(Path(path), kit.build(cls, options["runtime"], platforms))
     return Path(path)
 
 

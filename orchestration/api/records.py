@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from fmus.kit.errors import UserError
-from orchestration.discrepancy.data.records import labels
-from orchestration.fmu.model import Model, find_model
-from orchestration.identify.comparison import read_for, read_runs_for
+from fmus.kit import UserError
+from orchestration.api.declaration import takes
+from orchestration.api.options import MappingOption
+from orchestration.discrepancy.data import record_labels
+from orchestration.fmu import Model, find_model
+from orchestration.identify import read_for, read_runs_for
 from orchestration.records import Record
 
 Records = Record | str | Path | Sequence[Record | str | Path]
 
 
+@takes(MappingOption)
 def read_record(
     path: str | Path, model: Model | str = "ppy_actuator", mapping: Mapping[str, str] | None = None
 ) -> Record:
-    """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB; every repair is in ``record.repairs``.
+    """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB.
+
+    Every repair is in ``record.repairs``.
 
     Parameters
     ----------
     path : str or Path
         Its columns are ``name [unit]``, the first one time.
     model : Model or str
-        Whose signals it holds: a component, an FMU file, ``path/to/file.py:Class``, or what `find_model` returned.
-    mapping : Mapping of str to str, optional
-        Column of the file to signal of the model, such as ``{"stress": "force[N]"}``.
+        Whose signals it holds: a component, an FMU file, ``path/to/file.py:Class``, or what
+        `find_model` returned.
 
     Returns
     -------
@@ -36,12 +40,13 @@ def read_record(
     Raises
     ------
     UserError
-        If the file is refused (file, row and reason are named), or holds none of the model's outputs.
+        If the file is refused (file, row and reason are named), or holds none of the model's
+        outputs.
 
     Examples
     --------
     >>> import orchestration as ppy
-    >>> from orchestration.rig.emulator.records import draw, write
+    >>> from studies.emulator.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> record = ppy.read_record("clean.csv", model="ppy_actuator")
     >>> sorted(record.signals)
@@ -59,12 +64,17 @@ def matching_runs(
     column: str | None = None,
 ) -> list[Record]:
     """Return the runs of one or several records, read from files where files are given."""
-    given = [records] if isinstance(records, Record | str | Path) else list(records)
-    read = [
-        [r] if isinstance(r, Record) else read_runs_for(model, Path(r), mapping, column)
-        for r in given
-    ]
-    return [run for runs in read for run in runs]
+    runs: list[Record] = []
+    for record in _listed(records):
+        if isinstance(record, Record):
+            runs.append(record)
+        else:
+            runs += read_runs_for(model, Path(record), mapping, column)
+    return runs
+
+
+def _listed(records: Records) -> list[Record | str | Path]:
+    return [records] if isinstance(records, Record | str | Path) else list(records)
 
 
 def held_out(
@@ -88,28 +98,36 @@ def held_out(
     Raises
     ------
     UserError
-        If a file is refused, what is held out is neither a file nor a label, or nothing is left to fit to.
+        If a file is refused, what is held out is neither a file nor a label, or nothing is left to
+        fit to.
     """
     runs = matching_runs(records, model, mapping, column)
     if holdout is None:
         return runs, []
-    named, out, others = dict(zip(labels(runs), runs, strict=True)), list[str](), list[Record]()
-    for item in [holdout] if isinstance(holdout, Record | str | Path) else holdout:
-        wanted = (
-            [text.strip() for text in str(item).split(",")] if not isinstance(item, Record) else []
-        )
-        if isinstance(item, Record) or Path(item).exists() or len(named) < 2:
+    by_label = dict(zip(record_labels(runs), runs, strict=True))
+    held_labels: list[str] = []
+    others: list[Record] = []
+    for item in _listed(holdout):
+        if isinstance(item, Record) or Path(item).exists() or len(by_label) < 2:
             others += matching_runs(item, model, mapping, column)
-        elif unknown := [label for label in wanted if label not in named]:
-            raise UserError(
-                f"--holdout {item}: {unknown[0]} is neither a file nor one of the records {', '.join(named)}"
-            )
         else:
-            out += wanted
-    fitted = [run for label, run in named.items() if label not in out]
+            held_labels += _labels_in(str(item), by_label)
+    fitted = [run for label, run in by_label.items() if label not in held_labels]
     if not fitted:
         raise UserError("--holdout: every record is held out, and none is left to fit to")
-    return fitted, [*(named[label] for label in dict.fromkeys(out)), *others]
+    return fitted, [*(by_label[label] for label in dict.fromkeys(held_labels)), *others]
+
+
+def _labels_in(text: str, known: Collection[str]) -> list[str]:
+    """Return the labels that a text lists, all of which must be known."""
+    named = [label.strip() for label in text.split(",")]
+    unknown = next((label for label in named if label not in known), None)
+    if unknown is not None:
+        raise UserError(
+            f"--holdout {text}: {unknown} is neither a file nor one of the records"
+            f" {', '.join(known)}"
+        )
+    return named
 
 
 def matching_record(

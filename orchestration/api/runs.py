@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.kit.errors import UserError
-from orchestration.experiment.reading import read
-from orchestration.experiment.run import Unfinished
-from orchestration.experiment.run import run as make
-from orchestration.fmu.isolation.limits import Limits, isolation
+from fmus.kit import UserError
+from orchestration.api.declaration import takes
+from orchestration.api.options import RunKeywords
+from orchestration.experiment import UnfinishedExperiment, read
+from orchestration.experiment import run as make
+from orchestration.fmu.isolation import Limits, isolation
 from orchestration.master import Run
 from orchestration.master import run as run_system
 from orchestration.system import System
@@ -29,14 +30,10 @@ def run(
 
 
 @overload
-def run(
-    what: str | Path,
-    *,
-    settings: Mapping[str, object] | None = None,
-    isolate: bool | Limits = False,
-) -> xarray.Dataset: ...
+def run(what: str | Path, **options: Unpack[RunKeywords]) -> xarray.Dataset: ...
 
 
+@takes(RunKeywords)
 def run(
     what: System | str | Path,
     time: ArrayLike | None = None,
@@ -51,28 +48,28 @@ def run(
     Parameters
     ----------
     what : str, Path or System
-        An experiment that ships (``ppy run --list``), a TOML file, a result to make again; or a system of FMUs.
+        An experiment that ships (``ppy run --list``), a TOML file, a result to make again; or a
+        system of FMUs.
     time : array_like, shape (n,)
         Of a system: communication points, s.
     inputs : Mapping of str to array_like, shape (n,), optional
         Of a system: inputs by name.
-    settings : Mapping of str to object, optional
-        Of an experiment: what replaces values of its file, such as ``{"duration": "20 s", "R1": "610 mohm"}``.
-    isolate : bool or Limits
-        Run it in a process of its own, which an FMU may end or hang in without harm; with other limits than usual.
     **options
-        Of a system: ``method``, ``record``, ``tolerance``, ``real_time``, ... as `orchestration.master.run` has.
+        Of a system: ``method``, ``record``, ``tolerance``, ``real_time``, ... as
+        `orchestration.master.simulation.run` has.
 
     Returns
     -------
     xarray.Dataset or Run
-        Signals over time with units and all that it takes to run the experiment again; or the run of a system.
+        Signals over time with units and all that it takes to run the experiment again; or the run
+        of a system.
 
     Raises
     ------
     UserError
-        If there is no such experiment, something does not fit what it is made on, or an FMU fails; one that fails on
-        its way leaves what was computed as ``result`` of the error (``run`` for a system).
+        If there is no such experiment, something does not fit what it is made on, or an FMU fails;
+        one that fails on its way leaves what was computed as ``result`` of the error (``run`` for a
+        system).
 
     Examples
     --------
@@ -96,5 +93,5 @@ def run(
         isolation=lambda foreign: isolation(isolate),
     )
     if "failure" in result.attrs:
-        raise Unfinished(result.attrs["failure"], result)
+        raise UnfinishedExperiment(result.attrs["failure"], result)
     return result

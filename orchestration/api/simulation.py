@@ -5,28 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rich.table import Table
 
-from fmus.kit import Component
-from fmus.kit.errors import UserError, suggestion
-from fmus.kit.units import shown
-from orchestration.fmu.archive import read_description
-from orchestration.fmu.isolation.limits import Limits, isolation
-from orchestration.fmu.model import Model, find_model, model_of
-from orchestration.fmu.signal import Value
-from orchestration.fmu.simulate import grid, plot
-from orchestration.fmu.simulate import simulate as run_fmu
+from fmus.kit import Component, UserError, suggestion
+from fmus.kit.units import format_value
+from orchestration.api.declaration import takes
+from orchestration.api.options import SimulateKeywords
+from orchestration.fmu import Model, Value, find_model, grid, model_of, plot, read_description
+from orchestration.fmu import simulate as run_fmu
+from orchestration.fmu.isolation import isolation
 from orchestration.records import write_record
-from orchestration.reporting.plain import plain_text, preformatted
+from orchestration.reporting import plain_text, preformatted
 
 if TYPE_CHECKING:
     import pandas
 
 Array = NDArray[np.float64]
+Inputs = Mapping[str, ArrayLike | Callable[[Array], ArrayLike]]
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class Simulation:
     outputs: dict[str, Array]
 
     def __getitem__(self, name: str) -> Array:
-        """Values of an input or an output (n,)."""
+        """Return the values of an input or an output (n,)."""
         return (self.inputs | self.outputs)[name]
 
     def __str__(self) -> str:
@@ -58,9 +57,12 @@ class Simulation:
         for name, values in self.outputs.items():
             signal = self.model.outputs[name]
             table.add_row(
-                name, *(shown(v, signal) for v in (values.min(), values.max(), values[-1]))
+                name, *(format_value(v, signal) for v in (values.min(), values.max(), values[-1]))
             )
-        head = f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to {self.time[-1]:g} s"
+        head = (
+            f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to"
+            f" {self.time[-1]:g} s"
+        )
         return f"{head}\n{plain_text(table)}"
 
     def __repr__(self) -> str:
@@ -114,33 +116,21 @@ class Simulation:
         return Path(path)
 
 
+@takes(SimulateKeywords)
 def simulate(
     model: Model | type[Component] | str,
-    inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]] | None = None,
-    *,
-    time: ArrayLike | None = None,
-    stop: float | None = None,
-    step: float | None = None,
-    settings: Mapping[str, float | str] | None = None,
-    isolate: bool | Limits = False,
+    inputs: Inputs | None = None,
+    **options: Unpack[SimulateKeywords],
 ) -> Simulation:
     """Simulate a component or any FMU.
 
     Parameters
     ----------
     model : Model, type[Component] or str
-        A component's name, an FMU file, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or what
-        `find_model` returned.
+        A component's name, an FMU file, ``path/to/file.py:Class``, a class such as
+        ``diagnose(...).model``, or what `find_model` returned.
     inputs : Mapping of str to array_like, shape (n,), or callable of time, optional
         In the model's units, held between points; a number is held throughout.
-    time : array_like, shape (n,), optional
-        Points, s; else a grid from zero to `stop` by `step`, by default the FMU's own experiment.
-    stop, step : float, optional
-        Seconds.
-    settings : Mapping of str to float or str, optional
-        Parameters: in the model's units, or texts with a unit such as ``"6.3 N/mm"``.
-    isolate : bool or Limits
-        Run the FMU in a process of its own, which it may end or hang in without harm; with other limits than usual.
 
     Returns
     -------
@@ -149,8 +139,8 @@ def simulate(
     Raises
     ------
     UserError
-        If there is no such model or input, a value is out of range, or the FMU fails; one that fails on its way leaves
-        ``time`` and ``outputs`` until then with the error.
+        If there is no such model or input, a value is out of range, or the FMU fails; one that
+        fails on its way leaves ``time`` and ``outputs`` until then with the error.
 
     Examples
     --------
@@ -160,34 +150,33 @@ def simulate(
     5.59
     """
     subject = as_model(model)
-    points, driven = stimulus(subject, inputs or {}, time, stop, step)
-    parameters = values_of(subject, settings)
-    return Simulation(
+    points = points_of(subject, options["time"], options["stop"], options["step"])
+    driven = inputs_over(subject, inputs or {}, points)
+    outputs = run_fmu(
         subject,
         points,
         driven,
-        run_fmu(subject, points, driven, parameters, isolation=isolation(isolate)),
+        values_of(subject, options["settings"]),
+        isolation=isolation(options["isolate"]),
     )
+    return Simulation(subject, points, driven, outputs)
 
 
-def stimulus(
-    model: Model,
-    inputs: Mapping[str, ArrayLike | Callable[[Array], ArrayLike]],
-    time: ArrayLike | None,
-    stop: float | None,
-    step: float | None,
-) -> tuple[Array, dict[str, Array]]:
-    """Return points in time (n,) in s, and inputs over them (n,) in the model's units, as `simulate` takes them."""
-    if time is None:
-        own = read_description(model.path).defaultExperiment
-        last = stop if stop is not None else float(getattr(own, "stopTime", None) or 10.0)
-        points = grid(
-            0.0,
-            last,
-            step if step is not None else float(getattr(own, "stepSize", None) or last / 1000),
-        )
-    else:
-        points = np.asarray(time, dtype=float)
+def points_of(
+    model: Model, time: ArrayLike | None, stop: float | None, step: float | None
+) -> Array:
+    """Return the points in time of a simulation (n,) in s, as `simulate` takes them."""
+    if time is not None:
+        return np.asarray(time, dtype=float)
+    own = read_description(model.path).defaultExperiment
+    last = stop if stop is not None else float(getattr(own, "stopTime", None) or 10.0)
+    if step is None:
+        step = float(getattr(own, "stepSize", None) or last / 1000)
+    return grid(0.0, last, step)
+
+
+def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]:
+    """Return inputs over points in time (n,) in the model's units, as `simulate` takes them."""
     driven = {}
     for name, values in inputs.items():
         if name not in model.inputs:
@@ -198,16 +187,19 @@ def stimulus(
         if given.shape not in ((), points.shape):
             raise UserError(f"{name}: shape {given.shape} for {points.size} points in time")
         driven[name] = np.broadcast_to(given, points.shape)
-    return points, driven
+    return driven
 
 
 def as_model(model: Model | type[Component] | str) -> Model:
-    """Return what a user may name, or has made, as a model to run."""
+    """Return a model to run: as it is, of a component's class, or found by its name."""
     if isinstance(model, type):
         return model_of(model)
     return find_model(model) if isinstance(model, str) else model
 
 
-def values_of(model: Model, settings: Mapping[str, float | str] | None) -> dict[str, Value]:
-    """Return settings, numbers or texts with a unit, as values in the model's units."""
-    return model.settings([f"{name}={value}" for name, value in (settings or {}).items()])
+def values_of(
+    model: Model, settings: Mapping[str, float | str] | None, preset: str | None = None
+) -> dict[str, Value]:
+    """Return settings, numbers or texts with a unit, in the model's units, after a preset's."""
+    texts = [f"{name}={value}" for name, value in (settings or {}).items()]
+    return model.settings(texts, preset)

@@ -1,296 +1,283 @@
-"""What ``ppy diagnose`` reads, shows and writes."""
+"""The work of ``ppy diagnose`` and ``ppy laws``: what they read, show and write."""
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
-from fmus.kit.errors import UserError
-from orchestration.api.diagnosed import DiagnosisResult
-from orchestration.api.diagnosis import diagnose
-from orchestration.api.records import held_out
+from fmus.kit import UserError
+from orchestration.api import DiagnosisResult, LawsResult, diagnose, held_out, laws
+from orchestration.api.declaration import only, options_of
+from orchestration.api.options import (
+    DiagnoseKeywords,
+    LawsKeywords,
+    MappingOption,
+    SettingsOption,
+)
+from orchestration.cli.command import DEFAULT_MODEL
+from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand, SystemOption
 from orchestration.cli.models import model_file, note_neutral, open_model
+from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
-from orchestration.discrepancy.extended_model import destinations
-from orchestration.fmu.model import Model
-from orchestration.records import Record, parse_mapping
-from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
+from orchestration.discrepancy import fmu_paths
+from orchestration.discrepancy.report import system_diagnosis_summary, system_overview
+from orchestration.discrepancy.systems import diagnose_system
+from orchestration.fmu import Model
+from orchestration.records import Record
+from orchestration.reporting import note, out, progress, tell_repairs, wrote
+
+_ENDINGS = {
+    "--json": JSON,
+    "--report": PAGE,
+    "--experiment": (".toml",),
+    "--effect-out": (".py",),
+    "--ssp": (".ssp",),
+}
+_OF_A_SYSTEM = (MappingOption, SettingsOption, JsonOption, SystemOption, IsolateOption)
+Writer = Callable[[Path, Callable[[str], None]], list[Path]]
 
 
-@dataclass(frozen=True)
-class Files:
-    """What is read and written.
-
-    Attributes
-    ----------
-    records : sequence of Path
-    holdout : sequence of str
-        Other records to judge by, or labels of some that were given.
-    result, report, fmu, experiment : Path, optional
-        JSON, HTML, FMU and TOML to write.
-    platforms : sequence of str, optional
-        FMI platforms to build the FMU for; default is every one that a compiler here can serve.
-    compare : Path, optional
-        A later record, of which it is told what changed.
-    effect : Path, optional
-        File of Python to write.
-    ssp : Path, optional
-        System to write: an FMU without equations, and its correction.
-    """
-
-    records: Sequence[Path]
-    holdout: Sequence[str] = ()
-    result: Path | None = None
-    report: Path | None = None
-    fmu: Path | None = None
-    experiment: Path | None = None
-    platforms: Sequence[str] | None = None
-    compare: Path | None = None
-    effect: Path | None = None
-    ssp: Path | None = None
-
-    def check(self, sources: Sequence[Path] = ()) -> None:
-        """Refuse, before any work is done, names under which nothing can be written or something would be lost.
-
-        Parameters
-        ----------
-        sources : sequence of Path
-            Files of the model.
-
-        Raises
-        ------
-        UserError
-        """
-        others = [
-            Path(text) for text in self.holdout if len(self.records) == 1 or Path(text).exists()
-        ]
-        read: dict[str, Path | None] = {
-            f"the record{_number(k)}": path for k, path in enumerate(self.records)
-        }
-        read["the later record"] = self.compare
-        read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
-        read |= {
-            f"the {'FMU' if place.suffix == '.fmu' else 'file'} of --model": place
-            for place in sources
-        }
-        written = {
-            "--json": self.result,
-            "--report": self.report,
-            "--experiment": self.experiment,
-            "--effect-out": self.effect,
-            "--ssp": self.ssp,
-        }
-        if self.fmu is not None:
-            written |= {f"--fmu ({kind})": p for kind, p in destinations(self.fmu, ()).items()}
-        endings = {
-            "--json": JSON,
-            "--report": PAGE,
-            "--experiment": (".toml",),
-            "--effect-out": (".py",),
-            "--ssp": (".ssp",),
-        }
-        Outputs(read, written, endings).check()
-        if self.compare is not None and any(
-            same_file(record, self.compare) for record in self.records
-        ):
-            raise UserError(
-                f"--compare {self.compare}: this is the record itself; nothing in it can have changed"
-            )
-        for path in others:
-            if any(same_file(record, path) for record in self.records):
-                raise UserError(
-                    f"--holdout {path}: this is the record itself; nothing would be held out"
-                )
-
-
-def _number(k: int) -> str:
-    return f" ({k + 1})" if k else ""
-
-
-def run(
-    files: Files,
-    name: str,
-    mapping: Sequence[str],
-    settings: Sequence[str],
-    considered: Sequence[str] | None,
-    command: Sequence[str],
-    hold: Sequence[str] = (),
-    interpolate: bool | None = None,
-    effects: Sequence[str] = (),
-    time: float | None = None,
-    runs: str | None = None,
-    each: Sequence[str] = (),
-    laws: bool = True,
-    fit: Sequence[str] = (),
-) -> DiagnosisResult:
-    """Do ``ppy diagnose``; the command is repeated in the report.
-
-    Parameters
-    ----------
-    files : Files
-    name : str
-        Of the model.
-    mapping, settings : sequence of str
-    considered : sequence of str, optional
-        Effects that may be named; all of the catalogue unless given.
-    command : sequence of str
-    hold : sequence of str
-        Parameters that are not fitted.
-    interpolate : bool, optional
-        Whether inputs go smoothly between samples, or are held; unless given, the record tells.
-    effects : sequence of str
-        Laid over the model before it is judged.
-    time : float, optional
-        Seconds that the search may take.
-    runs : str, optional
-        Column that tells the records in a file apart.
-    each : sequence of str
-        Parameters that differ from record to record.
-    laws : bool
-        Whether laws are asked what they lack where something is left.
-    fit : sequence of str
-        Parameters of an FMU without equations.
-
-    Raises
-    ------
-    UserError
-        If a record or the model cannot be used, an effect is unknown, or something could not be written.
-    """
-    read = opened(files, name, mapping, settings, effects, runs)
-    with progress() as tell:
-        result = diagnose(
-            read.records,
-            read.model,
-            holdout=read.holdouts or None,
-            compare=files.compare,
-            each=each,
-            effects=considered,
-            hold=hold,
-            settings=read.settings,
-            interpolate=interpolate,
-            time=time,
-            mapping=read.mapping,
-            laws=laws,
-            fit=fit,
-            progress=tell,
-        )
-    out.print(*result.overview(), sep="\n")
-    write_json(files.result, result.to_dict())
-    write_all(lambda tell: _writers(result, files, shlex.join(command), tell))
-    return result
-
-
-class Opened(NamedTuple):
-    """What was opened before any work is done."""
+class Judged(NamedTuple):
+    """A model and the records that it is judged on."""
 
     model: Model
     records: list[Record]
     holdouts: list[Record]
-    mapping: dict[str, str]
-    settings: dict[str, str]
 
 
-def opened(
-    files: Files,
-    name: str,
-    mapping: Sequence[str],
-    settings: Sequence[str],
-    effects: Sequence[str] = (),
-    runs: str | None = None,
-) -> Opened:
-    """Open the model and the records, once it is sure that what is asked for can be written; tell what is noticed.
+def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
+    """Do ``ppy diagnose``; the command is repeated in the report.
+
+    Raises
+    ------
+    UserError
+        If a record or the model cannot be used, an effect is unknown, or something could not be
+        written.
+    """
+    judged = open_judged(options)
+    chosen = only(DiagnoseKeywords, options)
+    chosen["holdout"] = judged.holdouts or None
+    with progress() as tell:
+        chosen["progress"] = tell
+        result = diagnose(judged.records, judged.model, **chosen)
+    _show(result, options["json"])
+
+    def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
+        if result.model is None:
+            note(f"there is nothing to make an FMU of: {path} was not written")
+            return []
+        return result.fmu(path, platform_list(options["platforms"]), tell)
+
+    def experiment(path: Path, tell: Callable[[str], None]) -> list[Path]:
+        if result.experiment is None:
+            note(f"nothing is to be told apart: {path} was not written")
+            return []
+        return [result.experiment.to_toml(path)]
+
+    write_all(
+        [
+            (_report(result, command), options["report"]),
+            (fmu, options["fmu"]),
+            (experiment, options["experiment"]),
+            (lambda path, tell: [result.system(path)], options["ssp"]),
+        ]
+    )
+    return result
+
+
+def run_laws(options: LawsCommand, command: str) -> LawsResult:
+    """Do ``ppy laws``; the command is repeated in the report.
+
+    Raises
+    ------
+    UserError
+        If a record or the model cannot be used, an effect is unknown, or something could not be
+        written.
+    """
+    judged = open_judged(options)
+    chosen = only(LawsKeywords, options)
+    chosen["holdout"] = judged.holdouts or None
+    with progress() as tell:
+        chosen["progress"] = tell
+        result = laws(judged.records, judged.model, **chosen)
+    _show(result, options["json"])
+
+    def there_is_one(path: Path) -> bool:
+        if result.model is None:
+            note(f"no law is found to lack anything: {path} was not written")
+        return result.model is not None
+
+    def effect(path: Path, tell: Callable[[str], None]) -> list[Path]:
+        return [result.effect(path)] if there_is_one(path) else []
+
+    def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
+        platforms = platform_list(options["platforms"])
+        return result.fmu(path, platforms, tell) if there_is_one(path) else []
+
+    write_all(
+        [
+            (_report(result, command), options["report"]),
+            (effect, options["effect_out"]),
+            (fmu, options["fmu"]),
+        ]
+    )
+    return result
+
+
+def run_system(options: DiagnoseCommand, system: Path) -> None:
+    """Do ``ppy diagnose --system``.
+
+    Raises
+    ------
+    UserError
+        If the record or the system cannot be used, or an option is given that is of one model only.
+    """
+    of_a_system = {"records", *options_of(*_OF_A_SYSTEM)}
+    values = cast("Mapping[str, object]", options)
+    unfit = [
+        option.flags[0]
+        for option in options_of(DiagnoseCommand).values()
+        if option.name not in of_a_system and values[option.name] != option.default
+    ]
+    record, *others = options["records"]
+    if others:
+        unfit.append("a second record")
+    if unfit:
+        raise UserError(
+            f"{unfit[0]} is about one model; --system tells which member to name with --model"
+        )
+    path = options["json"]
+    Outputs(
+        {"the record": record, "the system": system}, {"--json": path}, {"--json": JSON}
+    ).check()
+    settings = [f"{name}={value}" for name, value in (options["settings"] or {}).items()]
+    mapping = [f"{column}={signal}" for column, signal in (options["mapping"] or {}).items()]
+    with progress() as tell:
+        diagnosis = diagnose_system(record, system, mapping, settings, tell)
+    tell_repairs(diagnosis.record.repairs)
+    out.print(system_overview(diagnosis))
+    write_json(path, system_diagnosis_summary(diagnosis))
+
+
+def open_judged(options: DiagnoseCommand | LawsCommand) -> Judged:
+    """Open the model and the records, once it is sure that what is asked for can be written.
 
     Raises
     ------
     UserError
         If something could not be written, or the model or a record cannot be read.
     """
-    files.check([file] if (file := model_file(name)) else [])
-    model = open_model(name, effects=effects)
-    note_neutral(model, [text.partition("=")[0].strip() for text in settings])
-    renamed = parse_mapping(mapping)
-    records, holdouts = held_out(files.records, files.holdout or None, model, renamed, runs)
+    name = options["model"] or DEFAULT_MODEL
+    file = model_file(name)
+    check_files(options, [] if file is None else [file])
+    model = open_model(name, effects=options["laid_over"])
+    note_neutral(model, options["settings"] or {})
+    records, holdouts = held_out(
+        options["records"],
+        options["holdout"] or None,
+        model,
+        options["mapping"],
+        options["runs"],
+    )
     for record in (*records, *holdouts):
-        called = "" if record is records[0] and not record.label else f"{_called(record)}: "
+        first = record is records[0] and not record.label
+        called = "" if first else f"{_title(record)}: "
         # of a channel that is constant the diagnosis says what follows from it
         tell_repairs(
             [
-                replace(r, message=f"{called}{r.message}")
-                for r in record.repairs
-                if r.kind != "constant"
+                replace(repair, message=f"{called}{repair.message}")
+                for repair in record.repairs
+                if repair.kind != "constant"
             ]
         )
-    return Opened(
-        model, [*records], [*holdouts], dict(renamed), dict(_setting(text) for text in settings)
-    )
+    return Judged(model, records, holdouts)
 
 
-def _called(record: Record) -> str:
+def _title(record: Record) -> str:
     return f"{record.source.name}, run {record.label}" if record.label else record.source.name
 
 
-def _setting(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise UserError(f"--set {text!r}: write name=value or name=value[unit]")
-    return name.strip(), value.strip()
-
-
-Writer = tuple[Callable[[Path], list[Path]], Path | None]
-
-
-def write_all(writers: Callable[[Callable[[str], None]], Sequence[Writer]]) -> None:
-    """Write everything that was asked for and can be; where one fails, the others are written before it is told.
+def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] = ()) -> None:
+    """Refuse names under which nothing can be written or something would be lost.
 
     Parameters
     ----------
-    writers : callable
-        Of what is told of progress: what writes a file, and its name if it was asked for.
+    options : DiagnoseCommand or LawsCommand
+    sources : sequence of Path
+        Files of the model.
+
+    Raises
+    ------
+    UserError
     """
-    failures: list[Exception] = []
-    made: list[Path] = []
-    with progress() as tell:
-        for write, path in writers(tell):
-            try:
-                made += write(path) if path is not None else []
-            except Exception as error:
-                failures.append(error)
-    for path in made:
-        wrote(path)
-    if failures:
-        raise failures[0]
+    given = cast("Mapping[str, Any]", options)
+    records: Sequence[Path] = given["records"]
+    later: Path | None = given.get("compare")
+    others = [
+        Path(text) for text in given["holdout"] or () if len(records) == 1 or Path(text).exists()
+    ]
+    read: dict[str, Path | None] = {
+        f"the record{_number(k)}": path for k, path in enumerate(records)
+    }
+    read["the later record"] = later
+    read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
+    for source in sources:
+        kind = "FMU" if source.suffix == ".fmu" else "file"
+        read[f"the {kind} of --model"] = source
+    written = {flag: given.get(flag[2:].replace("-", "_")) for flag in _ENDINGS}
+    if given["fmu"] is not None:
+        for kind, path in fmu_paths(given["fmu"], ()).items():
+            written[f"--fmu ({kind})"] = path
+    Outputs(read, written, _ENDINGS).check()
+    if later is not None and any(same_file(record, later) for record in records):
+        raise UserError(
+            f"--compare {later}: this is the record itself; nothing in it can have changed"
+        )
+    for path in others:
+        if any(same_file(record, path) for record in records):
+            raise UserError(
+                f"--holdout {path}: this is the record itself; nothing would be held out"
+            )
 
 
-def _writers(
-    result: DiagnosisResult, files: Files, command: str, tell: Callable[[str], None]
-) -> list[Writer]:
-    """What writes what was asked for, or says why there is nothing to write."""
+def _number(k: int) -> str:
+    return f" ({k + 1})" if k else ""
 
-    def report(path: Path) -> list[Path]:
+
+def _show(result: DiagnosisResult | LawsResult, path: Path | None) -> None:
+    """Print a result, and write it as JSON if wanted."""
+    out.print(*result.overview(), sep="\n")
+    write_json(path, result.to_dict())
+
+
+def _report(result: DiagnosisResult | LawsResult, command: str) -> Writer:
+    def report(path: Path, tell: Callable[[str], None]) -> list[Path]:
         tell("drawing the report")
         return [result.report(path, command)]
 
-    def fmu(path: Path) -> list[Path]:
-        if result.model is None:
-            note(f"there is nothing to make an FMU of: {path} was not written")
-            return []
-        return result.fmu(path, files.platforms, tell)
+    return report
 
-    def experiment(path: Path) -> list[Path]:
-        if result.experiment is None:
-            note(f"nothing is to be told apart: {path} was not written")
-            return []
-        return [result.experiment.to_toml(path)]
 
-    def system(path: Path) -> list[Path]:
-        return [result.system(path)]
+def write_all(writers: Sequence[tuple[Writer, Path | None]]) -> None:
+    """Write everything that was asked for and can be; then raise the first failure, if any.
 
-    return [
-        (report, files.report),
-        (fmu, files.fmu),
-        (experiment, files.experiment),
-        (system, files.ssp),
-    ]
+    Parameters
+    ----------
+    writers : sequence of tuple
+        Function that writes a file, telling its progress, and returns what it wrote; and the
+        file's name if it was asked for.
+    """
+    failures: list[Exception] = []
+    written: list[Path] = []
+    with progress() as tell:
+        for write, path in writers:
+            try:
+                written += write(path, tell) if path is not None else []
+            except Exception as error:
+                failures.append(error)
+    for path in written:
+        wrote(path)
+    if failures:
+        raise failures[0]

@@ -1,22 +1,52 @@
-"""A model as commands open it: found, built if need be, and with the user told what there is to know of it."""
+"""Models as commands open them: found, built if need be, with notes on what to know of them."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.kit.errors import UserError
-from orchestration.reporting.console import detail, note, progress, warn
+from fmus.kit import UserError
+from orchestration.reporting import detail, note, progress, warn
 
 if TYPE_CHECKING:
-    from orchestration.fmu.model import Model
+    from orchestration.cli.commands.options import MeasuredOptions
+    from orchestration.fmu import Model, Value
+    from orchestration.records import Record
+
+
+class MeasuredModel(NamedTuple):
+    """A model, the record that it is held against, and the values of its parameters."""
+
+    model: Model
+    record: Record
+    parameters: dict[str, Value]
+
+
+def open_measured(options: MeasuredOptions, runtime: str = "native") -> MeasuredModel:
+    """Open a model and a record of it; tell what was repaired, and which inputs nothing gives.
+
+    Raises
+    ------
+    UserError
+        If either cannot be read, or they do not fit.
+    """
+    from orchestration.api import values_of
+    from orchestration.identify import read_for
+    from orchestration.reporting import tell_repairs
+
+    model = open_model(options["model"], runtime, options["laid_over"])
+    parameters = values_of(model, options["settings"], options["preset"])
+    record = read_for(model, options["record"], options["mapping"])
+    tell_repairs(record.repairs)
+    check_inputs(model, record.signals, parameters)
+    return MeasuredModel(model, record, parameters)
 
 
 def model_file(name: str) -> Path | None:
-    """File that a model is read from; None for a component of ours."""
+    """Return the file that a model is read from; None for a component of ours."""
     from fmus import MODELS
-    from orchestration.fmu.model import names_class
+    from orchestration.fmu import names_class
 
     if name in MODELS:
         return None
@@ -32,7 +62,7 @@ def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) 
         If there is none, or it cannot be built.
     """
     from fmus import MODELS
-    from orchestration.fmu.model import find_model, names_class
+    from orchestration.fmu import find_model, names_class
 
     with progress() as tell:
         if effects or name in MODELS or names_class(name):
@@ -60,7 +90,7 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
     ------
     UserError
     """
-    from fmus.kit.units import shown
+    from fmus.kit.units import format_value
 
     for name, signal in model.inputs.items():
         if name in signals and name in parameters:
@@ -68,11 +98,15 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
                 f"--set {name}: the record has a column for it; leave out one of the two"
             )
         if name not in signals and name not in parameters:
-            warn(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")
+            warn(
+                f"no values for the input {name}; it stays at {format_value(signal.start, signal)}"
+            )
 
 
 def note_neutral(model: Model, parameters: Collection[str]) -> None:
-    """Tell which effects a fit starts without: from the value that switches an effect off it may not find away.
+    """Tell which effects a fit starts without.
+
+    From the value that switches an effect off it may not get away.
 
     Parameters
     ----------
@@ -80,7 +114,7 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
     parameters : collection of str
         What is set.
     """
-    from fmus.kit.component import effect_name
+    from fmus.kit import effect_name
 
     if model.cls is None or not model.effects:
         return
@@ -88,5 +122,6 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
         if effect_name(effect) in model.effects and effect.neutral not in parameters:
             start = f"{effect.neutral} = {model.parameters[effect.neutral].start:g}"
             note(
-                f"a fit starts from {start}, without {effect_name(effect)}; --set starts it elsewhere"
+                f"a fit starts from {start}, without {effect_name(effect)}; --set starts it"
+                " elsewhere"
             )

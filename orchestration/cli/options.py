@@ -1,176 +1,220 @@
-"""Options that several commands share: what they are called, how they are read, how they complete."""
+"""Options that several commands have and Python has not: the model, files to write, isolation.
 
-from __future__ import annotations
+No ``from __future__ import annotations``: see `orchestration.api.options`.
+"""
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, TypedDict
 
-import typer
+from orchestration.api.declaration import REQUIRED, Form, Option
+from orchestration.api.forms import NAMES, TIME, comma_list, seconds
+from orchestration.cli.command import DEFAULT_MODEL
 
-from fmus import MODELS
-from fmus.kit.errors import UserError
+# --- how values are written ----------------------------------------------------------------------
 
-
-def option(*names: str, help: str, metavar: str | None = None, **more: Any) -> Any:
-    """Make an option whose default is told in its help, if at all."""
-    return typer.Option(*names, help=help, metavar=metavar, show_default=False, **more)
-
-
-def comma_list(text: str | None, option: str) -> list[str]:
-    """Names that a user separates by commas, none of them empty or there twice; none at all where there is no text."""
-    if text is None or not text.strip():
-        return []
-    names = [name.strip() for name in text.split(",")]
-    if "" in names:
-        raise UserError(f"{option} {text!r}: there is nothing before or after a comma")
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise UserError(f"{option} {text!r}: {twice} is named twice")
-    return names
+_SIZES = {
+    "": 1.0,
+    "B": 1.0,
+    "KB": 1e3,
+    "MB": 1e6,
+    "GB": 1e9,
+    "KIB": 2.0**10,
+    "MIB": 2.0**20,
+    "GIB": 2.0**30,
+}
+_LEAST = 256e6  # an interpreter with NumPy takes a third of it
 
 
-def seconds(text: str) -> float:
-    """Read a time: a number of seconds, or one with a unit."""
-    from orchestration.fmu.signal import read_amount
-
+def _size(text: str) -> float:
+    """Read an amount of memory: bytes, or a number with MB or GB."""
+    parts = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([A-Za-z]*)\s*", text)
+    unit = parts.group(2).upper() if parts else None
     try:
-        return float(
-            text
-        )  # a number that makes no sense, such as nan, is refused where its sense is known
+        size = float(parts.group(1)) * _SIZES[unit] if parts and unit in _SIZES else -1.0
     except ValueError:
-        pass
-    try:
-        return read_amount(text, "s", f"{text!r}")
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
+        size = -1.0
+    if not _LEAST <= size < 1e15:
+        raise ValueError(
+            f"{text!r}: an amount of memory such as 2GB or 800MB, at least {_LEAST / 1e6:g}MB"
+        )
+    return size
 
 
-def complete_components(incomplete: str) -> list[str]:
-    """Names of components."""
-    return [name for name in MODELS if name.startswith(incomplete)]
-
-
-def complete_systems(incomplete: str) -> list[str]:
-    """Names of systems that ship."""
-    from orchestration.system.library import NAMES
-
-    return [name for name in NAMES if name.startswith(incomplete)]
-
-
-def complete_experiments(incomplete: str) -> list[str]:
-    """Names of experiments that ship."""
-    from orchestration.experiment.library import shipped
-
-    return [name for name in shipped() if name.startswith(incomplete)]
-
-
-def complete_effects(context: typer.Context, incomplete: str) -> list[str]:
-    """Effects of the component that was named before, after those that are there already; no file is run for it."""
-    from fmus import component
-    from orchestration.fmu.effects import known_effects
-
-    # while an option lacks its value, what was named before is among the arguments that are not sorted out yet
-    words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
-    name = next((word for word in words if word in MODELS), None)
-    if name is None and context.command.name in ("diagnose", "laws") and "--model" not in words:
-        name = DEFAULT_MODEL
-    if name is None:
-        return []
-    before, comma, last = incomplete.rpartition(",")
-    return [
-        f"{before}{comma}{effect}"
-        for effect in known_effects(component(name))
-        if effect.startswith(last)
-    ]
-
-
-DEFAULT_MODEL = "ppy_actuator"
-_MODEL = "A component (see ppy list), path/to/file.py:Class, or an .fmu file."
-_TIME = "such as 30s, 10ms or 2min, plain numbers in s; default the record's, else the FMU's own."
-Model = Annotated[
-    str, typer.Argument(metavar="MODEL", help=_MODEL, autocompletion=complete_components)
-]
-ModelOption = Annotated[
-    str, typer.Option("--model", metavar="MODEL", help=_MODEL, autocompletion=complete_components)
-]
-With = Annotated[
-    str | None,
-    option(
-        "--with",
-        metavar="EFFECTS",
-        help="Effects to lay over it (see ppy info), e.g. strain_saturation,sensor_lag(voltage).",
-        autocompletion=complete_effects,
-    ),
-]
-Set = Annotated[
-    list[str] | None,
-    option(
-        "--set",
-        metavar="NAME=VALUE[UNIT]",
-        help="Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable.",
-    ),
-]
-Preset = Annotated[str | None, option("--preset", help="Start from a preset (see ppy info).")]
-Map = Annotated[
-    list[str] | None,
-    option(
-        "--map",
-        metavar="COLUMN=SIGNAL[UNIT]",
-        help="Which column is which signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
-    ),
-]
-Runtime = Annotated[
-    str,
-    typer.Option(
-        "--runtime",
-        help="Which build of a component to run: native or python.",
-        autocompletion=lambda incomplete: [
-            r for r in ("native", "python") if r.startswith(incomplete)
-        ],
-    ),
-]
-Platforms = Annotated[
-    str | None,
-    option(
-        "--platforms",
-        metavar="PLATFORMS",
-        help="linux64,win64,darwin64,aarch64-linux, or all that a compiler here can serve; default this machine's.",
-    ),
-]
-Stop = Annotated[
-    float | None, option("--stop", metavar="TIME", help=f"Stop time, {_TIME}", parser=seconds)
-]
-Step = Annotated[
-    float | None,
-    option("--step", metavar="TIME", help=f"Communication step, {_TIME}", parser=seconds),
-]
-Record = Annotated[
-    Path, typer.Argument(help="Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.")
-]
-Picture = Annotated[
-    Path | None, option("--plot", metavar="FILE", help="Picture to draw (.png, .svg or .pdf).")
-]
-RigEndpoint = Annotated[
-    str, typer.Option("--endpoint", metavar="tcp://HOST:PORT", help="The rig's server.")
-]
-Credentials = Annotated[
-    Path | None,
-    option("--credentials", metavar="FILE", help="Key file of a client (ppy rig keys)."),
-]
-Json = Annotated[
-    Path | None,
-    option(
-        "--json",
-        metavar="FILE",
-        help="The result as JSON; - is standard output, which then holds nothing else.",
-    ),
-]
+def _timeout(text: str) -> float:
+    value = seconds(text)
+    if not 0.0 < value < 1e9:
+        raise ValueError(f"{text!r}: a time above 0, such as 10s or 2min")
+    return value
 
 
 def platform_list(text: str | None) -> list[str] | None:
-    """FMI platforms to build for; None is every one that a compiler here can serve."""
-    from fmus.kit.build.toolchain import host_platform
+    """Return the FMI platforms to build for; None is every one that a compiler here can serve."""
+    from fmus.kit.build import host_platform
 
     if text == "all":
         return None
     return comma_list(text, "--platforms") or [host_platform()]
+
+
+# --- what several commands take ------------------------------------------------------------------
+
+_MODEL = "A component (see ppy list), path/to/file.py:Class, or an .fmu file."
+
+
+class ModelArgument(TypedDict, total=False):
+    """The model, by its place."""
+
+    model: Annotated[
+        str,
+        Option(_MODEL, default=REQUIRED, metavar="MODEL", complete="component", argument=True),
+    ]
+
+
+class ModelOption(TypedDict, total=False):
+    """The model, by its flag."""
+
+    model: Annotated[
+        str, Option(_MODEL, default=DEFAULT_MODEL, metavar="MODEL", complete="component")
+    ]
+
+
+class LaidOverOption(TypedDict, total=False):
+    """The effects that are part of the model from the start."""
+
+    laid_over: Annotated[
+        Sequence[str],
+        Option(
+            "Effects to lay over it (see ppy info), e.g. strain_saturation,sensor_lag(voltage).",
+            default=(),
+            flag="--with",
+            metavar="EFFECTS",
+            form=NAMES,
+            complete="effect",
+        ),
+    ]
+
+
+class PresetOption(TypedDict, total=False):
+    """The preset that a model starts from."""
+
+    preset: Annotated[str | None, Option("Start from a preset (see ppy info).")]
+
+
+class RuntimeOption(TypedDict, total=False):
+    """The build of a component that is run."""
+
+    runtime: Annotated[
+        str,
+        Option(
+            "Which build of a component to run: native or python.",
+            default="native",
+            choices=("native", "python"),
+        ),
+    ]
+
+
+class PlatformsOption(TypedDict, total=False):
+    """The platforms that an FMU is built for, as `platform_list` reads them."""
+
+    platforms: Annotated[
+        str | None,
+        Option(
+            "linux64,win64,darwin64,aarch64-linux, or all that a compiler here can serve; default"
+            " this machine's.",
+            metavar="PLATFORMS",
+        ),
+    ]
+
+
+class RecordArgument(TypedDict, total=False):
+    """The record, by its place."""
+
+    record: Annotated[
+        Path,
+        Option(
+            "Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.",
+            default=REQUIRED,
+            argument=True,
+        ),
+    ]
+
+
+class JsonOption(TypedDict, total=False):
+    """The result as figures."""
+
+    json: Annotated[
+        Path | None,
+        Option(
+            "The result as JSON; - is standard output, which then holds nothing else.",
+            metavar="FILE",
+        ),
+    ]
+
+
+class PlotOption(TypedDict, total=False):
+    """The result as a picture."""
+
+    plot: Annotated[Path | None, Option("Picture to draw (.png, .svg or .pdf).", metavar="FILE")]
+
+
+class IsolateOption(TypedDict, total=False):
+    """The process of its own for an FMU that is not ours."""
+
+    isolate: Annotated[
+        bool | None,
+        Option(
+            "Run the FMU in a process of its own, which may crash or hang; default for FMUs that"
+            " are not ours.",
+            flag="--isolate/--no-isolate",
+        ),
+    ]
+
+
+class IsolationOptions(IsolateOption, total=False):
+    """The process of its own for an FMU, and its limits."""
+
+    step_timeout: Annotated[
+        float | None,
+        Option(
+            "How long a call of an isolated FMU may take; default 60 s.",
+            metavar="TIME",
+            form=Form(parse=_timeout),
+        ),
+    ]
+    memory_limit: Annotated[
+        float | None,
+        Option(
+            "Memory of an isolated FMU, such as 2GB; default the machine's.",
+            metavar="SIZE",
+            form=Form(parse=_size),
+        ),
+    ]
+
+
+class RealTimeOptions(TypedDict, total=False):
+    """The pace of a run that keeps up with the clock."""
+
+    real_time: Annotated[
+        bool,
+        Option("Keep pace with the clock, as a rig does, and tell how well.", default=False),
+    ]
+    missed: Annotated[
+        str | None,
+        Option(
+            "What a missed deadline does: warn (default) or stop.",
+            metavar="WHAT",
+            choices=("warn", "stop"),
+        ),
+    ]
+    lag: Annotated[
+        float | None,
+        Option(
+            "Lag beyond which the run stops in any case; default 1 s.", metavar="TIME", form=TIME
+        ),
+    ]
+    processor: Annotated[
+        int | None, Option("The only processor to run on.", flag="--cpu", metavar="N")
+    ]
+    priority: Annotated[bool, Option("Ask for a higher priority.", default=False)]

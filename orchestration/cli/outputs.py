@@ -1,4 +1,4 @@
-"""What a command writes: files that cost no other one, refused before any work is done; and JSON."""
+"""Files that a command writes, refused before any work where they cost another one; and JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 
 STANDARD_OUTPUT = Path("-")
 JSON = (".json",)
@@ -39,13 +39,13 @@ class Outputs(NamedTuple):
     folders: Mapping[str, Path] = {}
 
     def check(self) -> None:
-        """Refuse, before any work is done, names under which nothing can be written or something would be lost.
+        """Refuse names under which nothing can be written or something would be lost.
 
         Raises
         ------
         UserError
-            If a name is that of a folder or of a file that is read, is given twice, has an ending that tells of
-            another format, or is where nothing can be written.
+            If a name is that of a folder or of a file that is read, is given twice, has an ending
+            that tells of another format, or is where nothing can be written.
         """
         named: list[tuple[str, Path]] = []
         for option, path in self.writes.items():
@@ -53,10 +53,10 @@ class Outputs(NamedTuple):
                 continue
             if _exists(option, path) and path.is_dir():
                 raise UserError(f"{option} {path}: this is a folder; name a file in it")
-            for what, source in self.reads.items():
+            for role, source in self.reads.items():
                 if source is not None and same_file(path, source):
                     raise UserError(
-                        f"{option} {path}: this is {what} itself; it will not be overwritten"
+                        f"{option} {path}: this is {role} itself; it will not be overwritten"
                     )
             for other, place in named:
                 if same_file(path, place):
@@ -70,7 +70,7 @@ class Outputs(NamedTuple):
 
 
 def same_file(a: Path, b: Path) -> bool:
-    """Whether two names are, or would be, of one file."""
+    """Return True if two names are, or would be, of one file."""
     return a.resolve() == b.resolve() or (a.exists() and b.exists() and a.samefile(b))
 
 
@@ -89,23 +89,26 @@ def _check_ending(option: str, path: Path, allowed: Sequence[str]) -> None:
         )
 
 
-def _check_folder(folder: Path, wanted: Path) -> None:
-    """Refuse a folder that is none, or in which nothing can be made; one that is not there yet is made later."""
+def _check_folder(folder: Path, path: Path) -> None:
+    """Refuse a folder that is none, or in which nothing can be made.
+
+    One that is not there yet is made later.
+    """
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise UserError(
-            f"cannot write {wanted}: {folder} is {'read-only' if folder.is_dir() else 'no folder'}"
+            f"cannot write {path}: {folder} is {'read-only' if folder.is_dir() else 'no folder'}"
         )
 
 
 @contextmanager
 def standard_output_for(path: Path | None) -> Iterator[None]:
-    """Keep standard output free of anything else while the context lasts, if JSON is to go there."""
+    """Keep standard output free of anything else while the context lasts, if JSON goes there."""
     if path != STANDARD_OUTPUT:
         yield
         return
-    from orchestration.reporting.console import results_withheld
+    from orchestration.reporting import results_withheld
 
     with results_withheld():
         yield
@@ -135,7 +138,7 @@ def write_json(path: Path | None, data: Any) -> None:
         sys.stdout.write(text)
         return
     from fmus.kit import files
-    from orchestration.reporting.console import wrote
+    from orchestration.reporting import wrote
 
     files.write(path, text.encode())
     wrote(path)

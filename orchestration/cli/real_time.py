@@ -1,4 +1,4 @@
-"""``ppy run --real-time``: its options, the line that says how the run is doing, and a record that nothing may cost."""
+"""Runs in real time: how they are asked for, their status line, and a record that is never lost."""
 
 from __future__ import annotations
 
@@ -8,64 +8,55 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from fmus.kit.errors import UserError
-from fmus.rig_proxy.proxy import LINK_STATES
+from fmus.kit import UserError
+from fmus.rig_proxy import LINK_STATES
 
 if TYPE_CHECKING:
     import xarray
 
-    from orchestration.experiment.live import Live, Moment
+    from orchestration.cli.options import RealTimeOptions
+    from orchestration.experiment import Live, Moment
+    from orchestration.reporting import BackgroundWriter
 
 JOURNAL = ".part.csv"  # behind the name of the result
-_ON_TERMINAL, _ELSEWHERE = 0.2, 5.0  # s between two lines
+_ON_TERMINAL = 0.2  # s between two lines
+_ELSEWHERE = 5.0
 
 
-class Options(NamedTuple):
-    """What was asked for; None where nothing was.
+def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
+    """Return how to run in real time, None for as fast as possible.
 
-    Attributes
+    Parameters
     ----------
-    real_time : bool
-    missed : str or None
-    lag : float or None
-    processor : int or None
-    priority : bool
+    options : RealTimeOptions
+    out : Path or None
+        The result; beside it goes the journal.
+
+    Raises
+    ------
+    UserError
+        If an option makes no sense, or is about real time and that was not asked for.
     """
+    from orchestration.experiment import Live
+    from orchestration.master import RealTime
 
-    real_time: bool
-    missed: str | None
-    lag: float | None
-    processor: int | None
-    priority: bool
-
-    def live(self, out: Path | None) -> Live | None:
-        """Return how to run, None for as fast as possible.
-
-        Parameters
-        ----------
-        out : Path or None
-            The result; beside it goes the journal.
-
-        Raises
-        ------
-        UserError
-            If an option makes no sense, or is about real time and that was not asked for.
-        """
-        from orchestration.experiment.live import Live
-        from orchestration.master import RealTime
-
-        if not self.real_time:
-            given = {"--missed": self.missed, "--lag": self.lag, "--cpu": self.processor}
-            for option in [name for name, value in given.items() if value is not None]:
+    if not options["real_time"]:
+        given = {
+            "--missed": options["missed"],
+            "--lag": options["lag"],
+            "--cpu": options["processor"],
+            "--priority": options["priority"] or None,
+        }
+        for option, value in given.items():
+            if value is not None:
                 raise UserError(f"{option} is about real time; add --real-time")
-            if self.priority:
-                raise UserError("--priority is about real time; add --real-time")
-            return None
-        lag = RealTime.lag if self.lag is None else self.lag
-        pace = RealTime(self.missed or RealTime.missed, lag, None, self.processor, self.priority)
-        return Live(pace, None if out is None else out.with_name(out.name + JOURNAL))
+        return None
+    lag = RealTime.lag if options["lag"] is None else options["lag"]
+    missed = options["missed"] or RealTime.missed
+    pace = RealTime(missed, lag, None, options["processor"], options["priority"])
+    return Live(pace, None if out is None else out.with_name(out.name + JOURNAL))
 
 
 def status(moment: Moment) -> str:
@@ -75,26 +66,30 @@ def status(moment: Moment) -> str:
         f"lag {1e3 * max(0.0, moment.lag):.1f} ms",
         f"missed {moment.missed}",
     ]
-    if (state := _worst(moment, "link_state")) is not None:
+    state = _worst(moment, "link_state")
+    if state is not None:
         known = state in range(len(LINK_STATES))
         parts.append(f"link {LINK_STATES[int(state)] if known else f'{state:g}'}")
-    if (age := _worst(moment, "_age")) is not None:
+    age = _worst(moment, "_age")
+    if age is not None:
         parts.append(f"age {1e3 * age:.0f} ms")
-    if (trip := _worst(moment, "round_trip_time")) is not None:
+    trip = _worst(moment, "round_trip_time")
+    if trip is not None:
         parts.append(f"round trip {1e3 * trip:.1f} ms")
     return ", ".join(parts)
 
 
 def _worst(moment: Moment, ending: str) -> float | None:
-    """Greatest of the values about links whose names end so; None if there is none."""
-    return max(
-        (value for name, value in moment.link.items() if name.endswith(ending)), default=None
-    )
+    """Return the greatest value about links whose name ends so; None if there is none."""
+    values = [value for name, value in moment.link.items() if name.endswith(ending)]
+    return max(values, default=None)
 
 
 @contextmanager
 def status_line(live: Live) -> Iterator[Live]:
-    """Have a run tell how it is doing while the context lasts: in place on a terminal, else a line now and then.
+    """Have a run tell how it is doing while the context lasts.
+
+    On a terminal in place, elsewhere in a line now and then.
 
     Parameters
     ----------
@@ -107,52 +102,70 @@ def status_line(live: Live) -> Iterator[Live]:
     """
     from dataclasses import replace
 
-    from orchestration.reporting.background import BackgroundWriter
-    from orchestration.reporting.console import err, warn
+    from orchestration.reporting import BackgroundWriter, err, warn
 
     if err.quiet:
         yield live
         return
-    in_place, every = err.is_terminal, _ON_TERMINAL if err.is_terminal else _ELSEWHERE
     stream = sys.stderr
 
     def show(content: bytes) -> None:
         stream.write(content.decode())
         stream.flush()
 
-    writer, told, troubles = BackgroundWriter(show), monotonic(), list[str]()
-
-    def look(moment: Moment) -> None:
-        nonlocal told
-        if moment.trouble and not troubles:
-            troubles.append(moment.trouble)
-            told = 0.0
-        now = monotonic()
-        if now - told < every or writer.is_behind:
-            return
-        told, line = now, status(moment) + (f", {moment.trouble}" if moment.trouble else "")
-        writer.put((f"\r{line}\x1b[K" if in_place else f"{line}\n").encode())
-
+    in_place = err.is_terminal
+    writer = BackgroundWriter(show)
+    line = _StatusLine(writer, in_place)
     try:
-        yield replace(live, look=look)
+        yield replace(live, look=line.look)
     finally:
         if in_place:
             writer.put(b"\r\x1b[K")
         writer.close()
-        for text in troubles:
-            warn(f"{text}; from then on the record was in memory only")
+        if line.trouble:
+            warn(f"{line.trouble}; from then on the record was in memory only")
+
+
+class _StatusLine:
+    """The line that says how a run is doing, written anew now and then.
+
+    Attributes
+    ----------
+    trouble : str
+        The first that kept the record from the disk.
+    """
+
+    def __init__(self, writer: BackgroundWriter, in_place: bool):
+        self._writer = writer
+        self._in_place = in_place
+        self._written = monotonic()
+        self.trouble = ""
+
+    def look(self, moment: Moment) -> None:
+        """Write the line if it is time to, and at once where there is trouble the first time."""
+        if moment.trouble and not self.trouble:
+            self.trouble = moment.trouble
+            self._written = 0.0
+        now = monotonic()
+        every = _ON_TERMINAL if self._in_place else _ELSEWHERE
+        if now - self._written < every or self._writer.is_behind:
+            return
+        self._written = now
+        line = status(moment) + (f", {moment.trouble}" if moment.trouble else "")
+        self._writer.put((f"\r{line}\x1b[K" if self._in_place else f"{line}\n").encode())
 
 
 def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
-    """Write the result of a run in real time; if that fails, write it elsewhere, for a rig cannot be asked again.
+    """Write the result of a run in real time; if that fails, write it elsewhere.
+
+    A rig cannot be asked again.
 
     Raises
     ------
     UserError
         If it is not where it was to be: why, and where it is.
     """
-    from orchestration.experiment import results
-    from orchestration.experiment.reading import movable
+    from orchestration.experiment import movable, results
 
     try:
         results.write(movable(data, out.parent), out)

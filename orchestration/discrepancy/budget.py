@@ -1,4 +1,4 @@
-"""The time that a diagnosis may take, and what was left undone when it was spent."""
+"""The time budget of a diagnosis, and the note on what was not tried when it was spent."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ _SAMPLES = 60_000  # of ten minutes at 100 Hz; a longer record has as much more 
 
 
 def default_time(samples: int) -> float:
-    """Seconds that a diagnosis of a record of so many samples may take: a minute, and more in proportion beyond."""
+    """Return the seconds that a diagnosis of so many samples may take by default.
+
+    That is a minute, and more in proportion for a record of more than ten minutes.
+    """
     return DEFAULT_TIME * max(1.0, samples / _SAMPLES)
 
 
 class Budget:
-    """Time that is counted from here on.
+    """A budget of time that is counted from its making on.
 
-    Whoever would begin something that the answer can do without asks whether the time is spent. As long as it is not,
-    nothing hangs on how fast the machine is; afterwards what was left undone is noted.
+    A search asks whether the time is spent before it begins anything that the answer can do
+    without. As long as it is not, no result depends on how fast the machine is; afterwards what was
+    not tried is noted.
 
     Parameters
     ----------
@@ -32,11 +36,13 @@ class Budget:
 
     def __init__(self, seconds: float = math.inf):
         self.seconds = seconds
-        self._end, self._lock = monotonic() + seconds, Lock()
-        self._cut, self._untried = False, dict[str, None]()
+        self._end = monotonic() + seconds
+        self._lock = Lock()
+        self._cut = False
+        self._untried: dict[str, None] = {}
 
     def spent(self) -> bool:
-        """Whether there is no time left for what would be done now, which then counts as left undone."""
+        """Return whether there is no time for the next thing, which then counts as not done."""
         if monotonic() < self._end:
             return False
         self._cut = True
@@ -55,6 +61,8 @@ class Budget:
 
     @property
     def notes(self) -> list[Note]:
-        """What is to be said of it: nothing unless something was left undone."""
+        """The note that time was spent, if anything was not done for want of it."""
+        if not self._cut:
+            return []
         facts = {"seconds": self.seconds, "untried": tuple(self._untried)}
-        return [Note(NoteCode.TIME_SPENT, "", facts)] if self._cut else []
+        return [Note(NoteCode.TIME_SPENT, "", facts)]

@@ -1,19 +1,20 @@
-"""What changed between two records of one specimen: which parameters and effects are others after than before.
+"""The search for what changed between two records of one specimen: parameters, and whole effects.
 
-Both records are simulated with one set of parameters, and one parameter after the other is let go in the second record,
-as long as that makes the simulation fit noticeably better (forward selection by the error of the free run). An effect
-that is in one record only is no special case: the model has it in both, and its strength is what is let go.
+Both records are simulated with one set of parameters, and one parameter after the other is released
+to be another in the later record, as long as that makes the simulation fit noticeably better
+(forward selection by the error of the free run). An effect that is in one record only is no special
+case: the model has it in both, and its strength is what is released.
 
-A change is claimed where it is surely none of chance, neither in the colour and the changing level of the noise of both
-records nor by how much single stretches of them disagree. The latter is what tells a change from an error of the model:
-no model is quite right, and what is wrong with it bends every parameter, here more and there less.
+A change is claimed only if it is surely more than chance, both by the colour and the changing level
+of the noise of both records and by how much single stretches of them disagree. The latter is what
+tells a change from an error of the model: no model is quite right, and what is wrong with it bends
+every parameter, here more and there less.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,33 +22,44 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
-from fmus.kit.declare import ParameterDeclaration
+from fmus.kit import ParameterDeclaration
 from orchestration.discrepancy.budget import Budget
-from orchestration.discrepancy.candidates.candidate import Candidate, label, own_parameters
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.parallel import side_by_side
-from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.covariance import Covariance, clustered, covariance
-from orchestration.identify.estimate import significantly_different
-from orchestration.identify.metrics import number
-from orchestration.identify.prediction_error import FitResult, fit_free_run
-from orchestration.identify.problem import Problem
-from orchestration.identify.simulation_error import error_scales, pooled_error, starting_points
-from orchestration.records.joined import base_name
+from orchestration.discrepancy.candidates import Candidate, label, own_parameters
+from orchestration.discrepancy.data import Dataset
+from orchestration.discrepancy.parallel import parallel_map
+from orchestration.discrepancy.selection import Search
+from orchestration.identify import finite_or_none
+from orchestration.identify.fitting import (
+    FitResult,
+    Problem,
+    error_scales,
+    fit_free_run,
+    pooled_error,
+    starting_points,
+)
+from orchestration.identify.uncertainty import (
+    Covariance,
+    clustered_covariance,
+    is_significantly_different,
+    parameter_covariance,
+)
+from orchestration.records import base_name
 
 Array = NDArray[np.float64]
 BEFORE, AFTER = "before", "after"
-# Of what letting go of all parameters gains, in squared error, below which letting go of one more explains nothing: no
-# model is quite right, and what is wrong with it bends every parameter a little.
+# Of what releasing all parameters gains, in squared error, below which releasing one more explains
+# nothing: no model is quite right, and what is wrong with it bends every parameter a little.
 RELEVANT = 0.02
-_PERHAPS = 2.0  # standard errors from which on it is let go, so that it does not bend others, but not claimed
+# standard errors from which on a parameter is released, so that it does not bend others, but not
+# claimed
+_PERHAPS = 2.0
 STRETCHES = 10  # of each record, that must agree about a change
 ALPHA = 0.01  # that anything is claimed by chance, of all parameters together
 
 
 @dataclass(frozen=True)
 class Change:
-    """One parameter in both records, SI.
+    """A parameter in both records, SI.
 
     Attributes
     ----------
@@ -60,9 +72,9 @@ class Change:
     uncertain : bool
         Whether it surely is by the noise, but stretches of the records do not agree about it.
     gain : float
-        Of the squared error that is gained by letting go of all parameters, the share that letting go of this one
-        gained when it was its turn; of one that is not needed, what it would gain beside those that are. None where
-        letting go of all gains no more than chance makes.
+        Of the squared error that is gained by releasing all parameters, the share that releasing
+        this one gained when it was its turn; of one that is not needed, what it would gain beside
+        those that are. None where releasing all gains no more than chance makes.
     declaration : ParameterDeclaration
         Its unit and range.
     effect : str
@@ -90,40 +102,109 @@ class Change:
 
     @property
     def lacking(self) -> tuple[bool, bool]:
-        """Whether the record before, and the one after, may do without the effect that this is the strength of."""
-        ends, value = (self.before_interval, self.after_interval), self.neutral
-        none = [value is not None and low <= value <= high for low, high in ends]
-        return none[0], none[1]
+        """True if the record, before and after, may do without the effect of this strength."""
+        return self._may_be_neutral(self.before_interval), self._may_be_neutral(self.after_interval)
+
+    def _may_be_neutral(self, interval: tuple[float, float]) -> bool:
+        """Return whether an interval holds the value at which the effect does nothing."""
+        low, high = interval
+        return self.neutral is not None and low <= self.neutral <= high
 
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON."""
-        records = ((self.before, self.before_interval), (self.after, self.after_interval))
-        before, after = (
-            {"value": value, "ci95": [number(end) for end in ends]} for value, ends in records
-        )
-        about: dict[str, Any] = {"parameter": self.name, "unit": self.unit, "changed": self.changed}
-        about |= {"uncertain": self.uncertain, "gain": self.gain}
-        return {
-            **about,
-            **({"effect": self.effect} if self.effect else {}),
-            "before": before,
-            "after": after,
+        figures: dict[str, Any] = {
+            "parameter": self.name,
+            "unit": self.unit,
+            "changed": self.changed,
+            "uncertain": self.uncertain,
+            "gain": self.gain,
         }
+        if self.effect:
+            figures["effect"] = self.effect
+        figures["before"] = _with_interval(self.before, self.before_interval)
+        figures["after"] = _with_interval(self.after, self.after_interval)
+        return figures
+
+
+def _with_interval(value: float, interval: tuple[float, float]) -> dict[str, Any]:
+    """Return a value with its interval, ready for JSON."""
+    return {"value": value, "ci95": [finite_or_none(end) for end in interval]}
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """The two records fitted with some parameters let go in the second."""
+class _JointFit:
+    """A fit of both records, in which some parameters have a value of their own in the later one.
 
-    free: tuple[str, ...]
+    Attributes
+    ----------
+    released : tuple of str
+        Those parameters.
+    problem : Problem
+    fit : FitResult
+    error : float
+        Mean of the squared errors, over the noise.
+    """
+
+    released: tuple[str, ...]
     problem: Problem
     fit: FitResult
-    error: float  # mean of the squared errors, over the noise
+    error: float
 
 
-def changes(
+@dataclass(frozen=True)
+class _JointFitter:
+    """Fits of one model to both records, or to one of them.
+
+    Attributes
+    ----------
+    search : Search
+    candidate : Candidate
+    """
+
+    search: Search
+    candidate: Candidate
+
+    def fit(
+        self,
+        released: tuple[str, ...],
+        origins: Sequence[Mapping[str, float]],
+        anywhere: bool = False,
+    ) -> _JointFit:
+        """Fit with some parameters released, from given points.
+
+        Parameters
+        ----------
+        released : tuple of str
+        origins : sequence of Mapping of str to float
+            Where to start, SI.
+        anywhere : bool
+            Whether to start from points a decade about nominal too.
+        """
+        names = [*self.search.parameters, *(_later(name) for name in released)]
+        problem = self.search.problem(self.candidate, names, self.search.fixed)
+        starts = []
+        for origin in origins:
+            values = {
+                name: origin.get(name, origin.get(base_name(name), problem.start[name]))
+                for name in problem.names
+            }
+            starts.append(problem.inside(problem.position(values)))
+        if anywhere:
+            starts += starting_points(problem)
+        fit = fit_free_run(problem, starts)
+        error = pooled_error(fit.residual, error_scales(problem)) ** 2
+        return _JointFit(released, problem, fit, error)
+
+
+def _later(name: str) -> str:
+    """Return the name of a parameter's own value in the later record."""
+    return f"{name}@{AFTER}"
+
+
+def find_changes(
     candidate: Candidate,
     data: Dataset,
+    *,
     parameters: Sequence[str],
     own: Sequence[str],
     fixed: Mapping[str, float],
@@ -137,7 +218,8 @@ def changes(
     candidate : Candidate
         The model, with every effect that is in either record.
     data : Dataset
-        All records, joined: the later one under the label `AFTER`, one or more from before under others.
+        All records, joined: the later one under the label `AFTER`, one or more from before under
+        others.
     parameters : sequence of str
         That may have changed. Those of which neither record says anything are left out.
     own : sequence of str
@@ -158,11 +240,9 @@ def changes(
     UserError
         If the model cannot be simulated over the records.
     """
-    # whether an effect is there at all is asked about where it is none, and not of the logarithm of its strength
-    switches = {effect.neutral for effect in candidate.effects}
-    neutral = {
-        p.name: float(p.start) for p in candidate.cls.layout.parameters if p.name in switches
-    }
+    # whether an effect is there at all is asked about where it is none, and not of the logarithm of
+    # its strength
+    neutral = _neutral_values(candidate)
     search = Search(
         data,
         candidate.cls,
@@ -172,130 +252,175 @@ def changes(
         budget or Budget(),
         each=own,
     )
-    told = _with_trace(search, candidate, parameters, fixed)
-    search = replace(search, parameters=[*told, *own])
+    traced = _with_trace(search, candidate, parameters, fixed)
+    fits = _JointFitter(replace(search, parameters=[*traced, *own]), candidate)
     progress("fitting both records alike")
-    shared = _fitted(search, candidate, (), [fixed])
+    shared = fits.fit((), [fixed])
     progress("fitting each record by itself")
-    one = replace(search, data=data.runs_of([AFTER]))
-    alone = _fitted(one, candidate, (), [shared.fit.values, fixed], anywhere=True).fit.values
-    apart = {f"{n}@{AFTER}": alone[n] for n in told} | {
-        n: v for n, v in alone.items() if base_name(n) != n
-    }
-    everything = _fitted(
-        search, candidate, tuple(told), [shared.fit.values | apart, shared.fit.values]
-    )
-    best, gains, rest = shared, dict[str, float](), list(told)
-    total = shared.error - everything.error
-    real = total > _by_chance(shared, len(told))
-    while rest and total > 0.0:
-        if search.budget.spent():
-            search.budget.leave(rest)
-            break
-        progress(f"letting go of {', '.join(rest)}")
-        origins = [best.fit.values, best.fit.values | everything.fit.values]
-        tried = side_by_side(partial(_let_go, search, candidate, best.free, origins), rest)
-        left = {n: (best.error - one.error) / total for n, one in zip(rest, tried, strict=True)}
-        name, nearest = min(zip(rest, tried, strict=True), key=lambda pair: pair[1].error)
-        difference, error = _difference(nearest, name)
-        if left[name] < RELEVANT or abs(difference) < _PERHAPS * error:
-            gains |= left
-            break
-        best, gains[name] = nearest, left[name]
-        rest.remove(name)
-    reported = _fitted(search, candidate, tuple(told), [best.fit.values | everything.fit.values])
-    sure = [name for name in best.free if significantly_different(*_difference(best, name))]
-    agreed = [name for name in sure if _agreed(best, name, len(told))]
-    order = [*agreed, *(name for name in (*best.free, *rest) if name not in agreed)]
-    owner = {name: label(effect) for effect in candidate.effects for name in own_parameters(effect)}
-    found = [
-        _change(
-            best if n in agreed else reported, n, n in agreed, gains.get(n, 0.0) if real else None
-        )
-        for n in order
-    ]
-    return [
-        replace(
-            c,
-            uncertain=c.name in sure and not c.changed,
-            effect=owner.get(c.name, ""),
-            neutral=neutral.get(c.name),
-        )
-        for c in found
-    ]
+    separate = _fit_separately(fits, shared, traced, fixed)
+    released = _release_in_turn(fits, shared, separate, traced)
+    return _claims(fits, released, separate, neutral)
 
 
-def _by_chance(shared: _Fit, parameters: int) -> float:
-    """What letting go of so many parameters takes off the mean of the squared errors where nothing changed (Wilks)."""
-    samples = sum(len(e) for e in shared.fit.residual.values())
-    return shared.error * float(chi2.isf(ALPHA, max(parameters, 1))) / samples
+def _neutral_values(candidate: Candidate) -> dict[str, float]:
+    """Return the values of the strengths of effects at which these do nothing."""
+    switches = {effect.neutral for effect in candidate.effects}
+    return {p.name: float(p.start) for p in candidate.cls.layout.parameters if p.name in switches}
 
 
 def _with_trace(
     search: Search, candidate: Candidate, parameters: Sequence[str], values: Mapping[str, float]
 ) -> list[str]:
-    """Parameters that move anything that was measured; those of an effect do where it is at work."""
+    """Return the parameters that move anything measured; those of an effect do where it acts."""
     problem = search.problem(candidate, parameters, values)
     return problem.traced(problem.inside(problem.position(problem.start)))
 
 
-def _let_go(
-    search: Search,
-    candidate: Candidate,
-    free: tuple[str, ...],
-    origins: Sequence[Mapping[str, float]],
-    name: str,
-) -> _Fit:
-    return _fitted(search, candidate, (*free, name), origins)
+def _fit_separately(
+    fits: _JointFitter, shared: _JointFit, parameters: Sequence[str], fixed: Mapping[str, float]
+) -> _JointFit:
+    """Fit with all parameters released, from where a fit of the later record alone ends."""
+    later = replace(fits.search, data=fits.search.data.runs_of([AFTER]))
+    alone = _JointFitter(later, fits.candidate).fit((), [shared.fit.values, fixed], anywhere=True)
+    values = alone.fit.values
+    own = {_later(name): values[name] for name in parameters}
+    own |= {name: value for name, value in values.items() if base_name(name) != name}
+    return fits.fit(tuple(parameters), [shared.fit.values | own, shared.fit.values])
 
 
-def _fitted(
-    search: Search,
-    candidate: Candidate,
-    free: tuple[str, ...],
-    origins: Sequence[Mapping[str, float]],
-    anywhere: bool = False,
-) -> _Fit:
-    """Fit with some parameters let go, from given points, and from points a decade about nominal too if asked."""
-    problem = search.problem(
-        candidate, [*search.parameters, *(f"{n}@{AFTER}" for n in free)], search.fixed
-    )
-    starts = []
-    for origin in origins:
-        there = {
-            name: origin.get(name, origin.get(base_name(name), problem.start[name]))
-            for name in problem.names
-        }
-        starts.append(problem.inside(problem.position(there)))
-    fit = fit_free_run(problem, [*starts, *(starting_points(problem) if anywhere else [])])
-    return _Fit(free, problem, fit, pooled_error(fit.residual, error_scales(problem)) ** 2)
+@dataclass(frozen=True)
+class _ReleasedParameters:
+    """The outcome of the forward selection.
+
+    Attributes
+    ----------
+    nearest : _JointFit
+        With the parameters released that explain a difference.
+    kept : list of str
+        The other parameters.
+    gains : dict of str to float
+        Share that each parameter gained, or would gain.
+    telling : bool
+        Whether releasing all parameters gains more than chance makes.
+    """
+
+    nearest: _JointFit
+    kept: list[str]
+    gains: dict[str, float]
+    telling: bool
 
 
-def _difference(one: _Fit, name: str, spread: Covariance | None = None) -> tuple[float, float]:
-    """By how much a parameter that was let go differs, in its searched coordinate, and the standard error of that."""
-    i, j = one.problem.names.index(name), one.problem.names.index(f"{name}@{AFTER}")
-    known = spread or one.fit.covariance
+def _release_in_turn(
+    fits: _JointFitter, shared: _JointFit, separate: _JointFit, parameters: Sequence[str]
+) -> _ReleasedParameters:
+    """Release one parameter after the other, always that which brings the fit nearest."""
+    search = fits.search
+    total = shared.error - separate.error
+    telling = total > _gain_by_chance(shared, len(parameters))
+    nearest = shared
+    gains: dict[str, float] = {}
+    kept = list(parameters)
+    while kept and total > 0.0:
+        if search.budget.spent():
+            search.budget.leave(kept)
+            break
+        search.progress(f"letting go of {', '.join(kept)}")
+        tried = _release_each(fits, nearest, separate, kept)
+        shares = {name: (nearest.error - one.error) / total for name, one in tried.items()}
+        name = min(tried, key=lambda name: tried[name].error)
+        difference, error = _difference(tried[name], name)
+        if shares[name] < RELEVANT or abs(difference) < _PERHAPS * error:
+            gains |= shares
+            break
+        nearest = tried[name]
+        gains[name] = shares[name]
+        kept.remove(name)
+    return _ReleasedParameters(nearest, kept, gains, telling)
+
+
+def _release_each(
+    fits: _JointFitter, nearest: _JointFit, separate: _JointFit, names: Sequence[str]
+) -> dict[str, _JointFit]:
+    """Fit with each of some parameters released beside those that are."""
+    origins = [nearest.fit.values, nearest.fit.values | separate.fit.values]
+    tried = parallel_map(lambda name: fits.fit((*nearest.released, name), origins), names)
+    return dict(zip(names, tried, strict=True))
+
+
+def _gain_by_chance(shared: _JointFit, parameters: int) -> float:
+    """Return what releasing parameters takes off the mean squared error if nothing changed.
+
+    The likelihood ratio is then distributed as chi-square (Wilks).
+    """
+    samples = sum(len(e) for e in shared.fit.residual.values())
+    return shared.error * float(chi2.isf(ALPHA, max(parameters, 1))) / samples
+
+
+def _claims(
+    fits: _JointFitter,
+    released: _ReleasedParameters,
+    separate: _JointFit,
+    neutral: Mapping[str, float],
+) -> list[Change]:
+    """Return every parameter as it is in both records, those first that are claimed to differ."""
+    nearest = released.nearest
+    tried = len(separate.released)
+    reported = fits.fit(separate.released, [nearest.fit.values | separate.fit.values])
+    sure = [n for n in nearest.released if is_significantly_different(*_difference(nearest, n))]
+    agreed = [name for name in sure if _stretches_agree(nearest, name, tried)]
+    others = [name for name in (*nearest.released, *released.kept) if name not in agreed]
+    owners = {
+        name: label(effect) for effect in fits.candidate.effects for name in own_parameters(effect)
+    }
+    changes = []
+    for name in (*agreed, *others):
+        changed = name in agreed
+        change = _change(nearest if changed else reported, name)
+        changes.append(
+            replace(
+                change,
+                changed=changed,
+                uncertain=name in sure and not changed,
+                gain=released.gains.get(name, 0.0) if released.telling else None,
+                effect=owners.get(name, ""),
+                neutral=neutral.get(name),
+            )
+        )
+    return changes
+
+
+def _difference(
+    one: _JointFit, name: str, covariance: Covariance | None = None
+) -> tuple[float, float]:
+    """Return by how much a released parameter differs, and the standard error of that.
+
+    Both are in its searched coordinate.
+    """
+    i = one.problem.names.index(name)
+    j = one.problem.names.index(_later(name))
+    known = covariance or one.fit.covariance
+    difference = float(one.fit.q[j] - one.fit.q[i])
+    if known.unidentifiable[[i, j]].any():
+        return difference, np.inf
     variance = known.matrix[i, i] + known.matrix[j, j] - 2.0 * known.matrix[i, j]
-    sure = not known.unidentifiable[[i, j]].any()
-    return float(one.fit.q[j] - one.fit.q[i]), float(
-        np.sqrt(max(variance, 0.0))
-    ) if sure else np.inf
+    return difference, float(np.sqrt(max(variance, 0.0)))
 
 
-def _agreed(one: _Fit, name: str, tried: int) -> bool:
-    """Whether the stretches of both records agree about a difference.
+def _stretches_agree(one: _JointFit, name: str, tried: int) -> bool:
+    """Return whether the stretches of both records agree about a difference.
 
-    Their number is small, so Student's distribution tells how far off chance takes them; the threshold is for all
-    parameters together.
+    Their number is small, so Student's distribution tells how far off chance takes them; the
+    threshold is for all parameters together.
     """
     difference, error = _difference(one, name, _between_stretches(one))
     threshold = float(student.isf(ALPHA / (2.0 * tried), STRETCHES - 1))
     return abs(difference) > threshold * error
 
 
-def _between_stretches(one: _Fit) -> Covariance:
-    """Covariance of a fit by how much stretches of its records disagree."""
-    problem, scales = one.problem, error_scales(one.problem)
+def _between_stretches(one: _JointFit) -> Covariance:
+    """Return the covariance of a fit by how much stretches of its records disagree."""
+    problem = one.problem
+    scales = error_scales(problem)
     number_of = np.zeros(len(problem.time), dtype=np.intp)
     for k, run in enumerate(problem.runs):
         count = run.last - run.first
@@ -304,26 +429,27 @@ def _between_stretches(one: _Fit) -> Covariance:
     jacobian = np.vstack([slopes[o] / scales[o] for o in slopes])
     errors = np.concatenate([residual[o] / scales[o] for o in slopes])
     stretches = np.concatenate([number_of[problem.present[o]] for o in slopes])
-    return clustered(covariance(jacobian.T @ jacobian), jacobian, errors, stretches)
+    return clustered_covariance(
+        parameter_covariance(jacobian.T @ jacobian), jacobian, errors, stretches
+    )
 
 
-def _change(one: _Fit, name: str, changed: bool, gain: float | None) -> Change:
-    """What is to be said of a parameter: as it was claimed, or as each record by itself has it."""
+def _change(one: _JointFit, name: str) -> Change:
+    """Return a parameter in both records as a fit has it, without a claim."""
     few = float(student.ppf(0.975, STRETCHES - 1) / norm.ppf(0.975))
     errors = np.maximum(
         one.fit.covariance.standard_errors, few * _between_stretches(one).standard_errors
     )
     intervals = one.problem.intervals(one.fit.q, errors)
-    later, values = f"{name}@{AFTER}", one.fit.values
-    declared = one.problem.declared[name]
+    later = _later(name)
     return Change(
-        name,
-        values[name],
-        values[later],
-        intervals[name],
-        intervals[later],
-        changed,
-        False,
-        gain,
-        declared,
+        name=name,
+        before=one.fit.values[name],
+        after=one.fit.values[later],
+        before_interval=intervals[name],
+        after_interval=intervals[later],
+        changed=False,
+        uncertain=False,
+        gain=None,
+        declaration=one.problem.declared[name],
     )

@@ -1,4 +1,4 @@
-"""The model that a diagnosis ends with, as an FMU of its own, and what it gains on the validation data."""
+"""The extended model of a diagnosis as a component and an FMU, and its gain on validation data."""
 
 from __future__ import annotations
 
@@ -10,33 +10,31 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect, files, stack
+from fmus.kit import Component, Effect, ParameterDeclaration, UserError, files, stack, summary
 from fmus.kit.build import build, build_cached
-from fmus.kit.declare import ParameterDeclaration
-from fmus.kit.errors import UserError
-from fmus.kit.record.smooth_inputs import with_knots
-from fmus.kit.units import shown
-from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.validation.prediction import parameters_on
-from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulate import simulate_instance
-from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, whiteness
-from orchestration.records.joined import joined
+from fmus.kit.record import with_knots
+from fmus.kit.units import format_value
+from orchestration.discrepancy.candidates import FittedCandidate, label
+from orchestration.discrepancy.conclude import Diagnosis
+from orchestration.discrepancy.data import Dataset, ValidationData
+from orchestration.discrepancy.validation import parameters_on
+from orchestration.fmu import Fmu, simulate_instance
+from orchestration.identify.noise import WHITENESS_SAMPLES, Noise, Whiteness, whiteness
+from orchestration.identify.uncertainty import Estimate
+from orchestration.records import join_records
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Gain:
-    """What an FMU says of data that no fit has seen, against the base model's FMU.
+class ExtensionGain:
+    """The error of an extended model's FMU on unseen data, against the base model's FMU.
 
     Attributes
     ----------
     before, after : dict of str to float
-        Normalised RMS error where nothing was fitted, of the refitted base and of the extended model, by output.
+        Normalised RMS error where nothing was fitted, of the refitted base and of the extended
+        model, by output.
     whiteness : dict of str to Whiteness or None
         Of the innovations after, by output; None where too little was measured to tell.
     base, extended : dict of str to ndarray, shape (n,)
@@ -50,8 +48,8 @@ class Gain:
     extended: dict[str, Array]
 
 
-def extended(diagnosis: Diagnosis, record: str) -> type[Component]:
-    """Return the best model of a diagnosis as a component whose defaults, start values too, are what was fitted.
+def extended_component(diagnosis: Diagnosis, record: str) -> type[Component]:
+    """Return the best model of a diagnosis as a component with fitted defaults, start values too.
 
     Parameters
     ----------
@@ -79,20 +77,24 @@ def extended(diagnosis: Diagnosis, record: str) -> type[Component]:
 
 
 def fitted_defaults(best: FittedCandidate) -> dict[str, float]:
-    """Parameters whose fitted values differ from their defaults, start values too; of several records in the first."""
+    """Return the fitted values that differ from the defaults of their parameters, by name, SI.
+
+    Start values are among them; of several records, those of the first.
+    """
     values = best.problem.runs[0].values(best.problem.start | best.fit.values)
     parameters = best.candidate.cls.layout.parameters
     return {p.name: _allowed(values[p.name], p) for p in parameters if values[p.name] != p.start}
 
 
 def _allowed(value: float, declared: ParameterDeclaration) -> float:
-    """Round a value into its range: one at an end may have left it when it was searched in its logarithm."""
+    """Clip a value to its range, which it may have left by rounding when it was at an end."""
     return min(max(float(value), declared.min), declared.max)
 
 
 def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -> list[str]:
     """Tell in plain words what a model is made of: one statement to a line."""
-    best, base = diagnosis.selection.best.candidate, diagnosis.selection.base.candidate.cls.name
+    best = diagnosis.selection.best.candidate
+    base = diagnosis.selection.base.candidate.cls.name
     remarks = [f"Fitted to {Path(record).name.encode(errors='backslashreplace').decode()}"]
     remarks += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
     if not best.effects:
@@ -102,37 +104,43 @@ def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -
         remarks.append(f"On this record it cannot be told apart from {', '.join(alternatives)}")
     if not diagnosis.explained:
         remarks.append("It does not account for all that the record shows")
-    first = diagnosis.final.problem.runs[0]
-    for p in best.cls.layout.parameters:
-        fitted = diagnosis.estimates.get(p.name, diagnosis.estimates.get(first.own(p.name)))
-        if fitted is not None:
-            low, high = fitted.interval
-            known = isfinite(low) and isfinite(high)
-            ends = (
-                f"95 % interval {shown(low, p)} … {shown(high, p)}"
-                if known
-                else "not determined by the record"
-            )
-            remarks.append(f"{p.name} = {shown(defaults.get(p.name, p.start), p)} ({ends})")
-        elif p.name in defaults:
-            remarks.append(f"{p.name} = {shown(defaults[p.name], p)} (given, not fitted)")
+    remarks += _parameter_remarks(diagnosis, defaults)
     return remarks
 
 
+def _parameter_remarks(diagnosis: Diagnosis, defaults: Mapping[str, float]) -> list[str]:
+    """Tell the value of every parameter that was fitted or given, with its interval."""
+    first = diagnosis.final.problem.runs[0]
+    remarks = []
+    for p in diagnosis.selection.best.candidate.cls.layout.parameters:
+        fitted = diagnosis.estimates.get(p.name, diagnosis.estimates.get(first.own(p.name)))
+        if fitted is not None:
+            value = format_value(defaults.get(p.name, p.start), p)
+            remarks.append(f"{p.name} = {value} ({_interval(fitted, p)})")
+        elif p.name in defaults:
+            remarks.append(f"{p.name} = {format_value(defaults[p.name], p)} (given, not fitted)")
+    return remarks
+
+
+def _interval(fitted: Estimate, declared: ParameterDeclaration) -> str:
+    """Tell the interval of an estimate in words."""
+    low, high = fitted.interval
+    if not (isfinite(low) and isfinite(high)):
+        return "not determined by the record"
+    return f"95 % interval {format_value(low, declared)} … {format_value(high, declared)}"
+
+
 def _meaning(effect: type[Effect]) -> str:
-    """What an effect does, and which assumption of the model it relaxes."""
-    words = (effect.__doc__ or "").strip().split("\n")[0].rstrip(".").replace("``", "")
+    """Tell what an effect does, and which assumption of the model it relaxes."""
+    words = summary(effect).replace("``", "")
     relaxed = effect.assumption
-    which = (
-        f"assumption {relaxed} of its documentation"
-        if isinstance(relaxed, int)
-        else f"the assumption that {relaxed}"
-    )
-    return f"{words}; relaxes {which}"
+    if isinstance(relaxed, int):
+        return f"{words}; relaxes assumption {relaxed} of its documentation"
+    return f"{words}; relaxes the assumption that {relaxed}"
 
 
-def destinations(path: Path, records: Iterable[Path]) -> dict[str, Path]:
-    """Return where each build goes: the native one to ``F.fmu``, the Python one to ``F.python.fmu`` beside it.
+def fmu_paths(path: Path, records: Iterable[Path]) -> dict[str, Path]:
+    """Return the files of both builds: ``F.fmu`` of the native one, ``F.python.fmu`` of the other.
 
     Parameters
     ----------
@@ -176,7 +184,7 @@ def export(
     ----------
     cls : type[Component]
     path, records
-        See :func:`destinations`.
+        See :func:`fmu_paths`.
     platforms : sequence of str, optional
         FMI platforms; default is every one that a compiler here can serve.
     progress : callable
@@ -190,9 +198,10 @@ def export(
     Raises
     ------
     UserError
-        If a destination is refused or cannot be written, or a build fails; then no FMU is left half written.
+        If a destination is refused or cannot be written, or a build fails; then no FMU is left half
+        written.
     """
-    places = destinations(path, records)
+    places = fmu_paths(path, records)
     contents = {
         place: build(cls, runtime, platforms, progress) for runtime, place in places.items()
     }
@@ -201,46 +210,59 @@ def export(
     return list(places.values())
 
 
-def measured_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> Gain:
+def measure_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> ExtensionGain:
     """Run the extended model's FMU, and that of the refitted base, over the data held out.
 
-    Both run with what was fitted to the other data: the defaults of the extended model's FMU have seen all of them.
+    Both run with what was fitted to the other data: the defaults of the extended model's FMU have
+    seen all of them.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     fmu : Path
-        What :func:`export` wrote.
+        The FMU that :func:`export` wrote.
     runtime : {"native", "python"}
         Build of the base model.
 
     Returns
     -------
-    Gain
+    ExtensionGain
 
     Raises
     ------
     UserError
         If an FMU cannot be run over the data.
     """
-    validation, best, base = (
-        diagnosis.validation,
-        diagnosis.selection.best,
-        diagnosis.selection.base,
-    )
-    refitted, extended = base.candidate.cls, best.candidate.cls
+    validation = diagnosis.validation
+    best = diagnosis.selection.best
+    base = diagnosis.selection.base
+    refitted = base.candidate.cls
     before = _run(
         build_cached(refitted, runtime), refitted, parameters_on(validation, base), validation.data
     )
-    after = _run(fmu, extended, parameters_on(validation, best), validation.data)
-    white = {}
-    for output, noise in best.fit.noise.items():
-        if output in validation.data.measured:
-            measured = validation.data.measured[output]
-            present = np.isfinite(measured) & validation.judged
-            innovation = noise.whiten((measured - after[output])[present], present)
-            white[output] = whiteness(innovation) if len(innovation) >= WHITENESS_SAMPLES else None
-    return Gain(validation.nrmse(before), validation.nrmse(after), white, before, after)
+    after = _run(fmu, best.candidate.cls, parameters_on(validation, best), validation.data)
+    white = {
+        output: _whiteness(noise, validation, output, after[output])
+        for output, noise in best.fit.noise.items()
+        if output in validation.data.measured
+    }
+    return ExtensionGain(
+        before=validation.nrmse(before),
+        after=validation.nrmse(after),
+        whiteness=white,
+        base=before,
+        extended=after,
+    )
+
+
+def _whiteness(
+    noise: Noise, validation: ValidationData, output: str, simulated: Array
+) -> Whiteness | None:
+    """Test the innovations on unseen data; None if there are too few to tell."""
+    measured = validation.data.measured[output]
+    present = np.isfinite(measured) & validation.judged
+    innovation = noise.whiten((measured - simulated)[present], present)
+    return whiteness(innovation) if len(innovation) >= WHITENESS_SAMPLES else None
 
 
 def _run(
@@ -249,13 +271,14 @@ def _run(
     """Simulate the data held out, every run from its first sample on."""
     parts = []
     for run, part in zip(data.runs, data.apart().values(), strict=True):
-        here = run.values(values)
-        with Fmu(path, {p.name: _allowed(here[p.name], p) for p in cls.layout.parameters}) as fmu:
+        own = run.values(values)
+        with Fmu(path, {p.name: _allowed(own[p.name], p) for p in cls.layout.parameters}) as fmu:
             fmu.start(float(part.time[0]))
             moving = part.inputs if data.linear is True else data.linear or ()
             time, inputs, at = with_knots(part.time, part.inputs, moving)
             simulated = simulate_instance(fmu, time, inputs, list(data.measured), linear=moving)
-            parts.append({o: values[at] for o, values in simulated.items()})
+            parts.append({o: signal[at] for o, signal in simulated.items()})
     return {
-        o: joined(len(data.time), data.runs, [part[o] for part in parts]) for o in data.measured
+        o: join_records(len(data.time), data.runs, [part[o] for part in parts])
+        for o in data.measured
     }

@@ -1,4 +1,7 @@
-"""Remarks of a diagnosis: what could not be assessed, and why, as codes with their facts. Words are made elsewhere."""
+"""Notes of a diagnosis: codes, with their facts, for what could not be assessed and why.
+
+The sentences are made of them in one place, `report.wording`.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 
 
 class NoteCode(StrEnum):
-    """What a note is about; `report.wording` says it in a sentence."""
+    """The subject of a note; `report.wording` says it in a sentence."""
 
     # faults of the data
     CLIPPED = "clipped"
@@ -73,7 +76,7 @@ class NoteCode(StrEnum):
 
 @dataclass(frozen=True)
 class Note:
-    """One remark.
+    """A note of a diagnosis.
 
     Attributes
     ----------
@@ -92,12 +95,12 @@ class Note:
     held_out: bool = False
 
     def of_holdout(self) -> Note:
-        """The same, said of the record that was held out."""
+        """Return the same note, about the record that was held out."""
         return replace(self, held_out=True)
 
 
 class UnusableRecordError(UserError):
-    """Nothing can be said on a record; `notes` tell why.
+    """A record of which nothing can be said; `notes` tell why.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Independent work on all processors, and how much of it is done."""
+"""A map over independent items on all processors, and a counter of how many are done."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """Do the same with each of several things, on all processors: simulations and compilers hold no other up."""
+def parallel_map(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Do the same work with each of several items, on all processors, and return the results.
+
+    Threads do, since simulations and compilers hold no lock of Python.
+    """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         try:
             return list(pool.map(work, items))
@@ -23,12 +26,12 @@ def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
 
 class Counter:
-    """Tells how many parts of a step are done.
+    """A counter that tells how many parts of a step are done.
 
     Parameters
     ----------
     progress : callable
-        Told the step; if it has a method ``done(part, whole)``, that is told how far it is.
+        Told the step; if it has a method ``done(part, whole)``, that is told how many are done.
     text : str
         The step.
     whole : int
@@ -38,10 +41,12 @@ class Counter:
     def __init__(self, progress: Callable[[str], None], text: str, whole: int):
         progress(text)
         self._done: Callable[[int, int], None] | None = getattr(progress, "done", None)
-        self._part, self._whole, self._lock = 0, whole, Lock()
+        self._part = 0
+        self._whole = whole
+        self._lock = Lock()
 
     def one_more(self) -> None:
-        """One more part is done; threads may say so at once."""
+        """Count one more part as done; threads may do so at once."""
         with self._lock:
             self._part += 1
             if self._done is not None:

@@ -1,4 +1,7 @@
-"""The whole of a diagnosis: record and model in; verdict, extended model, gain and next experiment out."""
+"""The pipeline of ``ppy diagnose``, from records and a model to a diagnosis and its consequences.
+
+These are the extended model, what its FMU gains on unseen data, and the next experiment.
+"""
 
 from __future__ import annotations
 
@@ -7,40 +10,46 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit import Component, Effect
+from fmus.kit import Component, Effect, UserError, suggestion
 from fmus.kit.build import build_cached
-from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.budget import Budget, default_time
-from orchestration.discrepancy.candidates.candidate import catalogue, label
-from orchestration.discrepancy.candidates.typical import typical
-from orchestration.discrepancy.corrected import Laws, ask_on, leaves_something
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.records import gap_notes, joined_dataset, labels, refuse_same
-from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, design
-from orchestration.discrepancy.design.stimuli import Limits
-from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
-from orchestration.discrepancy.diagnosis import diagnose as _diagnose
-from orchestration.discrepancy.extended_model import Gain, extended, measured_gain
+from orchestration.discrepancy.candidates import catalogue, label, signal_scales
+from orchestration.discrepancy.conclude import Diagnosis, Verdict
+from orchestration.discrepancy.data import (
+    Dataset,
+    gap_notes,
+    joined_dataset,
+    record_labels,
+    refuse_same,
+)
+from orchestration.discrepancy.design import DiscriminatingExperiment, Limits, design_experiment
+from orchestration.discrepancy.diagnosis import diagnose as diagnose_data
+from orchestration.discrepancy.extended_model import (
+    ExtensionGain,
+    extended_component,
+    measure_gain,
+)
+from orchestration.discrepancy.law_corrections import LawSearch, leaves_something, search_laws
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.fmu.effects import families
-from orchestration.fmu.model import Model
-from orchestration.fmu.model import catalogue as known_effects
+from orchestration.fmu import Model, families
+from orchestration.fmu import catalogue as known_effects
 from orchestration.records import Record
 
 FAMILIES = "families"  # instead of a name: all that fits the model's laws too
 
 
 @dataclass(frozen=True)
-class Options:
-    """What may be asked of a diagnosis beside a record and a model.
+class DiagnosisOptions:
+    """The options of a diagnosis, beside its records and its model.
 
     Attributes
     ----------
     given : Mapping of str to float
         Values of parameters where the search starts, and of inputs that stayed at a value, SI.
     effects : sequence of str, optional
-        Effects to consider, as ``id`` or ``id(output)``. ``"families"`` is the catalogue and what fits the model's laws
-        by their units, which is what is considered where a model's file lists no effects; else the catalogue is.
+        Effects to consider, as ``id`` or ``id(output)``. ``"families"`` is the catalogue and what
+        fits the model's laws by their units, which is what is considered where a model's file lists
+        no effects; else the catalogue is.
     hold : sequence of str
         Parameters that are known and not fitted.
     each : sequence of str
@@ -52,8 +61,10 @@ class Options:
     highest_frequency : float
         Hz, of the rig, above which nothing may be in a designed stimulus.
     time : float, optional
-        Seconds that the search for causes may take; `budget.default_time` unless given. When they are spent, the best
-        answer so far is returned and a note says what was not tried.
+        Seconds that the search for causes may take; `budget.default_time` unless given. When they
+        are spent, the best answer so far is returned and a note says what was not tried.
+    laws : bool
+        Whether every law is searched for what it lacks, where something is left.
     """
 
     given: Mapping[str, float] = field(default_factory=dict)
@@ -74,7 +85,7 @@ class Result:
     Attributes
     ----------
     records, holdouts : sequence of Record
-        What was given; of the latter none where some of the former was held out.
+        As they were given; of the latter none where some of the former was held out.
     model : Model
     effects : list of type[Effect]
         The catalogue that was considered.
@@ -82,14 +93,14 @@ class Result:
         With what the laws lack among its causes, if that is confirmed.
     component : type[Component] or None
         The best model with fitted defaults; None where nothing could be said.
-    gain : Gain or None
-        What its FMU gains on the validation data.
+    gain : ExtensionGain or None
+        The error of its FMU on the validation data, against that of the base model.
     experiment : DiscriminatingExperiment or None
         Where the verdict is ambiguous, the experiment that would tell more.
     notes : list of Note
         What could not be assessed, and why.
-    laws : Laws or None
-        What the laws lack; None where they were not asked.
+    laws : LawSearch or None
+        Corrections that the laws lack; None where they were not searched.
     """
 
     records: Sequence[Record]
@@ -97,11 +108,11 @@ class Result:
     model: Model
     effects: list[type[Effect]]
     diagnosis: Diagnosis
-    component: type[Component] | None
-    gain: Gain | None
-    experiment: DiscriminatingExperiment | None
-    notes: list[Note]
-    laws: Laws | None = None
+    component: type[Component] | None = None
+    gain: ExtensionGain | None = None
+    experiment: DiscriminatingExperiment | None = None
+    notes: list[Note] = field(default_factory=list)
+    laws: LawSearch | None = None
 
     @property
     def record(self) -> Record:
@@ -120,7 +131,7 @@ class Result:
 
 
 def file_names(records: Sequence[Record]) -> str:
-    """Names of the files of records, each once."""
+    """Return the names of the files of records, each once, as a list in words."""
     names = list(dict.fromkeys(record.source.name for record in records))
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
@@ -129,7 +140,7 @@ def diagnose(
     record: Record | Sequence[Record],
     model: Model,
     holdout: Record | Sequence[Record] | None = None,
-    options: Options | None = None,
+    options: DiagnosisOptions | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Result:
     """Tell what a model gets wrong on a record, or on several, extend it, and measure the gain.
@@ -141,8 +152,9 @@ def diagnose(
     model : Model
         Of which the equations are known.
     holdout : Record or sequence of Record, optional
-        Others to judge by; without them the last third of the record is held out, or the last third of the records.
-    options : Options, optional
+        Others to judge by; without them the last third of the record is held out, or the last third
+        of the records.
+    options : DiagnosisOptions, optional
     progress : callable
         Told what is being done.
 
@@ -155,76 +167,120 @@ def diagnose(
     UserError
         If a record or the model cannot be used, or an effect or a parameter is unknown.
     """
-    result, data = _judged(record, model, holdout, options or Options(), progress)
-    diagnosis, chosen, notes = result.diagnosis, options or Options(), list(result.notes)
-    component = gain = experiment = None
-    if not diagnosis.inconclusive:
+    chosen = options or DiagnosisOptions()
+    result, data = _diagnose_records(record, model, holdout, chosen, progress)
+    if not result.diagnosis.inconclusive:
         progress("running the extended FMU over the validation data")
-        try:
-            component = extended(diagnosis, result.files)
-            gain = measured_gain(diagnosis, build_cached(component, "native"))
-        except Exception as error:  # whatever it was, the diagnosis stands without it
-            notes.append(Note(NoteCode.FMU_FAILED, "", {"reason": _reason(error)}))
-    if diagnosis.verdict is Verdict.AMBIGUOUS and not diagnosis.unsettled:
-        try:
-            limits, highest = chosen.limits, chosen.highest_frequency
-            experiment = design(diagnosis.selection, data, limits, highest, None, progress)
-        except Exception as error:  # as above
-            notes.append(Note(NoteCode.NO_EXPERIMENT, "", {"reason": _reason(error)}))
-    return replace(result, component=component, gain=gain, experiment=experiment, notes=notes)
+        result = _with_extended_model(result)
+    if result.diagnosis.verdict is Verdict.AMBIGUOUS and not result.diagnosis.unsettled:
+        result = _with_experiment(result, data, chosen, progress)
+    return result
 
 
-def judge(
+def diagnose_only(
     record: Record | Sequence[Record],
     model: Model,
     holdout: Record | Sequence[Record] | None = None,
-    options: Options | None = None,
+    options: DiagnosisOptions | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Result:
-    """Do the same without what follows: no FMU is built, and no experiment is designed; see `diagnose`."""
-    return _judged(record, model, holdout, options or Options(), progress)[0]
+    """Do the same without what follows: build no FMU, and design no experiment; see `diagnose`."""
+    return _diagnose_records(record, model, holdout, options or DiagnosisOptions(), progress)[0]
 
 
-def _judged(
+def _with_extended_model(result: Result) -> Result:
+    """Add the extended model and the gain of its FMU; a note says so if that fails."""
+    component = None
+    try:
+        component = extended_component(result.diagnosis, result.files)
+        gain = measure_gain(result.diagnosis, build_cached(component, "native"))
+    except Exception as error:  # whatever it was, the diagnosis stands without it
+        note = Note(NoteCode.FMU_FAILED, "", {"reason": _reason(error)})
+        return replace(result, component=component, notes=[*result.notes, note])
+    return replace(result, component=component, gain=gain)
+
+
+def _with_experiment(
+    result: Result, data: Dataset, options: DiagnosisOptions, progress: Callable[[str], None]
+) -> Result:
+    """Add the experiment that would tell alternatives apart; a note says so if that fails."""
+    try:
+        experiment = design_experiment(
+            result.diagnosis.selection,
+            data,
+            options.limits,
+            options.highest_frequency,
+            None,
+            progress,
+        )
+    except Exception as error:  # whatever it was, the diagnosis stands without it
+        note = Note(NoteCode.NO_EXPERIMENT, "", {"reason": _reason(error)})
+        return replace(result, notes=[*result.notes, note])
+    return replace(result, experiment=experiment)
+
+
+def _diagnose_records(
     record: Record | Sequence[Record],
     model: Model,
     holdout: Record | Sequence[Record] | None,
-    chosen: Options,
+    options: DiagnosisOptions,
     progress: Callable[[str], None],
 ) -> tuple[Result, Dataset]:
-    """The diagnosis, and the data that it was made of."""
-    if chosen.time is not None and not chosen.time > 0.0:
-        raise UserError(f"time: {chosen.time:g} s is no time; inf is without limit")
+    """Diagnose a model on records, and search its laws if they are asked for.
+
+    Returns
+    -------
+    result : Result
+        Without what follows from a diagnosis.
+    data : Dataset
+        All that was given to fit to.
+    """
+    if options.time is not None and not options.time > 0.0:
+        raise UserError(f"time: {options.time:g} s is no time; inf is without limit")
     if model.cls is None:
         raise UserError(
-            f"{model.name} is an FMU without equations; name a component or file.py:Class, or ask ppy diagnose about it"
+            f"{model.name} is an FMU without equations; name a component or file.py:Class, or ask"
+            " ppy diagnose about it"
         )
-    _check_names(chosen, model)
-    records, holdouts = _listed(record), _listed(holdout)
+    _check_names(options, model)
+    records = _listed(record)
+    holdouts = _listed(holdout)
     every = (*records, *holdouts)
     refuse_same(every, model.outputs)
-    data, judged = _data(records, holdouts, model, chosen)
-    if judged is not None and not judged.measured:
-        outputs = ", ".join(data.measured)
-        raise UserError(
-            f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}"
-        )
-    fixed = parameters_given(chosen, model)
-    effects = _considered(model.cls, data, fixed, chosen.effects)
-    budget = budget_of(chosen, data)
-    each = chosen.each if len(every) > 1 else ()
-    diagnosis = _diagnose(
-        model.cls, data, effects, fixed, progress, judged, chosen.hold, budget, each
+    data, judged = _datasets(records, holdouts, model, options)
+    fixed = parameters_given(options, model)
+    effects = _considered_effects(model.cls, data, fixed, options.effects)
+    budget = budget_of(options, data)
+    diagnosis = diagnose_data(
+        model.cls,
+        data,
+        effects,
+        fixed,
+        progress=progress,
+        holdout=judged,
+        held=options.hold,
+        budget=budget,
+        each=options.each if len(every) > 1 else (),
     )
-    laws, diagnosis = _asked(diagnosis, budget, progress) if chosen.laws else (None, diagnosis)
-    notes = [*absent_inputs(model, every, chosen.given), *gap_notes(every), *diagnosis.notes]
-    return Result(records, holdouts, model, effects, diagnosis, None, None, None, notes, laws), data
+    laws = None
+    if options.laws:
+        laws, diagnosis = _search_laws(diagnosis, budget, progress)
+    notes = [*absent_inputs(model, every, options.given), *gap_notes(every), *diagnosis.notes]
+    return Result(records, holdouts, model, effects, diagnosis, notes=notes, laws=laws), data
 
 
-def _asked(
+def _search_laws(
     diagnosis: Diagnosis, budget: Budget, progress: Callable[[str], None]
-) -> tuple[Laws | None, Diagnosis]:
-    """What the laws lack, and the diagnosis with it, where something is left and there is time."""
+) -> tuple[LawSearch | None, Diagnosis]:
+    """Search the laws for what they lack, where something is left and there is time.
+
+    Returns
+    -------
+    laws : LawSearch or None
+        None where they were not searched.
+    diagnosis : Diagnosis
+        With what is confirmed among its causes.
+    """
     if not leaves_something(diagnosis):
         return None, diagnosis
     if budget.spent():
@@ -232,34 +288,34 @@ def _asked(
         others = [note for note in diagnosis.notes if note.code is not NoteCode.TIME_SPENT]
         return None, replace(diagnosis, notes=[*others, *budget.notes])
     try:
-        return ask_on(diagnosis, progress)
+        return search_laws(diagnosis, progress)
     except Exception as error:  # whatever it was, the diagnosis stands without it
         note = Note(NoteCode.NOT_SIMULATED, "what its laws lack", {"reason": _reason(error)})
         return None, replace(diagnosis, notes=[*diagnosis.notes, note])
 
 
-def parameters_given(options: Options, model: Model) -> dict[str, float]:
-    """Values of parameters among what was given, SI."""
+def parameters_given(options: DiagnosisOptions, model: Model) -> dict[str, float]:
+    """Return the values of parameters among what was given, SI."""
     return {n: value for n, value in options.given.items() if n in model.parameters}
 
 
-def budget_of(options: Options, *data: Dataset) -> Budget:
-    """Time for one search over records."""
-    return Budget(
-        default_time(sum(one.time.size for one in data)) if options.time is None else options.time
-    )
+def budget_of(options: DiagnosisOptions, data: Dataset) -> Budget:
+    """Return the time for one search over data."""
+    return Budget(default_time(data.time.size) if options.time is None else options.time)
 
 
 def _reason(error: Exception) -> str:
-    """What to say of a failure: a user's in its own words, of another what it is."""
+    """Return the reason of a failure: a user's error in its own words, of another its kind too."""
     return str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
 
 
 def _listed(records: Record | Sequence[Record] | None) -> list[Record]:
+    """Return records as a list, be it one, several or none."""
     return [records] if isinstance(records, Record) else list(records or ())
 
 
-def _check_names(options: Options, model: Model) -> None:
+def _check_names(options: DiagnosisOptions, model: Model) -> None:
+    """Refuse names of parameters that a model does not have, or that are both held and free."""
     for option, names in (("hold", options.hold), ("each", options.each)):
         for name in names:
             if name not in model.parameters:
@@ -270,37 +326,54 @@ def _check_names(options: Options, model: Model) -> None:
         raise UserError(f"each: {both[0]} is held, so it cannot differ from record to record")
 
 
-def _data(
-    records: Sequence[Record], holdouts: Sequence[Record], model: Model, options: Options
+def _datasets(
+    records: Sequence[Record], holdouts: Sequence[Record], model: Model, options: DiagnosisOptions
 ) -> tuple[Dataset, Dataset | None]:
-    """What is fitted to, and other records to judge by if there are any; by themselves they need no labels."""
-    given, interpolate = options.given, options.interpolate
-    if (
-        len(records) == 1 and len(holdouts) < 2 and not (options.each and holdouts)
-    ):  # of one record nothing differs
-        data = joined_dataset({"": records[0]}, model, given, interpolate)
-        return data, joined_dataset({"": holdouts[0]}, model, given, interpolate).only(
-            data.measured
-        ) if holdouts else None
-    named = dict(zip(labels([*records, *holdouts]), [*records, *holdouts], strict=True))
-    fitted, judged = list(named)[: len(records)], list(named)[len(records) :]
-    data = joined_dataset({label: named[label] for label in fitted}, model, given, interpolate)
-    if not judged:
+    """Return the data to fit to, and other data to judge by if there are any.
+
+    Raises
+    ------
+    UserError
+        If the other data have none of the outputs that are fitted.
+    """
+    # of one record nothing differs, and by itself it needs no label
+    alone = len(records) == 1 and len(holdouts) < 2 and not (options.each and holdouts)
+    every = [*records, *holdouts]
+    names = [""] * len(every) if alone else record_labels(every)
+    count = len(records)
+
+    def joined(part: slice) -> Dataset:
+        named = dict(zip(names[part], every[part], strict=True))
+        return joined_dataset(named, model, options.given, options.interpolate)
+
+    data = joined(slice(count))
+    if not holdouts:
         return data, None
-    others = joined_dataset({label: named[label] for label in judged}, model, given, interpolate)
-    return data, others.only(data.measured)
+    judged = joined(slice(count, None)).only(data.measured)
+    if not judged.measured:
+        outputs = ", ".join(data.measured)
+        raise UserError(
+            f"{file_names(holdouts)}: it has none of the outputs of the record, {outputs}"
+        )
+    return data, judged
 
 
 def absent_inputs(
     model: Model, records: Sequence[Record], given: Mapping[str, float]
 ) -> list[Note]:
-    """Inputs that are neither in records nor given, each of them once for every file."""
-    absent = [_absent(model, record, given) for record in records]
-    return [note for k, some in enumerate(absent) for note in some if some not in absent[:k]]
+    """Note inputs that are neither in records nor given, each of them once for every file."""
+    notes: list[Note] = []
+    seen: list[list[Note]] = []
+    for record in records:
+        absent = _absent_from(record, model, given)
+        if absent not in seen:  # several runs may be of one file
+            notes += absent
+        seen.append(absent)
+    return notes
 
 
-def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[Note]:
-    """Inputs that are neither in a record nor given."""
+def _absent_from(record: Record, model: Model, given: Mapping[str, float]) -> list[Note]:
+    """Note inputs that are neither in a record nor given."""
     return [
         Note(
             NoteCode.ABSENT_INPUT,
@@ -312,20 +385,34 @@ def _absent(model: Model, record: Record, given: Mapping[str, float]) -> list[No
     ]
 
 
-def _considered(
+def _considered_effects(
     cls: type[Component], data: Dataset, fixed: Mapping[str, float], wanted: Sequence[str] | None
 ) -> list[type[Effect]]:
-    """Pick effects by name or id; unless some are wanted, the component's own, or families if it lists none."""
+    """Pick effects by name or id.
+
+    Unless some are wanted, they are the component's own, or families if it lists none.
+    """
     own = known_effects(cls)
-    if wanted is None and not own:
-        wanted = (FAMILIES,)
     known = catalogue(cls, own, data.measured)
-    there = {label(effect) for effect in known} | {effect.id for effect in known}
-    if wanted is None or there.issuperset(wanted):
-        return [e for e in known if wanted is None or e.id in wanted or label(e) in wanted]
-    known += families(cls, typical(cls, data.time, data.inputs, fixed)).values()
-    there |= {FAMILIES} | {label(effect) for effect in known} | {effect.id for effect in known}
-    for name in wanted:
+    if wanted is None and own:
+        return known
+    names = (FAMILIES,) if wanted is None else wanted
+    if _names_of(known).issuperset(names):
+        return [effect for effect in known if _is_named(effect, names)]
+    scales = signal_scales(cls, data.time, data.inputs, fixed)
+    known += families(cls, scales).values()
+    there = {FAMILIES} | _names_of(known)
+    for name in names:
         if name not in there:
             raise UserError(f"effects: no effect named {name!r}{suggestion(name, sorted(there))}")
-    return [e for e in known if FAMILIES in wanted or e.id in wanted or label(e) in wanted]
+    return [effect for effect in known if FAMILIES in names or _is_named(effect, names)]
+
+
+def _names_of(effects: Sequence[type[Effect]]) -> set[str]:
+    """Return the labels and ids of effects."""
+    return {label(effect) for effect in effects} | {effect.id for effect in effects}
+
+
+def _is_named(effect: type[Effect], names: Sequence[str]) -> bool:
+    """Return whether the id or the label of an effect is among names."""
+    return effect.id in names or label(effect) in names

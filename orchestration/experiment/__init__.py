@@ -1,4 +1,9 @@
-"""Experiments as TOML files: read and checked, run on a component or a system, repeated from their own results.
+"""Experiments as TOML files: read, checked, run on a component or a system, and repeated.
 
-:func:`.reading.read` reads one, :func:`.run.run` makes it; :func:`.library.shipped` tells which ones ship.
+:func:`.reading.read` reads one, :func:`.run.run` makes it; :func:`.library.shipped` tells which
+ones ship.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""What a result says about how it came about, whatever it was made on."""
+"""Attributes of a result that say how it came about."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from orchestration.experiment.model import Experiment
-from orchestration.master.pacing import Pacing
+from orchestration.master import Pacing
 
 
 def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:
@@ -25,7 +25,10 @@ def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:
         "runtime": experiment.runtime,
         "over": experiment.over,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "versions": f"ppy-rig {version('ppy-rig')}, numpy {np.__version__}, Python {platform.python_version()}",
+        "versions": (
+            f"ppy-rig {version('ppy-rig')}, numpy {np.__version__}, Python"
+            f" {platform.python_version()}"
+        ),
         "experiment": experiment.model_dump_json(exclude_none=True),
     }
 

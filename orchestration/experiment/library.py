@@ -6,7 +6,10 @@ from pathlib import Path
 
 
 def shipped() -> dict[str, Path]:
-    """Files of the experiments that ship, by name: those of the thesis in the order of their figures, then others."""
+    """Return the files of the experiments that ship, by name.
+
+    Those of the thesis come first, in the order of their figures.
+    """
     folder = Path(str(files("orchestration.experiment") / "library"))
     return {path.stem: path for path in sorted(folder.glob("*.toml"), key=_place)}
 

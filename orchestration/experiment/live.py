@@ -1,4 +1,4 @@
-"""An experiment in real time while it runs: what is recorded goes to a journal, how it goes to whoever looks on."""
+"""An experiment in real time while it runs: a journal of its record, and news of its progress."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from orchestration.experiment.preparation import Preparation
 from orchestration.master import RealTime
-from orchestration.records.journal import Journal
+from orchestration.records import Journal
 
 _LINK = (
     "link_state",
@@ -19,7 +19,7 @@ _LINK = (
 
 @dataclass(frozen=True)
 class Moment:
-    """How a run in real time is doing.
+    """State of a run in real time.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Live:
-    """What a run in real time is to do beside running.
+    """Options of a run in real time.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Live:
 
 
 def link_outputs(outputs: Collection[str]) -> list[str]:
-    """Outputs that tell how a link to a rig is doing: the age of every value, and the link's own."""
+    """List outputs that describe a link to a rig: the age of every value, and the link's own."""
     last = {name: name.rpartition(".")[2] for name in outputs}
     return [name for name, own in last.items() if own.endswith("_age") or own in _LINK]
 

@@ -1,4 +1,4 @@
-"""What an experiment is: the tables and keys of its file, checked as far as that goes without running anything."""
+"""The model of an experiment: tables and keys of its file, checked without running anything."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pydantic import (
     model_validator,
 )
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 from orchestration.experiment.stimulus import AnyStimulus
-from orchestration.experiment.values import Amount, File, Span, Table
+from orchestration.experiment.values import Amount, File, Span, ValueTable
 
 Checked = TypeVar("Checked", bound=BaseModel)
 
@@ -44,15 +44,21 @@ def _flat(given: Any) -> Any:
 Setting = Annotated[bool | int | float | str, PlainValidator(_setting)]
 
 
-class NoiseTable(Table):
-    """What a measurement adds to a recorded output: white, or by `correlation` from one point to the next AR(1)."""
+class NoiseTable(ValueTable):
+    """Noise that a measurement adds to a recorded output.
+
+    It is white, or AR(1) with `correlation` from one point to the next.
+    """
 
     rms: Amount
     correlation: Annotated[float, Field(gt=-1.0, lt=1.0)] = 0.0
 
 
-class Master(Table):
-    """How a system is run: keywords of :func:`orchestration.master.run`, or fused into one model without a master."""
+class Master(ValueTable):
+    """Way of running a system: by the master, or fused into one model.
+
+    The keywords are those of :func:`orchestration.master.run`.
+    """
 
     method: Literal["gauss-seidel", "jacobi", "fused"] = "gauss-seidel"
     extrapolation: Annotated[int, Field(ge=0, le=1, strict=True)] = 0
@@ -76,12 +82,12 @@ class Master(Table):
 
     @property
     def couples_evenly(self) -> bool:
-        """Whether the members exchange at the communication points and nowhere else, with outputs of the same point."""
+        """Tell whether members exchange at communication points only, with outputs of one point."""
         return self.method != "fused" and not set(self._set()) - {"extrapolation"}
 
 
-class Experiment(Table):
-    """An experiment on a component or a system; ``docs/reference/experiments.md`` tells every key."""
+class Experiment(ValueTable):
+    """An experiment on a component or a system; ``docs/reference/experiments.md`` has every key."""
 
     title: str = ""
     source: str = ""
@@ -111,7 +117,8 @@ class Experiment(Table):
                 raise ValueError(f"{key} is for a {other}, this experiment is on a {kind}")
         if self.master and self.master.method == "fused" and self.runtime != "native":
             raise ValueError(
-                f"runtime = {self.runtime!r}: a fused system is compiled, no build of its FMUs is run"
+                f"runtime = {self.runtime!r}: a fused system is compiled, no build of its FMUs"
+                " is run"
             )
         return self
 
@@ -139,7 +146,10 @@ def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Ex
 def checked(
     table: type[Checked], given: Mapping[str, Any], where: str, folder: str | None = None
 ) -> Checked:
-    """Check what a file says against the keys of its tables; as `parse`, for files that say more than an experiment."""
+    """Check a file against the keys of its tables.
+
+    It is `parse` for files that hold more than an experiment.
+    """
     try:
         return table.model_validate(given, context={"folder": folder})
     except ValidationError as error:

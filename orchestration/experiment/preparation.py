@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError, suggestion
-from fmus.kit.units import allowed, shown
+from fmus.kit import UserError, suggestion
+from fmus.kit.units import format_range, format_value
 from orchestration.experiment.model import Experiment, Master, NoiseTable
 from orchestration.experiment.stimulus import Place
-from orchestration.experiment.subject import Subject, known
-from orchestration.fmu import simulate
-from orchestration.fmu.signal import Signal, Value, check_type, is_text, read_setting
+from orchestration.experiment.subjects import Subject, known
+from orchestration.fmu import Signal, Value, check_type, is_text, read_setting
+from orchestration.fmu import simulation as simulate
 
 Array = NDArray[np.float64]
 _NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
@@ -84,7 +84,8 @@ def prepare(
     where : str
         Its file or name, for messages.
     note : callable
-        Called with a line for what is worth knowing: repairs in a file, inputs that stay at their start value.
+        Called with a line for what is worth knowing: repairs in a file, inputs that stay at their
+        start value.
 
     Raises
     ------
@@ -107,8 +108,15 @@ def prepare(
             known(name, on.outputs, "record: no output", where)
     record = list(dict.fromkeys(name for name in record if name not in on.inputs))
     noise = {
-        name: _noise(name, n, record, experiment, on, time.size, where)
-        for name, n in experiment.noise.items()
+        name: _noise(
+            name,
+            table,
+            experiment,
+            on.outputs.get(name) if name in record else None,
+            time.size,
+            where,
+        )
+        for name, table in experiment.noise.items()
     }
     if experiment.over != "time":
         recorded = {name: on.inputs[name] for name in inputs} | {
@@ -119,7 +127,10 @@ def prepare(
 
 
 def points(experiment: Experiment, where: str) -> Array:
-    """Return communication points in s of an experiment with a duration and a step; UserError if there are none."""
+    """Return communication points in s, from a duration and a step.
+
+    UserError if there are none.
+    """
     try:
         return simulate.grid(0.0, experiment.duration or 0.0, experiment.step or 0.0)
     except UserError as error:
@@ -152,7 +163,9 @@ def _inputs(
         _within(signal, values[name], f"{where}: inputs.{name}")
     for name, signal in on.inputs.items():
         if name not in values:
-            note(f"no values for the input {name}; it stays at {shown(signal.start, signal)}")
+            note(
+                f"no values for the input {name}; it stays at {format_value(signal.start, signal)}"
+            )
     return values
 
 
@@ -203,7 +216,8 @@ def _within(signal: Signal, values: Array, where: str) -> None:
     for extreme in (values.min(), values.max()):
         if not signal.min <= extreme <= signal.max:
             raise UserError(
-                f"{where}: {shown(extreme, signal)} is out of range; allowed is {allowed(signal)}"
+                f"{where}: {format_value(extreme, signal)} is out of range; allowed is"
+                f" {format_range(signal)}"
             )
     for value in np.unique(values) if signal.type != "real" else ():
         check_type(signal.type, value, where)
@@ -217,18 +231,19 @@ def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
 def _noise(
     name: str,
     noise: NoiseTable,
-    record: list[str],
     experiment: Experiment,
-    on: Subject,
+    signal: Signal | None,
     count: int,
     where: str,
 ) -> Array:
-    """Noise of a stationary process whose value is `correlation` times the last one plus something new."""
-    if name not in record:
+    """Draw noise of a stationary process: `correlation` times its last value plus white noise.
+
+    It is refused unless the signal is recorded.
+    """
+    if signal is None:
         raise UserError(
             f"{where}: noise.{name}: noise is added to recorded outputs, and this is none"
         )
-    signal = on.outputs[name]
     rms = noise.rms.to(
         signal.unit, f"{where}: noise.{name}.rms = {noise.rms.value:g} {noise.rms.unit}"
     )

@@ -1,4 +1,4 @@
-"""Where experiments come from: a TOML file, the name of one that ships, or a result, which holds its own."""
+"""Reading of experiments: from a TOML file, by the name of one that ships, or out of a result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 from fmus.kit.files import is_file
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, NoiseTable, parse
@@ -29,9 +29,10 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     Parameters
     ----------
     name_or_path : str
-        Name of one that ships, a ``.toml`` file, or a result (``.nc``, ``.parquet``) whose experiment is wanted again.
-        Inputs from files are then those that the result holds, so that the files need not be there any more. Of an
-        incomplete result it is the part that was computed, unless there are settings.
+        Name of one that ships, a ``.toml`` file, or a result (``.nc``, ``.parquet``) whose
+        experiment is wanted again. Inputs from files are then those that the result holds, so that
+        the files need not be there any more. Of an incomplete result it is the part that was
+        computed, unless there are settings.
     settings : sequence of str
         ``key=value`` over what the file says: a key of the file with dots between table and key
         (``inputs.current.amplitude=0.5A``), or a parameter (``R1=610mohm``).
@@ -74,7 +75,8 @@ def _from_result(path: Path, again: bool) -> dict[str, Any]:
     part = again and not result.attrs["complete"]
     if part and result.time.size < 2:
         raise UserError(
-            f"{path}: incomplete, with its first point only; there is nothing to repeat (--set starts anew)"
+            f"{path}: incomplete, with its first point only; there is nothing to repeat (--set"
+            " starts anew)"
         )
     if part:
         given["duration"] = float(result.time[-1])
@@ -91,7 +93,7 @@ def _from_result(path: Path, again: bool) -> dict[str, Any]:
 
 
 def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
-    """Where an experiment names files: table, key, what it is."""
+    """Find where an experiment names files: table, key, what it is."""
     places = [(given, kind, kind) for kind in ("component", "system")]
     places += [
         (table, "file", f"record for {name}") for name, table in given.get("inputs", {}).items()
@@ -131,7 +133,7 @@ def _set(given: dict[str, Any], setting: str) -> None:
 
 
 def _place(key: str, given: dict[str, Any]) -> list[str]:
-    """Split a key at those of its dots that part tables; names of variables have dots of their own."""
+    """Split a key at those of its dots that part tables; names of variables have dots, too."""
     table, _, inner = key.partition(".")
     if table not in Experiment.model_fields:
         return ["parameters", key]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import units
 from fmus.kit.storage import scratch
-from orchestration.reporting import pictures
-from orchestration.reporting.page import Page
+from orchestration.reporting import Page, pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +38,7 @@ def pace(data: xarray.Dataset) -> str:
 
 
 def figure(data: xarray.Dataset) -> Figure:
-    """Draw every signal over time, or over the signal that the experiment names, in display units."""
+    """Draw every signal in display units, over time or over the signal that it names."""
     over = data.attrs["over"]
     names = [name for name in data if name != over][:_MOST_PANELS]
     title = data.attrs["title"] + ("" if data.attrs["complete"] else " (incomplete)")

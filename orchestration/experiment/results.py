@@ -1,7 +1,7 @@
-"""What an experiment leaves: signals with units and names over time, and everything it takes to make it again.
+"""Results of experiments: signals with units over time, and all that is needed to repeat them.
 
-In memory an :class:`xarray.Dataset`; as a file NetCDF (``.nc``), Parquet or CSV. CSV is a record like a measured one
-and holds the numbers only.
+In memory an :class:`xarray.Dataset`; as a file NetCDF (``.nc``), Parquet or CSV. CSV is a record
+like a measured one and holds the numbers only.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ import xarray
 from numpy.typing import NDArray
 from pydantic import BaseModel, Json
 
-from fmus.kit import files
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, files
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import checked, parse
-from orchestration.fmu.signal import Signal
+from orchestration.fmu import Signal
 from orchestration.records import write_record
 
 Array = NDArray[np.float64]
@@ -72,7 +71,8 @@ def check_format(path: Path) -> None:
     """Refuse a name whose ending tells no format; UserError."""
     if path.suffix.lower() not in FORMATS:
         raise UserError(
-            f"--out {path}: its name must end in {', '.join(FORMATS)}, not {path.suffix or 'nothing'!r}"
+            f"--out {path}: its name must end in {', '.join(FORMATS)}, not"
+            f" {path.suffix or 'nothing'!r}"
         )
 
 
@@ -208,7 +208,7 @@ def _from_parquet(content: bytes) -> xarray.Dataset:
 
 
 def differences(new: xarray.Dataset, old: xarray.Dataset) -> dict[str, float]:
-    """Signals that are not the same to the last bit, as far as both go, and the largest difference of each.
+    """Compare signals bit by bit, as far as both go.
 
     Returns
     -------

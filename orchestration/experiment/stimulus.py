@@ -1,4 +1,4 @@
-"""What an experiment may send into an input: one table for each kind of signal."""
+"""Stimuli of an experiment: one table for each kind of signal."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
 from fmus.foot import gait
-from fmus.kit import units
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, units
 from orchestration.experiment import waveforms
-from orchestration.experiment.values import Amount, File, Hertz, Quantity, Seconds, Span, Table
-from orchestration.fmu.simulate import held
+from orchestration.experiment.values import Amount, File, Hertz, Quantity, Seconds, Span, ValueTable
+from orchestration.fmu import held
 from orchestration.records import read_record
 
 Array = NDArray[np.float64]
@@ -25,7 +24,7 @@ Seed = Annotated[int, Field(ge=0, strict=True)]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a stimulus goes.
+    """The input that a stimulus drives.
 
     Attributes
     ----------
@@ -43,7 +42,7 @@ class Place:
     notes: list[str] = field(default_factory=list)
 
 
-class StimulusTable(Table):
+class StimulusTable(ValueTable):
     """A signal over time."""
 
     def values(self, time: Array, place: Place) -> Array:
@@ -80,7 +79,7 @@ class StimulusTable(Table):
         return numbers if several else numbers[0]
 
     def _check_frequency(self, key: str, frequency: float, time: Array) -> None:
-        """Refuse a frequency that its values at the communication points would show as a lower one."""
+        """Refuse a frequency that its values at the communication points show as a lower one."""
         step = time[1] - time[0]
         if frequency * step > 0.5 * (1.0 + _ROUNDING):
             limit = f"at most {0.5 / step:g} Hz, half the sampling rate at a step of {step:g} s"
@@ -93,7 +92,8 @@ class StimulusTable(Table):
         least = steps * (time[1] - time[0])
         if span < least * (1.0 - _ROUNDING):
             raise UserError(
-                f"{key} = {span:g} s: must be at least {least:g} s, {'one step' if steps == 1 else 'two steps'}"
+                f"{key} = {span:g} s: must be at least {least:g} s,"
+                f" {'one step' if steps == 1 else 'two steps'}"
             )
 
 
@@ -204,7 +204,7 @@ class Steps(StimulusTable):
 
 
 class Ramps(StimulusTable):
-    """Straight lines from level to level, constant before the first of `times` and after the last."""
+    """Straight lines between levels, constant before the first of `times` and after the last."""
 
     kind: Literal["ramps"]
     times: list[Seconds]
@@ -215,7 +215,7 @@ class Ramps(StimulusTable):
 
 
 class Staircase(StimulusTable):
-    """Loads ever one increment above the bias, up to the maximum, each for half a period; the bias in between."""
+    """Loads ever one increment above the bias, each for half a period, the bias in between."""
 
     kind: Literal["staircase"]
     period: Span
@@ -230,7 +230,10 @@ class Staircase(StimulusTable):
 
 
 class FromFile(StimulusTable):
-    """A column of a record, each sample held until the next; of the input's name unless `column` tells another."""
+    """A column of a record, each sample held until the next.
+
+    It has the input's name unless `column` names another.
+    """
 
     kind: Literal["file"]
     file: File
@@ -252,7 +255,8 @@ class FromFile(StimulusTable):
         )  # the last sample is held for as long as the others
         if first > time[0] or lasts < time[-1]:
             raise UserError(
-                f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to {time[-1]:g} s"
+                f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to"
+                f" {time[-1]:g} s"
             )
         return held(record, place.name, time)
 

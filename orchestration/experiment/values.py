@@ -1,4 +1,4 @@
-"""Values as an experiment states them: numbers, or texts with a unit; files; tables that know their keys."""
+"""Values in an experiment's file: numbers, texts with a unit, paths, and tables by their keys."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ from pydantic import (
     model_validator,
 )
 
-from fmus.kit import units
-from fmus.kit.errors import suggestion
-from orchestration.fmu.signal import read_quantity
+from fmus.kit import suggestion, units
+from orchestration.fmu import read_quantity
 
 
-class Table(BaseModel):
+class ValueTable(BaseModel):
     """A table of the file; a key that nobody knows is refused with what was probably meant."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -77,7 +76,7 @@ def _in(unit: str, positive: bool = True) -> BeforeValidator:
 
 
 def _reachable(given: Any, info: ValidationInfo) -> Any:
-    """Make a file's path lead there from any folder: beside the experiment's own file, else from here."""
+    """Resolve a file's path beside the experiment's own file, else from the working folder."""
     folder = (info.context or {}).get("folder")
     if not isinstance(given, str) or not Path(given).suffix or folder is None:
         return given  # no path but a name, or not for this validator to judge

@@ -1,7 +1,8 @@
-"""Test signals on a given time vector: the thesis' square waves and staircases, and the usual identification inputs.
+"""Test signals on a given time vector: those of the thesis, and the usual ones of identification.
 
-Every function returns an array of the shape of `time` (s). Amplitudes carry whatever unit the driven input has (A, N).
-Switches belong to the new value: a signal that changes at t has its new value at t.
+Every function returns an array of the shape of `time` (s). Amplitudes carry whatever unit the
+driven input has (A, N). Switches belong to the new value: a signal that changes at t has its new
+value at t.
 """
 
 from collections.abc import Sequence
@@ -9,17 +10,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 
 Array = NDArray[np.float64]
 Seed = int | Sequence[int]
 
-# A sample that rounding puts just before a switch belongs after it; this is the fraction of a period forgiven.
+# A sample that rounding puts just before a switch belongs after it; this is the fraction of a
+# period forgiven.
 _ROUNDING = 1e-9
 
 
 def square_wave(time: ArrayLike, amplitude: float, frequency: float, offset: float = 0.0) -> Array:
-    """Return ``offset + amplitude`` in the first half of every period from t = 0, ``offset - amplitude`` in the other.
+    """Return a square wave about `offset`, high in the first half of every period from t = 0.
 
     Parameters
     ----------
@@ -51,10 +53,11 @@ def force_staircase(
     increment: float = 0.25,
     maximum: float = 2.75,
 ) -> Array:
-    """Return the incremental square waves of figs. 3-6 to 3-9: load ever one level higher, return to the bias.
+    """Return the incremental square waves of figs. 3-6 to 3-9: a level higher each, then the bias.
 
-    Period k = 0, 1, ... (from t = 0) holds ``bias + (k + 1) increment`` for its first half and the bias for its second;
-    after the period that reaches `maximum`, and before t = 0, the force is the bias.
+    Period k = 0, 1, ... (from t = 0) holds ``bias + (k + 1) increment`` for its first half and the
+    bias for its second; after the period that reaches `maximum`, and before t = 0, the force is the
+    bias.
 
     Parameters
     ----------
@@ -124,7 +127,8 @@ def multilevel(
     generator = np.random.default_rng(seed)
     holds = int(np.ceil((t[-1] - t[0]) / shortest)) + 1
     switches = t[0] + np.cumsum(generator.uniform(shortest, longest, holds))
-    # Moving on by 1 .. size-1 places (cyclically) reaches every other level with equal chance, never the same one.
+    # Moving on by 1 .. size-1 places (cyclically) reaches every other level with equal chance,
+    # never the same one.
     moves = generator.integers(1, choices.size, holds)
     places = (
         generator.integers(choices.size) + np.concatenate([[0], np.cumsum(moves)])
@@ -160,7 +164,8 @@ def steps(
     switches = np.asarray(times, dtype=float)
     if switches.size != len(values) or np.any(np.diff(switches) <= 0):
         raise UserError(
-            f"steps needs increasing times and as many values: got {list(times)} s and {list(values)}"
+            f"steps needs increasing times and as many values: got {list(times)} s and"
+            f" {list(values)}"
         )
     held = np.concatenate([[initial], np.asarray(values, dtype=float)])
     return held[np.searchsorted(switches, _vector(time), side="right")]
@@ -185,11 +190,13 @@ def ramps(time: ArrayLike, times: Sequence[float], values: Sequence[float]) -> A
     Raises
     ------
     UserError
-        If there are fewer than two points, `times` and `values` differ in length or `times` does not increase.
+        If there are fewer than two points, `times` and `values` differ in length or `times` does
+        not increase.
     """
     if len(times) < 2 or len(times) != len(values) or np.any(np.diff(times) <= 0):
         raise UserError(
-            f"ramps need two or more increasing times and as many values: {list(times)} s, {list(values)}"
+            f"ramps need two or more increasing times and as many values: {list(times)} s,"
+            f" {list(values)}"
         )
     return np.interp(_vector(time), times, values)
 
@@ -227,7 +234,7 @@ def chirp(
     duration: float,
     offset: float = 0.0,
 ) -> Array:
-    """Return a sine from t = 0 whose frequency moves linearly from `start_frequency` to `stop_frequency` (Hz).
+    """Return a sine whose frequency moves linearly from `start_frequency` to `stop_frequency` (Hz).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The file an FMU comes in: opened, judged and unpacked in one place, for those who run it and those who check it."""
+"""The archive of an FMU: opened within bounds, its model description read, and unpacked."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from types import TracebackType
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.kit.storage import scratch
 from orchestration.fmu.bounded import FILE, TEXT, UNREADABLE, check_size, open_zip, parse_xml
 
 _DESCRIPTION = "modelDescription.xml"
 _VARIABLES = "ModelVariables"
-_CHUNK = 2**20  # bytes that are looked at together
+_CHUNK = 2**20  # bytes that are read at once
 
 
 class Archive:
-    """An opened FMU; a context manager.
+    """The opened archive of an FMU; a context manager.
 
     Parameters
     ----------
@@ -27,13 +27,13 @@ class Archive:
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, not of FMI 2.0, or larger than anything that is read.
+        If the file is missing, no zip archive, no FMU, not of FMI 2.0, or beyond the bounds.
 
     Attributes
     ----------
     path : Path
     names : list of str
-        Files in it, without folders.
+        Its files, without folders.
     description : Element
         Root of ``modelDescription.xml``.
     """
@@ -41,9 +41,8 @@ class Archive:
     def __init__(self, path: Path):
         self.path = path
         if not path.is_file():
-            raise UserError(
-                f"{path}: {'a folder, not an FMU file' if path.is_dir() else 'no such file'}"
-            )
+            reason = "a folder, not an FMU file" if path.is_dir() else "no such file"
+            raise UserError(f"{path}: {reason}")
         self._zip = open_zip(
             path, str(path), "not an FMU (an FMU is a zip archive; this is none, or it is cut off)"
         )
@@ -69,7 +68,8 @@ class Archive:
             raise UserError(
                 f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'"
             )
-        if (version := root.get("fmiVersion")) != "2.0":
+        version = root.get("fmiVersion")
+        if version != "2.0":
             raise UserError(
                 f"{self.path}: FMI version {version or 'not stated'}; this program knows FMI 2.0"
             )
@@ -88,19 +88,19 @@ class Archive:
 
     @property
     def platforms(self) -> list[str]:
-        """Folders in ``binaries/`` that hold something."""
+        """Names of the folders in ``binaries/`` that are not empty."""
         paths = [name.split("/") for name in self.names]
         return sorted({parts[1] for parts in paths if parts[0] == "binaries" and len(parts) > 2})
 
     def read(self, name: str) -> bytes | None:
-        """Contents of a file; None if it is damaged, or too large to be read at once."""
+        """Return the contents of a file; None if it is damaged, or too large to be read at once."""
         try:
             return self._zip.read(name) if self._zip.getinfo(name).file_size <= FILE else None
         except UNREADABLE:
             return None
 
-    def is_whole(self, name: str) -> bool:
-        """Whether a file can be unpacked."""
+    def is_intact(self, name: str) -> bool:
+        """Return whether a file can be unpacked."""
         try:
             with self._zip.open(name) as file:
                 while file.read(_CHUNK):
@@ -110,11 +110,11 @@ class Archive:
         return True
 
     def entries(self) -> list[zipfile.ZipInfo]:
-        """Everything in the archive, folders too."""
+        """Return all files and folders in the archive."""
         return self._zip.infolist()
 
     def interfaces(self) -> list[Element]:
-        """Elements ``CoSimulation`` and ``ModelExchange``, those that are there."""
+        """Return the elements ``CoSimulation`` and ``ModelExchange``, as far as they exist."""
         return [
             element
             for element in self.description
@@ -136,7 +136,8 @@ def read_description(path: Path) -> Any:
     Raises
     ------
     UserError
-        If the file is missing, no zip, no FMU, not FMI 2.0 for co-simulation, or an element is missing.
+        If the file is missing, no zip, no FMU, not FMI 2.0 for co-simulation, or an element is
+        missing.
     """
     import fmpy
 
@@ -157,22 +158,27 @@ def read_description(path: Path) -> Any:
 
 
 def unpack(path: Path) -> str:
-    """Unzip what runs of an FMU into a new folder of `scratch`, which the caller removes: no sources, no pages.
+    """Unzip an FMU, without sources and documentation, into a new folder of `scratch`.
+
+    Returns
+    -------
+    str
+        The folder, which the caller must remove.
 
     Raises
     ------
     UserError
-        If it holds nothing that runs on this machine, or cannot be unzipped.
+        If it has no binary for this machine, or cannot be unzipped.
     """
     import fmpy
 
     with Archive(path) as archive:
         if fmpy.platform not in archive.platforms:
-            there = ", ".join(archive.platforms) or "none"
-            raise UserError(f"{path}: no binary for {fmpy.platform}; it has {there}")
+            available = ", ".join(archive.platforms) or "none"
+            raise UserError(f"{path}: no binary for {fmpy.platform}; it has {available}")
     folder = scratch.make("fmu")
     try:
-        fmpy.extract(str(path), str(folder), include=lambda name: _runs(name, fmpy.platform))
+        fmpy.extract(str(path), str(folder), include=lambda name: _is_needed(name, fmpy.platform))
     except BaseException as error:
         scratch.remove(folder)
         if not isinstance(error, Exception):
@@ -183,14 +189,14 @@ def unpack(path: Path) -> str:
     return str(folder)
 
 
-def _runs(name: str, platform: str) -> bool:
-    """Whether an entry of an archive is needed to run it: to make files and folders takes longer than to load them."""
+def _is_needed(name: str, platform: str) -> bool:
+    """Return whether an entry is needed to run the FMU: making files takes longer than loading."""
     top, _, inside = name.partition("/")
-    return top not in ("sources", "documentation") and (
-        top != "binaries" or inside.startswith(f"{platform}/")
-    )
+    if top == "binaries":
+        return inside.startswith(f"{platform}/")
+    return top not in ("sources", "documentation")
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of an error's text, or its kind if it has none."""
+    """Return the first line of the text of an error, or its type if it has no text."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]

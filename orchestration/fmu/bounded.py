@@ -1,4 +1,4 @@
-"""Archives and XML from anybody, read within bounds: what is beyond them is refused before it takes time or memory."""
+"""Reading of untrusted archives and XML within bounds of size, checked before they take memory."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 
 ENTRIES = 20_000  # files and folders in an archive
 UNPACKED = 2**30  # bytes that an archive may unpack to; ours are below a megabyte
 FILE = 2**28  # bytes of one file that is read at once
 TEXT = 2**26  # bytes of an XML file
-ELEMENTS, DEPTH = 1_000_000, 100  # of an XML file
-# what zipfile raises on damaged, encrypted or strangely compressed members
+ELEMENTS = 1_000_000  # of an XML file
+DEPTH = 100  # of elements in an XML file
+# the errors of zipfile for damaged, encrypted or strangely compressed members
 UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
@@ -34,14 +35,14 @@ def open_zip(path: Path, label: str, otherwise: str) -> zipfile.ZipFile:
     ----------
     path : Path
     label : str
-        What it is called.
+        Its name in messages.
     otherwise : str
-        What is said of a file that is none.
+        The message for a file that is no zip archive.
 
     Raises
     ------
     UserError
-        If it is none, or beyond a bound.
+        If it is no zip archive, or beyond a bound.
     """
     try:
         opened = zipfile.ZipFile(path)
@@ -60,10 +61,17 @@ def open_zip(path: Path, label: str, otherwise: str) -> zipfile.ZipFile:
 def check_size(label: str, name: str, size: int, most: int = FILE) -> None:
     """Refuse a file that is too large to be read at once.
 
+    Parameters
+    ----------
+    label, name : str
+        Names of the archive and the file in messages.
+    size, most : int
+        Its size and the largest one that is read, in bytes.
+
     Raises
     ------
     UserError
-        If it is.
+        If it is too large.
     """
     if size > most:
         raise UserError(f"{label}: {name} has {size} bytes; at most {most} are read")
@@ -76,7 +84,7 @@ def parse_xml(contents: bytes, label: str, name: str) -> ElementTree.Element:
     ----------
     contents : bytes
     label, name : str
-        What the archive and the file are called.
+        Names of the archive and the file in messages.
 
     Raises
     ------
@@ -85,7 +93,7 @@ def parse_xml(contents: bytes, label: str, name: str) -> ElementTree.Element:
     """
     where = f"{label}: {name}"
     check_size(label, name, len(contents), TEXT)
-    parser = ElementTree.XMLParser(target=_Builder(where))
+    parser = ElementTree.XMLParser(target=_BoundedBuilder(where))
     try:
         parser.feed(contents)
         root: ElementTree.Element = parser.close()
@@ -96,15 +104,18 @@ def parse_xml(contents: bytes, label: str, name: str) -> ElementTree.Element:
     return root
 
 
-class _Builder(ElementTree.TreeBuilder):
-    """Builds a tree, as long as it is not too deep or large."""
+class _BoundedBuilder(ElementTree.TreeBuilder):
+    """A builder of XML trees that refuses trees that are too deep or too large."""
 
     def __init__(self, where: str):
         super().__init__()
-        self._where, self._depth, self._count = where, 0, 0
+        self._where = where
+        self._depth = 0
+        self._count = 0
 
     def start(self, tag: str, attributes: dict[str, str], /) -> ElementTree.Element:
-        self._depth, self._count = self._depth + 1, self._count + 1
+        self._depth += 1
+        self._count += 1
         if self._depth > DEPTH:
             raise UserError(f"{self._where} has elements in elements, more than {DEPTH} deep")
         if self._count > ELEMENTS:
@@ -116,5 +127,5 @@ class _Builder(ElementTree.TreeBuilder):
         return super().end(tag)
 
     def doctype(self, name: str, public: str | None, system: str | None) -> NoReturn:
-        """Refuse entities: they can be made to grow without bound, and neither FMI nor SSP has a use for them."""
+        """Refuse entities: they can grow without bound, and neither FMI nor SSP uses them."""
         raise UserError(f"{self._where} has a document type declaration; it is not read")

@@ -1,4 +1,4 @@
-"""Effects that can be laid over a model by name: its own catalogue, and those of measuring its outputs."""
+"""Effects that can be added to a model by name: its catalogue, measurements, and families."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from fmus.kit.component import effect_name
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, effect_name, suggestion
 from orchestration.fmu.loading import is_subclass
 
 if TYPE_CHECKING:
@@ -15,17 +14,18 @@ if TYPE_CHECKING:
 
 
 def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
-    """Known ways a component is wrong, by id.
+    """Return the effects that a component's authors list as its known discrepancies, by id.
 
     Parameters
     ----------
     cls : type[Component]
-        One of ours, or one from a user's module, which lists them as ``EFFECTS``; with effects laid over or not.
+        One of ours, or one from a user's module, which lists them as ``EFFECTS``; with or without
+        effects added to it.
 
     Raises
     ------
     UserError
-        If the list is none.
+        If ``EFFECTS`` is no dictionary of effects.
     """
     from fmus import MODELS, component, effects
     from fmus.kit import Effect
@@ -35,18 +35,18 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
         return effects(base.name)
     module = sys.modules[base.__module__]
     listed = getattr(module, "EFFECTS", {})
-    named = isinstance(listed, Mapping) and all(
+    is_valid = isinstance(listed, Mapping) and all(
         is_subclass(effect, Effect) and name in (effect.id, effect_name(effect))
         for name, effect in listed.items()
     )
-    if not named:
+    if not is_valid:
         raise UserError(f"{module.__file__}: EFFECTS must be a dictionary from id to effect class")
     return dict(listed)
 
 
 def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
-    """Every effect that can be laid over a component, by name: its own by id, measurements as ``id(output)``."""
-    from fmus.kit.sensors import measurement_effects
+    """Return the catalogue by id, and the measurement effects of the outputs as ``id(output)``."""
+    from fmus.kit import measurement_effects
 
     if cls.engine is not None:
         return {}
@@ -59,44 +59,50 @@ def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
 def families(
     cls: type[Component], scales: Mapping[str, float] | None = None
 ) -> dict[str, type[Effect]]:
-    """Effects that fit a component's laws by their units, by name, but those that its own catalogue has.
+    """Return generic effects that fit a component's laws by their units, beside its catalogue.
 
     Parameters
     ----------
     cls : type[Component]
     scales : Mapping of str to float, optional
-        Typical magnitudes of signals and laws, SI, from which searches begin; nominal values otherwise.
+        Typical magnitudes of signals and laws, SI, from which searches begin; default nominal
+        values.
+
+    Returns
+    -------
+    dict of str to type[Effect]
+        By name.
     """
-    from fmus.kit.symbolic.families import families_for
+    from fmus.kit.symbolic import families_for
 
     if cls.engine is not None:
         return {}
-    own = {_what(effect) for effect in catalogue(cls).values()}
+    own = {_term_key(effect) for effect in catalogue(cls).values()}
     base = vars(cls).get("stacked", (cls, ()))[0]
-    return {effect_name(e): e for e in families_for(base, scales) if _what(e) not in own}
+    return {effect_name(e): e for e in families_for(base, scales) if _term_key(e) not in own}
 
 
-def _what(effect: type[Effect]) -> tuple[str, ...]:
+def _term_key(effect: type[Effect]) -> tuple[str, ...]:
     return effect.term.law, effect.term.signal, effect.term.shape
 
 
-def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[type[Effect]]:
-    """Effects of a component by their names.
+def find_effects(cls: type[Component], names: Sequence[str], model_name: str) -> list[type[Effect]]:
+    """Return effects of a component by their names.
 
     Parameters
     ----------
     cls : type[Component]
     names : sequence of str
         Such as ``strain_saturation`` or ``sensor_lag(voltage)``.
-    of : str
-        What the user calls the component.
+    model_name : str
+        Name of the component in messages.
 
     Raises
     ------
     UserError
-        For a name that is none, with those that there are.
+        For an unknown name, with the known ones.
     """
-    from fmus.kit.sensors import MEASUREMENTS
+    from fmus.kit import MEASUREMENTS
 
     if not names:
         return []
@@ -106,11 +112,14 @@ def find_effects(cls: type[Component], names: Sequence[str], of: str) -> list[ty
     for name in names:
         if name not in known:
             outputs = list(dict.fromkeys(e.output for e in known.values() if e.output))
-            there = [n for n, e in known.items() if not e.output]
-            there += [f"{id}(OUTPUT)" for id in MEASUREMENTS] if outputs else []
-            of_which = f", where OUTPUT is {', '.join(outputs)}" if outputs else ""
+            available = [n for n, e in known.items() if not e.output]
+            explanation = ""
+            if outputs:
+                available += [f"{id}(OUTPUT)" for id in MEASUREMENTS]
+                explanation = f", where OUTPUT is {', '.join(outputs)}"
             hint = suggestion(name, known, few=0)
             raise UserError(
-                f"{of}: no effect named {name!r}{hint}; there are: {', '.join(there) or 'none'}{of_which}"
+                f"{model_name}: no effect named {name!r}{hint}; there are:"
+                f" {', '.join(available) or 'none'}{explanation}"
             )
     return [known[name] for name in names]

@@ -1,25 +1,111 @@
-"""Running one co-simulation FMU, anybody's: open it, feed it, read it; every failure is one readable line."""
+"""One instance of a co-simulation FMU: opened, initialized, stepped, read, and closed.
+
+Every failure is reported in one readable line. FMI functions are called through ctypes without the
+bookkeeping of fmpy, which many thousands of steps would pay for at every call.
+"""
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
-from typing import Any
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
 
 import fmpy.fmi2 as fmi2
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.isolation.box import noted
-from orchestration.fmu.shared_library.calls import Transfer, bind, transfers
-from orchestration.fmu.shared_library.opened import OpenedFmu
-from orchestration.fmu.signal import check_type, is_text, type_of
+from fmus.kit import UserError, suggestion
+from fmus.kit.storage import scratch
+from orchestration.fmu import exit_notice
+from orchestration.fmu.archive import first_line, read_description, unpack
+from orchestration.fmu.isolation import activity, noting
+from orchestration.fmu.message_log import MessageLog
+from orchestration.fmu.signal import Value, check_type, is_text, type_of
 
 Array = NDArray[np.float64]
+_STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
-class Fmu(OpenedFmu):
+class ValueTransfer(NamedTuple):
+    """One call that moves all values of one type between an FMU and a row of numbers.
+
+    Attributes
+    ----------
+    call : callable
+        The FMI function.
+    kind : str
+        Type of the variables.
+    names : list of str
+    row : slice or list of int
+        Places of the values in the row; a slice, where they are contiguous, takes a fifth of the
+        time.
+    references, values : ctypes array
+        Arguments of the call.
+    """
+
+    call: Callable[..., int]
+    kind: str
+    names: list[str]
+    row: slice | list[int]
+    references: Any
+    values: Any
+
+
+def bind_function(library: Any, name: str, *arguments: Any) -> Callable[..., int]:
+    """Return an FMI function of a library, given the types of its arguments after the component."""
+    # a new object each time, so that its argument types are not shared
+    function: Callable[..., int] = library[name]
+    function.argtypes = [ctypes.c_void_p, *arguments]  # type: ignore[attr-defined]
+    function.restype = ctypes.c_int  # type: ignore[attr-defined]
+    return function
+
+
+def prepare_transfers(
+    library: Any, verb: str, names: Sequence[str], variables: Mapping[str, Any]
+) -> list[ValueTransfer]:
+    """Prepare setting or getting variables, one call for each type among them.
+
+    Parameters
+    ----------
+    library : ctypes.CDLL
+        The shared library of the FMU.
+    verb : {"Set", "Get"}
+    names : sequence of str
+    variables : Mapping[str, fmpy.model_description.ScalarVariable]
+
+    Returns
+    -------
+    list of ValueTransfer
+
+    Raises
+    ------
+    UserError
+        If a variable is text.
+    """
+    positions_of: dict[str, list[int]] = {}
+    for position, name in enumerate(names):
+        positions_of.setdefault(type_of(variables[name]), []).append(position)
+    if "string" in positions_of:
+        raise UserError(f"the variable {names[positions_of['string'][0]]} is text, not a number")
+    prepared = []
+    for kind, positions in positions_of.items():
+        count = len(positions)
+        own_names = [names[p] for p in positions]
+        references = (ctypes.c_uint * count)(*(variables[n].valueReference for n in own_names))
+        array = (ctypes.c_double if kind == "real" else ctypes.c_int) * count
+        function = f"fmi2{verb}{kind.capitalize()}"
+        call = bind_function(library, function, ctypes.c_uint * count, ctypes.c_size_t, array)
+        together = slice(positions[0], positions[0] + count)
+        row = together if positions == list(range(len(names))[together]) else positions
+        prepared.append(ValueTransfer(call, kind, own_names, row, references, array()))
+    return prepared
+
+
+class Fmu:
     """One instance of an FMU; a context manager that frees it and removes its unzipped folder.
 
     Parameters
@@ -29,14 +115,15 @@ class Fmu(OpenedFmu):
     parameters : Mapping[str, float | str], optional
         Start values by name, in the FMU's units; texts for strings.
     name : str, optional
-        Of the instance; default the model's.
+        Name of the instance; default that of the model.
     folder : str, optional
-        Where it is unzipped already, for several instances; it stays.
+        Folder to which the FMU is already unzipped, for several instances; it is not removed.
 
     Raises
     ------
     UserError
-        If it cannot be opened on this machine, refuses to start, or has no variable of a given name.
+        If it cannot be opened on this machine, refuses to start, or has no variable of a given
+        name.
 
     Attributes
     ----------
@@ -44,12 +131,112 @@ class Fmu(OpenedFmu):
     variables : dict
         Scalar variables by name.
     warnings : int
-        How many calls ended with a warning.
+        Number of calls that returned a warning.
     corrupted : bool
-        Whether one ended as fatal: it must not be called again.
+        Whether a call returned fatal: the instance must not be called again.
     label : str
-        What it is called where several speak.
+        Its name in messages about several FMUs.
     """
+
+    def __init__(
+        self,
+        path: Path,
+        parameters: Mapping[str, Value] | None = None,
+        name: str | None = None,
+        folder: str | None = None,
+    ):
+        self.path = path
+        self.parameters = dict(parameters or {})
+        self.description = read_description(path)
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        self.name = name or self.description.modelName
+        self.label = f"{name}: {path.name}" if name else path.name
+        self._log = MessageLog()
+        self._working_folder = ""
+        self._shared_folder = folder
+        self._folder = folder
+        self._slave: Any = None
+        self.warnings = 0
+        self.corrupted = False
+
+    @property
+    def complaints(self) -> str:
+        """The last messages of the FMU and the number of its warnings; empty if there are none."""
+        last = self._log.last("no message" if self.warnings else "")
+        return f"{self.warnings} calls ended with a warning ({last})" if self.warnings else last
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+        return [v.name for v in self.description.modelVariables if v.causality == "input"]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of the outputs."""
+        return [v.name for v in self.description.modelVariables if v.causality == "output"]
+
+    # --- opening and closing
+
+    def __enter__(self) -> Self:
+        try:
+            self._working_folder = os.getcwd()
+            self._folder = self._shared_folder or unpack(self.path)
+            exit_notice.note_opened(self.label)
+            with activity(f"{self.label}: loading"):
+                self._instantiate()
+        except BaseException as error:
+            self.close()
+            if isinstance(error, UserError) or not isinstance(error, Exception):
+                raise
+            reason = self._log.last(otherwise=first_line(error))
+            raise UserError(f"{self.path}: cannot be loaded ({reason})") from error
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _instantiate(self) -> None:
+        try:
+            self._slave = fmi2.FMU2Slave(
+                guid=self.description.guid,
+                unzipDirectory=self._folder,
+                instanceName=self.name,
+                modelIdentifier=self.description.coSimulation.modelIdentifier,
+            )
+        finally:
+            # where loading fails, fmpy leaves the process in the unzipped folder
+            os.chdir(self._working_folder)
+        self._slave.instantiate(callbacks=self._log.callbacks)
+        # by parameter; making one takes ten times as long as setting a value
+        self._setters: dict[str, Callable[[Array], None]] = {}
+        step = bind_function(
+            self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int
+        )
+        self._do_step = noting(step, self.label, "step")
+
+    def close(self) -> None:
+        """Free the instance, unless it is corrupted, and remove the unzipped folder."""
+        if self.corrupted:
+            self._slave = None  # freeing it, or unloading its library, may crash the process
+        if self._slave is not None:
+            with activity(f"{self.label}: freeing"):
+                if getattr(self._slave, "component", None) is not None:
+                    self._slave.fmi2FreeInstance(self._slave.component)
+                self._slave.freeLibrary()
+            self._slave = None
+        exit_notice.note_closed(self.label)
+        if self._working_folder:
+            os.chdir(self._working_folder)  # the FMU may have changed it
+        if self._folder is not None and self._folder != self._shared_folder:
+            scratch.remove(self._folder)
+        self._folder = self._shared_folder
+
+    # --- initialization
 
     def start(self, time: float = 0.0, stop: float | None = None) -> None:
         """Set the parameters and initialize.
@@ -68,25 +255,31 @@ class Fmu(OpenedFmu):
         self.exit_initialization()
 
     def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
-        """Do the first part of `start`; until `exit_initialization`, inputs and outputs can be exchanged."""
+        """Do the first part of `start`; inputs and outputs can be exchanged before the second."""
         self._checked("setup", self._slave.setupExperiment, None, time, stop)
         for name, value in self.parameters.items():
-            variable, where = self.variable(name), f"{self.path.name}: {name}"
-            if (role := variable.causality or "local") not in ("parameter", "input"):
-                raise UserError(f"{where} is {role}, only parameters and inputs can be set")
-            if is_text(type_of(variable), value, where):
-                self._checked(
-                    f"setting {name}", self._slave.setString, [variable.valueReference], [value]
-                )
-            else:
-                (self._setters.get(name) or self._setters.setdefault(name, self.writer([name])))(
-                    np.array([value])
-                )
+            self._set_start_value(name, value)
         self._checked("initialization", self._slave.enterInitializationMode)
+
+    def _set_start_value(self, name: str, value: Value) -> None:
+        variable = self.variable(name)
+        where = f"{self.path.name}: {name}"
+        causality = variable.causality or "local"
+        if causality not in ("parameter", "input"):
+            raise UserError(f"{where} is {causality}, only parameters and inputs can be set")
+        if is_text(type_of(variable), value, where):
+            references = [variable.valueReference]
+            self._checked(f"setting {name}", self._slave.setString, references, [value])
+            return
+        if name not in self._setters:
+            self._setters[name] = self.writer([name])
+        self._setters[name](np.array([value]))
 
     def exit_initialization(self) -> None:
         """Do the second part of `start`."""
         self._checked("initialization", self._slave.exitInitializationMode)
+
+    # --- steps and states
 
     def step(self, time: float, size: float) -> None:
         """Make a communication step.
@@ -94,7 +287,7 @@ class Fmu(OpenedFmu):
         Parameters
         ----------
         time, size : float
-            Where it begins and how long it is, in seconds.
+            Its beginning and its length, in seconds.
 
         Raises
         ------
@@ -107,7 +300,7 @@ class Fmu(OpenedFmu):
         self.warnings += status
 
     def save(self) -> Any:
-        """Return a copy of the whole state, to `restore` any number of times and to `release` in the end.
+        """Return a copy of the whole state, for `restore` any number of times, then `release`.
 
         Raises
         ------
@@ -126,6 +319,16 @@ class Fmu(OpenedFmu):
         """Free a saved state; UserError if the FMU refuses."""
         self._checked("releasing a state", self._slave.freeFMUstate, state)
 
+    # --- values
+
+    def variable(self, name: str) -> Any:
+        """Return the scalar variable of a name; UserError if there is none."""
+        if name not in self.variables:
+            raise UserError(
+                f"{self.path.name}: no variable named {name!r}{suggestion(name, self.variables)}"
+            )
+        return self.variables[name]
+
     def writer(self, names: Sequence[str]) -> Callable[[Array], None]:
         """Return a function that sets variables to a row of numbers, one for each name.
 
@@ -136,18 +339,19 @@ class Fmu(OpenedFmu):
         Returns
         -------
         callable
-            Takes an array of shape (n,); UserError if the FMU refuses, or a type cannot hold its value.
+            Takes an array of shape (n,); UserError if the FMU refuses, or a type cannot hold its
+            value.
         """
-        prepared = self._transfers("Set", names)
+        transfers = self._transfers("Set", names)
 
         def write(row: Array) -> None:
-            for call, kind, own, where, references, values in prepared:
-                chosen = row[where].tolist()
+            for call, kind, own_names, places, references, values in transfers:
+                numbers = row[places].tolist()
                 if kind != "real":
-                    for name, value in zip(own, chosen, strict=True):
+                    for name, value in zip(own_names, numbers, strict=True):
                         check_type(kind, value, f"{self.path.name}: {name}")
-                    chosen = [int(value) for value in chosen]
-                values[:] = chosen
+                    numbers = [int(value) for value in numbers]
+                values[:] = numbers
                 status = call(self._slave.component, references, len(values), values)
                 if status > fmi2.fmi2Warning:
                     raise self.failed(f"setting {', '.join(names)}", status)
@@ -167,20 +371,20 @@ class Fmu(OpenedFmu):
         callable
             Takes an array of shape (n,); UserError if the FMU refuses.
         """
-        prepared = self._transfers("Get", names)
+        transfers = self._transfers("Get", names)
 
         def read(row: Array) -> None:
-            for call, _, _, where, references, values in prepared:
+            for call, _, _, places, references, values in transfers:
                 status = call(self._slave.component, references, len(values), values)
                 if status > fmi2.fmi2Warning:
                     raise self.failed(f"reading {', '.join(names)}", status)
                 self.warnings += status
-                row[where] = values[:]
+                row[places] = values[:]
 
         return read
 
     def slope_writer(self, names: Sequence[str]) -> Callable[[Array], None]:
-        """Return a function that lets real inputs change linearly over the next step, given their slopes.
+        """Return a function that sets the slopes of real inputs over the next step.
 
         Parameters
         ----------
@@ -189,24 +393,25 @@ class Fmu(OpenedFmu):
         Returns
         -------
         callable
-            Takes an array of shape (n,) in the FMU's units per second; UserError if the FMU refuses.
+            Takes an array of shape (n,) in the FMU's units per second; UserError if the FMU
+            refuses.
         """
         count = len(names)
-        references = (ctypes.c_uint * count)(
-            *(self.variable(name).valueReference for name in names)
-        )
-        orders, slopes = (ctypes.c_int * count)(*[1] * count), (ctypes.c_double * count)()
-        types = (
-            ctypes.c_uint * count,
+        reference_array = ctypes.c_uint * count
+        order_array = ctypes.c_int * count
+        slope_array = ctypes.c_double * count
+        references = reference_array(*(self.variable(name).valueReference for name in names))
+        orders = order_array(*[1] * count)
+        slopes = slope_array()
+        function = bind_function(
+            self._slave.dll,
+            "fmi2SetRealInputDerivatives",
+            reference_array,
             ctypes.c_size_t,
-            ctypes.c_int * count,
-            ctypes.c_double * count,
+            order_array,
+            slope_array,
         )
-        call = noted(
-            bind(self._slave.dll, "fmi2SetRealInputDerivatives", *types),
-            self.label,
-            "setting slopes",
-        )
+        call = noting(function, self.label, "setting slopes")
 
         def write(row: Array) -> None:
             slopes[:] = row.tolist()
@@ -217,9 +422,78 @@ class Fmu(OpenedFmu):
 
         return write
 
-    def _transfers(self, verb: str, names: Sequence[str]) -> list[Transfer]:
-        moves = transfers(
-            self._slave.dll, verb, names, {name: self.variable(name) for name in names}
+    def _transfers(self, verb: str, names: Sequence[str]) -> list[ValueTransfer]:
+        variables = {name: self.variable(name) for name in names}
+        transfers = prepare_transfers(self._slave.dll, verb, names, variables)
+        request = f"{'setting' if verb == 'Set' else 'reading'} {', '.join(names)}"
+        return [
+            transfer._replace(call=noting(transfer.call, self.label, request))
+            for transfer in transfers
+        ]
+
+    # --- calls and their failures
+
+    def bound(self, function: str, *arguments: Any) -> partial[int]:
+        """Return a call of an FMI function of this instance with as little overhead as possible.
+
+        Parameters
+        ----------
+        function : str
+            Name in the FMI standard.
+        *arguments
+            All arguments but the component: ctypes objects of exactly the right types, whose values
+            are read anew at each call. Nothing is converted or checked.
+
+        Returns
+        -------
+        functools.partial
+            Returns the FMI status, which `failed` puts into words.
+
+        Raises
+        ------
+        UserError
+            If the FMU lacks the function.
+        """
+        try:
+            bound = self._slave.dll[function]  # a new object each time, without types to convert to
+        except AttributeError as error:
+            raise UserError(
+                f"{self.path.name}: its library lacks the function {function}"
+            ) from error
+        call = partial(bound, ctypes.c_void_p(self._slave.component), *arguments)
+        return noting(call, self.label, function)
+
+    def _checked(self, request: str, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a function of fmpy and report its failure."""
+        try:
+            with activity(f"{self.label}: {request}"):
+                result = call(*arguments)
+            self.warnings += result == fmi2.fmi2Warning
+            return result
+        except Exception as error:
+            self.corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
+            reason = self._log.last(otherwise=first_line(error))
+            raise UserError(f"{self.path.name}: {request} failed: {reason}") from error
+
+    def failed(self, request: str, status: int, remark: str = "") -> UserError:
+        """Return the error for a status worse than a warning; note if it is fatal.
+
+        Parameters
+        ----------
+        request : str
+            What the FMU was asked to do.
+        status : int
+            The FMI status that it returned.
+        remark : str
+            A remark on the status.
+
+        Returns
+        -------
+        UserError
+        """
+        self.corrupted |= status == fmi2.fmi2Fatal
+        returned = dict(enumerate(_STATUS)).get(status, f"status {status}")
+        return UserError(
+            f"{self.path.name}: {request} failed ({returned}{remark}):"
+            f" {self._log.last('no message')}"
         )
-        what = f"{'setting' if verb == 'Set' else 'reading'} {', '.join(names)}"
-        return [move._replace(call=noted(move.call, self.label, what)) for move in moves]

@@ -1,4 +1,4 @@
-"""What a user wrote: a class in a Python file, named as ``path/to/file.py:Class``."""
+"""Loading of users' classes from Python files, named as ``path/to/file.py:Class``."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 
 if TYPE_CHECKING:
     from fmus.kit import Component
 
 
 def names_class(name: str) -> bool:
-    """Whether it is ``path/to/file.py:Class``."""
+    """Return whether a text has the form ``path/to/file.py:Class``."""
     return name.rpartition(":")[0].endswith(".py")
 
 
 def load_class(place: str) -> type[Component]:
-    """Load a model that is not ours.
+    """Load the class of a user's model.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def load_class(place: str) -> type[Component]:
     Returns
     -------
     type[Component]
-        The same one while the file stays as it is.
+        The same class as long as the file does not change.
 
     Raises
     ------
@@ -44,21 +44,22 @@ def load_class(place: str) -> type[Component]:
     path, name, cls, models = load_subclass(place, Component)
     if not cls.name:
         raise UserError(
-            f"{path}: {name} has no name, so it is a base or an effect and no model{suggestion(name, models)}"
+            f"{path}: {name} has no name, so it is a base or an effect and no"
+            f" model{suggestion(name, models)}"
         )
     loaded: type[Component] = cls
     return loaded
 
 
 def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
-    """Load a class from a file that is not ours.
+    """Load a class derived from a base from a user's file.
 
     Parameters
     ----------
     place : str
         ``path/to/file.py:Class``.
     base : type
-        What it has to be derived from.
+        The required base class.
 
     Returns
     -------
@@ -89,7 +90,7 @@ def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
 
 
 def is_subclass(thing: object, base: type) -> bool:
-    """Whether it is a class, and one derived from a base."""
+    """Return whether an object is a class derived from a base."""
     return isinstance(thing, type) and issubclass(thing, base)
 
 
@@ -105,26 +106,37 @@ def _load(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.origin is None:
         raise UserError(f"{path}: is not a Python file")
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
     try:
-        # what was read, and no bytecode from beside it, which may be of another text, or damaged
+        # the text itself, for bytecode beside it may be of another text, or damaged
         exec(compile(text, spec.origin, "exec", dont_inherit=True), vars(module))
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, (KeyboardInterrupt, GeneratorExit)):
             raise
-        raise UserError(_in_one_line(path, error)) from error
+        raise UserError(_describe_in_one_line(path, error)) from error
     return module
 
 
-def _in_one_line(path: Path, error: BaseException) -> str:
-    """Say what went wrong in a file, and in which line of it."""
+def _describe_in_one_line(path: Path, error: BaseException) -> str:
+    """Describe an error in a user's file, with the line of the file."""
+    line = _line_number(path, error)
+    place = f"{path}, line {line}" if line else str(path)
+    return f"{place}: {' '.join(_description(error).split())}"
+
+
+def _line_number(path: Path, error: BaseException) -> int | None:
     if isinstance(error, SyntaxError):
-        where, what = error.lineno, f"{type(error).__name__}: {error.msg}"
-    else:
-        lines = [
-            f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path
-        ]
-        where, what = (lines or [None])[-1], str(error) if isinstance(error, UserError) else ""
-        what = what or ": ".join(filter(None, (type(error).__name__, str(error))))
-    return f"{path}{f', line {where}' if where else ''}: {' '.join(what.split())}"
+        return error.lineno
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename) == path]
+    return lines[-1] if lines else None
+
+
+def _description(error: BaseException) -> str:
+    if isinstance(error, SyntaxError):
+        return f"{type(error).__name__}: {error.msg}"
+    if isinstance(error, UserError) and str(error):
+        return str(error)
+    return ": ".join(filter(None, (type(error).__name__, str(error))))

@@ -1,24 +1,29 @@
-"""What a user may name where a model is wanted: a component of ours, a class in a file, or any FMU."""
+"""Models by name: a component of ours, a class in a user's file, or any FMU file.
+
+An FMU that was built here tells which component, effects and values it was made from. Its class,
+that is its equations, is restored from that; no code of the FMU is run for it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
+from fmus.kit.build import Provenance, read_provenance
 from fmus.kit.files import is_file, is_folder
-from orchestration.fmu.archive import read_description
+from orchestration.fmu.archive import Archive, read_description
 from orchestration.fmu.effects import catalogue, find_effects
 from orchestration.fmu.loading import load_class, names_class
-from orchestration.fmu.origin import read_provenance, restore
-from orchestration.fmu.signal import Signal, Value, read_setting, read_signal
+from orchestration.fmu.signal import Signal, Value, declared_signal, read_setting, read_signal
 
 if TYPE_CHECKING:
     from fmus.kit import Component
 
-# whoever finds models by name gets the parts of a name here, too
+# the parts of a model's name can be imported from here too
 __all__ = [
     "Model",
     "catalogue",
@@ -33,20 +38,20 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Model:
-    """An FMU to run, and the class behind it if its equations are known.
+    """An FMU to run, with its class if its equations are known.
 
     Attributes
     ----------
     name : str
-        As the user named it; of an FMU the file's name.
+        The name that the user gave; of an FMU the file's name.
     path : Path
         The FMU file.
     cls : type[Component] or None
     inputs, outputs, parameters : dict of str to Signal
     effects : tuple of str
-        Names of the effects that were asked for, innermost first.
+        Names of the added effects, innermost first.
     notes : tuple of str
-        What the user should know of it, such as why its equations are not known.
+        Remarks for the user, such as why its equations are not known.
     """
 
     name: str
@@ -60,12 +65,12 @@ class Model:
 
     @property
     def title(self) -> str:
-        """Its name, with the effects that were laid over it."""
+        """Its name, with the added effects."""
         return self.name + (f" with {', '.join(self.effects)}" if self.effects else "")
 
     @property
     def foreign(self) -> bool:
-        """Whether it is a file that somebody gave, and not one that was built here for this run."""
+        """True for an FMU file of the user, false for one that was built here for this run."""
         return self.name == self.path.name
 
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
@@ -74,7 +79,8 @@ class Model:
         Parameters
         ----------
         texts : sequence of str
-            Each like ``R1=0.61``, ``R1=610mohm``, ``k1=6.3[N/mm]`` or ``endpoint=tcp://127.0.0.1:5570``.
+            Each like ``R1=0.61``, ``R1=610mohm``, ``k1=6.3[N/mm]`` or
+            ``endpoint=tcp://127.0.0.1:5570``.
         preset : str, optional
             Name of one of the component's presets.
 
@@ -93,40 +99,57 @@ class Model:
             presets = self.cls.presets if self.cls else {}
             if preset not in presets:
                 raise UserError(
-                    f"{self.name}: no preset named {preset!r}; there are: {', '.join(presets) or 'none'}"
+                    f"{self.name}: no preset named {preset!r}; there are:"
+                    f" {', '.join(presets) or 'none'}"
                 )
             values |= dict(presets[preset].values)
         return values | read_settings(self.name, texts, {**self.parameters, **self.inputs})
 
 
-def read_settings(of: str, texts: Sequence[str], known: Mapping[str, Signal]) -> dict[str, Value]:
-    """Read ``name=value[unit]`` settings of a model's variables, in their units.
+def read_settings(
+    model_name: str, texts: Sequence[str], known: Mapping[str, Signal]
+) -> dict[str, Value]:
+    """Read ``name=value[unit]`` settings of a model's variables.
+
+    Parameters
+    ----------
+    model_name : str
+        Name of the model in messages.
+    texts : sequence of str
+    known : Mapping of str to Signal
+        Variables that can be set.
+
+    Returns
+    -------
+    dict of str to float or str
+        Values in the units of the variables.
 
     Raises
     ------
     UserError
-        For a variable that is not known, a wrong unit, a value out of range.
+        For an unknown variable, a wrong unit, a value out of range.
     """
     values = {}
     for text in texts:
-        name, equals, given = (part.strip() for part in text.partition("="))
+        name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
             raise UserError(f"--set {text!r}: write name=value or name=value[unit]")
         if name not in known:
-            raise UserError(f"{of}: no parameter named {name!r}{suggestion(name, known)}")
-        values[name] = read_setting(given, known[name], f"--set {name}={given}")
+            raise UserError(f"{model_name}: no parameter named {name!r}{suggestion(name, known)}")
+        values[name] = read_setting(value, known[name], f"--set {name}={value}")
     return values
 
 
 def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component]:
-    """Find the equations of a model; nothing is built.
+    """Find the class of a model, that is its equations; nothing is built.
 
     Parameters
     ----------
     name_or_path : str
         One of our components, ``path/to/file.py:Class``, or an FMU that was built from either.
     effects : sequence of str
-        Names of effects to lay over it, innermost first: its own by id, measurements as ``sensor_lag(voltage)``.
+        Names of effects to add, innermost first: its own by id, measurements as
+        ``sensor_lag(voltage)``.
 
     Raises
     ------
@@ -141,27 +164,27 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     elif names_class(name_or_path):
         cls = load_class(name_or_path)
     else:
-        model = _from_fmu(name_or_path)
+        model = _read_model(name_or_path)
         if model.cls is None:
-            reason = (
-                model.notes[0] if model.notes else f"{name_or_path} is an FMU without equations"
-            )
+            reason = f"{name_or_path} is an FMU without equations"
+            if model.notes:
+                reason = model.notes[0]
             raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
         cls = model.cls
     return stack(cls, *find_effects(cls, effects, name_or_path)) if effects else cls
 
 
 def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
-    """Find a model by component name or path; what is no FMU is built if it is not in the cache.
+    """Find a model by component name or path; its FMU is built if needed and not in the cache.
 
     Parameters
     ----------
     name_or_path : str
         One of our components, ``path/to/file.py:Class``, or an FMU file.
     runtime : {"native", "python"}
-        Which build of a component.
+        Kind of build of a component.
     effects : sequence of str
-        Names of effects to lay over it, innermost first; see :func:`find_class`.
+        Names of effects to add, innermost first; see :func:`find_class`.
 
     Raises
     ------
@@ -180,20 +203,20 @@ def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str
     from fmus import MODELS
 
     if not effects and name_or_path not in MODELS and not names_class(name_or_path):
-        return _from_fmu(name_or_path)
+        return _read_model(name_or_path)
     model = model_of(find_class(name_or_path, effects), runtime)
     return replace(model, name=name_or_path, effects=tuple(effects))
 
 
 def model_of(cls: type[Component], runtime: str = "native") -> Model:
-    """Return a component as a model to run; its FMU is built if it is not in the cache."""
+    """Return the model of a component; its FMU is built if it is not in the cache."""
     from fmus.kit.build import build_cached
 
-    return replace(_read(build_cached(cls, runtime)), name=cls.name, cls=cls)
+    return replace(_read_signals(build_cached(cls, runtime)), name=cls.name, cls=cls)
 
 
-def _from_fmu(name: str) -> Model:
-    """Read an FMU file, with its class where it tells what it was made from and that is still there."""
+def _read_model(name: str) -> Model:
+    """Read an FMU file, and restore the class that it was made from if that is known."""
     from fmus import MODELS
 
     path = Path(name)
@@ -204,26 +227,101 @@ def _from_fmu(name: str) -> Model:
                 f"{name} is a folder; name an .fmu in it, or a component: {', '.join(MODELS)}"
             )
         raise UserError(
-            f"no component named {name!r}{hint}; there are: {', '.join(MODELS)}; or name file.py:Class or an .fmu"
+            f"no component named {name!r}{hint}; there are: {', '.join(MODELS)}; or name"
+            " file.py:Class or an .fmu"
         )
-    model = _read(path)
-    identifier, made_from = read_provenance(path)
+    model = _read_signals(path)
+    model_name, made_from = name_and_provenance(path)
     if made_from is None:
         return model
     try:
-        return replace(model, cls=restore(identifier, made_from, model.parameters))
+        return replace(model, cls=restore_class(model_name, made_from, model.parameters))
     except UserError as error:
-        note = f"{path.name} was made from {made_from.place}, but {error}; it serves as an FMU without equations"
+        note = (
+            f"{path.name} was made from {made_from.place}, but {error}; it serves as an FMU without"
+            " equations"
+        )
         return replace(model, notes=(note,))
 
 
-def _read(path: Path) -> Model:
-    """Read the inputs, outputs and parameters of an FMU; of type String there are parameters only."""
+def _read_signals(path: Path) -> Model:
+    """Read the inputs, outputs and parameters of an FMU; texts can be parameters only."""
     groups: dict[str, dict[str, Signal]] = {"input": {}, "output": {}, "parameter": {}}
-    for v in read_description(path).modelVariables:
-        if v.causality in groups and (v.type != "String" or v.causality == "parameter"):
+    for variable in read_description(path).modelVariables:
+        causality = variable.causality
+        if causality in groups and (variable.type != "String" or causality == "parameter"):
             try:
-                groups[v.causality][v.name] = read_signal(v)
+                groups[causality][variable.name] = read_signal(variable)
             except UserError as error:
                 raise UserError(f"{path}: {error}") from error
     return Model(path.name, path, None, groups["input"], groups["output"], groups["parameter"])
+
+
+def name_and_provenance(path: Path) -> tuple[str, Provenance | None]:
+    """Read the name of an FMU's model and what it was made from; nothing of the FMU is run.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read.
+    """
+    with Archive(path) as archive:
+        return archive.description.get("modelName", ""), read_provenance(archive.description)
+
+
+def restore_class(
+    name: str, made_from: Provenance, parameters: Mapping[str, Signal]
+) -> type[Component]:
+    """Make the class again from which an FMU was built.
+
+    No code of the FMU is run: the class is one of ours, or it is in a file that has not changed
+    since.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    made_from : Provenance
+    parameters : Mapping of str to Signal
+        Parameters of the FMU; their start values become the defaults.
+
+    Raises
+    ------
+    UserError
+        With the reason why it cannot be made: no such component or file, another content, other
+        effects or parameters.
+    """
+    from fmus.kit import stack
+
+    base = _base_class(made_from)
+    effects = find_effects(base, made_from.effects, made_from.place)
+    layout = stack(base, *effects, name=name).layout
+    declared = {
+        parameter.name: declared_signal(parameter).default
+        for parameter in (*layout.parameters, *layout.texts)
+    }
+    if declared.keys() != parameters.keys():
+        other = sorted(declared.keys() ^ parameters.keys())[0]
+        raise UserError(f"{made_from.place} has other parameters now, such as {other}")
+    changed: Any = {
+        n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
+    }
+    restored = stack(base, *effects, name=name, defaults=changed)
+    restored.remark = "\n".join(made_from.remarks)
+    return restored
+
+
+def _base_class(made_from: Provenance) -> type[Component]:
+    """Return one of our components, or load a class from a file with the recorded contents."""
+    from fmus import MODELS, component
+
+    if made_from.component:
+        if made_from.component not in MODELS:
+            raise UserError(f"there is no component {made_from.component!r} here")
+        return component(made_from.component)
+    path = Path(made_from.file)
+    if path.suffix != ".py" or not path.is_file():
+        raise UserError(f"there is no file {made_from.file} here")
+    if sha256(path.read_bytes()).hexdigest() != made_from.sha256:
+        raise UserError(f"{made_from.file} has changed since")
+    return load_class(made_from.place)

@@ -1,4 +1,4 @@
-"""One FMU run again and again: unpacked once, one instance, reset between the runs."""
+"""One FMU run many times: unpacked and instantiated once, and reset between the runs."""
 
 from __future__ import annotations
 
@@ -10,26 +10,23 @@ import numpy as np
 from fmpy.fmi2 import fmi2Warning
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.course import course
+from fmus.kit import UserError
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.kernel import library
-from orchestration.fmu.kernel.one_fmu import Prepared
-from orchestration.fmu.kernel.pulse import Pulse
+from orchestration.fmu.kernel import PreparedRun, Pulse, library
 from orchestration.fmu.signal import Value
-from orchestration.fmu.simulate import check_inputs, simulate_instance
-from orchestration.fmu.stepping import Failed
+from orchestration.fmu.simulation import check_inputs, simulate_instance
+from orchestration.fmu.stepping import StepFailed, plan_course
 
 Array = NDArray[np.float64]
 
 
 class RepeatedFmu:
-    """An instance of an FMU; a context manager.
+    """An instance of an FMU for many runs; a context manager.
 
     Parameters
     ----------
     path : Path
-        Of the FMU.
+        The FMU file.
 
     Raises
     ------
@@ -39,14 +36,15 @@ class RepeatedFmu:
 
     def __init__(self, path: Path):
         self._fmu = Fmu(path)
-        self._fresh = self._can_reset = True
+        self._is_new = True
+        self._can_reset = True
         self._pulse: Pulse | None = None
-        self._prepared: Prepared | None = None  # of the instance that there is
-        self._of: list[object] = []  # what it was prepared for
+        self._prepared: PreparedRun | None = None  # for the present instance
+        self._prepared_for: list[object] = []
 
     def __enter__(self) -> RepeatedFmu:
         self._fmu.__enter__()
-        if library.stepper() is not None:
+        if library.load_stepper() is not None:
             self._pulse = Pulse()
             self._pulse.__enter__()
         return self
@@ -82,13 +80,13 @@ class RepeatedFmu:
         time : ndarray, shape (n,)
             Communication points, s.
         inputs : Mapping of str to ndarray, shape (n,)
-            In the FMU's units; nothing in an array may change between two runs with it.
+            In the FMU's units; an array must not be changed between two runs with it.
         settings : Mapping of str to float or str
             Start values, in the FMU's units.
         outputs : sequence of str
-            Of which the course is wanted, m of them.
+            The m outputs to return.
         longest : float
-            Seconds that it may take; not heeded without a compiler.
+            Seconds that it may take; ignored without a compiler.
 
         Returns
         -------
@@ -97,53 +95,53 @@ class RepeatedFmu:
         Raises
         ------
         UserError
-            If the FMU refuses, fails or takes too long; the next run has a new instance if this one must not be called
-            again.
+            If the FMU refuses, fails or takes too long; the next run has a new instance if this one
+            must not be called again.
         """
-        self._begin_again()
-        self._fresh = False
+        self._reset()
+        self._is_new = False
         self._fmu.parameters = dict(settings)
         self._fmu.start(float(time[0]))
         if self._pulse is not None:
             try:
-                self._steps(time, inputs, outputs).run(longest=longest)
-            except Failed as failure:
+                self._prepare(time, inputs, outputs).run(longest=longest)
+            except StepFailed as failure:
                 raise UserError(str(failure)) from failure
             return self._result.copy()
-        found = simulate_instance(self._fmu, time, inputs, outputs)
-        return np.column_stack([found[name] for name in outputs])
+        simulated = simulate_instance(self._fmu, time, inputs, outputs)
+        return np.column_stack([simulated[name] for name in outputs])
 
-    def _steps(self, time: Array, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Prepared:
-        """What the kernel does; to list it takes as long as a thousand steps, so that it is kept while it is the same.
+    def _prepare(
+        self, time: Array, inputs: Mapping[str, Array], outputs: Sequence[str]
+    ) -> PreparedRun:
+        """Return the kernel's program, kept as long as it is for the same arrays and names.
 
-        The arrays themselves are compared, not their numbers.
+        Preparing it takes as long as a thousand steps. The arrays themselves are compared, not
+        their numbers.
         """
-        of = [time, *inputs, *inputs.values(), *outputs]
-        if (
-            self._prepared is None
-            or len(of) != len(self._of)
-            or any(a is not b for a, b in zip(of, self._of, strict=True))
-        ):
+        key = [time, *inputs, *inputs.values(), *outputs]
+        same = len(key) == len(self._prepared_for) and all(
+            a is b for a, b in zip(key, self._prepared_for, strict=True)
+        )
+        if self._prepared is None or not same:
             check_inputs(self._fmu, inputs)
-            way = course(self._fmu, time, inputs, (), 1)
+            course = plan_course(self._fmu, time, inputs, (), 1)
             self._result = np.empty((len(time), len(outputs)))
-            self._prepared, self._of = (
-                Prepared(self._fmu, way, outputs, self._result, self._pulse),
-                of,
-            )
+            self._prepared = PreparedRun(self._fmu, course, outputs, self._result, self._pulse)
+            self._prepared_for = key
         return self._prepared
 
-    def _begin_again(self) -> None:
-        """Bring the instance to where it was before it started; one that cannot go there is made anew."""
-        if self._fresh:
+    def _reset(self) -> None:
+        """Reset the instance; one that cannot be reset is replaced by a new one."""
+        if self._is_new:
             return
         if not self._fmu.corrupted and self._can_reset:
             status = self._fmu.bound("fmi2Reset")()
             if status <= fmi2Warning:
                 return
-            self._fmu.failed("reset", status)  # which remembers whether it may be called again
+            self._fmu.failed("reset", status)  # which notes whether it may be called again
             self._can_reset = False
-        self._prepared = None  # it has the instance in it
+        self._prepared = None  # it refers to the instance
         self._fmu.close()
         self._fmu = Fmu(self._fmu.path)
         self._fmu.__enter__()

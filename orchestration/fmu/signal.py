@@ -1,4 +1,4 @@
-"""A variable of an FMU as a user meets it, and the values it can have: numbers, or texts."""
+"""Signals: the variables of an FMU with unit and range, and the values that users give to them."""
 
 from __future__ import annotations
 
@@ -8,38 +8,35 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fmus.kit import units
-from fmus.kit.declare import Declaration
-from fmus.kit.errors import UserError
-from fmus.kit.units import allowed, shown
+from fmus.kit import Declaration, UserError, units
+from fmus.kit.units import format_range, format_value
 
 _QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
 _WORDS = {"true": 1.0, "false": 0.0}
 _LARGEST = 2**31 - 1  # integers of FMI 2.0 have 32 bits
 
-Value = (
-    float | str
-)  # of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text for a string
+# the value of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text
+Value = float | str
 
 
 @dataclass
 class Signal:
-    """A variable; `show` and `fmus.kit.units.allowed` write its values and its range.
+    """A variable of an FMU with its type, unit and range.
 
     Attributes
     ----------
     name : str
     type : {"real", "integer", "boolean", "string"}
     unit : str
-        The FMU's; ``"1"`` where it declares none.
+        Unit of the FMU; ``"1"`` where it declares none.
     display : str
-        Unit that people prefer to read.
+        Unit in which values are displayed.
     start : float
         Start value, for inputs and parameters.
     min, max : float
         Allowed range.
     doc : str
-        What it is, in words.
+        Description.
     text : str
         Start value of a string, whose `start` is 0.
     """
@@ -56,88 +53,118 @@ class Signal:
 
     @property
     def default(self) -> Value:
-        """Start value, of whichever kind it is."""
+        """Start value: a number, or the text of a string."""
         return self.text if self.type == "string" else self.start
 
 
 def read_signal(variable: Any) -> Signal:
-    """Gather what fmpy has read of a scalar variable; type definitions fill what the variable leaves out.
+    """Return the signal of a scalar variable of fmpy, completed from its type definition.
 
     Raises
     ------
     UserError
         If its start value, or an end of its range, is no number.
     """
-
-    def attribute(name: str) -> str | None:
-        return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
-
-    def number(name: str, text: str | None, default: float) -> float:
-        if not text:
-            return default
-        try:
-            return _WORDS[text] if text in _WORDS else float(text)
-        except ValueError:
-            raise UserError(
-                f"modelDescription.xml: {variable.name}: {name} {text[:40]!r} is no number"
-            ) from None
-
-    unit, doc = attribute("unit") or "1", variable.description or ""
-    if type_of(variable) == "string":
+    kind = type_of(variable)
+    doc = variable.description or ""
+    if kind == "string":
         return Signal(
-            variable.name, "string", "1", "1", 0.0, -math.inf, math.inf, doc, variable.start or ""
+            name=variable.name,
+            type=kind,
+            unit="1",
+            display="1",
+            start=0.0,
+            min=-math.inf,
+            max=math.inf,
+            doc=doc,
+            text=variable.start or "",
         )
-    low, high = (
-        number("min", attribute("min"), -math.inf),
-        number("max", attribute("max"), math.inf),
+    unit = _attribute(variable, "unit") or "1"
+    display = _attribute(variable, "displayUnit") or unit
+    low = _number(variable, "min", _attribute(variable, "min"), -math.inf)
+    high = _number(variable, "max", _attribute(variable, "max"), math.inf)
+    start = _number(variable, "start", variable.start, 0.0)
+    return Signal(
+        variable.name,
+        kind,
+        units.to_familiar(unit),
+        units.to_familiar(display),
+        start,
+        low,
+        high,
+        doc,
     )
-    start = number("start", variable.start, 0.0)
-    unit, display = units.familiar(unit), units.familiar(attribute("displayUnit") or unit)
-    return Signal(variable.name, type_of(variable), unit, display, start, low, high, doc)
+
+
+def _attribute(variable: Any, name: str) -> str | None:
+    """Return an attribute of a scalar variable, or else of its declared type."""
+    return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
+
+
+def _number(variable: Any, name: str, text: str | None, default: float) -> float:
+    if not text:
+        return default
+    try:
+        return _WORDS[text] if text in _WORDS else float(text)
+    except ValueError:
+        raise UserError(
+            f"modelDescription.xml: {variable.name}: {name} {text[:40]!r} is no number"
+        ) from None
 
 
 def declared_signal(variable: Declaration) -> Signal:
-    """Gather what a component declares of a variable, as its FMU will tell it."""
+    """Return the signal that a component declares, as its FMU will describe it."""
     start: Any = getattr(variable, "start", 0.0)
-    number, text = (0.0, str(start)) if variable.type == "string" else (float(start), "")
-    display, bounds = variable.display or variable.unit, (variable.min, variable.max)
+    is_string = variable.type == "string"
     return Signal(
-        variable.name, variable.type, variable.unit, display, number, *bounds, variable.doc, text
+        name=variable.name,
+        type=variable.type,
+        unit=variable.unit,
+        display=variable.display or variable.unit,
+        start=0.0 if is_string else float(start),
+        min=variable.min,
+        max=variable.max,
+        doc=variable.doc,
+        text=str(start) if is_string else "",
     )
 
 
 def type_of(variable: Any) -> str:
-    """Type of fmpy's scalar variable: real, integer (enumerations too), boolean or string."""
+    """Return the type of fmpy's scalar variable: real, integer, boolean or string.
+
+    An enumeration is an integer.
+    """
     return "integer" if variable.type == "Enumeration" else str(variable.type).lower()
 
 
 def is_text(kind: str, value: Value, where: str) -> bool:
-    """Whether a value is a text that its type wants; this is where texts and numbers are told apart.
+    """Return whether a value is a text, and refuse it unless its type is the same.
 
     Parameters
     ----------
     kind : {"real", "integer", "boolean", "string"}
     value : float or str
     where : str
-        What the message begins with.
+        Beginning of the message.
 
     Raises
     ------
     UserError
         If it is a number for a text, or a text for a number.
     """
-    if isinstance(value, str) != (kind == "string"):
-        is_, wanted = (
-            ("a text", f"{kind} and takes a number")
-            if isinstance(value, str)
-            else ("a number", "a text")
-        )
-        raise UserError(f"{where}: {value!r} is {is_}; the parameter is {wanted}")
-    return isinstance(value, str)
+    if isinstance(value, str):
+        if kind != "string":
+            raise UserError(
+                f"{where}: {value!r} is a text; the parameter is {kind} and takes a number"
+            )
+        return True
+    if kind == "string":
+        raise UserError(f"{where}: {value!r} is a number; the parameter is a text")
+    return False
 
 
 def numeric(values: Mapping[str, Value]) -> dict[str, float]:
-    """Return values for what computes with them.
+    """Return values as numbers, for a calculation with them.
 
     Raises
     ------
@@ -153,10 +180,18 @@ def numeric(values: Mapping[str, Value]) -> dict[str, float]:
 def check_value(signal: Signal, value: Value, where: str) -> None:
     """Refuse a value that a variable cannot have.
 
+    Parameters
+    ----------
+    signal : Signal
+    value : float or str
+    where : str
+        Beginning of the message.
+
     Raises
     ------
     UserError
-        If it is of the wrong kind, no finite number, beyond what the type can hold, or out of range.
+        If it is of the wrong kind, no finite number, beyond what the type can hold, or out of
+        range.
     """
     if is_text(signal.type, value, where):
         return
@@ -166,17 +201,25 @@ def check_value(signal: Signal, value: Value, where: str) -> None:
     check_type(signal.type, number, where)
     if not signal.min <= number <= signal.max:
         raise UserError(
-            f"{where}: {shown(number, signal)} is out of range; allowed is {allowed(signal)}"
+            f"{where}: {format_value(number, signal)} is out of range; allowed is"
+            f" {format_range(signal)}"
         )
 
 
 def show(value: Value, signal: Signal) -> str:
-    """Write a value as people read it: a number with its unit, a text in quotes."""
-    return repr(value) if isinstance(value, str) else shown(value, signal)
+    """Return a value for display: a number with its unit, a text in quotes."""
+    return repr(value) if isinstance(value, str) else format_value(value, signal)
 
 
 def check_type(kind: str, value: float, where: str) -> None:
-    """Refuse a value that a type cannot hold, instead of cutting something off.
+    """Refuse a value that a type cannot hold, instead of truncating it.
+
+    Parameters
+    ----------
+    kind : {"real", "integer", "boolean", "string"}
+    value : float
+    where : str
+        Beginning of the message.
 
     Raises
     ------
@@ -190,15 +233,22 @@ def check_type(kind: str, value: float, where: str) -> None:
 
 
 def read_quantity(text: str) -> tuple[float, str] | None:
-    """Split ``610 mohm`` or ``6.3[N/mm]`` into number and unit, empty if there is none; None if it is no such text."""
+    """Split a text like ``610 mohm`` or ``6.3[N/mm]`` into number and unit.
+
+    Returns
+    -------
+    tuple of float and str, or None
+        The unit is empty if there is none; None if the text does not begin with a number.
+    """
     match = _QUANTITY.match(text)
     if match is None:
         return None
-    return float(match["number"]), match["unit"].strip().removeprefix("[").removesuffix("]").strip()
+    unit = match["unit"].strip().removeprefix("[").removesuffix("]").strip()
+    return float(match["number"]), unit
 
 
 def read_amount(given: str, unit: str, where: str) -> float:
-    """Read a number in a unit, or one with a unit of its own, which is converted.
+    """Read a number in a unit, or convert one that has a unit of its own.
 
     Parameters
     ----------
@@ -207,7 +257,7 @@ def read_amount(given: str, unit: str, where: str) -> float:
     unit : str
         Unit of the result, and of a plain number.
     where : str
-        What the message begins with.
+        Beginning of the message.
 
     Returns
     -------
@@ -234,15 +284,16 @@ def _converted(value: float, unit: str, to: str, where: str) -> float:
 
 
 def read_setting(given: str, signal: Signal, where: str) -> Value:
-    """Read a value that a user gives to a variable: a number, in the variable's unit or with one of its own; a text.
+    """Read a value that a user gives to a variable.
 
     Parameters
     ----------
     given : str
-        Like ``0.61``, ``610mohm`` or ``6.3[N/mm]``; ``true`` and ``false`` too for a boolean; for a string anything.
+        A number in the variable's unit or with one of its own, like ``0.61``, ``610mohm`` or
+        ``6.3[N/mm]``; for a boolean also ``true`` or ``false``; for a string anything.
     signal : Signal
     where : str
-        What the message begins with.
+        Beginning of the message.
 
     Returns
     -------
@@ -269,10 +320,8 @@ def read_setting(given: str, signal: Signal, where: str) -> Value:
         )
     if unit:
         value = _converted(value, unit, signal.unit, where)
-        for bound in (
-            signal.min,
-            signal.max,
-        ):  # converting 10 uH must not miss 1e-5 H by its rounding
+        for bound in (signal.min, signal.max):
+            # 10 uH must not miss the bound 1e-5 H by the rounding of its conversion
             value = bound if math.isclose(value, bound, rel_tol=1e-12) else value
     check_value(signal, value, where)
     return value

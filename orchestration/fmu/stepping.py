@@ -1,29 +1,146 @@
-"""One FMU along its course, step by step in Python: what the kernel does where there is a compiler."""
+"""The course of one FMU from communication point to communication point, stepped in Python.
+
+The course, that is the times and inputs of all steps, is computed before the FMU is stepped. Where
+there is a C compiler, the stepping kernel follows it instead of Python.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.course import Course
+from fmus.kit import UserError
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.isolation.box import running
+from orchestration.fmu.isolation import tracked_run
 
 Array = NDArray[np.float64]
 
 
-class Failed(UserError):
-    """A call on the way has failed; `point` is how many communication points were complete."""
+class StepPart(NamedTuple):
+    """One part of the step to each communication point; no step leads to the first point.
+
+    Attributes
+    ----------
+    begins, ends : ndarray, shape (n,)
+        In seconds.
+    rows : ndarray, shape (n, inputs), or None
+        Values to which inputs are set before it; None: they keep those of the point before.
+    slopes : ndarray, shape (n, linear inputs), or None
+        Slopes of the inputs that an FMU interpolates, in its units per second.
+    """
+
+    begins: Array
+    ends: Array
+    rows: Array | None = None
+    slopes: Array | None = None
+
+
+class Course(NamedTuple):
+    """Communication points, inputs at them, and the parts of the steps in between.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        In seconds.
+    inputs : list of str
+    table : ndarray, shape (n, inputs)
+        Values of the inputs at the points.
+    linear : list of str
+        Inputs whose slopes are set.
+    parts : list of StepPart
+    """
+
+    time: Array
+    inputs: list[str]
+    table: Array
+    linear: list[str]
+    parts: list[StepPart]
+
+
+def plan_course(
+    fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collection[str], parts: int
+) -> Course:
+    """Compute the course of an instance; see :func:`orchestration.fmu.simulate_instance`."""
+    extended = np.concatenate([time[:1], time]).astype(float, copy=False)
+    starts = extended[:-1]
+    points = extended[1:]
+    names = list(inputs)
+    table = np.empty((len(points), len(names)))
+    for k, values in enumerate(inputs.values()):
+        table[:, k] = values
+    if parts == 1 and not linear:
+        return Course(points, names, table, [], [StepPart(starts, points)])
+    is_linear = np.array([name in linear for name in names], dtype=bool)
+    if not is_linear.any():
+        intervals = _divide(starts, points, parts)
+        step_parts = [StepPart(begins, ends) for begins, ends in intervals]
+        return Course(points, names, table, [], step_parts)
+    interpolated: list[str] = []
+    if fmu.description.coSimulation.canInterpolateInputs:
+        interpolated = [name for name, chosen in zip(names, is_linear, strict=True) if chosen]
+    step_parts = _divide_linear(starts, points, parts, table, is_linear, bool(interpolated))
+    return Course(points, names, table, interpolated, step_parts)
+
+
+def _divide(starts: Array, points: Array, parts: int) -> list[tuple[Array, Array]]:
+    """Divide the steps from `starts` to `points` into equal parts; return their begins and ends."""
+    intervals = []
+    begins = starts
+    for part in range(1, parts + 1):
+        ends = points if part == parts else starts + (points - starts) * part / parts
+        intervals.append((begins, ends))
+        begins = ends
+    return intervals
+
+
+def _divide_linear(
+    starts: Array, points: Array, parts: int, table: Array, is_linear: Array, interpolates: bool
+) -> list[StepPart]:
+    """Divide steps into parts before which linear inputs are set.
+
+    Parameters
+    ----------
+    starts, points : ndarray, shape (n,)
+        Begins and ends of the steps in seconds.
+    parts : int
+    table : ndarray, shape (n, inputs)
+        Values of the inputs at the points.
+    is_linear : ndarray of bool, shape (inputs,)
+    interpolates : bool
+        Whether inputs are set to their value at the beginning of a part, with their slope; else to
+        their value at its middle.
+    """
+    before = np.concatenate([table[:1], table[:-1]])
+    spans = points - starts
+    spans[0] = 1.0  # no step leads to the first point
+    slopes = np.where(is_linear, table - before, 0.0) / spans[:, np.newaxis]
+    step_parts = []
+    for begins, ends in _divide(starts, points, parts):
+        after = begins - starts if interpolates else 0.5 * (begins + ends) - starts
+        rows = before + slopes * after[:, np.newaxis]
+        set_slopes = np.ascontiguousarray(slopes[:, is_linear]) if interpolates else None
+        step_parts.append(StepPart(begins, ends, rows, set_slopes))
+    return step_parts
+
+
+class StepFailed(UserError):
+    """The error that a call of an FMU on its course has failed.
+
+    Attributes
+    ----------
+    point : int
+        Number of communication points that were complete.
+    """
 
     def __init__(self, message: str, point: int):
         super().__init__(message)
         self.point = point
 
 
-def stepped(
+def follow_course(
     fmu: Fmu,
     course: Course,
     outputs: Sequence[str],
@@ -38,52 +155,54 @@ def stepped(
     fmu : Fmu
     course : Course
     outputs : sequence of str
-        What is read at every point, after its inputs are set.
+        Variables that are read at every point, after its inputs are set.
     result : ndarray, shape (n, outputs)
-        Where it goes.
+        Receives the outputs.
     progress : callable
         Called with the number of a point that was reached, ...
     every : int
-        ... at every so many of them.
+        ... at every so many points.
 
     Raises
     ------
-    Failed
+    StepFailed
         If a call fails, with the time and the FMU's message.
     """
-    feed, read = fmu.writer(course.inputs), fmu.reader(outputs)
+    write = fmu.writer(course.inputs)
+    read = fmu.reader(outputs)
     set_slopes = fmu.slope_writer(course.linear) if course.linear else None
     parts = [
         (part.begins.tolist(), part.ends.tolist(), part.rows, part.slopes) for part in course.parts
     ]
-    with running() as run:
+    with tracked_run() as run:
         for k, now in enumerate(course.time.tolist()):
             run.point = k
             try:
                 if k > 0:
                     for begins, ends, rows, slopes in parts:
                         if rows is not None:
-                            feed(rows[k])
+                            write(rows[k])
                         if set_slopes is not None and slopes is not None:
                             set_slopes(slopes[k])
                         fmu.step(begins[k], ends[k] - begins[k])
-                _exchange(feed, read, course.table[k], result[k], now)
+                _exchange(write, read, course.table[k], result[k], now)
             except UserError as error:
-                raise Failed(str(error), k) from error
+                raise StepFailed(str(error), k) from error
             if k % every == 0:
                 progress(k)
         run.point = len(course.time)
 
 
 def _exchange(
-    feed: Callable[[Array], None],
+    write: Callable[[Array], None],
     read: Callable[[Array], None],
-    given: Array,
-    found: Array,
+    inputs: Array,
+    outputs: Array,
     now: float,
 ) -> None:
+    """Set the inputs and read the outputs at a communication point."""
     try:
-        feed(given)
-        read(found)
+        write(inputs)
+        read(outputs)
     except UserError as error:
         raise UserError(f"{error} (at {now:g} s)") from error

@@ -1,1 +1,5 @@
-"""From a record to parameters, with their uncertainty and the noise of the outputs."""
+"""Identification of models from records: parameters, their uncertainty, and noise models."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""A model against a measured record: how far apart they are, and whether the residual is white (``ppy compare``)."""
+"""Comparison of a model with a measured record, and recalibration (``ppy compare``)."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError, suggestion
-from orchestration.fmu.isolation.limits import limits_of
-from orchestration.fmu.model import Model
-from orchestration.fmu.signal import Value, numeric
-from orchestration.fmu.simulate import simulate
+from fmus.kit import UserError, suggestion
+from orchestration.fmu import Model, Value, numeric, simulate
+from orchestration.fmu.isolation import limits_of
 from orchestration.identify import presentation
-from orchestration.identify.any_fmu import FmuWithDifferences
-from orchestration.identify.grey_box import Fit, fit
-from orchestration.identify.metrics import WHITENESS_SAMPLES, Whiteness, fit_percent, rms, whiteness
+from orchestration.identify.fitting import FmuWithDifferences
+from orchestration.identify.grey_box import Fit, fit_grey_box
+from orchestration.identify.metrics import fit_percent, rms
+from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Record, read_record, read_runs
-from orchestration.reporting.plain import plain_text, preformatted
+from orchestration.reporting import plain_text, preformatted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GoodnessOfFit:
-    """One output of one simulation against the record.
+    """One simulated output against the measured one.
 
     Attributes
     ----------
@@ -58,14 +57,14 @@ class GoodnessOfFit:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A model against a record, before and, if parameters were fitted, after.
+    """A model against a record, before and, if parameters were fitted, after the fit.
 
     Attributes
     ----------
     model : Model
     record : Record
     parameters : dict of str to float or str
-        Set by the user, in the FMU's units.
+        Values set by the user, in the FMU's units.
     before, after : dict of str to GoodnessOfFit
         By output; ``after`` is None without a fit.
     fit : Fit or None
@@ -79,9 +78,8 @@ class Comparison:
     after: dict[str, GoodnessOfFit] | None
 
     def __str__(self) -> str:
-        return "\n".join(
-            [plain_text(presentation.overview(self)), *(self.fit.warning_lines if self.fit else [])]
-        )
+        warnings = self.fit.warning_lines if self.fit else []
+        return "\n".join([plain_text(presentation.overview(self)), *warnings])
 
     def __repr__(self) -> str:
         runs = self.before if self.after is None else self.after
@@ -92,12 +90,12 @@ class Comparison:
         return preformatted(str(self))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: the form that ``ppy compare --json`` writes.
+        """Return the figures, ready for JSON, as ``ppy compare --json`` writes them.
 
         Returns
         -------
         dict
-            Numbers in the units that stand beside them; None for what is not finite.
+            Numbers with their units; None for numbers that are not finite.
         """
         return presentation.figures(self)
 
@@ -148,14 +146,14 @@ def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None)
 def read_runs_for(
     model: Model, path: Path, mapping: Mapping[str, str] | None = None, column: str | None = None
 ) -> list[Record]:
-    """Read the runs of a file that may hold several.
+    """Read the runs of a file that may have several.
 
     Parameters
     ----------
     model, path, mapping
         See :func:`read_for`.
     column : str, optional
-        The column that tells the runs apart; without it a new one begins where the clock restarts.
+        The column whose values distinguish runs; without it a run begins where the clock restarts.
 
     Raises
     ------
@@ -171,14 +169,17 @@ def read_runs_for(
 
 
 def _signals(model: Model) -> dict[str, str]:
+    """Return inputs and outputs of a model with their units."""
     return {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
 
 
 def _check_outputs(record: Record, model: Model) -> None:
+    """Refuse a record without any output of the model."""
     if not any(name in model.outputs for name in record.signals):
         known = ", ".join(model.outputs)
         raise UserError(
-            f"{record.source}: no column is an output of {model.name} ({known}); rename with --map column=signal"
+            f"{record.source}: no column is an output of {model.name} ({known}); rename with --map"
+            " column=signal"
         )
 
 
@@ -190,7 +191,7 @@ def compare(
     progress: Callable[[str], None] = lambda text: None,
     workers: int = 1,
 ) -> Comparison:
-    """Run the model's FMU over a record and assess every measured output; recalibrate if asked.
+    """Run the model's FMU over a record, assess every measured output, and fit parameters if named.
 
     Parameters
     ----------
@@ -201,7 +202,7 @@ def compare(
     names : sequence of str
         Parameters to fit.
     progress : callable
-        Called with what is being done.
+        Called with a message before every stage.
     workers : int
         Processes that run an FMU without equations side by side in a fit.
 
@@ -221,18 +222,12 @@ def compare(
     progress(f"simulating {model.path.name} over {record.time.size} samples")
     before = _assess(model, record.time, inputs, measured, given)
     if not names:
-        return Comparison(model, record, given, before, None, None)
+        return Comparison(model, record, given, before, fit=None, after=None)
     progress(f"fitting {', '.join(names)}")
-    result = fit_model(model, record.time, inputs, measured, names, given, workers)
+    fit = fit_model(model, record.time, inputs, measured, names, given, workers=workers)
     progress("simulating with the fitted parameters")
-    return Comparison(
-        model,
-        record,
-        given,
-        before,
-        result,
-        _assess(model, record.time, inputs, measured, given | result.values),
-    )
+    after = _assess(model, record.time, inputs, measured, given | fit.values)
+    return Comparison(model, record, given, before, fit=fit, after=after)
 
 
 def fit_model(
@@ -242,6 +237,7 @@ def fit_model(
     measured: Mapping[str, Array],
     names: Sequence[str],
     given: Mapping[str, Value],
+    *,
     workers: int = 1,
 ) -> Fit:
     """Fit a model's parameters: by its equations where they are known, else by running its FMU.
@@ -265,29 +261,32 @@ def fit_model(
     UserError
         If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
     """
-    fed = {
+    constant = {
         name: np.full(time.size, value) for name, value in given.items() if name in model.inputs
-    } | dict(inputs)
+    }
+    fed = constant | dict(inputs)
     fixed = {name: value for name, value in given.items() if name in model.parameters}
     if model.cls is not None:
-        return fit(model.cls, time, fed, measured, names, numeric(fixed))
+        return fit_grey_box(model.cls, time, fed, measured, names, numeric(fixed))
     others = {name: value for name, value in fixed.items() if name not in names}
+    numbers = {
+        name: value for name, value in fixed.items() if model.parameters[name].type != "string"
+    }
     with FmuWithDifferences(model, names, list(measured), others, workers) as fmu:
-        numbers = {
-            name: value for name, value in fixed.items() if model.parameters[name].type != "string"
-        }
-        found = fit(fmu, time, fed, measured, names, numeric(numbers))
-        return replace(found, evaluations=fmu.runs)
+        fit = fit_grey_box(fmu, time, fed, measured, names, numeric(numbers))
+        return replace(fit, evaluations=fmu.runs)
 
 
 def _check_names(model: Model, names: Sequence[str]) -> None:
-    """Refuse, before any work is done, what cannot be fitted."""
+    """Refuse parameters that cannot be fitted, before any work is done."""
     for k, name in enumerate(names):
         if name not in model.parameters:
             raise UserError(
-                f"--fit: {model.name} has no parameter named {name!r}{suggestion(name, model.parameters)}"
+                f"--fit: {model.name} has no parameter named"
+                f" {name!r}{suggestion(name, model.parameters)}"
             )
-        if (kind := model.parameters[name].type) != "real":
+        kind = model.parameters[name].type
+        if kind != "real":
             raise UserError(f"--fit: {name} is {kind}; only real parameters can be fitted")
         if name in names[:k]:
             raise UserError(f"--fit: {name} is named twice in {','.join(names)}")
@@ -300,6 +299,7 @@ def _assess(
     measured: Mapping[str, Array],
     parameters: Mapping[str, Value],
 ) -> dict[str, GoodnessOfFit]:
+    """Simulate the model, and assess every measured output."""
     simulated = simulate(model, time, inputs, parameters, isolation=limits_of(model.foreign))
     assessed = {}
     for name, y in measured.items():

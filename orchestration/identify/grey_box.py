@@ -1,15 +1,15 @@
-"""Grey-box identification: a model's parameters from a record, on the simulation error.
+"""Grey-box identification: parameters of a model from a record, by the simulation error.
 
-Output-error estimation (Ljung: System Identification, section 7.4): the model runs free over the record and the sum of
-squared differences is minimised, each output weighted by its own residual. Positive parameters are searched in their
-logarithm. The Jacobian is exact (forward sensitivities), or by differences for an FMU without equations. Intervals
-allow for coloured residuals.
+Output-error estimation (Ljung: System Identification, section 7.4): the model runs free over the
+record and the sum of squared differences is minimised, each output weighted by its own residual.
+Positive parameters are searched in their logarithm. The Jacobian is exact (forward sensitivities),
+or by differences for an FMU without equations. Intervals allow for coloured residuals.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,36 +18,47 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from fmus.kit.errors import UserError
-from fmus.kit.units import Described, allowed, shown
-from orchestration.identify import prediction_error, presentation
-from orchestration.identify.any_fmu import FmuWithDifferences
-from orchestration.identify.covariance import Covariance, covariance, sandwich
-from orchestration.identify.estimate import Estimate, distribution
-from orchestration.identify.method import Method
-from orchestration.identify.noise.autoregression import autoregression
-from orchestration.identify.noise.model import Noise
-from orchestration.identify.prediction_error import FitResult
-from orchestration.identify.problem import Problem, Subject
-from orchestration.identify.uncertainty.profile import LEVEL, Coordinate, Profile, profile
-from orchestration.reporting.plain import plain_text, preformatted
+from fmus.kit import UserError
+from fmus.kit.units import Described, format_range, format_value
+from orchestration.identify import presentation
+from orchestration.identify.fitting import (
+    FitResult,
+    FmuWithDifferences,
+    Method,
+    Problem,
+    Subject,
+    fit_in_noise,
+    fit_prediction_error,
+)
+from orchestration.identify.noise import Noise, fit_autoregression
+from orchestration.identify.uncertainty import (
+    LEVEL,
+    Coordinate,
+    Covariance,
+    Estimate,
+    Profile,
+    joint_distribution,
+    parameter_covariance,
+    profile_likelihood,
+    sandwich_covariance,
+)
+from orchestration.reporting import plain_text, preformatted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-# nothing but the record holds the parameters, and values are what is asked for: to where rounding begins
+# The parameters have no prior, and their values are the result: search on to where rounding begins.
 _METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
-_VAGUE = float(
-    np.log(10.0) / norm.ppf(0.975)
-)  # standard error of a logarithm whose parameter is hardly determined
-_COUPLED = 0.9  # correlation beyond which an interval of one parameter alone says little
+# standard error of a logarithm whose parameter is hardly determined
+_VAGUE = float(np.log(10.0) / norm.ppf(0.975))
+_COUPLED = 0.9  # correlation beyond which an interval of one parameter alone is misleading
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The result of :func:`fit`.
+    """The result of :func:`fit_grey_box`.
 
     Attributes
     ----------
@@ -55,7 +66,7 @@ class Fit:
     evaluations : int
         Simulations made.
     warnings : list of str
-        What this record does not determine, parameters at the end of their range.
+        Parameters that this record does not determine, or that ended at a limit of their range.
     declared : Mapping of str to Described
         Units in which they are read.
     correlations : dict of tuple of str to float
@@ -63,10 +74,10 @@ class Fit:
     logarithmic : tuple of str
         Parameters that were searched in their logarithm.
     likelihood : Likelihood or None
-        What was fitted, from which profiles are made; a copy and what is pickled are without, for compiled code can be
-        neither.
+        From which profiles are made; None in a copy and after pickling, because compiled code can
+        be neither copied nor pickled.
     profiles : dict of str to Profile
-        Those that were made, by parameter.
+        Profiles made so far, by parameter.
     """
 
     estimates: dict[str, Estimate]
@@ -79,28 +90,31 @@ class Fit:
     profiles: dict[str, Profile] = field(default_factory=dict, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is copied and pickled."""
+        """Return the attributes that are copied and pickled."""
         return self.__dict__ | {"likelihood": None}
 
     def profile(self, name: str, progress: Callable[[str], None] = lambda text: None) -> Profile:
-        """Hold a parameter at values around its estimate and fit the others anew, for an interval without linearising.
+        """Profile the likelihood of a parameter, for an interval without linearising.
+
+        The parameter is held at values around its estimate, and the others are fitted anew.
 
         Parameters
         ----------
         name : str
             One that was fitted.
         progress : callable
-            Told before every fit which it is.
+            Called with a message before every fit.
 
         Returns
         -------
         Profile
-            It is in ``profiles`` from now on, and in what is printed.
+            It is in ``profiles`` from now on, and is printed with the fit.
 
         Raises
         ------
         UserError
-            If the parameter was not fitted, the fit is a copy or was pickled, or the FMU cannot be opened again.
+            If the parameter was not fitted, the fit is a copy or was pickled, or the FMU cannot be
+            opened again.
         """
         if name not in self.estimates:
             raise UserError(
@@ -109,13 +123,14 @@ class Fit:
         if name not in self.profiles:
             if self.likelihood is None:
                 raise UserError(
-                    f"no profile of {name}: this is a copy of a fit, without its model; fit again for one"
+                    f"no profile of {name}: this is a copy of a fit, without its model; fit again"
+                    " for one"
                 )
             self.profiles[name] = self.likelihood.profile(name, progress)
         return self.profiles[name]
 
     def plot_profiles(self, path: str | Path | None = None) -> Figure:
-        """Draw the profiles that were made: deviance over parameter, the ellipse's parabola, and both intervals.
+        """Draw the profiles that were made, with the ellipse's parabola and both intervals.
 
         Parameters
         ----------
@@ -127,7 +142,7 @@ class Fit:
         UserError
             If there are none, or the file cannot be written.
         """
-        from orchestration.identify.uncertainty.picture import draw
+        from orchestration.identify.uncertainty import draw
 
         if not self.profiles:
             raise UserError("no profile was made yet: profile(name) makes one")
@@ -135,7 +150,7 @@ class Fit:
 
     @property
     def coupled(self) -> dict[tuple[str, str], float]:
-        """Pairs that the record tells together better than each, the closest first, with their correlations."""
+        """Correlations of strongly correlated pairs, the strongest first."""
         close = {pair: r for pair, r in self.correlations.items() if abs(r) > _COUPLED}
         return dict(sorted(close.items(), key=lambda item: -abs(item[1])))
 
@@ -146,33 +161,36 @@ class Fit:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % confidence intervals by name, SI; infinite where the record says nothing of a parameter."""
+        """95 % confidence intervals by name, SI; infinite where not determined."""
         return {name: e.interval for name, e in self.estimates.items()}
 
     def draws(self, count: int, seed: int = 0) -> dict[str, Array]:
-        """Draw parameters at random, as the record leaves them open; what `sweep` takes with ``kind="draws"``.
+        """Draw parameters at random, as `sweep` takes them with ``kind="draws"``.
 
         Parameters
         ----------
         count : int
         seed : int
-            The same seed comes to the same draws.
+            The same seed gives the same draws.
 
         Returns
         -------
         dict of str to ndarray, shape (count,)
-            SI, normally distributed with the covariance of the fit, in the logarithm where that was searched.
+            SI, normally distributed with the covariance of the fit, in the logarithm where that was
+            searched.
 
         Raises
         ------
         UserError
             If the record does not determine a parameter.
         """
-        return distribution(self.estimates, self.correlations, self.logarithmic).draws(count, seed)
+        return joint_distribution(self.estimates, self.correlations, self.logarithmic).draws(
+            count, seed
+        )
 
     @property
     def all_warnings(self) -> list[str]:
-        """Those of the fit, and those of its profiles."""
+        """Warnings of the fit and of its profiles."""
         return [*self.warnings, *(text for p in self.profiles.values() for text in p.warnings)]
 
     @property
@@ -185,7 +203,8 @@ class Fit:
 
     def __repr__(self) -> str:
         values = ", ".join(
-            f"{name} = {shown(e.value, self.declared[name])}" for name, e in self.estimates.items()
+            f"{name} = {format_value(e.value, self.declared[name])}"
+            for name, e in self.estimates.items()
         )
         return f"<Fit {values}>"
 
@@ -193,7 +212,7 @@ class Fit:
         return preformatted(str(self))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: parameters, correlations, number of simulations, warnings."""
+        """Return the figures, ready for JSON."""
         figures: dict[str, Any] = {
             "parameters": {
                 name: e.to_dict() | {"logarithmic": name in self.logarithmic}
@@ -205,16 +224,14 @@ class Fit:
             "simulations": self.evaluations,
             "warnings": self.warnings,
         }
-        return figures | (
-            {"profiles": {n: p.to_dict() for n, p in self.profiles.items()}}
-            if self.profiles
-            else {}
-        )
+        if self.profiles:
+            figures["profiles"] = {name: p.to_dict() for name, p in self.profiles.items()}
+        return figures
 
 
 @dataclass(frozen=True)
 class Likelihood:
-    """What was fitted, to be fitted again with one parameter held.
+    """The fitted problem, to be fitted again with one parameter held.
 
     Attributes
     ----------
@@ -222,7 +239,7 @@ class Likelihood:
     problem : Problem
     fitted : FitResult
     spread : Covariance
-        Of the searched coordinates, as the intervals of the fit have it.
+        Covariance of the searched coordinates that the intervals of the fit are from.
     """
 
     subject: Subject
@@ -232,41 +249,56 @@ class Likelihood:
 
     def profile(self, name: str, progress: Callable[[str], None]) -> Profile:
         """Profile one of the parameters; see `Fit.profile`."""
-        problem, i, fits = self.problem, self.problem.names.index(name), 0
-        own = covariance(self.fitted.information).matrix
-        least = sum(
-            n.deviance(self.fitted.innovation[o], problem.present[o])
-            for o, n in self.fitted.noise.items()
-        )
-        colour = self.spread.matrix[i, i] / own[i, i] if own[i, i] > 0.0 else 1.0
-        tangent = own[i] / own[i, i] if own[i, i] > 0.0 else np.eye(len(own))[i]
+        problem = self.problem
+        i = problem.names.index(name)
+        own = parameter_covariance(self.fitted.information).matrix
+        determined = own[i, i] > 0.0
+        # the deviance rises faster in coloured noise, by the ratio of both variances
+        colour = self.spread.matrix[i, i] / own[i, i] if determined else 1.0
         low, high = problem.bounds()
+        along = Coordinate(
+            index=i,
+            value=problem.scales[i].value,
+            low=low[i],
+            high=high[i],
+            logarithmic=problem.scales[i].logarithmic,
+            tangent=own[i] / own[i, i] if determined else np.eye(len(own))[i],
+            standard_error=float(self.spread.standard_errors[i]),
+        )
+        least = self._deviance()
+        fits = 0
 
         def refit(start: Array) -> tuple[Array, float]:
             nonlocal fits
             fits += 1
             progress(f"profile of {name}, fit {fits}")
-            q, deviance = prediction_error.fit_in_noise(
+            q, deviance = fit_in_noise(
                 problem, np.clip(start, low, high), self.fitted.noise, _METHOD
             )
             return q, (deviance - least) / (colour * LEVEL)
 
-        scale = problem.scales[i]
-        error = float(self.spread.standard_errors[i])
-        along = Coordinate(i, scale.value, low[i], high[i], scale.logarithmic, tangent, error)
         problem.held = [i]
         try:
-            with (
-                self.subject.opened()
-                if isinstance(self.subject, FmuWithDifferences)
-                else nullcontext()
-            ):
-                return profile(name, problem.declared[name], refit, self.fitted.q, along)
+            with _opened(self.subject):
+                return profile_likelihood(name, problem.declared[name], refit, self.fitted.q, along)
         finally:
             problem.held = []
 
+    def _deviance(self) -> float:
+        """Return the deviance of the fit."""
+        present = self.problem.present
+        return sum(
+            noise.deviance(self.fitted.innovation[output], present[output])
+            for output, noise in self.fitted.noise.items()
+        )
 
-def fit(
+
+def _opened(subject: Subject) -> AbstractContextManager[None]:
+    """Return a context in which the subject of a fit can be simulated."""
+    return subject.opened() if isinstance(subject, FmuWithDifferences) else nullcontext()
+
+
+def fit_grey_box(
     cls: Subject,
     time: Array,
     inputs: Mapping[str, Array],
@@ -295,11 +327,37 @@ def fit(
     Raises
     ------
     UserError
-        If a name is unknown or given twice, a starting point is out of range, or there is nothing to fit to.
+        If a name is unknown or given twice, a starting point is out of range, or there is nothing
+        to fit to.
     """
     if len(set(names)) < len(names):
         raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
     problem = Problem(cls, time, inputs, measured, names, fixed or {}, order=0)
+    _check_problem(problem)
+    noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0) for o, y in problem.measured.items()}
+    fitted = fit_prediction_error(problem, problem.position(problem.start), noise, method=_METHOD)
+    spread, weak = _spread(problem, fitted)
+    intervals = problem.intervals(fitted.q, spread.standard_errors)
+    estimates = {}
+    for name in names:
+        unit = problem.declared[name].unit
+        estimates[name] = Estimate(fitted.values[name], problem.start[name], intervals[name], unit)
+    return Fit(
+        estimates=estimates,
+        evaluations=problem.evaluations,
+        warnings=[*_search_warnings(fitted), *weak, *_limit_warnings(problem, fitted)],
+        declared={name: problem.declared[name] for name in names},
+        correlations=spread.correlations(names),
+        logarithmic=tuple(
+            name for name, scale in zip(names, problem.scales, strict=True) if scale.logarithmic
+        ),
+        likelihood=Likelihood(cls, problem, fitted, spread),
+    )
+
+
+def _check_problem(problem: Problem) -> None:
+    """Refuse too few measured values, and starting points out of range."""
+    names = problem.names
     if len(names) >= problem.samples:
         raise UserError(
             f"{len(names)} parameters cannot be fitted to {problem.samples} measured values"
@@ -307,87 +365,84 @@ def fit(
     for name in names:
         declared = problem.declared[name]
         if not declared.min <= problem.start[name] <= declared.max:
-            start = shown(problem.start[name], declared)
+            start = format_value(problem.start[name], declared)
             raise UserError(
-                f"the fit of {name} cannot start at {start}; allowed is {allowed(declared)}"
+                f"the fit of {name} cannot start at {start}; allowed is {format_range(declared)}"
             )
-    noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0) for o, y in problem.measured.items()}
-    fitted = prediction_error.fit(problem, problem.position(problem.start), noise, method=_METHOD)
-    spread, intervals, warnings = _intervals(problem, fitted)
-    if not fitted.converged:
-        warnings.insert(0, "the search stopped before it converged; the values are the best found")
-    low, high = problem.bounds()
-    at_limit = (fitted.q <= low) | (fitted.q >= high)
-    warnings += [
-        f"{name} ended at the limit of its range"
-        for name, at in zip(names, at_limit, strict=True)
-        if at
-    ]
-    return Fit(
-        {
-            n: Estimate(fitted.values[n], problem.start[n], intervals[n], problem.declared[n].unit)
-            for n in names
-        },
-        problem.evaluations,
-        warnings,
-        {n: problem.declared[n] for n in names},
-        spread.correlations(names),
-        tuple(n for n, s in zip(names, problem.scales, strict=True) if s.logarithmic),
-        Likelihood(cls, problem, fitted, spread),
-    )
 
 
-def _intervals(
-    problem: Problem, fitted: FitResult
-) -> tuple[Covariance, dict[str, tuple[float, float]], list[str]]:
-    """Covariance, 95 % intervals, and a sentence for parameters that the record does not determine."""
+def _spread(problem: Problem, fitted: FitResult) -> tuple[Covariance, list[str]]:
+    """Return the covariance in coloured noise, and warnings where it is large or not known."""
     slopes = problem.evaluate(fitted.q)[1]
-    information = {o: np.sqrt(n.information) for o, n in fitted.noise.items()}
-    weighted = {
-        o: information[o] * n.whiten(slopes[o], problem.present[o]) for o, n in fitted.noise.items()
-    }
-    scores = {o: fitted.weights[o] * fitted.innovation[o] / information[o] for o in fitted.noise}
-    noise = [Noise(c, np.sqrt(v)) for c, v in map(autoregression, scores.values())]
-    spread = sandwich(fitted.covariance, weighted.values(), noise)
-    unidentifiable = set(np.flatnonzero(spread.unidentifiable).tolist())
-    silent = set(np.flatnonzero(np.diag(fitted.information) == 0.0).tolist())
-    wide = np.array([s.logarithmic for s in problem.scales]) & (spread.standard_errors > _VAGUE)
-    sentences = [
+    weighted = []
+    noise = []
+    for o, n in fitted.noise.items():
+        information = np.sqrt(n.information)
+        weighted.append(information * n.whiten(slopes[o], problem.present[o]))
+        score = fitted.weights[o] * fitted.innovation[o] / information
+        coefficients, variance = fit_autoregression(score)
+        noise.append(Noise(coefficients, np.sqrt(variance)))
+    spread = sandwich_covariance(fitted.covariance, weighted, noise)
+    return spread, [*_weak_warnings(problem, fitted, spread), *_slow_warnings(problem, fitted)]
+
+
+def _weak_warnings(problem: Problem, fitted: FitResult, spread: Covariance) -> list[str]:
+    """Return a warning for each kind of parameters that the record determines badly."""
+    silent = np.diag(fitted.information) == 0.0
+    together = spread.unidentifiable & ~silent
+    logarithmic = np.array([scale.logarithmic for scale in problem.scales])
+    wide = logarithmic & (spread.standard_errors > _VAGUE) & ~spread.unidentifiable
+    warnings = []
+    for weak, text in (
         (silent, "this record does not determine {}"),
-        (unidentifiable - silent, "this record does not determine {} separately"),
-        (
-            set(np.flatnonzero(wide).tolist()) - unidentifiable,
-            "this record hardly determines {}: the interval spans more than a factor of 100",
-        ),
-    ]
-    warnings = [
-        text.format(", ".join(problem.names[i] for i in sorted(who)))
-        for who, text in sentences
-        if who
-    ]
-    intervals = problem.intervals(fitted.q, spread.standard_errors)
-    return (
-        spread,
-        intervals,
-        warnings + [_slow(o, e) for o, e in fitted.residual.items() if _too_slow(problem, o, e)],
-    )
+        (together, "this record does not determine {} separately"),
+        (wide, "this record hardly determines {}: the interval spans more than a factor of 100"),
+    ):
+        if weak.any():
+            warnings.append(text.format(", ".join(problem.names[i] for i in np.flatnonzero(weak))))
+    return warnings
 
 
-def _too_slow(problem: Problem, output: str, residual: Array) -> bool:
-    """Whether a residual is too slow for its colour to be known, and is one at all, beyond rounding."""
-    measured = problem.measured[output][problem.present[output]]
-    return _independent(residual) < _FEW and bool(np.std(residual) > 1e-6 * np.std(measured))
+def _slow_warnings(problem: Problem, fitted: FitResult) -> list[str]:
+    """Return a warning for each output whose residual is too slow for its colour to be known.
+
+    A residual that is nothing but rounding is not minded.
+    """
+    warnings = []
+    for output, residual in fitted.residual.items():
+        measured = problem.measured[output][problem.present[output]]
+        independent = _independent(residual)
+        if independent < _FEW and np.std(residual) > 1e-6 * np.std(measured):
+            warnings.append(
+                f"the residual of {output} varies slowly, as {independent:.0f} independent values"
+                " would: the intervals are too narrow"
+            )
+    return warnings
 
 
 def _independent(residual: Array) -> float:
-    """Return how many independent values tell as much about a mean as this series, by its lag-1 autocorrelation."""
+    """Return how many independent values have the information of a series about its mean.
+
+    It is from the autocorrelation at lag one.
+    """
     power = float(residual @ residual)
     lag_one = float(residual[:-1] @ residual[1:]) / power if power > 0.0 else 0.0
     return len(residual) * (1.0 - lag_one) / (1.0 + lag_one)
 
 
-def _slow(output: str, residual: Array) -> str:
-    return (
-        f"the residual of {output} varies slowly, as {_independent(residual):.0f} independent values would: the "
-        "intervals are too narrow"
-    )
+def _search_warnings(fitted: FitResult) -> list[str]:
+    """Return a warning if the search did not converge."""
+    if fitted.converged:
+        return []
+    return ["the search stopped before it converged; the values are the best found"]
+
+
+def _limit_warnings(problem: Problem, fitted: FitResult) -> list[str]:
+    """Return a warning for each parameter that ended at the limit of its range."""
+    low, high = problem.bounds()
+    at_limit = (fitted.q <= low) | (fitted.q >= high)
+    return [
+        f"{name} ended at the limit of its range"
+        for name, at in zip(problem.names, at_limit, strict=True)
+        if at
+    ]

@@ -1,13 +1,12 @@
-"""Identified values as a file that any system binds: a parameter set (SSV) of SSP 1.0."""
+"""Identified values as a parameter set (SSV) of SSP 1.0, a file that any system binds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
-from fmus.kit import files
-from fmus.kit.build.parameters import Typed, to_ssv
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, files
+from fmus.kit.build import Typed, to_ssv
 
 
 def write(
@@ -22,14 +21,15 @@ def write(
     values : Mapping of str to float
         By parameter, in its declared unit.
     declared : Mapping of str to Typed
-        What tells the types and units: the parameters of a model, or ``declared`` of a fit.
+        Types and units: the parameters of a model, or ``declared`` of a fit.
     doc : str
-        What they were identified from.
+        Description, such as the record they were identified from.
 
     Raises
     ------
     UserError
-        If the ending is another, a parameter is not declared, a value is not finite, or the file cannot be written.
+        If the ending is another, a parameter is not declared, a value is not finite, or the file
+        cannot be written.
     """
     to = Path(path)
     if to.suffix.lower() != ".ssv":
@@ -39,6 +39,5 @@ def write(
             raise UserError(f"{to}: no parameter is named {name}; there are {', '.join(declared)}")
         if not float("-inf") < value < float("inf"):
             raise UserError(f"{to}: {name} = {value:g} is no finite number")
-    files.write(
-        to, to_ssv(to.stem, {name: float(value) for name, value in values.items()}, declared, doc)
-    )
+    numbers = {name: float(value) for name, value in values.items()}
+    files.write(to, to_ssv(to.stem, numbers, declared, doc))

@@ -1,4 +1,4 @@
-"""A fit and a comparison as they are printed, drawn and written as JSON."""
+"""Fits and comparisons as text, pictures and JSON."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fmus.kit import units
-from fmus.kit.units import shown, shown_difference, unit_of_differences
-from orchestration.identify.metrics import number
-from orchestration.reporting import pictures
-from orchestration.reporting.console import plain_table
+from fmus.kit.units import format_difference, format_value, unit_of_differences
+from orchestration.identify.metrics import finite_or_none
+from orchestration.reporting import pictures, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,11 +23,13 @@ if TYPE_CHECKING:
     from orchestration.identify.comparison import Comparison, GoodnessOfFit
     from orchestration.identify.grey_box import Fit
 
-_MUCH_LARGER = 25.0
+_MUCH_LARGER = 25.0  # ratio of residuals from which on the larger one is not drawn
 
 
 def overview(comparison: Comparison) -> Group:
-    """Return what ``ppy compare`` prints, without warnings: every output of every run, then fitted parameters.
+    """Return the text of ``ppy compare``, without warnings.
+
+    It has every output of every run, then fitted parameters.
 
     Parameters
     ----------
@@ -38,20 +39,17 @@ def overview(comparison: Comparison) -> Group:
     -------
     Group
     """
-    model, record = comparison.model, comparison.record
+    model = comparison.model
+    record = comparison.record
     table = plain_table(
         None, "output", "run", "fit", "RMS error", "residual", right=("fit", "RMS error")
     )
     for output in comparison.before:
         for label, run in _runs(comparison).items():
             g = run[output]
+            error = format_difference(g.rms, model.outputs[output])
             residual = g.whiteness.summary() if g.whiteness else "too short to judge"
-            percent = (
-                f"{g.fit_percent:.2f} %" if math.isfinite(g.fit_percent) else "undefined"
-            )  # it was constant
-            table.add_row(
-                output, label, percent, shown_difference(g.rms, model.outputs[output]), residual
-            )
+            table.add_row(output, label, _percent(g), error, residual)
     parts: list[RenderableType] = [
         Text(f"{record.source.name} against {model.title}: {record.time.size} samples"),
         table,
@@ -61,14 +59,20 @@ def overview(comparison: Comparison) -> Group:
     return Group(*parts)
 
 
+def _percent(g: GoodnessOfFit) -> str:
+    """Write the fit; it is undefined where the measured output was constant."""
+    return f"{g.fit_percent:.2f} %" if math.isfinite(g.fit_percent) else "undefined"
+
+
 def _runs(comparison: Comparison) -> dict[str, dict[str, GoodnessOfFit]]:
+    """Return the assessed simulations by label."""
     if comparison.after is None:
         return {"simulated": comparison.before}
     return {"before": comparison.before, "fitted": comparison.after}
 
 
 def parameters(fit: Fit) -> Table:
-    """Return fitted parameters with intervals, in the units in which people read them.
+    """Return a table of fitted parameters with intervals, in their display units.
 
     Parameters
     ----------
@@ -78,36 +82,29 @@ def parameters(fit: Fit) -> Table:
     -------
     Table
     """
-    columns = (
-        "fitted",
-        "95 % interval",
-        *(["95 % by profile"] if fit.profiles else []),
-        "started from",
-    )
+    profiled = ["95 % by profile"] if fit.profiles else []
+    columns = ("fitted", "95 % interval", *profiled, "started from")
     table = plain_table(None, "parameter", *columns, right=columns)
     for name, e in fit.estimates.items():
-        value, nominal, low, high = (
-            shown(x, fit.declared[name]) for x in (e.value, e.nominal, *e.interval)
-        )
-        profiled = (
-            [fit.profiles[name].written if name in fit.profiles else ""] if fit.profiles else []
-        )
-        table.add_row(name, value, f"{low} … {high}", *profiled, nominal)
+        declared = fit.declared[name]
+        low, high = (format_value(end, declared) for end in e.interval)
+        cells = [format_value(e.value, declared), f"{low} … {high}"]
+        if fit.profiles:
+            cells.append(fit.profiles[name].written if name in fit.profiles else "")
+        table.add_row(name, *cells, format_value(e.nominal, declared))
     return table
 
 
 def coupled(fit: Fit) -> list[Text]:
-    """Return a line on pairs of parameters that are known together better than each; none where there are none."""
+    """Return a line on strongly correlated parameters, if there are any."""
     pairs = [f"{a} and {b} ({r:+.2f})" for (a, b), r in fit.coupled.items()]
-    return (
-        [Text(f"known together better than each, by their correlation: {', '.join(pairs)}")]
-        if pairs
-        else []
-    )
+    if not pairs:
+        return []
+    return [Text(f"known together better than each, by their correlation: {', '.join(pairs)}")]
 
 
 def figures(comparison: Comparison) -> dict[str, Any]:
-    """Gather the figures, ready for JSON: numbers in the units that stand beside them, no NaN (null instead).
+    """Return the figures, ready for JSON: numbers with their units, None for NaN.
 
     Parameters
     ----------
@@ -121,11 +118,11 @@ def figures(comparison: Comparison) -> dict[str, Any]:
     def outputs(run: Mapping[str, GoodnessOfFit]) -> dict[str, Any]:
         return {
             name: {
-                "fit_percent": number(g.fit_percent),
-                "rms": number(g.rms),
+                "fit_percent": finite_or_none(g.fit_percent),
+                "rms": finite_or_none(g.rms),
                 "unit": comparison.model.outputs[name].unit,
                 "white": g.whiteness.is_white if g.whiteness else None,
-                "ljung_box_p": number(g.whiteness.p_value) if g.whiteness else None,
+                "ljung_box_p": finite_or_none(g.whiteness.p_value) if g.whiteness else None,
             }
             for name, g in run.items()
         }
@@ -176,7 +173,9 @@ def draw(comparison: Comparison, path: Path | None = None) -> Figure:
 
 
 def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -> None:
-    time, signal = comparison.record.time, comparison.model.outputs[output]
+    """Draw one output above its residual."""
+    time = comparison.record.time
+    signal = comparison.model.outputs[output]
     difference = unit_of_differences(signal)
     runs = [(label, run[output]) for label, run in _runs(comparison).items()]
     measured = units.convert(runs[0][1].measured, signal.unit, signal.display)

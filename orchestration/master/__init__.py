@@ -1,16 +1,5 @@
-"""The master: it runs systems of co-simulation FMUs, anybody's."""
+"""The master: runs systems of co-simulation FMUs."""
 
-from orchestration.master.pacing import Pacing, RealTime
-from orchestration.master.result import MemberStatistics, Run, Statistics, Stopped
-from orchestration.master.run import METHODS, run
+import lazy_loader
 
-__all__ = [
-    "METHODS",
-    "MemberStatistics",
-    "Pacing",
-    "RealTime",
-    "Run",
-    "Statistics",
-    "Stopped",
-    "run",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

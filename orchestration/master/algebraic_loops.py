@@ -1,4 +1,4 @@
-"""Algebraic loops: inputs and outputs that determine each other at the same time."""
+"""Solution of algebraic loops, in which inputs and outputs determine each other at one time."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-10  # of nominal value plus magnitude before
 _ROUNDING = 1e-13  # of the magnitude
-_EVALUATIONS = 200
-_PATIENCE = 8  # steps with a Jacobian that is only updated, before it is measured anew
+_MOST_EVALUATIONS = 200
+_MOST_UPDATES = 8  # of a Jacobian, before it is measured anew
 
 
 class FixedPoint:
-    """Solves ``v = g(v)`` again and again, each time from the solution before.
+    """A solver of ``v = g(v)``, used many times, each time from a value near the last solution.
 
-    Newton's method. The Jacobian of ``g(v) - v`` is measured by differences once, and then only updated (Broyden); it
-    is measured anew where that does not lead to the goal. Booleans and integers have no Jacobian: with one of them in
-    the loop, values are passed around until nothing changes.
+    It uses Newton's method. The Jacobian of ``g(v) - v`` is measured by differences once, and then
+    only updated (Broyden); it is measured anew where that does not converge. Booleans and integers
+    have no Jacobian: with one of them in the loop, ``v`` is replaced by ``g(v)`` until nothing
+    changes.
 
     Parameters
     ----------
     g : callable
-        What the inputs receive if they are ``v``.
+        Returns the values that the inputs receive if they are ``v``.
     scale : ndarray, shape (n,)
         Nominal values.
     continuous : bool
@@ -35,57 +36,64 @@ class FixedPoint:
     Attributes
     ----------
     evaluations : int
-        How often `g` was asked.
+        Number of evaluations of `g`.
     """
 
     def __init__(self, g: Callable[[Array], Array], scale: Array, continuous: bool = True):
-        self._g, self._scale, self._continuous = g, scale, continuous
+        self._g = g
+        self._scale = scale
+        self._continuous = continuous
         self._jacobian: Array | None = None
         self.evaluations = 0
 
     def solve(self, v: Array) -> Array:
-        """Find the fixed point near ``v``; `g` is last asked for the solution.
+        """Return the fixed point near ``v``; the last evaluation of `g` is at the solution.
 
         Raises
         ------
         UserError
             If none is found.
         """
-        with np.errstate(all="ignore"):  # what is no number is noticed
+        with np.errstate(all="ignore"):  # NaN and infinity are handled
             return self._solve(v)
 
     def _solve(self, v: Array) -> Array:
-        limit, patience = self.evaluations + _EVALUATIONS, _PATIENCE
+        before = self.evaluations
+        limit = before + _MOST_EVALUATIONS
+        updates_left = _MOST_UPDATES
         x = v / self._scale
-        r, usual = self._residual(x), 1.0 + np.abs(x)
+        r = self._residual(x)
+        magnitude = 1.0 + np.abs(x)
 
         def error(x: Array, r: Array) -> float:
-            """Largest residual over what is tolerated; infinite if it is no number."""
-            largest = float(np.max(np.abs(r) / (TOLERANCE * usual + _ROUNDING * np.abs(x))))
+            """Return the largest residual relative to the tolerance; infinite if not a number."""
+            largest = float(np.max(np.abs(r) / (TOLERANCE * magnitude + _ROUNDING * np.abs(x))))
             return largest if np.isfinite(largest) else np.inf
 
         while 1.0 < error(x, r) < np.inf and self.evaluations < limit:
-            step = self._step(x, r, patience == 0)
+            step = self._step(x, r, updates_left == 0)
             if not step.any():
-                break  # nowhere to go
-            patience = patience - 1 if patience else _PATIENCE
+                break
+            updates_left = updates_left - 1 if updates_left else _MOST_UPDATES
             r_new = self._residual(x + step)
             while (
                 self._continuous
                 and self.evaluations < limit
                 and error(x + step, r_new) > 2.0 * error(x, r)
             ):
-                step, patience = 0.5 * step, 0  # too far
+                step = 0.5 * step
+                updates_left = 0
                 r_new = self._residual(x + step)
             if self._jacobian is not None:
                 change = r_new - r - self._jacobian @ step
                 self._jacobian = self._jacobian + np.outer(change, step) / (step @ step)
-            x, r = x + step, r_new
+            x = x + step
+            r = r_new
         if error(x, r) > 1.0:
             self._jacobian = None
             raise UserError(
-                f"no solution found in {self.evaluations - limit + _EVALUATIONS} evaluations; what comes around "
-                f"still differs by {np.max(np.abs(r * self._scale)):.3g}"
+                f"no solution found in {self.evaluations - before} evaluations; what"
+                f" comes around still differs by {np.max(np.abs(r * self._scale)):.3g}"
             )
         return x * self._scale
 
@@ -93,10 +101,10 @@ class FixedPoint:
         self.evaluations += 1
         return self._g(x * self._scale) / self._scale - x
 
-    def _step(self, x: Array, r: Array, anew: bool) -> Array:
+    def _step(self, x: Array, r: Array, measure_jacobian: bool) -> Array:
         if not self._continuous:
             return r
-        if self._jacobian is None or anew:
+        if self._jacobian is None or measure_jacobian:
             sizes = 1e-6 * (1.0 + np.abs(x))
             columns = [(self._residual(x + move) - r) / move.sum() for move in np.diag(sizes)]
             self._jacobian = np.column_stack(columns)

@@ -1,4 +1,4 @@
-"""Buffers of values, and FMI calls that move values between a buffer and a member without copies in between."""
+"""Buffers of values, and FMI calls that move values directly between a buffer and a member."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.instance import Fmu
+from fmus.kit import UserError
+from orchestration.fmu import Fmu
 from orchestration.fmu.signal import check_type, type_of
-from orchestration.system.model import Port
+from orchestration.system import Port
 
 FmiCall = Callable[[], int]
 
 
 class Buffer:
-    """Values of many ports in one piece of memory, of which FMUs are handed parts to read and to write.
+    """The values of many ports in contiguous memory, from which FMUs read and to which they write.
 
     Parameters
     ----------
     ports : iterable of Port
-        Those that are moved in one call should stand together.
+        Ports that are moved in one call should follow each other.
 
     Attributes
     ----------
     at : dict of Port to int
-        Index of each.
+        Place of each port.
     cells : ctypes array of double
-        The values; faster than `values` one by one.
+        The values; faster than `values` where they are accessed one by one.
     values : ndarray
         The same memory.
     """
@@ -42,7 +42,7 @@ class Buffer:
         self.values: NDArray[np.float64] = np.ctypeslib.as_array(self.cells)
 
 
-class Transfer(NamedTuple):
+class BufferTransfer(NamedTuple):
     """A call that moves values of one type between a buffer and a member.
 
     Attributes
@@ -52,7 +52,7 @@ class Transfer(NamedTuple):
     kind : str
         Type of the variables.
     ports : list of Port
-        Reals stand together in the buffer, in this order.
+        Reals are contiguous in the buffer, in this order.
     """
 
     verb: str
@@ -60,7 +60,9 @@ class Transfer(NamedTuple):
     ports: list[Port]
 
 
-def transfers(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> list[Transfer]:
+def list_transfers(
+    verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer
+) -> list[BufferTransfer]:
     """List the calls that move values of a member.
 
     Parameters
@@ -75,7 +77,7 @@ def transfers(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> lis
 
     Returns
     -------
-    list of Transfer
+    list of BufferTransfer
 
     Raises
     ------
@@ -89,18 +91,18 @@ def transfers(verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer) -> lis
         kinds.setdefault(type_of(fmu.variables[port.variable]), []).append(port)
     if "string" in kinds:
         raise UserError(f"{kinds['string'][0]} is text, not a number")
-    at = list(buffer.at)
-    runs = _runs(sorted(buffer.at[port] for port in kinds.pop("real", [])))
-    reals = [Transfer(verb, "real", at[run[0] : run[-1] + 1]) for run in runs]
-    return reals + [Transfer(verb, kind, own) for kind, own in kinds.items()]
+    ports_in_buffer = list(buffer.at)
+    runs = _contiguous_runs(sorted(buffer.at[port] for port in kinds.pop("real", [])))
+    reals = [BufferTransfer(verb, "real", ports_in_buffer[run[0] : run[-1] + 1]) for run in runs]
+    return reals + [BufferTransfer(verb, kind, own) for kind, own in kinds.items()]
 
 
-def bind(transfer: Transfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
-    """Prepare a transfer.
+def bind(transfer: BufferTransfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
+    """Return the call of a transfer.
 
     Parameters
     ----------
-    transfer : Transfer
+    transfer : BufferTransfer
     fmu : Fmu
         The instance.
     buffer : Buffer
@@ -110,17 +112,16 @@ def bind(transfer: Transfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
     callable
         Returns the FMI status; UserError if a type cannot hold the value in the buffer.
     """
-    verb, kind, own = transfer
+    verb, kind, ports = transfer
+    function = f"fmi2{verb}{kind.capitalize()}"
     if kind == "real":
-        values = ctypes.byref(buffer.cells, ctypes.sizeof(ctypes.c_double) * buffer.at[own[0]])
-        return fmu.bound(f"fmi2{verb}Real", *_references(fmu, own), values)
-    integers = (ctypes.c_int * len(own))()
-    call = fmu.bound(
-        f"fmi2{verb}{kind.capitalize()}", *_references(fmu, own), ctypes.byref(integers)
-    )
+        values = ctypes.byref(buffer.cells, ctypes.sizeof(ctypes.c_double) * buffer.at[ports[0]])
+        return fmu.bound(function, *_references(fmu, ports), values)
+    integers = (ctypes.c_int * len(ports))()
+    call = fmu.bound(function, *_references(fmu, ports), ctypes.byref(integers))
     if verb == "Get":
-        return _reading(call, integers, own, buffer)
-    return _writing(call, integers, own, buffer, kind)
+        return _bind_reading(call, integers, ports, buffer)
+    return _bind_writing(call, integers, ports, buffer, kind)
 
 
 def _references(fmu: Fmu, ports: Sequence[Port]) -> tuple[object, ctypes.c_size_t]:
@@ -128,7 +129,7 @@ def _references(fmu: Fmu, ports: Sequence[Port]) -> tuple[object, ctypes.c_size_
     return ctypes.byref((ctypes.c_uint * len(ports))(*references)), ctypes.c_size_t(len(ports))
 
 
-def _runs(places: list[int]) -> list[list[int]]:
+def _contiguous_runs(places: list[int]) -> list[list[int]]:
     """Split increasing numbers where they do not follow each other."""
     if not places:
         return []
@@ -136,10 +137,12 @@ def _runs(places: list[int]) -> list[list[int]]:
     return [places[a:b] for a, b in pairwise([0, *cuts, len(places)])]
 
 
-def _reading(
+def _bind_reading(
     call: FmiCall, integers: ctypes.Array[ctypes.c_int], ports: list[Port], buffer: Buffer
 ) -> FmiCall:
-    cells, places = buffer.cells, [buffer.at[port] for port in ports]
+    """Return a call that copies integers to their places in the buffer after it has read them."""
+    cells = buffer.cells
+    places = [buffer.at[port] for port in ports]
 
     def read() -> int:
         status = call()
@@ -150,14 +153,16 @@ def _reading(
     return read
 
 
-def _writing(
+def _bind_writing(
     call: FmiCall,
     integers: ctypes.Array[ctypes.c_int],
     ports: list[Port],
     buffer: Buffer,
     kind: str,
 ) -> FmiCall:
-    cells, places = buffer.cells, [buffer.at[port] for port in ports]
+    """Return a call that copies integers from their places in the buffer before it sets them."""
+    cells = buffer.cells
+    places = [buffer.at[port] for port in ports]
 
     def write() -> int:
         for k, place in enumerate(places):

@@ -1,7 +1,7 @@
-"""In which order values are exchanged at a communication point, and members step: the graph of who feeds whom.
+"""The dependency graph of a system: the order in which values are exchanged and members step.
 
-An output that depends on inputs can be read only when they have their values; ModelStructure says which do. Where
-outputs wait for each other there is an algebraic loop.
+An output that depends on inputs can be read only when they have their values; ModelStructure says
+which do. Where outputs wait for each other there is an algebraic loop.
 """
 
 from __future__ import annotations
@@ -10,28 +10,28 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, S
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
-from fmus.kit.errors import UserError
-from orchestration.system.model import Port
+from fmus.kit import UserError
+from orchestration.system import Port
 
 Node = TypeVar("Node", bound=Hashable)
 
 
 class Write(NamedTuple):
-    """Give a member inputs that all have their values."""
+    """An operation that sets inputs of a member, all of which have their values."""
 
     member: str
     ports: tuple[Port, ...]
 
 
 class Read(NamedTuple):
-    """Ask a member for outputs."""
+    """An operation that reads outputs of a member."""
 
     member: str
     ports: tuple[Port, ...]
 
 
 class Loop(NamedTuple):
-    """Find the inputs and outputs of an algebraic loop, which determine each other."""
+    """An operation that solves an algebraic loop of inputs and outputs."""
 
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
@@ -42,20 +42,21 @@ Operation = Write | Read | Loop
 
 @dataclass(frozen=True)
 class Structure:
-    """What is known of a system before anything runs.
+    """The connections and dependencies of a system, known before anything runs.
 
     Attributes
     ----------
     sources : Mapping of Port to Port
-        Connected inputs, and the output that each receives.
+        The output that each connected input receives.
     fed : Mapping of str to list of Port
-        For each member the inputs that receive something, from an output or from outside.
+        For each member the inputs that receive a value, from an output or from outside.
     wanted : Mapping of str to list of Port
         For each member the variables that are read.
     feedthrough : Mapping of Port to tuple of Port
-        For each variable that is read the inputs, of those that are fed, on which it depends at once.
+        For each variable that is read the inputs, of those that are fed, on which it depends at
+        once.
     assumed : Collection of Port
-        Outputs whose FMU does not say on which inputs they depend: on all.
+        Outputs that are assumed to depend on all inputs, for their FMU does not say on which.
     stateless : Collection of str
         Members that cannot save and restore their state.
     """
@@ -69,17 +70,18 @@ class Structure:
 
 
 @dataclass
-class Plan:
-    """Order of exchange.
+class EvaluationOrder:
+    """The order of the exchange of values at a communication point.
 
     Attributes
     ----------
     early : dict of str to tuple of Port
-        What is read of each member right after its step, before it gets new inputs.
+        For each member the outputs that are read right after its step, before its inputs are set.
     operations : list of Write, Read and Loop
-        What is done then, at the communication point.
+        The operations at the communication point, in their order.
     at_step_end : list of Port
-        Outputs that are taken as they stand at the end of a step, though they may depend on inputs; see `plan`.
+        Outputs that are read at the end of a step, though they may depend on inputs; see
+        `order_exchange`.
     """
 
     early: dict[str, tuple[Port, ...]] = field(default_factory=dict)
@@ -92,11 +94,12 @@ class Plan:
         return [operation for operation in self.operations if isinstance(operation, Loop)]
 
 
-def plan(structure: Structure, members: Collection[str]) -> Plan:
-    """Order the exchange among members; what the others deliver stays as it was.
+def order_exchange(structure: Structure, members: Collection[str]) -> EvaluationOrder:
+    """Order the exchange among some members; the outputs of the others do not change.
 
-    An algebraic loop is solved by going back to a saved state. If one of its members cannot, but has nowhere said that
-    its outputs depend on its inputs, they are taken as they stand at the end of its step.
+    An algebraic loop is solved by going back to a saved state. If one of its members cannot do
+    that, but does not state that its outputs depend on its inputs, they are read at the end of its
+    step.
 
     Parameters
     ----------
@@ -105,137 +108,199 @@ def plan(structure: Structure, members: Collection[str]) -> Plan:
 
     Returns
     -------
-    Plan
+    EvaluationOrder
 
     Raises
     ------
     UserError
-        If there is an algebraic loop with a member that depends on its inputs for sure and cannot restore its state.
+        If there is an algebraic loop with a member that certainly depends on its inputs and cannot
+        restore its state.
     """
     feedthrough = {
         port: needed for port, needed in structure.feedthrough.items() if port.member in members
     }
     at_step_end: list[Port] = []
     while True:
-        attempt = _attempt(structure, members, feedthrough)
-        for loop in attempt.loops:
-            stuck = [port for port in loop.outputs if port.member in structure.stateless]
-            given_up = [port for port in stuck if port in structure.assumed]
-            if given_up:
-                at_step_end += given_up
-                feedthrough |= dict.fromkeys(given_up, ())
-                break
-            if stuck:
-                raise UserError(
-                    f"{describe(loop)}: {stuck[0].member} cannot restore its state (canGetAndSetFMUstate is false), so "
-                    "that it cannot be solved; without feedthrough every output is taken as it stands after a step"
-                )
-        else:
+        attempt = _Ordering(structure, members, feedthrough).complete()
+        ignored = _dependencies_to_ignore(structure, attempt)
+        if not ignored:
             attempt.at_step_end = at_step_end
             return attempt
+        at_step_end += ignored
+        feedthrough |= dict.fromkeys(ignored, ())
 
 
-def _attempt(
-    structure: Structure, members: Collection[str], feedthrough: Mapping[Port, tuple[Port, ...]]
-) -> Plan:
-    ordered, sources, connected = Plan(), structure.sources, set(structure.sources.values())
-    known: set[Port] = set()
-    late: dict[str, list[Port]] = {}
-    for member, wanted in structure.wanted.items():
-        if member not in members:
-            known.update(wanted)
-            continue
-        independent = [port for port in wanted if not feedthrough[port]]
-        if len(independent) < len(
-            wanted
-        ):  # what nobody waits for is read with the others, in one call
-            independent = [port for port in independent if port in connected]
-        late[member] = [port for port in wanted if port not in independent]
-        ordered.early[member] = tuple(independent)
-        known.update(independent)
-    unset = {
-        member: list(structure.fed[member]) for member in structure.wanted if member in members
-    }
+def _dependencies_to_ignore(structure: Structure, order: EvaluationOrder) -> list[Port]:
+    """Return outputs of the first loop that cannot be solved unless they depend on no input.
 
-    def write(member: str) -> None:
+    Raises
+    ------
+    UserError
+        If a loop cannot be solved, and its outputs certainly depend on inputs.
+    """
+    for loop in order.loops:
+        stateless = [port for port in loop.outputs if port.member in structure.stateless]
+        assumed = [port for port in stateless if port in structure.assumed]
+        if assumed:
+            return assumed
+        if stateless:
+            raise UserError(
+                f"{describe_loop(loop)}: {stateless[0].member} cannot restore its state"
+                " (canGetAndSetFMUstate is false), so that it cannot be solved; without"
+                " feedthrough every output is taken as it stands after a step"
+            )
+    return []
+
+
+class _Ordering:
+    """The state of ordering an exchange: known outputs, outputs still to read, inputs still to set.
+
+    Parameters
+    ----------
+    structure : Structure
+    members : collection of str
+    feedthrough : Mapping of Port to tuple of Port
+        For each variable that is read the inputs on which it depends at once.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        members: Collection[str],
+        feedthrough: Mapping[Port, tuple[Port, ...]],
+    ):
+        self._sources = structure.sources
+        self._connected = set(structure.sources.values())
+        self._feedthrough = feedthrough
+        self._order = EvaluationOrder()
+        self._known: set[Port] = set()
+        self._to_read: dict[str, list[Port]] = {}
+        self._to_set = {
+            member: list(structure.fed[member]) for member in structure.wanted if member in members
+        }
+        for member, wanted in structure.wanted.items():
+            if member in members:
+                self._add_member(member, wanted)
+            else:
+                self._known.update(wanted)
+
+    def _add_member(self, member: str, wanted: Sequence[Port]) -> None:
+        """Divide the outputs of a member into those that are read early and those read later."""
+        early = [port for port in wanted if not self._feedthrough[port]]
+        if len(early) < len(wanted):
+            # those on which no input depends are read with the later ones, in one call
+            early = [port for port in early if port in self._connected]
+        self._to_read[member] = [port for port in wanted if port not in early]
+        self._order.early[member] = tuple(early)
+        self._known.update(early)
+
+    def complete(self) -> EvaluationOrder:
+        """Add operations until all inputs are set and all outputs are read."""
+        while any(self._to_read.values()):
+            if not self._read_ready():
+                self._add_loop()
+        for member in self._to_set:
+            self._write(member)
+        return self._order
+
+    def _read_ready(self) -> bool:
+        """Add reading outputs whose inputs are known; return whether there were any.
+
+        Members all of whose outputs are ready come first. Else one member is read in part, if an
+        input depends on one of the outputs that are ready.
+        """
+        ready = {
+            member: [port for port in ports if not self._unknown_before(port)]
+            for member, ports in self._to_read.items()
+        }
+        entirely = [
+            member
+            for member, ports in ready.items()
+            if ports and len(ports) == len(self._to_read[member])
+        ]
+        partly = [
+            member for member, ports in ready.items() if not self._connected.isdisjoint(ports)
+        ]
+        chosen = entirely or partly[:1]
+        for member in chosen:
+            self._write(member)
+            self._order.operations.append(Read(member, tuple(ready[member])))
+            self._note_read(ready[member])
+        return bool(chosen)
+
+    def _add_loop(self) -> None:
+        """Add solving the algebraic loop that waits for no other."""
+        unread = [
+            port for ports in self._to_read.values() for port in ports if port in self._connected
+        ]
+        outputs = _strongly_connected(unread, self._unknown_before)
+        for member in dict.fromkeys(port.member for port in outputs):
+            self._write(member)
+        closing = [
+            port
+            for output in outputs
+            for port in self._feedthrough[output]
+            if self._sources.get(port) in outputs
+        ]
+        inputs = tuple(dict.fromkeys(closing))
+        self._order.operations.append(Loop(inputs, tuple(outputs)))
+        for port in inputs:
+            self._to_set[port.member].remove(port)
+        self._note_read(outputs)
+
+    def _write(self, member: str) -> None:
+        """Add setting the inputs of a member that have their values, if there are any."""
         ports = tuple(
-            port for port in unset[member] if port not in sources or sources[port] in known
+            port
+            for port in self._to_set[member]
+            if port not in self._sources or self._sources[port] in self._known
         )
         if ports:
-            ordered.operations.append(Write(member, ports))
-            unset[member] = [port for port in unset[member] if port not in ports]
+            self._order.operations.append(Write(member, ports))
+            self._to_set[member] = [port for port in self._to_set[member] if port not in ports]
 
-    def waits_for(port: Port) -> list[Port]:
-        return [sources[i] for i in feedthrough[port] if i in sources and sources[i] not in known]
+    def _unknown_before(self, port: Port) -> list[Port]:
+        """Return the unknown outputs on which an output depends through connected inputs."""
+        sources = [self._sources[i] for i in self._feedthrough[port] if i in self._sources]
+        return [source for source in sources if source not in self._known]
 
-    def read(member: str, ports: Sequence[Port]) -> None:
-        write(member)
-        ordered.operations.append(Read(member, tuple(ports)))
-        taken(ports)
-
-    def taken(ports: Iterable[Port]) -> None:
+    def _note_read(self, ports: Iterable[Port]) -> None:
         for port in ports:
-            known.add(port)
-            late[port.member].remove(port)
-
-    while any(late.values()):
-        ready = {
-            member: [port for port in ports if not waits_for(port)]
-            for member, ports in late.items()
-        }
-        whole = [
-            member for member, ports in ready.items() if ports and len(ports) == len(late[member])
-        ]
-        part = [member for member, ports in ready.items() if not connected.isdisjoint(ports)]
-        if whole or part:
-            for member in whole or part[:1]:
-                read(member, ready[member])
-            continue
-        outputs = _strongly_connected(
-            [port for ports in late.values() for port in ports if port in connected], waits_for
-        )
-        for member in dict.fromkeys(port.member for port in outputs):
-            write(member)
-        closing = [i for port in outputs for i in feedthrough[port] if sources.get(i) in outputs]
-        inputs = tuple(dict.fromkeys(closing))
-        ordered.operations.append(Loop(inputs, tuple(outputs)))
-        for port in inputs:
-            unset[port.member].remove(port)
-        taken(outputs)
-    for member in unset:
-        write(member)
-    return ordered
+            self._known.add(port)
+            self._to_read[port.member].remove(port)
 
 
 def _strongly_connected(
     nodes: Collection[Node], before: Callable[[Node], Iterable[Node]]
 ) -> list[Node]:
-    """Nodes, of which each waits for some of them, that wait for each other and for nothing else.
+    """Return nodes that wait for each other and for no others, where every node waits for some.
 
-    Where every node waits, the smallest set of all that one waits for, directly or not, is strongly connected.
+    Where every node waits, the smallest set of all that one waits for, directly or not, is strongly
+    connected.
     """
 
     def all_before(node: Node) -> dict[Node, None]:
         predecessors: dict[Node, None] = {}
-        open_ends = [node]
-        while open_ends:
-            for other in before(open_ends.pop()):
+        to_visit = [node]
+        while to_visit:
+            for other in before(to_visit.pop()):
                 if other not in predecessors:
                     predecessors[other] = None
-                    open_ends.append(other)
+                    to_visit.append(other)
         return predecessors
 
     smallest = min((all_before(node) for node in nodes), key=len)
     return [node for node in nodes if node in smallest]
 
 
-def order(structure: Structure) -> list[str]:
-    """Members in the order in which they step one after another.
+def order_steps(structure: Structure) -> list[str]:
+    """Return the members in the order in which they step one after another.
 
-    Who feeds another comes first. Where they feed each other in a circle, next is one that is fed by a member that has
-    stepped; among equals, the one that the system names first.
+    A member comes after those that feed it. Where members feed each other in a circle, the next is
+    one that is fed by a member that has stepped; among equals, the one that the system names first.
     """
-    waiting, result = list(structure.wanted), list[str]()
+    waiting = list(structure.wanted)
+    result: list[str] = []
     feeding = {
         member: {structure.sources[port].member for port in ports if port in structure.sources}
         for member, ports in structure.fed.items()
@@ -248,15 +313,16 @@ def order(structure: Structure) -> list[str]:
         return feeding[member].isdisjoint(result)
 
     while waiting:
-        free = next((member for member in waiting if not before(member)), None)
-        chosen = free if free is not None else min(_strongly_connected(waiting, before), key=unfed)
+        chosen = next((member for member in waiting if not before(member)), None)
+        if chosen is None:
+            chosen = min(_strongly_connected(waiting, before), key=unfed)
         result.append(chosen)
         waiting.remove(chosen)
     return result
 
 
-def describe(loop: Loop) -> str:
-    """Name a loop by its ports, each input after the output that feeds it."""
+def describe_loop(loop: Loop) -> str:
+    """Return a description of a loop by the names of its ports."""
     return "algebraic loop of " + ", ".join(
         str(port) for port in sorted((*loop.inputs, *loop.outputs))
     )

@@ -1,8 +1,8 @@
-"""A system put together: what is called in which order, bound once, and then repeated as fast as Python can."""
+"""The executor of a system: its calls are bound once and then repeated as fast as Python can."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from time import perf_counter
 from typing import NoReturn
@@ -10,31 +10,48 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.fmu.signal import type_of
 from orchestration.master.algebraic_loops import FixedPoint
-from orchestration.master.buffers import Buffer, FmiCall, bind, transfers
-from orchestration.master.dependency_graph import Loop, Read, Structure, describe, order, plan
-from orchestration.master.instances import STEP, Clock, Instance, SavedState, listed
-from orchestration.master.schedule import ExchangeStage, MemberCall, PlainStep, Schedule, Settings
-from orchestration.master.stepping import BufferedConnection, MemberStep, StepHistory
-from orchestration.system.model import Connection, Port
+from orchestration.master.buffers import Buffer, bind, list_transfers
+from orchestration.master.dependency_graph import (
+    Loop,
+    Read,
+    Structure,
+    describe_loop,
+    order_exchange,
+    order_steps,
+)
+from orchestration.master.instances import STEP, Clock, Instance, SavedState, list_names
+from orchestration.master.schedule import (
+    BufferedConnection,
+    ExchangeStage,
+    MasterSettings,
+    MemberCall,
+    MemberStep,
+    PlainStep,
+    Schedule,
+    StepHistory,
+)
+from orchestration.system import Connection, Port
 
 Array = NDArray[np.float64]
 
 
 class Executor:
-    """Steps the members of a system and lets them exchange values.
+    """The members of a system with their buffers, which step and exchange values.
 
     Parameters
     ----------
     members : sequence of Instance
     structure : Structure
-        Everything that is fed and read.
+        All inputs that are fed and all variables that are read.
     connections : sequence of Connection
-    external, disturbances : Mapping of Port to list of float
-        Values from outside at all communication points, and what is added to connected inputs.
-    settings : Settings
+    external : Mapping of Port to list of float
+        Values of inputs from outside at all communication points.
+    disturbances : Mapping of Port to list of float
+        Values that are added to connected inputs at all communication points.
+    settings : MasterSettings
     clock : Clock
 
     Attributes
@@ -44,11 +61,11 @@ class Executor:
     seconds : list of float
         Time spent in the steps of each member.
     loops : list of tuple
-        Each algebraic loop, and what solves it.
+        Each algebraic loop, and its solver.
     saved_states : list of SavedState
         Of loops, and of steps that can be taken back.
     complete : Schedule
-        In which all members take part.
+        The schedule in which all members take part.
     """
 
     def __init__(
@@ -56,24 +73,24 @@ class Executor:
         members: Sequence[Instance],
         structure: Structure,
         connections: Sequence[Connection],
+        *,
         external: Mapping[Port, list[float]],
         disturbances: Mapping[Port, list[float]],
-        settings: Settings,
+        settings: MasterSettings,
         clock: Clock,
     ):
-        self.members, self.structure, self.settings, self.clock = (
-            members,
-            structure,
-            settings,
-            clock,
-        )
+        self.members = members
+        self.structure = structure
+        self.settings = settings
+        self.clock = clock
         self._by_name = {member.name: member for member in members}
-        self._external, self._disturbances = external, disturbances
-        self._point = 0  # whose values from outside are in the inputs
+        self._external = external
+        self._disturbances = disturbances
+        self._point = 0  # the point whose external values are in the inputs
         names = [member.name for member in members]
-        self._complete_plan = plan(structure, names)
-        self.order = order(structure)
-        self.outputs, self.inputs = self._buffers()
+        self._complete_order = order_exchange(structure, names)
+        self.order = order_steps(structure)
+        self.outputs, self.inputs = self._make_buffers()
         for port, place in self.inputs.at.items():
             self.inputs.cells[place] = self._by_name[port.member].start(port.variable)
         self._connections = {
@@ -90,27 +107,30 @@ class Executor:
         self._schedules: dict[frozenset[str], Schedule] = {}
         self.complete = self.schedule(frozenset(names))
 
-    def _buffers(self) -> tuple[Buffer, Buffer]:
-        """Buffers in which what is moved in one call stands together."""
-        outputs = {name: list(self._complete_plan.early[name]) for name in self._by_name}
+    def _make_buffers(self) -> tuple[Buffer, Buffer]:
+        """Return buffers of outputs and inputs in which the ports of one call are contiguous."""
+        outputs = {name: list(self._complete_order.early[name]) for name in self._by_name}
         inputs: dict[str, list[Port]] = {name: [] for name in self._by_name}
-        for operation in self._complete_plan.operations:
+        for operation in self._complete_order.operations:
+            read: tuple[Port, ...] = ()
+            written: tuple[Port, ...] = ()
             if isinstance(operation, Loop):
-                read, written = operation.outputs, operation.inputs
+                read = operation.outputs
+                written = operation.inputs
+            elif isinstance(operation, Read):
+                read = operation.ports
             else:
-                read, written = (
-                    (operation.ports, ()) if isinstance(operation, Read) else ((), operation.ports)
-                )
+                written = operation.ports
             for port in read:
                 outputs[port.member].append(port)
             for port in written:
                 inputs[port.member].append(port)
         return Buffer(chain(*outputs.values())), Buffer(chain(*inputs.values()))
 
-    # --- preparation ------------------------------------------------------------------------------------------------
+    # --- preparation
 
     def due(self, k: int, last: int) -> frozenset[str]:
-        """Names of the members that take part in the exchange at point `k`, and in the step that ends there."""
+        """Return the members that take part in the exchange at point `k` and the step before it."""
         return frozenset(
             name
             for name in self._by_name
@@ -118,195 +138,220 @@ class Executor:
         )
 
     def changes(self, points: int) -> list[bool]:
-        """For each communication point whether a value from outside differs from that before."""
+        """Return for each communication point whether an external value differs from the last."""
         rows = np.array(list(self._external.values()))
-        return (
-            [True, *(np.diff(rows) != 0.0).any(axis=0).tolist()] if rows.size else [False] * points
-        )
+        if not rows.size:
+            return [False] * points
+        return [True, *(np.diff(rows) != 0.0).any(axis=0).tolist()]
 
     def schedule(self, due: frozenset[str]) -> Schedule:
-        """What to do when these members take part."""
+        """Return the schedule in which these members take part."""
         if due not in self._schedules:
             self._schedules[due] = self._make_schedule(due)
         return self._schedules[due]
 
     def _make_schedule(self, due: frozenset[str]) -> Schedule:
-        order_of_exchange = (
-            self._complete_plan if len(due) == len(self.members) else plan(self.structure, due)
-        )
-        schedule = Schedule(order_of_exchange, [], [], [])
+        order = self._complete_order
+        if len(due) != len(self.members):
+            order = order_exchange(self.structure, due)
+        schedule = Schedule(order, [], [], [])
         stepped: set[str] = set()
-        for name in [name for name in self.order if name in due]:
-            self._add_step(schedule, self._by_name[name], stepped)
-            stepped.add(name)
-        for operation in order_of_exchange.operations:
+        for name in self.order:
+            if name in due:
+                self._add_step(schedule, self._by_name[name], stepped)
+                stepped.add(name)
+        for operation in order.operations:
             if isinstance(operation, Loop):
                 self._add_loop(schedule, operation)
                 continue
             member = self._by_name[operation.member]
             if not isinstance(operation, Read):
-                schedule.stages.append(self._stage(operation.ports))
+                schedule.stages.append(self._make_stage(operation.ports))
             elif not schedule.stages:
-                schedule.stages.append(self._stage(()))
+                schedule.stages.append(self._make_stage(()))
             verb = "Get" if isinstance(operation, Read) else "Set"
-            schedule.stages[-1].calls.extend(self._moving(verb, member, operation.ports))
+            schedule.stages[-1].calls.extend(self._transfer_calls(verb, member, operation.ports))
         return schedule
 
-    def _moving(self, verb: str, member: Instance, ports: Sequence[Port]) -> list[MemberCall]:
-        doing = ("setting " if verb == "Set" else "reading ") + listed(ports)
+    def _transfer_calls(
+        self, verb: str, member: Instance, ports: Sequence[Port]
+    ) -> list[MemberCall]:
+        request = ("setting " if verb == "Set" else "reading ") + list_names(ports)
         buffer = self.inputs if verb == "Set" else self.outputs
-        moved = transfers(verb, member.fmu, ports, buffer)
         return [
-            MemberCall(bind(transfer, member.fmu, buffer), member, doing, transfer)
-            for transfer in moved
+            MemberCall(bind(transfer, member.fmu, buffer), member, request, transfer)
+            for transfer in list_transfers(verb, member.fmu, ports, buffer)
         ]
 
-    def _stage(self, ports: Sequence[Port]) -> ExchangeStage:
+    def _make_stage(self, ports: Sequence[Port]) -> ExchangeStage:
+        """Return a stage that copies values to these inputs, without calls."""
         connections = [self._connections[port] for port in ports if port in self._connections]
+        places = self.inputs.at
         return ExchangeStage(
-            [(c.target, c.source) for c in connections if (c.factor, c.offset) == (1.0, 0.0)],
-            [c for c in connections if (c.factor, c.offset) != (1.0, 0.0)],
-            [
-                (self.inputs.at[port], self._disturbances[port])
+            copies=[(c.target, c.source) for c in connections if not _is_scaled(c)],
+            scaled=[c for c in connections if _is_scaled(c)],
+            disturbances=[
+                (places[port], self._disturbances[port])
                 for port in ports
                 if port in self._disturbances
             ],
-            [
-                (self.inputs.at[port], self._external[port])
-                for port in ports
-                if port in self._external
+            external=[
+                (places[port], self._external[port]) for port in ports if port in self._external
             ],
-            [],
+            calls=[],
         )
 
     def _add_step(self, schedule: Schedule, member: Instance, stepped: set[str]) -> None:
-        settings, calls = self.settings, list[MemberCall]()
-        connected = [port for port in self.structure.fed[member.name] if port in self._connections]
-        updated = [
-            port
-            for port in connected
-            if settings.sequential and self.structure.sources[port].member in stepped
-        ]
-        real = [
-            port for port in connected if type_of(member.fmu.variables[port.variable]) == "real"
-        ]
-        linear = real if settings.extrapolation else []
+        """Add the step of a member after those of the members that have stepped."""
+        settings = self.settings
+        fed = self.structure.fed[member.name]
+        connected = [port for port in fed if port in self._connections]
+        updated = []
+        if settings.sequential:
+            updated = [port for port in connected if self._source(port).member in stepped]
+        linear = []
+        if settings.extrapolation:
+            linear = [port for port in connected if self._is_real(port)]
+        early = schedule.order.early[member.name]
+        reads = self._reads_after_step(member, early, stepped)
+        calls: list[MemberCall] = []
+        held = [port for port in updated if port not in linear]
+        if held:
+            calls.append(self._update_call(member, held))
         parts = max(1, int(settings.rates.get(member.name, 1)))
-        early = schedule.plan.early[member.name]
-        reads = list(early)
-        if settings.sequential:  # those who step later use outputs that depend on inputs too
-            following = set(self.order) - stepped - {member.name}
-            used = {
-                self.structure.sources[port]
-                for name in following
-                for port in self.structure.fed[name]
-                if port in self._connections
-            }
-            reads = [
-                port for port in self.structure.wanted[member.name] if port in early or port in used
-            ]
         slow = member.name in self.slow
-        if held := [port for port in updated if port not in linear]:
-            stage = self._stage(held)
-            stage.calls.extend(self._moving("Set", member, held))
-            calls.append(MemberCall(self._refresh(stage), member, STEP, stage))
         if linear or parts > 1 or slow:
-            to_new_value = [self._connections[port] for port in updated if port in linear]
-            set_at_end = not settings.feedthrough or len(reads) > len(early)
-            history = self._histories.setdefault(
-                member.name, StepHistory(self.clock.start, [0.0] * len(linear))
-            )
             step = MemberStep(
-                member,
-                self.clock,
-                self.inputs,
-                self.outputs,
-                linear,
-                to_new_value,
-                parts,
-                slow,
-                set_at_end,
-                settings.adaptive,
-                history,
+                member=member,
+                clock=self.clock,
+                inputs=self.inputs,
+                outputs=self.outputs,
+                linear=linear,
+                updated=[self._connections[port] for port in updated if port in linear],
+                parts=parts,
+                resumes=slow,
+                set_at_end=not settings.feedthrough or len(reads) > len(early),
+                may_go_back=settings.adaptive,
+                history=self._history(member, len(linear)),
             )
             calls.append(MemberCall(step, member, STEP))
             if linear or slow:
                 schedule.extrapolating.append(step)
         else:
-            plain_step = member.stepper(self.clock.now, self.clock.size, settings.adaptive)
-            what = None if member.may_be_pending else PlainStep(final=not settings.adaptive)
-            calls.append(MemberCall(plain_step, member, STEP, what))
-        schedule.steps.append(
-            (self.members.index(member), calls + self._moving("Get", member, reads))
-        )
+            calls.append(self._plain_step_call(member))
+        calls += self._transfer_calls("Get", member, reads)
+        schedule.steps.append((self.members.index(member), calls))
 
-    def _refresh(self, stage: ExchangeStage) -> FmiCall:
-        """Give a member, before its step, what others have delivered by theirs."""
+    def _source(self, port: Port) -> Port:
+        return self.structure.sources[port]
 
-        def refresh() -> int:
+    def _is_real(self, port: Port) -> bool:
+        return type_of(self._by_name[port.member].fmu.variables[port.variable]) == "real"
+
+    def _reads_after_step(
+        self, member: Instance, early: Sequence[Port], stepped: set[str]
+    ) -> list[Port]:
+        """Return the outputs that are read right after the step of a member.
+
+        Members that step later in the same step use outputs that depend on inputs too.
+        """
+        if not self.settings.sequential:
+            return list(early)
+        following = set(self.order) - stepped - {member.name}
+        used = {
+            self._source(port)
+            for name in following
+            for port in self.structure.fed[name]
+            if port in self._connections
+        }
+        wanted = self.structure.wanted[member.name]
+        return [port for port in wanted if port in early or port in used]
+
+    def _update_call(self, member: Instance, ports: Sequence[Port]) -> MemberCall:
+        """Return a call that sets inputs to the newest outputs before the step of a member."""
+        stage = self._make_stage(ports)
+        stage.calls.extend(self._transfer_calls("Set", member, ports))
+
+        def update() -> int:
             self.exchange([stage], self._point)
             return 0
 
-        return refresh
+        return MemberCall(update, member, STEP, stage)
+
+    def _history(self, member: Instance, linear_count: int) -> StepHistory:
+        """Return the history of a member, which all its steps share."""
+        if member.name not in self._histories:
+            self._histories[member.name] = StepHistory(self.clock.start, [0.0] * linear_count)
+        return self._histories[member.name]
+
+    def _plain_step_call(self, member: Instance) -> MemberCall:
+        adaptive = self.settings.adaptive
+        step = member.bind_step(self.clock.now, self.clock.size, adaptive)
+        operation = None if member.may_be_pending else PlainStep(final=not adaptive)
+        return MemberCall(step, member, STEP, operation)
 
     def _add_loop(self, schedule: Schedule, loop: Loop) -> None:
-        inputs, outputs = self.inputs, self.outputs
-        closing = [self._connections[port] for port in loop.inputs]
-        targets, sources = (
-            np.array([c.target for c in closing]),
-            np.array([c.source for c in closing]),
-        )
-        factors, offsets = (
-            np.array([c.factor for c in closing]),
-            np.array([c.offset for c in closing]),
-        )
-        added = [
-            (k, self._disturbances[p]) for k, p in enumerate(loop.inputs) if p in self._disturbances
-        ]
+        """Add a stage that solves an algebraic loop."""
         members = [m for m in self.members if any(port.member == m.name for port in loop.outputs)]
-        calls = []
+        calls: list[MemberCall] = []
         for verb, ports in (("Set", loop.inputs), ("Get", loop.outputs)):
             for member in members:
-                calls += self._moving(
-                    verb, member, [port for port in ports if port.member == member.name]
-                )
+                own_ports = [port for port in ports if port.member == member.name]
+                calls += self._transfer_calls(verb, member, own_ports)
         saved = SavedState(members, self.clock)
-
-        def around(v: Array) -> Array:
-            saved.restore()
-            inputs.values[targets] = v
-            self._carry_out(calls)
-            returned: Array = factors * outputs.values[sources] + offsets
-            for k, column in added:
-                returned[k] += column[self._point]
-            return returned
-
-        kinds = {
-            type_of(self._by_name[port.member].fmu.variables[port.variable]) for port in loop.inputs
-        }
-        nominal = np.array(
-            [self._by_name[port.member].nominal(port.variable) for port in loop.inputs]
+        targets = np.array([self._connections[port].target for port in loop.inputs])
+        nominal = [self._by_name[port.member].nominal(port.variable) for port in loop.inputs]
+        fixed_point = FixedPoint(
+            self._loop_function(loop, calls, saved),
+            np.array(nominal),
+            all(self._is_real(port) for port in loop.inputs),
         )
-        fixed_point = FixedPoint(around, nominal, kinds == {"real"})
 
         def solve() -> int:
             saved.save()
             try:
-                fixed_point.solve(inputs.values[targets])
+                fixed_point.solve(self.inputs.values[targets])
             except UserError as error:
-                raise UserError(f"{describe(loop)}, at {self.clock.end:.10g} s: {error}") from error
+                raise UserError(
+                    f"{describe_loop(loop)}, at {self.clock.end:.10g} s: {error}"
+                ) from error
             return 0
 
-        schedule.stages.append(
-            ExchangeStage([], [], [], [], [MemberCall(solve, members[0], "solving")])
-        )
+        call = MemberCall(solve, members[0], "solving")
+        schedule.stages.append(ExchangeStage([], [], [], [], [call]))
         self.loops.append((loop, fixed_point))
         self.saved_states.append(saved)
 
-    # --- at work ----------------------------------------------------------------------------------------------------
+    def _loop_function(
+        self, loop: Loop, calls: Sequence[MemberCall], saved: SavedState
+    ) -> Callable[[Array], Array]:
+        """Return the function whose fixed point solves a loop: from inputs once around the loop."""
+        closing = [self._connections[port] for port in loop.inputs]
+        targets = np.array([c.target for c in closing])
+        sources = np.array([c.source for c in closing])
+        factors = np.array([c.factor for c in closing])
+        offsets = np.array([c.offset for c in closing])
+        disturbances = [
+            (k, self._disturbances[port])
+            for k, port in enumerate(loop.inputs)
+            if port in self._disturbances
+        ]
+
+        def go_around(values: Array) -> Array:
+            saved.restore()
+            self.inputs.values[targets] = values
+            self._carry_out(calls)
+            returned: Array = factors * self.outputs.values[sources] + offsets
+            for k, column in disturbances:
+                returned[k] += column[self._point]
+            return returned
+
+        return go_around
+
+    # --- execution
 
     def step(self, schedule: Schedule, start: float, end: float) -> None:
-        """Take the members over a step; what does not need the inputs at its end is read.
+        """Let the members of a schedule step; outputs that need no inputs at its end are read.
 
         Raises
         ------
@@ -318,77 +363,82 @@ class Executor:
         schedule.count += 1
         then = perf_counter()
         for number, calls in schedule.steps:
-            for call, member, doing, _ in calls:
+            for call, member, request, _ in calls:
                 status = call()
                 if status:
-                    member.check_status(status, doing, self.clock)
+                    member.check_status(status, request, self.clock)
             now = perf_counter()
             seconds[number] += now - then
             then = now
 
-    def at(self, start: float, end: float, k: int) -> None:
-        """Be in a step from `start` to `end`, with the values from outside of point `k` in the inputs."""
+    def enter_point(self, start: float, end: float, k: int) -> None:
+        """Enter a step from `start` to `end` with the external values of point `k`."""
         self.clock.set(start, end)
         self._point = k
 
     def read_early(self) -> None:
-        """Read what needs no inputs, as after a step."""
+        """Read the outputs that depend on no inputs, as after a step."""
         self._carry_out(
-            [call for _, calls in self.complete.steps for call in calls if call.doing != STEP]
+            [call for _, calls in self.complete.steps for call in calls if call.request != STEP]
         )
 
     def exchange(self, stages: Sequence[ExchangeStage], k: int) -> None:
-        """Set inputs and read outputs, with the values from outside of communication point `k`.
+        """Set inputs and read outputs, with the external values of communication point `k`.
 
         Raises
         ------
         UserError
-            If a member fails, gives something that is no number to another, or a loop cannot be solved.
+            If a member fails or gives another a number that is not finite, or a loop cannot be
+            solved.
         """
-        inputs, outputs = self.inputs.cells, self.outputs.cells
+        inputs = self.inputs.cells
+        outputs = self.outputs.cells
         self._point = k
         for copies, scaled, disturbances, external, calls in stages:
             for target, source in copies:
                 value = outputs[source]
-                if value - value:  # not a number, or infinite
-                    self.not_finite(source)
+                if value - value:  # NaN or infinite
+                    self.raise_not_finite(source)
                 inputs[target] = value
             for target, source, factor, offset in scaled:
                 value = factor * outputs[source] + offset
                 if value - value:
-                    self.not_finite(source)
+                    self.raise_not_finite(source)
                 inputs[target] = value
             for target, column in disturbances:
                 inputs[target] += column[k]
             for target, column in external:
                 inputs[target] = column[k]
-            for call, member, doing, _ in calls:
-                status = call()
-                if status:
-                    member.check_status(status, doing, self.clock)
+            self._carry_out(calls)
 
     def update_slopes(self, schedule: Schedule) -> None:
-        """Let those that extrapolate see where their inputs went."""
+        """Save the slopes of the inputs over the last step."""
         for step in schedule.extrapolating:
             step.update_slopes()
 
     def _carry_out(self, calls: Sequence[MemberCall]) -> None:
-        for call, member, doing, _ in calls:
-            if status := call():
-                member.check_status(status, doing, self.clock)
+        for call, member, request, _ in calls:
+            status = call()
+            if status:
+                member.check_status(status, request, self.clock)
 
-    def not_finite(self, place: int) -> NoReturn:
-        """Name an output that is no number; UserError."""
-        port, value = list(self.outputs.at)[place], self.outputs.cells[place]
+    def raise_not_finite(self, place: int) -> NoReturn:
+        """Raise the error that an output, given by its place, is not finite."""
+        port = list(self.outputs.at)[place]
+        value = self.outputs.cells[place]
         raise UserError(
             f"{port.member}: its output {port.variable} is {value:g} at {self.clock.end:.10g} s"
         )
 
-    # --- afterwards -------------------------------------------------------------------------------------------------
+    # --- statistics
 
     def steps_of(self, member: Instance) -> int:
-        """How many steps a member made."""
+        """Return the number of steps that a member made."""
         made = sum(
             schedule.count for due, schedule in self._schedules.items() if member.name in due
         )
         return made * max(1, int(self.settings.rates.get(member.name, 1)))
+
+
+def _is_scaled(connection: BufferedConnection) -> bool:
+    return (connection.factor, connection.offset) != (1.0, 0.0)

@@ -1,4 +1,4 @@
-"""Ctrl-C, heard between steps: a member, which may run Python itself, is never interrupted in the middle of one."""
+"""Ctrl-C that takes effect between steps, so that no member is interrupted within one."""
 
 from __future__ import annotations
 
@@ -10,21 +10,19 @@ from types import FrameType
 
 
 class Interrupt:
-    """Whether Ctrl-C was pressed."""
+    """The note that Ctrl-C was pressed."""
 
     pressed = False
 
 
 @contextmanager
 def deferred() -> Iterator[Interrupt]:
-    """Note the first Ctrl-C; a second one interrupts as ever."""
+    """Note the first Ctrl-C within this context, and interrupt at the second one only."""
     interrupt = Interrupt()
     before = signal.getsignal(signal.SIGINT)
-    if (
-        threading.current_thread() is not threading.main_thread()
-        or before is not signal.default_int_handler
-    ):
-        yield interrupt  # somebody else takes care of it
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if not in_main_thread or before is not signal.default_int_handler:
+        yield interrupt  # Ctrl-C is handled elsewhere
         return
 
     def note(number: int, frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""Real time: communication points that are reached when the clock says so, and how well that went."""
+"""Pacing of runs in real time: waiting for each communication point, and counting of delays."""
 
 from __future__ import annotations
 
@@ -9,49 +9,51 @@ from dataclasses import dataclass
 from math import isfinite
 from time import perf_counter, sleep
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.master.interrupt import Interrupt
 
 MISSED = ("warn", "stop")
-# Upper bounds in s of the bins that latenesses are counted in; one more bin has no bound.
+# Upper bounds in s of the bins of the histogram of lateness; one more bin has no bound.
 EDGES = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1.0)
-# A sleep ends some 80 us late; turning round for the last part takes a tenth of a core at 1 kHz and leaves 0 in the
-# median, 15 us at the 99th percentile (docs/decisions/0018).
+# A sleep ends some 80 us late. Busy waiting for the last part takes a tenth of a core at 1 kHz and
+# leaves 0 in the median, 15 us at the 99th percentile (docs/decisions/0018).
 _SPIN = 1e-4  # s
-_LONGEST_SLEEP = 0.1  # s; so long an interrupt may have to wait
+_LONGEST_SLEEP = 0.1  # s; the longest time for which Ctrl-C has to wait
 
 Watch = Callable[[int, Sequence[float], float, int], None]
 
 
-def _nobody(k: int, values: Sequence[float], lag: float, missed: int) -> None:
-    """Watch nothing."""
+def _ignore(k: int, values: Sequence[float], lag: float, missed: int) -> None:
+    """Do nothing at a communication point."""
 
 
 @dataclass(frozen=True)
 class RealTime:
-    """How a run keeps pace with the clock.
+    """The options of a run in real time.
 
     Attributes
     ----------
     missed : {"warn", "stop"}
-        What a missed deadline does: it is counted, or it ends the run.
+        Whether a missed deadline is counted, or ends the run.
     lag : float
-        Seconds; a run that is later than that ends in any case, for it is not in real time any more.
+        Seconds; a run that is later than that ends in any case, for it is not in real time any
+        more.
     allowance : float, optional
-        Seconds by which a point may be reached late before its deadline counts as missed; default the step before it.
+        Seconds by which a point may be reached late before its deadline counts as missed; default
+        the step before it.
     processor : int, optional
-        The only one to run on, where the system can do that.
+        The only processor to run on, where the system permits that.
     priority : bool
-        Whether to ask for a higher priority; where that is not allowed, `Run.notes` says so.
+        Whether to raise the priority; where that is not allowed, `Run.notes` says so.
     watch : callable
-        Called at every point, before it is waited for: with the number of the point, the recorded values in the order
-        of `record`, the lateness of the point before in s, and how many deadlines were missed so far. What it takes is
-        taken from the time of the step.
+        Called at every point, before the wait for it: with the number of the point, the recorded
+        values in the order of `record`, the lateness of the point before in s, and the number of
+        deadlines missed so far. Its time is part of the time of the step.
 
     Raises
     ------
     UserError
-        If a value makes no sense.
+        If a value is not possible.
     """
 
     missed: str = "warn"
@@ -59,7 +61,7 @@ class RealTime:
     allowance: float | None = None
     processor: int | None = None
     priority: bool = False
-    watch: Watch = _nobody
+    watch: Watch = _ignore
 
     def __post_init__(self) -> None:
         if self.missed not in MISSED:
@@ -67,25 +69,26 @@ class RealTime:
         for name, value in (("lag", self.lag), ("allowance", self.allowance)):
             if value is not None and not (isfinite(value) and value > 0.0):
                 raise UserError(f"{name} {value:g} s: must be above 0")
-        there = os.cpu_count() or 1
-        if self.processor is not None and not 0 <= self.processor < there:
+        count = os.cpu_count() or 1
+        if self.processor is not None and not 0 <= self.processor < count:
             raise UserError(
-                f"processor {self.processor}: there are {', '.join(map(str, range(there)))}"
+                f"processor {self.processor}: there are {', '.join(map(str, range(count)))}"
             )
 
 
 @dataclass(frozen=True)
 class Pacing:
-    """How well a run kept pace.
+    """The statistics of the lateness of a run in real time.
 
     Attributes
     ----------
     deadlines, missed : int
-        Points that were to be reached in time, and those that were later than allowed.
+        Number of points with a deadline, and of those that were later than allowed.
     worst_lag, worst_at : float
-        Largest lateness in s, and the communication point of it.
+        Largest lateness, and its communication point, in s.
     edges, counts : tuple
-        Histogram of latenesses: upper bounds of the bins in s, and how many were in each and beyond the last.
+        Histogram of the lateness: upper bounds of the bins in s, and the number of points in each
+        bin and beyond the last.
     """
 
     deadlines: int
@@ -96,14 +99,16 @@ class Pacing:
     counts: tuple[int, ...]
 
     def __str__(self) -> str:
-        late = f"the latest by {self.worst_lag * 1e3:.3g} ms at {self.worst_at:.10g} s"
-        return f"{self.missed} of {self.deadlines} deadlines missed" + (
-            f", {late}" if self.deadlines else ""
-        )
+        missed = f"{self.missed} of {self.deadlines} deadlines missed"
+        if not self.deadlines:
+            return missed
+        return f"{missed}, the latest by {self.worst_lag * 1e3:.3g} ms at {self.worst_at:.10g} s"
 
 
 class Pacer:
-    """Lets no communication point be reached before its time, measured from the beginning: errors do not add up.
+    """A clock that waits for each communication point.
+
+    Times are measured from the beginning of the run, so errors do not add up.
 
     Parameters
     ----------
@@ -115,25 +120,28 @@ class Pacer:
     """
 
     def __init__(self, settings: RealTime, points: Sequence[float], interrupt: Interrupt):
-        self._settings, self._points, self._interrupt = settings, points, interrupt
+        self._settings = settings
+        self._points = points
+        self._interrupt = interrupt
         self._counts = [0] * (len(EDGES) + 1)
-        self._missed, self._lag = 0, 0.0
+        self._missed = 0
+        self._lag = 0.0
         self._worst = (0.0, points[0])
         self._start = 0.0
 
     def begin(self, values: Sequence[float]) -> None:
-        """Let the first point, with these values, be now."""
+        """Start the clock at the first point, with the recorded values there."""
         self._settings.watch(0, values, 0.0, 0)
         self._start = perf_counter() - self._points[0]
 
     def keep(self, k: int, values: Sequence[float]) -> None:
-        """Wait until it is time for point `k`, which has been computed.
+        """Wait for point `k`, which has been computed.
 
         Parameters
         ----------
         k : int
         values : sequence of float
-            What is recorded at the point.
+            Recorded values at the point.
 
         Raises
         ------
@@ -142,34 +150,37 @@ class Pacer:
         """
         self._settings.watch(k, values, self._lag, self._missed)
         deadline = self._start + self._points[k]
-        while (left := deadline - perf_counter()) > 0.0:
+        while (wait := deadline - perf_counter()) > 0.0:
             if self._interrupt.pressed:
                 return
-            if left > _SPIN:
-                sleep(min(left - _SPIN, _LONGEST_SLEEP))
-        self._lag = lag = -left
+            if wait > _SPIN:
+                sleep(min(wait - _SPIN, _LONGEST_SLEEP))
+        lag = -wait
+        self._lag = lag
         self._counts[bisect_left(EDGES, lag)] += 1
         if lag > self._worst[0]:
-            self._worst = lag, self._points[k]
-        self._judge(k, lag)
+            self._worst = (lag, self._points[k])
+        self._check_deadline(k, lag)
 
-    def _judge(self, k: int, lag: float) -> None:
+    def _check_deadline(self, k: int, lag: float) -> None:
         allowance = self._settings.allowance
         if allowance is None:
             allowance = self._points[k] - self._points[k - 1]
         if lag <= allowance:
             return
         self._missed += 1
-        here = f"{self._points[k]:.10g} s"
+        point = f"{self._points[k]:.10g} s"
         if lag > self._settings.lag:
             raise UserError(
-                f"not in real time: {here} was reached {lag:.3g} s late; the lag may be {self._settings.lag:g} s"
+                f"not in real time: {point} was reached {lag:.3g} s late; the lag may be"
+                f" {self._settings.lag:g} s"
             )
         if self._settings.missed == "stop":
             raise UserError(
-                f"deadline missed: {here} was reached {lag * 1e3:.3g} ms late; {allowance * 1e3:.3g} ms are allowed"
+                f"deadline missed: {point} was reached {lag * 1e3:.3g} ms late;"
+                f" {allowance * 1e3:.3g} ms are allowed"
             )
 
     def statistics(self) -> Pacing:
-        """How it went until now."""
+        """Return the statistics until now."""
         return Pacing(sum(self._counts), self._missed, *self._worst, EDGES, tuple(self._counts))

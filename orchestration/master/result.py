@@ -1,4 +1,4 @@
-"""What a run delivers."""
+"""Results of a run: signals, statistics, and the error of a run that was stopped."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.master.pacing import Pacing
 
 Array = NDArray[np.float64]
@@ -15,16 +15,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MemberStatistics:
-    """What a component took.
+    """The effort of a member.
 
     Attributes
     ----------
     steps : int
-        Steps it made, those that were taken back included.
+        Number of its steps, including those that were taken back.
     seconds : float
         Time in its steps.
     share : float
-        Of the time of all steps and exchanges.
+        Share of the time of all steps and exchanges.
     """
 
     steps: int
@@ -34,21 +34,22 @@ class MemberStatistics:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Where the time went.
+    """The effort of a run.
 
     Attributes
     ----------
     components : dict of str to MemberStatistics
     steps : int
-        Steps of the system that count.
+        Number of steps of the system, without those that were taken back.
     rollbacks : int
-        Steps that were repeated with a shorter one.
+        Number of steps that were repeated with a shorter one.
     evaluations : int
-        Of algebraic loops.
+        Number of evaluations of algebraic loops.
     wall : float
-        Seconds for steps and exchanges, without opening and initialization; in real time for waiting, too.
+        Seconds for steps and exchanges, without opening and initialization; in real time including
+        waiting.
     pacing : Pacing or None
-        How well a run in real time kept pace.
+        Lateness of a run in real time.
     """
 
     components: dict[str, MemberStatistics]
@@ -61,7 +62,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Run:
-    """What a run delivered.
+    """The result of a run.
 
     Attributes
     ----------
@@ -70,16 +71,16 @@ class Run:
     signals : dict of str to ndarray, shape (n,)
         By ``member.variable``, in the FMU's units.
     units : dict of str to str
-        Of the signals.
+        Units of the signals.
     complete : bool
-        Whether every member reached the last of the communication points asked for.
+        Whether every member reached the last of the requested communication points.
     message : str
         Why not; empty if complete.
     statistics : Statistics
     guids : dict of str to str
-        Of each member's FMU.
+        GUID of each member's FMU.
     notes : tuple of str
-        What should be known of the run: algebraic loops, warnings of members.
+        Remarks on the run: algebraic loops, warnings of members.
     """
 
     time: Array
@@ -93,12 +94,12 @@ class Run:
 
 
 class Stopped(UserError):
-    """A run that a member has stopped, or that could not keep pace with real time.
+    """The error that a member has stopped a run, or that it could not keep pace with real time.
 
     Attributes
     ----------
     run : Run
-        What was computed until then, marked incomplete.
+        The result until then, marked incomplete.
     """
 
     run: Run

@@ -1,8 +1,8 @@
-"""From a system and what is fed to it, to its members opened and the structure of who feeds whom."""
+"""Preparation of a run: members opened and checked, the system's structure, start values."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
@@ -10,21 +10,34 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 from fmus.kit.storage import scratch
-from orchestration.fmu.archive import unpack
-from orchestration.fmu.instance import Fmu
+from orchestration.fmu import Fmu, unpack
 from orchestration.fmu.signal import type_of
 from orchestration.master.dependency_graph import Structure
+from orchestration.master.executor import Executor
 from orchestration.master.instances import Instance
-from orchestration.master.schedule import Settings
-from orchestration.system.model import Port, System
+from orchestration.master.schedule import MasterSettings
+from orchestration.system import Port, System
 
 Array = NDArray[np.float64]
 
 
+# --- members
+
+
 def open_members(system: System, opened: ExitStack) -> list[Instance]:
     """Instantiate every member; an FMU that several members use is unzipped once.
+
+    Parameters
+    ----------
+    system : System
+    opened : ExitStack
+        Closes the members.
+
+    Returns
+    -------
+    list of Instance
 
     Raises
     ------
@@ -39,10 +52,11 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
             folders[path] = unpack(member.fmu)
             opened.callback(scratch.remove, folders[path])
         fmu = Fmu(member.fmu, member.parameters, member.name, folders[path])
-        once = fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
-        if once and any(other.fmu.path.resolve() == path for other in members):
+        only_once = fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
+        if only_once and any(other.fmu.path.resolve() == path for other in members):
             raise UserError(
-                f"{member.name}: {path.name} can run once only (canBeInstantiatedOnlyOncePerProcess)"
+                f"{member.name}: {path.name} can run once only"
+                " (canBeInstantiatedOnlyOncePerProcess)"
             )
         try:
             members.append(Instance(member.name, opened.enter_context(fmu)))
@@ -51,13 +65,15 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
     return members
 
 
-def check_abilities(members: Sequence[Instance], points: list[float], settings: Settings) -> None:
-    """Refuse what a member says it cannot do.
+def check_capabilities(
+    members: Sequence[Instance], points: list[float], settings: MasterSettings
+) -> None:
+    """Refuse a run that needs a capability which a member does not have.
 
     Raises
     ------
     UserError
-        Member, what is asked of it, and the ability that it lacks.
+        With the member, the requirement, and the capability flag.
     """
     sizes = np.diff(points)
     for member in members:
@@ -65,25 +81,38 @@ def check_abilities(members: Sequence[Instance], points: list[float], settings: 
         uneven = np.ptp(sizes) > 1e-6 * sizes[0] or (slow > 1 and sizes.size % int(slow) != 0)
         if (uneven or settings.adaptive) and not member.can_vary_step:
             raise UserError(
-                f"{member.name}: its steps must all be of one size (canHandleVariableCommunicationStepSize is false)"
+                f"{member.name}: its steps must all be of one size"
+                " (canHandleVariableCommunicationStepSize is false)"
             )
         if settings.adaptive and not member.can_restore:
             raise UserError(
-                f"{member.name}: cannot restore its state (canGetAndSetFMUstate is false), which a tolerance needs"
+                f"{member.name}: cannot restore its state (canGetAndSetFMUstate is false), which a"
+                " tolerance needs"
             )
         if settings.adaptive and slow > 1:
             raise UserError(f"{member.name}: a rate below 1 does not go with a tolerance")
 
 
+# --- values from outside
+
+
 def external_values(
     system: System, inputs: Mapping[str, Array], points: int
 ) -> dict[Port, list[float]]:
-    """Values from outside for each input of a member that receives some.
+    """Return the values from outside for each input of a member that receives some.
+
+    Parameters
+    ----------
+    system : System
+    inputs : Mapping of str to ndarray, shape (points,)
+        By input of the system, or by ``member.variable``.
+    points : int
 
     Raises
     ------
     UserError
-        If a name is neither an input of the system nor of a member, an input is fed twice, or values do not fit.
+        If a name is neither an input of the system nor of a member, an input is fed twice, or
+        values do not fit.
     """
     connected = {connection.target: connection.source for connection in system.connections}
     values_of: dict[Port, list[float]] = {}
@@ -105,7 +134,14 @@ def external_values(
 def disturbance_values(
     system: System, disturbances: Mapping[str, Array], points: int
 ) -> dict[Port, list[float]]:
-    """What is added to each connected input that is disturbed.
+    """Return the values that are added to each connected input that is disturbed.
+
+    Parameters
+    ----------
+    system : System
+    disturbances : Mapping of str to ndarray, shape (points,)
+        By ``member.variable``.
+    points : int
 
     Raises
     ------
@@ -124,27 +160,30 @@ def disturbance_values(
     return values_of
 
 
-def _column(what: str, values: Array, points: int) -> list[float]:
+def _column(name: str, values: Array, points: int) -> list[float]:
     array = np.asarray(values, dtype=float)
     if array.shape != (points,):
         raise UserError(
-            f"{what}: shape {array.shape} for {points} communication points; one value for each"
+            f"{name}: shape {array.shape} for {points} communication points; one value for each"
         )
     if not np.isfinite(array).all():
         k = int(np.argmin(np.isfinite(array)))
-        raise UserError(f"{what}: {array[k]:g} at point {k} is no finite number")
+        raise UserError(f"{name}: {array[k]:g} at point {k} is no finite number")
     column: list[float] = array.tolist()
     return column
 
 
-def structure(
+# --- structure
+
+
+def make_structure(
     system: System,
     members: Sequence[Instance],
     fed: Sequence[Port],
     record: Sequence[str] | None,
-    settings: Settings,
+    settings: MasterSettings,
 ) -> tuple[Structure, list[Port]]:
-    """Gather who feeds whom, and which variables are recorded.
+    """Gather the connections and dependencies of the members, and the recorded variables.
 
     Parameters
     ----------
@@ -154,7 +193,7 @@ def structure(
         Inputs that receive values from outside.
     record : sequence of str, optional
         Variables to record; default every output that is no text.
-    settings : Settings
+    settings : MasterSettings
 
     Returns
     -------
@@ -165,41 +204,126 @@ def structure(
     UserError
         If a variable does not exist, or one is fed that is no input.
     """
-    by_name = {member.name: member for member in members}
     outputs = [
         Port(member.name, name)
         for member in members
         for name in member.fmu.outputs
         if type_of(member.fmu.variables[name]) != "string"
     ]
-    recorded = (
-        outputs if record is None else list(dict.fromkeys(system.port(text) for text in record))
-    )
-    watched = outputs if settings.adaptive else []
+    recorded = outputs
+    if record is not None:
+        recorded = list(dict.fromkeys(system.port(text) for text in record))
+    compared = outputs if settings.adaptive else []  # by step doubling
     sources = {connection.target: connection.source for connection in system.connections}
-    for port in (*recorded, *sources, *sources.values(), *fed):
-        known = by_name[port.member].fmu.variables
-        if port.variable not in known:
-            raise UserError(
-                f"{port.member}: no variable named {port.variable!r}{suggestion(port.variable, known)}"
-            )
-        if (port in sources or port in fed) and known[port.variable].causality != "input":
-            raise UserError(f"{port}: is {known[port.variable].causality or 'local'}, no input")
-    receiving = {m.name: [p for p in (*sources, *fed) if p.member == m.name] for m in members}
-    wanted = {
-        m.name: [
-            p for p in dict.fromkeys((*recorded, *watched, *sources.values())) if p.member == m.name
-        ]
-        for m in members
-    }
-    needs: dict[Port, tuple[Port, ...]] = {}
+    fed_inputs = (*sources, *fed)
+    _check_variables(members, (*recorded, *sources, *sources.values(), *fed), set(fed_inputs))
+    read = list(dict.fromkeys((*recorded, *compared, *sources.values())))
+    fed_by_member = {m.name: [p for p in fed_inputs if p.member == m.name] for m in members}
+    read_by_member = {m.name: [p for p in read if p.member == m.name] for m in members}
+    feedthrough: dict[Port, tuple[Port, ...]] = {}
     assumed: set[Port] = set()
     for member in members:
-        for port in wanted[member.name]:
-            listed = member.dependencies(port.variable)
-            needed = [p for p in receiving[member.name] if listed is None or p.variable in listed]
-            needs[port] = tuple(needed) if settings.feedthrough else ()
-            if listed is None:
+        for port in read_by_member[member.name]:
+            stated = member.dependencies(port.variable)
+            if stated is None:
                 assumed.add(port)
+            feedthrough[port] = tuple(
+                p
+                for p in fed_by_member[member.name]
+                if settings.feedthrough and (stated is None or p.variable in stated)
+            )
     stateless = {member.name for member in members if not member.can_restore}
-    return Structure(sources, receiving, wanted, needs, assumed, stateless), recorded
+    structure = Structure(
+        sources=sources,
+        fed=fed_by_member,
+        wanted=read_by_member,
+        feedthrough=feedthrough,
+        assumed=assumed,
+        stateless=stateless,
+    )
+    return structure, recorded
+
+
+def _check_variables(
+    members: Sequence[Instance], ports: Sequence[Port], fed_inputs: set[Port]
+) -> None:
+    """Refuse ports that do not exist, and fed ports that are no inputs."""
+    variables_of = {member.name: member.fmu.variables for member in members}
+    for port in ports:
+        known = variables_of[port.member]
+        if port.variable not in known:
+            raise UserError(
+                f"{port.member}: no variable named"
+                f" {port.variable!r}{suggestion(port.variable, known)}"
+            )
+        causality = known[port.variable].causality
+        if port in fed_inputs and causality != "input":
+            raise UserError(f"{port}: is {causality or 'local'}, no input")
+
+
+# --- initialization
+
+
+def enter_initialization(members: Sequence[Instance], start: float, stop: float) -> None:
+    """Set the parameters of all members and enter their initialization mode.
+
+    Raises
+    ------
+    UserError
+        If a member refuses.
+    """
+    for member in members:
+        _named(member, lambda fmu: fmu.enter_initialization(start, stop))
+
+
+def initialize(executor: Executor) -> list[str]:
+    """Propagate start values until they no longer change, and end the initialization.
+
+    Returns
+    -------
+    list of str
+        Remarks on the initialization.
+
+    Raises
+    ------
+    UserError
+        If a member refuses.
+    """
+    notes = []
+    for _ in range(len(executor.members) + 2):
+        before = executor.inputs.values.copy()
+        _propagate(executor)
+        settled = np.isclose(before, executor.inputs.values, rtol=1e-9, atol=1e-12)
+        if settled.all():
+            break
+    else:
+        unsettled = ", ".join(str(port) for port, i in executor.inputs.at.items() if not settled[i])
+        notes.append(
+            f"start values depend on each other in a circle and do not settle: {unsettled}"
+        )
+    _exit_initialization(executor)
+    executor.read_early()
+    return notes
+
+
+def _propagate(executor: Executor) -> None:
+    try:
+        executor.read_early()
+        executor.exchange(executor.complete.stages, 0)
+    except UserError:
+        # FMUs check their parameters at the end, and bad ones are the more likely reason
+        _exit_initialization(executor)
+        raise
+
+
+def _exit_initialization(executor: Executor) -> None:
+    for member in executor.members:
+        _named(member, lambda fmu: fmu.exit_initialization())
+
+
+def _named(member: Instance, act: Callable[[Fmu], None]) -> None:
+    """Do something with the FMU of a member, and name the member if it fails."""
+    try:
+        act(member.fmu)
+    except UserError as error:
+        raise UserError(f"{member.name}: {error}") from error

@@ -1,4 +1,4 @@
-"""Steps of the master that are as long as the coupling error permits, by step doubling."""
+"""Adaptive steps of the master by step doubling: as long as the coupling error permits."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.master.executor import Executor
 from orchestration.master.instances import SavedState
 from orchestration.master.interrupt import Interrupt
 
 Array = NDArray[np.float64]
-_SHORTEST = 1e-12  # of the time, or of a second
+_SHORTEST = 1e-12  # relative to the time, or to a second
+_LARGEST_GROWTH = 5.0  # of the step size from step to step
+_LARGEST_REDUCTION = 0.2
+_SAFETY = 0.9
 
 
 class Checkpoint:
-    """Where an executor is, to go back to any number of times: states, values in the buffers, slopes."""
+    """The saved state of an executor: states of members, values in the buffers, and slopes."""
 
     def __init__(self, executor: Executor):
         self._buffers = [executor.inputs.values, executor.outputs.values]
@@ -28,26 +31,27 @@ class Checkpoint:
         executor.saved_states.append(self._states)
 
     def save(self) -> None:
-        """Keep everything as it is now; UserError if a member refuses."""
+        """Save the present state; UserError if a member refuses."""
         self._states.save()
-        for kept, values in zip(self._values, self._buffers, strict=True):
-            kept[:] = values
+        for saved, values in zip(self._values, self._buffers, strict=True):
+            saved[:] = values
         self._slopes = [history.slopes.copy() for history in self._histories]
 
     def restore(self) -> None:
-        """Go back to what was saved last; UserError if a member refuses."""
+        """Restore the state that was saved last; UserError if a member refuses."""
         self._states.restore()
-        for kept, values in zip(self._values, self._buffers, strict=True):
-            values[:] = kept
+        for saved, values in zip(self._values, self._buffers, strict=True):
+            values[:] = saved
         for history, slopes in zip(self._histories, self._slopes, strict=True):
             history.slopes[:] = slopes
 
 
 class StepDoubling:
-    """Goes from one communication point to the next in steps of its own.
+    """Adaptive steps from one communication point to the next.
 
-    Every step is made at once and then, after going back, as two halves. The halves stay; the difference between the
-    two results, of all continuous outputs, is the error, relative to ``tolerance * (nominal + |value|)``.
+    Every step is made once as a whole and then, after going back, as two halves, which are kept.
+    The difference of the results, of all continuous outputs and relative to
+    ``tolerance * (nominal + |value|)``, is the error.
 
     Parameters
     ----------
@@ -57,11 +61,12 @@ class StepDoubling:
     Attributes
     ----------
     steps, rollbacks : int
-        Steps that stayed, each in two halves, and those that had to be repeated with a shorter one.
+        Number of steps that were kept, and of those that were repeated with a shorter one.
     """
 
     def __init__(self, executor: Executor, tolerance: float):
-        self._executor, self._tolerance = executor, tolerance
+        self._executor = executor
+        self._tolerance = tolerance
         self._checkpoint = Checkpoint(executor)
         by_name = {member.name: member for member in executor.members}
         self._ports = [
@@ -70,11 +75,24 @@ class StepDoubling:
         self._places = [executor.outputs.at[port] for port in self._ports]
         self._nominal = np.array([by_name[p.member].nominal(p.variable) for p in self._ports])
         self._order = 1 + executor.settings.extrapolation
-        self._hint = math.inf
-        self.steps = self.rollbacks = 0
+        self._next_size = math.inf
+        self.steps = 0
+        self.rollbacks = 0
 
     def advance(self, start: float, end: float, k: int, interrupt: Interrupt) -> bool:
-        """Step from point `k` to the next; false if Ctrl-C was pressed before it was reached.
+        """Step from point `k` to the next.
+
+        Parameters
+        ----------
+        start, end : float
+            Times of the two points in s.
+        k : int
+        interrupt : Interrupt
+
+        Returns
+        -------
+        bool
+            Whether it was reached; false if Ctrl-C was pressed before.
 
         Raises
         ------
@@ -85,43 +103,51 @@ class StepDoubling:
         while time < end:
             if interrupt.pressed:
                 return False
-            size = min(self._hint, end - time)
-            whole = size > 0.999 * (end - time)
-            target = end if whole else time + size
-            self._checkpoint.save()
-            self._step(time, target, k)
-            once = self._executor.outputs.values[self._places]
-            self._checkpoint.restore()
-            middle = time + 0.5 * (target - time)
-            self._step(time, middle, k)
-            self._step(middle, target, k)
-            twice = self._executor.outputs.values[self._places]
-            errors = self._errors(once, twice)
+            size = min(self._next_size, end - time)
+            reaches_end = size > 0.999 * (end - time)
+            target = end if reaches_end else time + size
+            errors = self._step_twice(time, target, k)
             error = float(np.max(errors, initial=0.0))
-            factor = (
-                5.0
-                if error == 0.0
-                else min(5.0, max(0.2, 0.9 * error ** (-1.0 / (self._order + 1))))
-            )
+            factor = self._size_factor(error)
             if error <= 1.0:
                 self.steps += 1
-                if not whole or size == self._hint:
-                    self._hint = size * factor
+                if not reaches_end or size == self._next_size:
+                    self._next_size = size * factor
                 time = target
                 continue
             self._checkpoint.restore()
             self.rollbacks += 1
-            self._hint = (target - time) * factor
-            if self._hint < _SHORTEST * max(1.0, abs(time)):
+            self._next_size = (target - time) * factor
+            if self._next_size < _SHORTEST * max(1.0, abs(time)):
                 port = self._ports[int(np.argmax(errors))]
                 raise UserError(
-                    f"{port} at {time:.10g} s: the coupling error stays above the tolerance {self._tolerance:g}, "
-                    "however short the step"
+                    f"{port} at {time:.10g} s: the coupling error stays above the tolerance"
+                    f" {self._tolerance:g}, however short the step"
                 )
         return True
 
+    def _step_twice(self, start: float, end: float, k: int) -> Array:
+        """Make a step as a whole, go back, and make it in two halves; return the errors."""
+        outputs = self._executor.outputs.values
+        self._checkpoint.save()
+        self._step(start, end, k)
+        once = outputs[self._places]
+        self._checkpoint.restore()
+        middle = start + 0.5 * (end - start)
+        self._step(start, middle, k)
+        self._step(middle, end, k)
+        twice = outputs[self._places]
+        return self._errors(once, twice)
+
+    def _size_factor(self, error: float) -> float:
+        """Return the factor from this step size to the next."""
+        if error == 0.0:
+            return _LARGEST_GROWTH
+        factor = _SAFETY * error ** (-1.0 / (self._order + 1))
+        return min(_LARGEST_GROWTH, max(_LARGEST_REDUCTION, factor))
+
     def _errors(self, once: Array, twice: Array) -> Array:
-        """Difference of two results over what is tolerated; where both are no number there is none."""
+        """Return the difference of two results relative to the tolerance; 0 where both are NaN."""
         with np.errstate(invalid="ignore"):
             errors = np.abs(twice - once) / (self._tolerance * (self._nominal + np.abs(twice)))
         errors[np.isnan(errors)] = math.inf

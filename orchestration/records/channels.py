@@ -1,4 +1,4 @@
-"""The values of each channel: missing samples are filled, masked or refused; the marks of a poor sensor are noticed."""
+"""Values of each channel: missing samples filled, masked or refused, poor sensors reported."""
 
 from collections.abc import Collection
 
@@ -12,7 +12,7 @@ HOLE_SAMPLES = 5
 """Holes in an input up to this many samples are interpolated."""
 CLIPPED_SHARE = 0.01
 CLIPPED_RUN = 5
-"""A channel is called clipped if this share of samples, and a run of this many, sit at exactly one extreme."""
+"""Share of samples, and length of a run, at exactly one extreme of a channel that is clipped."""
 _QUANTISED_MINIMUM_SAMPLES = 50
 _QUANTISED_SAMPLES_PER_LEVEL = 4
 
@@ -35,10 +35,10 @@ def mask_infinite(samples: Samples) -> None:
 
 
 def repair_holes(samples: Samples, inputs: Collection[str], required: Collection[str]) -> None:
-    """Fill short holes of inputs, refuse long ones, and report the missing samples of outputs, in place.
+    """Fill short holes of inputs, refuse long ones, report missing samples of outputs, in place.
 
-    A simulation needs every input at every instant, so a hole is interpolated if it is short. An output is only
-    compared with; its missing samples stay NaN and do not enter the residual.
+    A simulation needs every input at every instant, so a hole is interpolated if it is short. An
+    output is only compared with; its missing samples stay NaN and do not enter the residual.
 
     Parameters
     ----------
@@ -52,7 +52,8 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
     Raises
     ------
     UserError
-        If an input's hole is too long or at an end of the record, or a required signal has no value at all.
+        If an input's hole is too long or at an end of the record, or a required signal has no value
+        at all.
     """
     for name in list(samples.values):
         values = samples.values[name]
@@ -70,7 +71,10 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
             samples.values[name] = _fill_input(samples, name, values, missing)
         elif missing.any():
             rows = samples.rows[missing].tolist()
-            message = f"{name}: {len(rows)} missing values, left out of every comparison ({list_rows(rows)})"
+            message = (
+                f"{name}: {len(rows)} missing values, left out of every comparison"
+                f" ({list_rows(rows)})"
+            )
             samples.repairs.append(Repair("masked", message, tuple(rows)))
     if not samples.values:
         raise refuse(samples.path, "no column of a signal has any value")
@@ -80,30 +84,34 @@ def _fill_input(
     samples: Samples, name: str, values: NDArray[np.float64], missing: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """Interpolate the short holes of an input linearly in time."""
-    for first, end in runs(missing):
+    for first, end in true_runs(missing):
         rows = samples.rows[first:end]
         span = f"row {rows[0]}" if end - first == 1 else f"rows {rows[0]} to {rows[-1]}"
         if first == 0 or end == values.size:
             raise refuse(
                 samples.path,
-                f"the input '{name}' has no value in {span}, at the {'start' if first == 0 else 'end'} of the record, "
-                "where nothing can be interpolated; cut these rows off",
+                f"the input '{name}' has no value in {span}, at the"
+                f" {'start' if first == 0 else 'end'} of the record, where nothing can be"
+                " interpolated; cut these rows off",
             )
         if end - first > HOLE_SAMPLES:
             raise refuse(
                 samples.path,
-                f"the input '{name}' has no value in {span}: {end - first} samples (interpolated are at most "
-                f"{HOLE_SAMPLES}); fill them, or split the record there",
+                f"the input '{name}' has no value in {span}: {end - first} samples (interpolated"
+                f" are at most {HOLE_SAMPLES}); fill them, or split the record there",
             )
     rows_filled = samples.rows[missing].tolist()
-    message = f"{name}: {len(rows_filled)} missing values of this input interpolated ({list_rows(rows_filled)})"
+    message = (
+        f"{name}: {len(rows_filled)} missing values of this input interpolated"
+        f" ({list_rows(rows_filled)})"
+    )
     samples.repairs.append(Repair("filled hole", message, tuple(rows_filled)))
     filled = values.copy()
     filled[missing] = np.interp(samples.time[missing], samples.time[~missing], values[~missing])
     return filled
 
 
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def true_runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Find the runs of True.
 
     Parameters
@@ -129,14 +137,18 @@ def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[
     units : dict of str to str
         Unit of every signal.
     inputs : collection of str
-        The signals that drive the model: they may have few levels and rest at their ends, as they were made to.
+        The signals that drive the model: they may have few levels and rest at their ends, as they
+        were made to.
     """
     for name, values in samples.values.items():
         valid = values[~np.isnan(values)]
         levels = np.unique(valid)
         unit = units[name]
         if levels.size == 1:
-            message = f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or held so)"
+            message = (
+                f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or"
+                " held so)"
+            )
             samples.repairs.append(Repair("constant", message))
             continue
         if name in inputs:
@@ -156,9 +168,13 @@ def _notice_quantised(
     steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
     if not steps.size:  # the range overflowed
         return
-    # a step written with few digits jitters by a rounding; the mean of the smallest group is closer than the least one
+    # a step written with few digits jitters by a rounding; the mean of the smallest group is closer
+    # than the least one
     least = float(steps[steps < 1.5 * steps.min()].mean())
-    message = f"{name}: quantised, {steps.size + 1} distinct values in {count} samples, least step {least:.4g} {unit}"
+    message = (
+        f"{name}: quantised, {steps.size + 1} distinct values in {count} samples, least step"
+        f" {least:.4g} {unit}"
+    )
     samples.repairs.append(Repair("quantised", message))
 
 
@@ -169,13 +185,13 @@ def _notice_clipped(
     for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
         at_level = values == level
         share = float(at_level.mean())
-        stretches = runs(at_level)
+        stretches = true_runs(at_level)
         longest = max(stretches, key=lambda run: run[1] - run[0])
         length = longest[1] - longest[0]
         if share >= CLIPPED_SHARE and length >= CLIPPED_RUN:
             message = (
-                f"{name}: clipped (or held) at its {word} {level:.6g} {unit}: {100 * share:.1f} % of the samples, "
-                f"up to {length} in a row from row {samples.rows[longest[0]]}"
+                f"{name}: clipped (or held) at its {word} {level:.6g} {unit}: {100 * share:.1f} %"
+                f" of the samples, up to {length} in a row from row {samples.rows[longest[0]]}"
             )
             samples.repairs.append(
                 Repair("clipped", message, tuple(samples.rows[at_level].tolist()))

@@ -1,4 +1,4 @@
-"""The time column: what is repaired (missing, unordered, repeated), refused (a restart) or noticed (gaps)."""
+"""The time column: repaired (missing, unordered, repeated), refused (a restart), gaps reported."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,8 +103,9 @@ def _drop_missing_time(samples: Samples) -> None:
 def _sort_late_rows(samples: Samples) -> None:
     """Sort in the few rows that come late, in place; refuse a clock that restarts or is set back.
 
-    A run of late rows is sorted if it is short, or if it fits between two neighbouring samples (a packet that arrived
-    late). Any other run overlaps what was measured before it: sorting would shuffle two different times together.
+    A run of late rows is sorted if it is short, or if it fits between two neighbouring samples (a
+    packet that arrived late). Any other run overlaps what was measured before it: sorting would
+    shuffle two different times together.
     """
     time = samples.time
     before = np.maximum.accumulate(time)
@@ -114,7 +115,10 @@ def _sort_late_rows(samples: Samples) -> None:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
-        jump = f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]} at {time[first]:g} s"
+        jump = (
+            f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]}"
+            f" at {time[first]:g} s"
+        )
         if _restarts(time, first):
             raise refuse(
                 samples.path,
@@ -124,15 +128,16 @@ def _sort_late_rows(samples: Samples) -> None:
         if end - first > LATE_RUN_ROWS and not _fills_a_hole(time, first, end):
             raise refuse(
                 samples.path,
-                f"the clock jumps back: {jump}, and {end - first} rows follow before it catches up (sorted are at most "
-                f"{LATE_RUN_ROWS}); split the file before row {samples.rows[first]}, or correct the time",
+                f"the clock jumps back: {jump}, and {end - first} rows follow before it catches up"
+                f" (sorted are at most {LATE_RUN_ROWS}); split the file before row"
+                f" {samples.rows[first]}, or correct the time",
             )
     rows = samples.rows[late].tolist()
     if len(rows) > max(LATE_RUN_ROWS, 0.01 * time.size) and len(edges) // 2 > LATE_RUN_ROWS:
         raise refuse(
             samples.path,
-            f"{len(rows)} of {time.size} rows are out of order ({list_rows(rows)}); sorted are at most 1 %: "
-            "the times do not order this record",
+            f"{len(rows)} of {time.size} rows are out of order ({list_rows(rows)}); sorted are at"
+            " most 1 %: the times do not order this record",
         )
     samples.repairs.append(
         Repair("order", f"{len(rows)} rows out of order sorted ({list_rows(rows)})", tuple(rows))
@@ -182,8 +187,8 @@ def _fills_a_hole(time: NDArray[np.float64], first: int, end: int) -> bool:
 def _average_duplicates(samples: Samples) -> None:
     """Replace the rows of one time by their mean, in place.
 
-    The mean is the least-squares estimate of a quantity measured repeatedly at one instant; an ordered integrator can
-    use only one value there. Missing cells do not enter the mean.
+    The mean is the least-squares estimate of a quantity measured repeatedly at one instant; an
+    ordered integrator can use only one value there. Missing cells do not enter the mean.
     """
     time = samples.time
     first = np.concatenate(([True], np.diff(time) > 0))
@@ -217,12 +222,12 @@ def _average_duplicates(samples: Samples) -> None:
 
 
 def evenly_sampled(time: NDArray[np.float64]) -> bool:
-    """Whether steps of a record are alike, so that an autoregression over samples is one over time.
+    """Return whether steps of a record are equal enough for an autoregression over samples.
 
-    That bears a clock that jitters, but none that changes its rate. A pole p of noise becomes p^r over r steps.
-    Whitened by p all the same, its innovations are larger by the variance of p^r - p, about (p ln p)^2 var(r), beside
-    1 - p^2: with `JITTER` at worst, at p = 0.45, by 5 %. The rate, averaged over `RATE_SAMPLES` steps, must stay
-    within a factor of two.
+    That bears a clock that jitters, but none that changes its rate. A pole p of noise becomes p^r
+    over r steps. Whitened by p all the same, its innovations are larger by the variance of p^r - p,
+    about (p ln p)^2 var(r), beside 1 - p^2: with `JITTER` at worst, at p = 0.45, by 5 %. The rate,
+    averaged over `RATE_SAMPLES` steps, must stay within a factor of two.
 
     Parameters
     ----------
@@ -243,10 +248,10 @@ def evenly_sampled(time: NDArray[np.float64]) -> bool:
 
 
 def gaps(time: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Samples after which a clock leaves a gap.
+    """Find samples after which a clock leaves a gap.
 
-    A step is a gap if it exceeds ten times the median step of the record and of its surroundings, so that a record with
-    logarithmic sampling is called uneven and not full of gaps.
+    A step is a gap if it exceeds ten times the median step of the record and of its surroundings,
+    so that a record with logarithmic sampling is called uneven and not full of gaps.
 
     Parameters
     ----------
@@ -272,10 +277,10 @@ def _notice_gaps(samples: Samples) -> None:
         rows = samples.rows[found + 1].tolist()
         longest = found[int(np.argmax(steps[found]))]
         message = (
-            f"{len(found)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s, the longest "
-            f"{steps[longest]:.4g} s before row {samples.rows[longest + 1]} (before {list_rows(rows)}); a simulation "
-            "holds the inputs through a gap, and what follows it is right only if they did not change; a diagnosis "
-            "begins anew after it"
+            f"{len(found)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s, the"
+            f" longest {steps[longest]:.4g} s before row {samples.rows[longest + 1]} (before"
+            f" {list_rows(rows)}); a simulation holds the inputs through a gap, and what follows it"
+            " is right only if they did not change; a diagnosis begins anew after it"
         )
         samples.repairs.append(Repair("gap", message, tuple(rows)))
     if not evenly_sampled(samples.time):

@@ -1,8 +1,9 @@
 """Several records as one: where each run begins and ends, and which values are a run's own.
 
-A parameter of all runs has its name, ``R1``; the value that it has in one run alone is called after that run, ``R1@b``.
-States start in every run anew, so start values are of this second kind wherever there are several runs. Whoever fits,
-whitens or draws sees one long record with gaps in it, and names; only what simulates looks at the runs.
+A parameter of all runs has its name, ``R1``; the value that it has in one run alone is called after
+that run, ``R1@b``. States start in every run anew, so start values are of this second kind wherever
+there are several runs. Whoever fits, whitens or draws sees one long record with gaps in it, and
+names; only what simulates looks at the runs.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _ALIKE = 0.1  # relative difference of their steps, up to which runs are sampled
 
 
 @dataclass(frozen=True)
-class Run:
+class MeasuredRun:
     """One of several runs that are joined to one record.
 
     Attributes
@@ -72,7 +73,7 @@ def shown_name(name: str) -> str:
     return f"{base} (run {label})" if label else base
 
 
-def names_in(runs: Sequence[Run], names: Iterable[str], own: Iterable[str]) -> list[str]:
+def names_in(runs: Sequence[MeasuredRun], names: Iterable[str], own: Iterable[str]) -> list[str]:
     """Names to search over several runs: those that are each run's own once for every run."""
     each = set(own)
     return [
@@ -80,8 +81,8 @@ def names_in(runs: Sequence[Run], names: Iterable[str], own: Iterable[str]) -> l
     ]
 
 
-def sampled_alike(time: Array, runs: Sequence[Run]) -> bool:
-    """Whether samples are equally spaced in every run, and in all of them alike."""
+def sampled_alike(time: Array, runs: Sequence[MeasuredRun]) -> bool:
+    """Return whether samples are equally spaced in every run, and in all of them alike."""
     parts = [time[run.samples] for run in runs if run.last - run.first > 1]
     steps = [float(np.median(np.diff(part))) for part in parts]
     return (
@@ -91,8 +92,11 @@ def sampled_alike(time: Array, runs: Sequence[Run]) -> bool:
     )
 
 
-def joined(count: int, runs: Sequence[Run], parts: Sequence[Array]) -> Array:
-    """Join values of runs over so many samples; before each stand its first ones: no step is where it was measured."""
+def join_records(count: int, runs: Sequence[MeasuredRun], parts: Sequence[Array]) -> Array:
+    """Join values of runs over so many samples.
+
+    Before each run stand its first values, so that no step is where it was measured.
+    """
     values = np.empty((count, *parts[0].shape[1:]), parts[0].dtype)
     last = 0
     for run, part in zip(runs, parts, strict=True):

@@ -1,4 +1,4 @@
-"""A record that is written while it is made, so that a run that is killed leaves all but its last seconds."""
+"""A journal: a record that is written while it is made, and survives a process that is killed."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.records.writing import header
-from orchestration.reporting.background import BackgroundWriter
+from orchestration.reporting import BackgroundWriter
 
 _EVERY = 2.0  # s between two pieces
 
@@ -36,7 +36,8 @@ class Journal:
             self._file = path.open("xb", buffering=0)
         except FileExistsError:
             raise UserError(
-                f"{path} is there: what a run recorded that was killed; read it (ppy compare takes it), then remove it"
+                f"{path} is there: what a run recorded that was killed; read it (ppy compare takes"
+                " it), then remove it"
             ) from None
         except OSError as error:
             raise UserError(f"cannot write {path}: {error.strerror}") from error

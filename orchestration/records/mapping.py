@@ -1,9 +1,9 @@
-"""Which column of a file is which signal of the model: by equal names, or by ``--map column=signal[unit]``."""
+"""Mapping of columns to signals of a model: by equal names, or by ``--map column=signal[unit]``."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, split_header_cell
 
@@ -108,18 +108,10 @@ def match_columns(
     Raises
     ------
     UserError
-        If a mapped column, a required signal, the time or every signal is absent, or a name occurs twice.
+        If a mapped column, a required signal, the time or every signal is absent, or a name occurs
+        twice.
     """
-    matches: dict[str, Match] = {}
-    for name, target in mapping.items():
-        signal, unit = split_header_cell(target)
-        if signal != TIME and signal not in signals:
-            raise UserError(
-                f"--map '{name}={target}': the model has no signal '{signal}'{suggestion(signal, signals)}"
-            )
-        if signal in matches:
-            raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
-        matches[signal] = Match(_find_column(table, name, f"--map '{name}={target}'"), signal, unit)
+    matches = _mapped(table, signals, mapping)
     taken = [match.column for match in matches.values()]
     if len({id(column) for column in taken}) != len(taken):
         raise refuse(table.path, "--map gives one column to two signals")
@@ -127,36 +119,22 @@ def match_columns(
         matches[TIME] = Match(_find_time(table, signals, taken), TIME, None)
     taken.append(matches[TIME].column)
     for signal in signals:
-        if signal in matches:
-            continue
-        free = [
-            column
-            for column in table.columns
-            if column.name == signal and not any(column is other for other in taken)
-        ]
-        if len(free) > 1:
-            raise refuse(
-                table.path, f"{len(free)} columns are called '{signal}'; rename them, or keep one"
-            )
-        if free:
-            matches[signal] = Match(free[0], signal, None)
-            taken.append(free[0])
+        if signal not in matches:
+            _match_name(table, signal, matches, taken)
     _match_members(table, signals, matches, taken)
-    ignored = [
-        column.name for column in table.columns if not any(column is other for other in taken)
-    ]
+    ignored = [column.name for column in _free(table, taken)]
     for signal in required:
         if signal not in matches:
             raise refuse(
                 table.path,
-                f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the columns"
-                f"{suggestion(signal, ignored)}; to rename one: --map 'column={signal}'",
+                f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the"
+                f" columns{suggestion(signal, ignored)}; to rename one: --map 'column={signal}'",
             )
     if len(matches) == 1:
         raise refuse(
             table.path,
-            f"none of the columns {', '.join(table.names())} is a signal of the model ({', '.join(signals)}); "
-            "to rename one: --map 'column=signal'",
+            f"none of the columns {', '.join(table.names())} is a signal of the model"
+            f" ({', '.join(signals)}); to rename one: --map 'column=signal'",
         )
     if ignored:
         absent = [signal for signal in signals if signal not in matches]
@@ -167,20 +145,54 @@ def match_columns(
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
 
 
+def _mapped(
+    table: Table, signals: Mapping[str, str], mapping: Mapping[str, str]
+) -> dict[str, Match]:
+    """Match the columns that the user has renamed."""
+    matches: dict[str, Match] = {}
+    for name, target in mapping.items():
+        signal, unit = split_header_cell(target)
+        if signal != TIME and signal not in signals:
+            raise UserError(
+                f"--map '{name}={target}': the model has no signal"
+                f" '{signal}'{suggestion(signal, signals)}"
+            )
+        if signal in matches:
+            raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
+        matches[signal] = Match(_find_column(table, name, f"--map '{name}={target}'"), signal, unit)
+    return matches
+
+
+def _free(table: Table, taken: list[Column]) -> list[Column]:
+    """Columns that are no signal yet."""
+    return [column for column in table.columns if not any(column is other for other in taken)]
+
+
+def _match_name(table: Table, signal: str, matches: dict[str, Match], taken: list[Column]) -> None:
+    """Take the column that has the name of a signal."""
+    free = [column for column in _free(table, taken) if column.name == signal]
+    if len(free) > 1:
+        raise refuse(
+            table.path, f"{len(free)} columns are called '{signal}'; rename them, or keep one"
+        )
+    if free:
+        matches[signal] = Match(free[0], signal, None)
+        taken.append(free[0])
+
+
 def _match_members(
     table: Table, signals: Iterable[str], matches: dict[str, Match], taken: list[Column]
 ) -> None:
-    """Take the column ``member.signal`` for a signal that has none: results of a system call them so."""
+    """Take the column ``member.signal`` for a signal without one, as systems' results name it."""
     for signal in signals:
-        free = [
-            column
-            for column in table.columns
-            if column.name.endswith(f".{signal}") and not any(column is other for other in taken)
-        ]
+        free = [column for column in _free(table, taken) if column.name.endswith(f".{signal}")]
         if signal not in matches and len(free) == 1:
             matches[signal] = Match(free[0], signal, None)
             taken.append(free[0])
-            message = f"column '{free[0].name}' is read as {signal}: the only one of a member of this name"
+            message = (
+                f"column '{free[0].name}' is read as {signal}: the only one of a member of this"
+                " name"
+            )
             table.repairs.append(Repair("member", message))
 
 
@@ -188,7 +200,7 @@ def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) ->
     """Find the time column: the one called time, else the first column if its unit is a time."""
     from fmus.kit.units import parse
 
-    free = [column for column in table.columns if not any(column is other for other in taken)]
+    free = _free(table, taken)
     named = [
         column
         for column in free
@@ -214,6 +226,6 @@ def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) ->
             pass
     raise refuse(
         table.path,
-        f"no time column: the first column is '{first.name}' [{first.unit or 'no unit'}], and none is called time; "
-        f"to say which it is: --map '{first.name}=time[s]'",
+        f"no time column: the first column is '{first.name}' [{first.unit or 'no unit'}], and none"
+        f" is called time; to say which it is: --map '{first.name}=time[s]'",
     )

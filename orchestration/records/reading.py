@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
-from orchestration.records.formats.registry import read_table
+from orchestration.records.formats import read_table
 from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair
 from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
@@ -38,8 +38,8 @@ def read_record(
     required : collection of str
         Signals that must be there.
     inputs : collection of str
-        Which signals drive the model: their short holes are interpolated and long ones refused. A hole in any other
-        signal stays NaN.
+        Which signals drive the model: their short holes are interpolated and long ones refused. A
+        hole in any other signal stays NaN.
 
     Returns
     -------
@@ -122,7 +122,8 @@ def _record(
     label: str = "",
 ) -> Record:
     """Repair what can be repaired of one run, and refuse or notice what cannot."""
-    # absurd values near the largest double overflow in differences; they are the file's, and no reason for a traceback
+    # absurd values near the largest double overflow in differences; they are the file's, and no
+    # reason for a traceback
     with np.errstate(over="ignore", invalid="ignore"):
         mask_infinite(samples)
         repair_clock(samples)
@@ -143,6 +144,9 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
         )
         table.repairs.append(Repair("unit assumed", message))
     elif match.unit is not None and column.unit is not None and match.unit != column.unit:
-        message = f"column '{column.name}' [{column.unit}] read as {match.signal} in {match.unit}, as asked"
+        message = (
+            f"column '{column.name}' [{column.unit}] read as {match.signal} in {match.unit}, as"
+            " asked"
+        )
         table.repairs.append(Repair("unit replaced", message))
     return convert(table.path, column.name, numbers(table, column), stated, unit, match.signal)

@@ -1,4 +1,4 @@
-"""What reading a file yields: the record itself and the lines that say what was repaired or noticed."""
+"""A record as read from a file, with the lines that report what was repaired or noticed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ REPAIRING_KINDS = frozenset(
         "unit replaced",
     }
 )
-"""Kinds of `Repair` that changed, dropped or reinterpreted data; all others only state a fact about it."""
+"""Kinds of `Repair` that changed, dropped or reinterpreted data; all others state a fact."""
 _LONGEST = 1000  # characters of a message
 
 
@@ -54,7 +54,7 @@ class Repair:
 
     @property
     def changed_data(self) -> bool:
-        """Whether data was changed, dropped or reinterpreted (otherwise the line is a notice)."""
+        """True if data was changed, dropped or reinterpreted; else the line is a notice."""
         return self.kind in REPAIRING_KINDS
 
 
@@ -99,7 +99,7 @@ class Record:
         return f"<Record {self.source.name}: {self.time.size} samples of {', '.join(self.signals)}>"
 
     def _repr_html_(self) -> str:
-        from orchestration.reporting.plain import preformatted
+        from orchestration.reporting import preformatted
 
         return preformatted(str(self))
 
@@ -139,7 +139,7 @@ class Record:
 
 
 def list_rows(rows: Iterable[int], limit: int = 5) -> str:
-    """Write row numbers for a message: all of them if few, else the first `limit` and how many there are.
+    """List row numbers for a message: all if few, else the first `limit` and their number.
 
     Parameters
     ----------
@@ -174,7 +174,8 @@ def refuse(path: Path, message: str) -> UserError:
     Returns
     -------
     UserError
-        Its text starts with the file, and is a line: what parsers of others say may hold pieces of the file.
+        Its text starts with the file, and is a line: what parsers of others say may hold pieces of
+        the file.
     """
     line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
     return UserError(f"{path}: {line if len(line) <= _LONGEST else line[:_LONGEST] + '...'}")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 from orchestration.records.clock import Samples, restarts
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Table, parse_cell
@@ -49,12 +49,14 @@ def run_marks(table: Table, column: str, mapping: Mapping[str, str]) -> list[str
     if "" in marks:
         raise refuse(
             table.path,
-            f"row {table.rows[marks.index('')]}: no value in column '{column}', which tells the runs",
+            f"row {table.rows[marks.index('')]}: no value in column '{column}', which tells the"
+            " runs",
         )
     if len(set(marks)) > MOST:
         raise refuse(
             table.path,
-            f"column '{column}' has {len(set(marks))} values; it may tell {MOST} runs apart at most",
+            f"column '{column}' has {len(set(marks))} values; it may tell {MOST} runs apart at"
+            " most",
         )
     return marks
 
@@ -78,7 +80,10 @@ def divided_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
     if not starts:
         return [("", samples)]
     rows = tuple(int(samples.rows[k]) for k in starts)
-    count = f"the clock restarts {'once' if len(rows) == 1 else f'{len(rows)} times'}, first before row {rows[0]}"
+    count = (
+        f"the clock restarts {'once' if len(rows) == 1 else f'{len(rows)} times'}, first before row"
+        f" {rows[0]}"
+    )
     samples.repairs.append(
         Repair("runs", f"{count}: taken as {len(rows) + 1} runs, 1 to {len(rows) + 1}", rows)
     )
@@ -87,7 +92,7 @@ def divided_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
 
 
 def _parts(samples: Samples, members: Mapping[str, NDArray[np.bool_]]) -> list[tuple[str, Samples]]:
-    """Runs by label; what is to be said of the whole file is said with the first."""
+    """Split into runs by label; repairs of the whole file are reported with the first."""
     parts: list[tuple[str, Samples]] = []
     for label, mask in members.items():
         part = Samples(

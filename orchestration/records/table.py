@@ -45,7 +45,8 @@ class Column:
     unit : str or None
         Unit in the file, None where the file gives none.
     cells : sequence of str or ndarray, shape (n,)
-        Text cells are turned into numbers only when the column is used, so text in an unused column does no harm.
+        Text cells are turned into numbers only when the column is used, so text in an unused column
+        does no harm.
     """
 
     name: str
@@ -86,9 +87,10 @@ class Table:
 
 
 Reader = Callable[[Path, bytes], Table]
-"""Reads a file of one form: takes its path, which messages name, and its content, and returns its raw columns.
+"""Reads a file of one form: takes its path and its content, and returns its raw columns.
 
-A file that cannot be used is refused with a `UserError`: file, row, reason. What could be repaired is in the table.
+A file that cannot be used is refused with a `UserError`: file, row, reason. What could be repaired
+is in the table.
 """
 
 
@@ -168,8 +170,8 @@ def numbers(table: Table, column: Column) -> NDArray[np.float64]:
         if value is None:
             raise refuse(
                 table.path,
-                f"row {table.rows[index]}, column '{column.name}': '{cell.strip()}' is not a number "
-                "(allowed: a number, or an empty cell for a missing value)",
+                f"row {table.rows[index]}, column '{column.name}': '{cell.strip()}' is not a number"
+                " (allowed: a number, or an empty cell for a missing value)",
             )
         values[index] = value
     return values
@@ -186,7 +188,8 @@ def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
     Returns
     -------
     ndarray or list of str
-        Instants become seconds since the first one; objects become text, to be judged only if the column is used.
+        Instants become seconds since the first one; objects become text, to be judged only if the
+        column is used.
     """
     if values.dtype.kind == "M":
         seconds = (

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import units
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, units
 from orchestration.records.record import refuse
 
 

@@ -29,7 +29,8 @@ def header(units: Mapping[str, str]) -> list[str]:
         unit = given or "1"
         if not name or name != name.strip() or any(mark in name + unit for mark in '[]\r\n"'):
             raise ValueError(
-                f"signal '{name}' [{unit}]: brackets, quotes, line ends and outer spaces cannot be written"
+                f"signal '{name}' [{unit}]: brackets, quotes, line ends and outer spaces cannot be"
+                " written"
             )
         cells.append(f"{name} [{unit}]")
     return cells
@@ -40,7 +41,8 @@ def write_record(
 ) -> None:
     """Write a record as CSV: a header ``name [unit]``, time in seconds first, one row per sample.
 
-    Every number is written with the fewest digits that read back as the same double. NaN becomes an empty cell.
+    Every number is written with the fewest digits that read back as the same double. NaN becomes an
+    empty cell.
 
     Parameters
     ----------
@@ -56,7 +58,8 @@ def write_record(
     Raises
     ------
     ValueError
-        If shapes differ, time is not finite and strictly increasing, or a name or a unit cannot stand in a header.
+        If shapes differ, time is not finite and strictly increasing, or a name or a unit cannot
+        stand in a header.
     UserError
         If the file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Bytes written by a thread of their own: whoever has them written never waits for a disk or a terminal."""
+"""A writer with a thread of its own, so that nobody waits for a disk or a terminal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class BackgroundWriter:
 
     @property
     def is_behind(self) -> bool:
-        """Whether something that was given has not been begun."""
+        """Return whether something that was given has not been begun."""
         return not self._waiting.empty()
 
     def put(self, content: bytes) -> None:

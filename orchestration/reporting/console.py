@@ -1,4 +1,4 @@
-"""The terminal as all commands use it: results and remarks, how much of them is said, tables, progress."""
+"""The terminal as all commands use it: results, remarks by verbosity, tables, progress."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ def verbosity(quiet: bool = False, verbose: bool = False) -> Iterator[None]:
     Parameters
     ----------
     quiet : bool
-        Only results, on standard output; no remarks, warnings and progress. Errors are not told through here.
+        Only results, on standard output; no remarks, warnings and progress. Errors are not told
+        through here.
     verbose : bool
         Also what is used and made, and how long every step took.
     """
@@ -113,7 +114,8 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
 class Tell:
     """Says what is being done, and how far it is.
 
-    On a terminal a bar. Elsewhere a line for every step; of its parts the first few, and then one every few seconds.
+    On a terminal a bar. Elsewhere a line for every step; of its parts the first few, and then one
+    every few seconds.
 
     Parameters
     ----------
@@ -189,14 +191,14 @@ class Tell:
 
 
 class _Count(ProgressColumn):
-    """How many parts are done: ``7 of 28``."""
+    """Count of parts that are done: ``7 of 28``."""
 
     def render(self, task: Task) -> Text:
         return Text("" if task.total is None else f"{task.completed:,.0f} of {task.total:,.0f}")
 
 
 class _Rate(ProgressColumn):
-    """How many parts are done in a second, where they are many."""
+    """Rate of parts that are done in a second, where they are many."""
 
     def render(self, task: Task) -> Text:
         return Text(

@@ -9,21 +9,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus.kit import files
-from fmus.kit.build.documentation import STYLE
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, files
+from fmus.kit.build import STYLE
 
 _MORE = """
 body { overflow-wrap: anywhere }
 p.verdict { font-size: 1.2rem; border-left: 4px solid #0b6aa2; padding-left: 0.8rem }
 figure { margin: 1.2rem 0 } figcaption, .muted { color: #52616e; font-size: 0.92rem }
-table { font-size: 0.9rem } td { white-space: nowrap } td:not(:first-child) { font-variant-numeric: tabular-nums }
-div.picture { overflow-x: auto } @media (max-width: 640px) { div.picture img { max-width: none; width: 640px } }
+table { font-size: 0.9rem } td { white-space: nowrap }
+td:not(:first-child) { font-variant-numeric: tabular-nums }
+div.picture { overflow-x: auto }
+@media (max-width: 640px) { div.picture img { max-width: none; width: 640px } }
 """
 _INTERACTIVE = """
-div.plot { width: 100% } div.views { display: flex; flex-wrap: wrap; gap: 0.4rem; margin-bottom: 0.4rem }
-div.views button { font: inherit; font-size: 0.9rem; padding: 0.25rem 0.8rem; border: 1px solid #c9d3dc;
-  border-radius: 1rem; background: #fff; color: #0b3d5c; cursor: pointer }
+div.plot { width: 100% }
+div.views { display: flex; flex-wrap: wrap; gap: 0.4rem; margin-bottom: 0.4rem }
+div.views button { font: inherit; font-size: 0.9rem; padding: 0.25rem 0.8rem;
+  border: 1px solid #c9d3dc; border-radius: 1rem;
+  background: #fff; color: #0b3d5c; cursor: pointer }
 div.views button:hover, div.views button:focus-visible { background: #eef3f7 }
 @media print { div.views { display: none } }
 """
@@ -33,7 +36,8 @@ const touch = matchMedia("(pointer: coarse)").matches;
 for (const place of document.querySelectorAll("div.plot")) {
   const figure = JSON.parse(place.nextElementSibling.textContent);
   if (touch) figure.layout.dragmode = false;
-  Plotly.newPlot(place, figure.data, figure.layout, {responsive: true, displayModeBar: false}).then(() => {
+  const options = {responsive: true, displayModeBar: false};
+  Plotly.newPlot(place, figure.data, figure.layout, options).then(() => {
     const legend = place.querySelector(".legend");
     const more = legend ? legend.getBoundingClientRect().height - 30 : 0;
     if (more > 0) { // the legend has taken more lines than one, and gets the room
@@ -44,7 +48,8 @@ for (const place of document.querySelectorAll("div.plot")) {
   });
   for (const button of place.parentElement.querySelectorAll(".views button")) {
     const range = JSON.parse(button.dataset.range);
-    button.onclick = () => Plotly.relayout(place, range ? {"xaxis.range": range} : {"xaxis.autorange": true});
+    const shown = range ? {"xaxis.range": range} : {"xaxis.autorange": true};
+    button.onclick = () => Plotly.relayout(place, shown);
   }
 }
 """
@@ -62,7 +67,7 @@ def escaped(text: str) -> Markup:
 
 
 def path_of_report(path: str | Path) -> Path:
-    """Where a report goes, by a name that is one of a page.
+    """Return the path of a report, by a name that is one of a page.
 
     Raises
     ------
@@ -125,8 +130,8 @@ class Page:
         data = base64.b64encode(file.read_bytes()).decode()
         text = escaped(caption)
         self.parts.append(
-            f'<figure><div class="picture"><img alt="{text}" src="data:image/png;base64,{data}"></div>'
-            f"<figcaption>{text}</figcaption></figure>"
+            f'<figure><div class="picture"><img alt="{text}"'
+            f' src="data:image/png;base64,{data}"></div><figcaption>{text}</figcaption></figure>'
         )
 
     def plot(
@@ -154,8 +159,10 @@ class Page:
         data = json.dumps(figure, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
         self.parts.append(
             f"<figure>{f'<div class=views>{buttons}</div>' if buttons else ''}"
-            f'<div class="plot" role="img" aria-label="{text}" style="height:{figure["layout"]["height"]}px"></div>'
-            f'<script type="application/json">{data}</script><figcaption>{text}</figcaption></figure>'
+            f'<div class="plot" role="img" aria-label="{text}"'
+            f' style="height:{figure["layout"]["height"]}px"></div>'
+            "<script"
+            f' type="application/json">{data}</script><figcaption>{text}</figcaption></figure>'
         )
 
     def code(self, lines: Sequence[str]) -> None:
@@ -163,15 +170,21 @@ class Page:
         self.parts.append(f"<pre><code>{escaped(chr(10).join(lines))}</code></pre>")
 
     def html(self) -> str:
-        """Return the whole page; the library that draws interactive figures is in it once, if there are any."""
+        """Return the whole page, with the library of interactive figures in it if there are any."""
         style, body = STYLE + _MORE + self.style, "\n".join(self.parts)
         if self.interactive:
             from plotly.offline import get_plotlyjs
 
             style += _INTERACTIVE
-            body += "<noscript><p>The plots of this page are drawn by JavaScript, which is switched off.</p></noscript>"
+            body += (
+                "<noscript><p>The plots of this page are drawn by JavaScript, which is switched"
+                " off.</p></noscript>"
+            )
             body += f"\n<script>{get_plotlyjs()}</script>\n<script>{_DRAW}</script>"
-        head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+        head = (
+            '<meta charset="utf-8"><meta name="viewport" content="width=device-width,'
+            ' initial-scale=1">'
+        )
         head += f"<title>{escaped(self.title)}</title><style>{style}</style>"
         return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body>{body}</body></html>\n'
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import files
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +33,7 @@ _STYLE = {
 def panels(
     count: int, title: str, below: str = "time [s]", height: float = 1.9, shared: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """Make a figure of panels, one above the other, that share what is below them, such as the time axis.
+    """Make a figure of panels, one above the other, that share a horizontal axis such as time.
 
     Parameters
     ----------
@@ -85,7 +84,8 @@ def picture_format(path: Path) -> str:
     ending = path.suffix.lower()
     if ending not in FORMATS:
         raise UserError(
-            f"cannot draw {path}: its name must end in {', '.join(FORMATS)}, not {ending or 'nothing'!r}"
+            f"cannot draw {path}: its name must end in {', '.join(FORMATS)}, not"
+            f" {ending or 'nothing'!r}"
         )
     return ending[1:]
 

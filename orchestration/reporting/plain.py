@@ -1,4 +1,4 @@
-"""What a command prints, as text: for ``str()`` of a result and for notebooks."""
+"""Output of a command as plain text: for ``str()`` of a result and for notebooks."""
 
 from __future__ import annotations
 

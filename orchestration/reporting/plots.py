@@ -1,4 +1,4 @@
-"""Interactive plots, as plotly.js takes them: panels above one shared axis, thinned out to what can be seen."""
+"""Interactive plots for plotly.js: panels above a shared axis, thinned to what can be seen."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from orchestration.reporting.page import escaped
 
 Array = NDArray[np.float64]
 _GAP = 10.0  # times the steps on either side, from which on a line is broken
-MOST = 8000  # points of a trace; of more, the smallest and the largest of each of half as many bins are drawn
+# points of a trace; of more, the smallest and the largest of each of half as many bins are drawn
+MOST = 8000
 _TITLE, _LEGEND, _STRIP, _BOTTOM = 26, 34, 18, 46  # pixels
 _GREY, _GRID, _INK = "#9aa5af", "#e3e8ec", "#1c2733"
 _FONT = {"family": "system-ui, sans-serif", "size": 13, "color": _INK}
@@ -45,7 +46,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Panel:
-    """What shares a vertical axis.
+    """Curves and marks that share a vertical axis.
 
     Attributes
     ----------
@@ -71,7 +72,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Boundary:
-    """A place on the horizontal axis beyond which something else holds, and what holds on either side."""
+    """A place on the horizontal axis, such as the begin of validation data, and words beside it."""
 
     place: float
     before: str
@@ -103,7 +104,7 @@ def envelope(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def broken(x: Array, y: Array) -> tuple[Array, Array]:
-    """Break a line where a record has a gap, so that nothing is drawn where nothing was measured."""
+    """Break a line where a record has a gap: nothing is drawn where nothing was measured."""
     step = np.diff(x, prepend=np.nan, append=np.nan)
     after = np.flatnonzero(step[1:-1] > _GAP * np.fmax(step[:-2], step[2:])) + 1
     return np.insert(x, after, 0.5 * (x[after] + x[after - 1])), np.insert(y, after, np.nan)

@@ -1,9 +1,5 @@
-"""The rig, the other end of the cable: which model stands for it and what it can be driven with.
+"""Hardware in the loop: the server of a rig, its backends and limits, its live page and records."""
 
-So far there is one to practise on, :mod:`orchestration.rig.emulator`.
-"""
+import lazy_loader
 
-DRIVEN = "ppy_actuator"  # the component that is on it
-# What it can be driven with, SI: the galvanostat's currents, what a film bears, and the bandwidth of both loops in Hz.
-LIMITS = {"current": (-1.3, 1.3), "force": (0.0, 3.0)}
-HIGHEST = 30.0
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,10 @@
-"""Plain ZeroMQ on this machine, CURVE beyond it: for proxies that cannot encrypt.
+"""Bridge from plain connections on this machine to an encrypted connection with a rig's server.
 
-Every client here gets a connection of its own to the server, so that the server tells them apart as if they had
-connected to it. Nothing is stored: what cannot be carried on within a second is dropped, because a command that is late
-is no command, and the client's own timeouts act.
+It is for proxies that cannot encrypt: plain ZeroMQ on this machine, CURVE beyond it.
+
+Every client here gets a connection of its own to the server, so that the server tells them apart as
+if they had connected to it. Nothing is stored: what cannot be carried on within a second is
+dropped, because a command that is late is no command, and the client's own timeouts act.
 """
 
 from __future__ import annotations
@@ -14,30 +16,28 @@ from time import monotonic
 
 import zmq
 
-from fmus.kit.errors import UserError
-from fmus.rig_proxy.protocol import MAX_FRAME
-from orchestration.rig.endpoint import Endpoint, bounded
+from fmus.kit import UserError
+from fmus.rig_proxy import MAX_FRAME
+from orchestration.rig.endpoint import Endpoint, bound_queues
 
 LOOPBACK = "127.0.0.1"
-_MOST_CLIENTS = (
-    32  # connections at a time; beyond, the one that was silent for the longest time is closed
-)
+# connections at a time; beyond, the one that was silent for the longest time is closed
+_MOST_CLIENTS = 32
 _WAITING = 8  # frames of a client that are kept while its connection to the server comes about
 _LATEST = 1.0  # s; a frame that has waited for longer is dropped
 _SOON = 0.005  # s between two attempts to carry on what waits
-_TURN = 0.1  # s between two looks at whether anything has to be dropped or told
+_TURN = 0.1  # s between two looks at whether anything has to be dropped or reported
 _SILENCE = 2.0  # s without telemetry after which the server is said to be silent
 _AT_ONCE = 100  # frames taken from one socket before the others have their turn
 
 
 class _Client:
-    """A client on this machine, and its connection to the server."""
+    """The connection to the server that belongs to one client on this machine."""
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], remote: Endpoint):
         self.socket = context.socket(zmq.DEALER)
-        self.socket.immediate = (
-            True  # no queue for a server that is not there: an old command must never arrive
-        )
+        # no queue for a server that is not there: an old command must never arrive
+        self.socket.immediate = True
         remote.connect(self.socket, remote.requests)
         self._waiting: deque[tuple[float, bytes]] = deque(maxlen=_WAITING)
 
@@ -59,19 +59,20 @@ class _Client:
 
     @property
     def waits(self) -> bool:
-        """Whether there is something to be carried on."""
+        """True if there are frames to be carried on."""
         return bool(self._waiting)
 
 
 class Bridge:
-    """A bridge; made means bound, and :meth:`run` carries until it is interrupted.
+    """A bridge, bound as soon as it is made; :meth:`run` carries messages until it is interrupted.
 
     Parameters
     ----------
     remote : Endpoint
         The server, with keys.
     port : int
-        Of the requests on this machine; telemetry is one higher. On the loopback address, and nowhere else.
+        Of the requests on this machine; telemetry is one higher. On the loopback address, and
+        nowhere else.
     tell : callable
         Called with a line when the server falls silent or is heard again.
 
@@ -84,17 +85,18 @@ class Bridge:
     def __init__(
         self, remote: Endpoint, port: int, tell: Callable[[str], None] = lambda text: None
     ):
-        self._remote, self._tell = remote, tell
+        self._remote = remote
+        self._tell = tell
         self._clients: OrderedDict[bytes, _Client] = OrderedDict()
         self._heard = monotonic()
-        self._is_silent: bool | None = None  # as was told; nothing yet
+        self._is_silent: bool | None = None  # as was reported; None: nothing yet
         with ExitStack() as opened:
             self._context = zmq.Context()
             opened.callback(self._context.destroy, 0)
             self._requests = self._context.socket(zmq.ROUTER)
             self._telemetry = self._context.socket(zmq.PUB)
             for socket, number in ((self._requests, port), (self._telemetry, port + 1)):
-                bounded(socket)
+                bound_queues(socket)
                 _bind(socket, number)
             self._source = self._context.socket(zmq.SUB)
             remote.connect(self._source, remote.telemetry)
@@ -105,11 +107,11 @@ class Bridge:
             opened.pop_all()
 
     def close(self) -> None:
-        """Let go of both sides; what is under way is dropped."""
+        """Close all sockets; messages under way are dropped."""
         self._context.destroy(linger=0)
 
     def run(self) -> None:
-        """Carry until an exception, such as KeyboardInterrupt, ends it; then everything is closed."""
+        """Carry messages until an exception such as KeyboardInterrupt, then close everything."""
         try:
             while True:
                 wait = _SOON if any(client.waits for client in self._clients.values()) else _TURN
@@ -141,7 +143,8 @@ class Bridge:
                 _, silent = self._clients.popitem(last=False)
                 self._poller.unregister(silent.socket)
                 silent.socket.close()
-            client = self._clients[identity] = _Client(self._context, self._remote)
+            client = _Client(self._context, self._remote)
+            self._clients[identity] = client
             self._poller.register(client.socket, zmq.POLLIN)
         self._clients.move_to_end(identity)
         return client
@@ -167,7 +170,7 @@ def _bind(socket: zmq.Socket[bytes], port: int) -> None:
 
 
 def _frames(socket: zmq.Socket[bytes], parts: int) -> Iterator[list[bytes]]:
-    """Messages that have arrived, as many as have their turn; those that the protocol does not allow are dropped."""
+    """Yield messages that have arrived, a bounded number, without those the protocol forbids."""
     for _ in range(_AT_ONCE):
         try:
             message = socket.recv_multipart(zmq.DONTWAIT)

@@ -1,30 +1,197 @@
-"""Calibration of a rig: which channel is which signal, and what its volts mean; a TOML file, with dates and sources.
+"""Calibration of a rig: a TOML file that says what the volts of every channel mean.
 
-``value = sign * (gain * volts + offset)`` in the unit of the channel, converted to SI; commands go the other way.
+``value = sign * (gain * volts + offset)`` in the unit of the channel, converted to SI; commands go
+the other way. Every factor has a date and a source.
 """
 
 from __future__ import annotations
 
 import datetime
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeVar
 
-from fmus.kit import units
-from fmus.kit.errors import UserError, suggestion
-from orchestration.rig.limit import Limit
-from orchestration.rig.signals import UNITS
-from orchestration.rig.table import Table
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    InstanceOf,
+    ValidationError,
+)
+
+from fmus.kit import UserError, suggestion, units
+from orchestration.experiment import read_toml
+from orchestration.rig.signals import UNITS, Limit
 
 _PRESETS = Path(__file__).with_name("presets")
 _ROUNDING = 1e-9  # of a range, by which a command may be beyond it
-units.registry()  # takes a quarter of a second; a process that has to reopen a rig in need has it behind it
+_LONGEST_VALUE = 60  # characters of a value in a message
 TERMINALS = ("default", "differential", "referenced", "non-referenced")
+# Loading the units takes a quarter of a second, which a process that reopens a rig in an emergency
+# must not lose.
+units.registry()
+
+# ---- types of values; the description says what is allowed, and every refusal ends with it
+# --------------------------------------------------------------------------------------------------
+
+_TWO_NUMBERS = "[low, high] of two finite numbers is wanted, the lower one first"
+
+
+def _one_of(*allowed: Any) -> BeforeValidator:
+    def check(value: Any) -> Any:
+        if not any(value == one and type(value) is type(one) for one in allowed):
+            raise ValueError(f"allowed are {', '.join(map(repr, allowed))}")
+        return value
+
+    return BeforeValidator(check)
+
+
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("must not be zero")
+    return value
+
+
+def _rising(bounds: tuple[float, float]) -> tuple[float, float]:
+    if not bounds[0] < bounds[1]:
+        raise ValueError(_TWO_NUMBERS)
+    return bounds
+
+
+Number = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, description="a finite number is wanted")
+]
+Positive = Annotated[Number, Field(gt=0.0, description="a finite number above 0 is wanted")]
+Timeout = Annotated[
+    Positive,
+    Field(
+        le=5.0,
+        description="a finite number above 0 and at most 5 s is wanted, as the rig waits that long",
+    ),
+]
+Text = Annotated[str, Field(strict=True, pattern=r"\S", description="a text is wanted")]
+Texts = Annotated[
+    tuple[Annotated[str, Field(strict=True)], ...], Field(description="a list of texts is wanted")
+]
+Interval = Annotated[
+    tuple[Number, Number], AfterValidator(_rising), Field(description=_TWO_NUMBERS)
+]
+Date = Annotated[
+    InstanceOf[datetime.date], Field(description="a date is wanted, such as 2007-05-01")
+]
+TableByName = dict[str, dict[str, Any]]
+
+
+# ---- tables of the file
+# --------------------------------------------------------------------------------------------------
+
+
+class TomlTable(BaseModel):
+    """One table of a calibration file, in which only known keys are allowed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _FileTable(TomlTable):
+    rig: dict[str, Any] = Field(default={}, description="a table is wanted, [rig]")
+    instruments: TableByName = Field(
+        default={}, description="tables are wanted, such as [instruments.generator]"
+    )
+    inputs: TableByName = Field(
+        default={}, description="tables are wanted, such as [inputs.current]"
+    )
+    outputs: TableByName = Field(
+        default={}, description="tables are wanted, such as [outputs.voltage]"
+    )
+    limits: TableByName = Field(
+        default={}, description="tables are wanted, such as [limits.current]"
+    )
+
+
+class _RigTable(TomlTable):
+    rate: Positive
+    watchdog: Positive
+
+
+class _ChannelTable(TomlTable):
+    unit: Text
+    si: Text = ""
+    channel: Text = ""
+    instrument: Text = ""
+    gain: Annotated[Number, AfterValidator(_not_zero)]
+    offset: Number = 0.0
+    range: Interval
+    sign: Annotated[int, _one_of(1, -1)] = 1
+    date: Date
+    source: Text = "not stated"
+
+
+class _InputTable(_ChannelTable):
+    verb: ClassVar[str] = "write"
+    terminal: ClassVar[str] = "default"
+    write: Text = ""
+    safe: Number = 0.0
+
+    @property
+    def message(self) -> str:
+        """Message that commands an instrument."""
+        return self.write
+
+
+class _OutputTable(_ChannelTable):
+    verb: ClassVar[str] = "query"
+    query: Text = ""
+    terminal: Annotated[str, _one_of(*TERMINALS)] = "default"
+
+    @property
+    def message(self) -> str:
+        """Message that asks an instrument for its value."""
+        return self.query
+
+
+class _LimitTable(TomlTable):
+    unit: Text = ""
+    min: Number = -math.inf
+    max: Number = math.inf
+    rate: Positive = math.inf
+
+
+class Instrument(TomlTable):
+    """An instrument that understands messages.
+
+    Attributes
+    ----------
+    resource : str
+        VISA address.
+    timeout : float
+        s, of every message.
+    setup, safe : tuple of str
+        Messages on opening, and those that bring it to its safe state before anything else.
+    error : str
+        Query whose answer begins with 0 when nothing is wrong; empty if there is none.
+    termination : str
+        What ends a message.
+    """
+
+    resource: Text
+    timeout: Timeout = 0.5
+    setup: Texts = ()
+    safe: Texts = ()
+    error: Text = ""
+    termination: Text = "\n"
+
+
+# ---- a calibration
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One signal of a rig and where it is to be had.
+    """One signal of a rig, and the channel or instrument that has it.
 
     Attributes
     ----------
@@ -68,7 +235,7 @@ class Channel:
     source: str
 
     def measured(self, volts: float) -> float:
-        """Return what volts mean, SI; NaN if they are beyond the range, as those of a broken wire are.
+        """Return the value that volts stand for, SI; NaN beyond the range, as with a broken wire.
 
         Parameters
         ----------
@@ -118,35 +285,8 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Instrument:
-    """An instrument that understands messages.
-
-    Attributes
-    ----------
-    resource : str
-        VISA address.
-    timeout : float
-        s, of every message.
-    setup, safe : tuple of str
-        Messages on opening, and those that bring it to its safe state before anything else.
-    error : str
-        Query whose answer begins with 0 when nothing is wrong; empty if there is none.
-    termination : str
-        What ends a message.
-    """
-
-    name: str
-    resource: str
-    timeout: float
-    setup: tuple[str, ...]
-    safe: tuple[str, ...]
-    error: str
-    termination: str
-
-
-@dataclass(frozen=True)
 class Calibration:
-    """A rig's channels.
+    """The channels of a rig with their limits, and the instruments that some of them are on.
 
     Attributes
     ----------
@@ -191,149 +331,225 @@ def read_calibration(name_or_path: str) -> Calibration:
     Raises
     ------
     UserError
-        If there is none, or something in it is missing or wrong: file, table, key, value, and what is allowed.
+        If there is none, or something in it is missing or wrong: file, table, key, value, and what
+        is allowed.
     """
     known = presets()
     path = known.get(name_or_path, Path(name_or_path))
     if not path.is_file():
         hint = suggestion(name_or_path, list(known)) if not path.suffix else ""
         raise UserError(f"{name_or_path}: no such calibration file or preset{hint}")
-    top = Table.read(path)
-    rig = top.table("rig")
-    rate, watchdog = rig.number("rate", above=0.0), rig.number("watchdog", above=0.0)
-    rig.finish()
+    file = _checked(_FileTable, read_toml(path), f"{path}: ")
+    rig = _checked(_RigTable, file.rig, f"{path}: [rig] ")
     instruments = {
-        name: _instrument(name, table) for name, table in top.tables("instruments").items()
+        name: _checked(Instrument, values, f"{path}: [instruments.{name}] ")
+        for name, values in file.instruments.items()
     }
-    inputs = {
-        name: _channel(name, table, "write", instruments)
-        for name, table in top.tables("inputs").items()
-    }
-    outputs = {
-        name: _channel(name, table, "query", instruments)
-        for name, table in top.tables("outputs").items()
-    }
-    limits = {name: channel.reachable() for name, channel in inputs.items()}
-    for name, table in top.tables("limits").items():
-        if name not in inputs and name not in outputs:
-            raise UserError(
-                f"{path}: [limits.{name}]: no such signal{suggestion(name, [*inputs, *outputs])}"
-            )
-        limits[name] = _limit(table, {**outputs, **inputs}[name], is_command=name in inputs)
-    top.finish()
+    inputs: dict[str, Channel] = {}
+    for name, values in file.inputs.items():
+        where = f"{path}: [inputs.{name}] "
+        inputs[name] = _read_channel(name, _checked(_InputTable, values, where), instruments, where)
+    outputs: dict[str, Channel] = {}
+    for name, values in file.outputs.items():
+        where = f"{path}: [outputs.{name}] "
+        table = _checked(_OutputTable, values, where)
+        outputs[name] = _read_channel(name, table, instruments, where)
+    limits = _read_limits(file.limits, inputs, outputs, path)
+    _check_inputs(inputs, outputs, limits, path)
+    return Calibration(path, rig.rate, rig.watchdog, inputs, outputs, limits, instruments)
+
+
+def _check_inputs(
+    inputs: dict[str, Channel], outputs: dict[str, Channel], limits: dict[str, Limit], path: Path
+) -> None:
+    """Refuse an input that is an output, too, or whose safe value is beyond its limits."""
     for name, channel in inputs.items():
         if name in outputs:
             raise UserError(
-                f"{path}: [outputs.{name}]: is an input, too; a measured one needs a name of its own"
+                f"{path}: [outputs.{name}]: is an input, too; a measured one needs a name of"
+                " its own"
             )
         if not limits[name].min <= channel.safe <= limits[name].max:
             raise UserError(
-                f"{path}: [inputs.{name}] safe = {channel.safe:g} {channel.unit}: is beyond its limits"
+                f"{path}: [inputs.{name}] safe = {channel.safe:g} {channel.unit}: is beyond its"
+                " limits"
             )
-    return Calibration(path, rate, watchdog, inputs, outputs, limits, instruments)
 
 
-def _channel(name: str, table: Table, verb: str, instruments: dict[str, Instrument]) -> Channel:
-    unit = table.text("unit")
-    si = table.text("si", UNITS.get(name, unit))
+def _read_channel(
+    name: str,
+    table: _InputTable | _OutputTable,
+    instruments: Mapping[str, Instrument],
+    where: str,
+) -> Channel:
+    unit, factor, zero = _si(name, table, where)
+    # absolute: a safe temperature of 20 degC is one of 293.15 K
+    safe = factor * table.safe + zero if isinstance(table, _InputTable) else 0.0
+    low, high = table.range
+    return Channel(
+        name=name,
+        unit=unit,
+        place=_place(table, instruments, where),
+        command=table.message,
+        terminal=table.terminal,
+        gain=table.gain,
+        offset=table.offset,
+        sign=table.sign,
+        low=low,
+        high=high,
+        safe=safe,
+        factor=factor,
+        zero=zero,
+        date=table.date,
+        source=table.source,
+    )
+
+
+def _si(name: str, table: _ChannelTable, where: str) -> tuple[str, float, float]:
+    """Return the SI unit of a signal, and factor and zero that convert the channel's unit to it."""
+    si = table.si or UNITS.get(name, table.unit)
     try:
-        one, zero = (float(units.convert(v, unit, si, name)) for v in (1.0, 0.0))
+        factor, zero = _conversion(table.unit, si, name)
         base = units.base_unit(si)
     except UserError as error:
-        raise table.wrong("unit", str(error)) from error
+        raise _refusal(where, "unit", table.unit, str(error)) from error
     if (base.factor, base.offset) != (1.0, 0.0):
-        raise table.wrong(
-            "unit", f"{name} is not known by name, so write its SI unit, too: si = ..."
-        )
-    place, command = _place(table, verb, instruments)
-    gain, offset = table.number("gain"), table.number("offset", 0.0)
-    if gain == 0.0:
-        raise table.wrong("gain", "must not be zero")
-    low, high = table.interval("range")
-    sign = table.choice("sign", 1, (1, -1))
-    # absolute: a safe temperature of 20 degC is one of 293.15 K
-    safe = (one - zero) * table.number("safe", 0.0) + zero if verb == "write" else 0.0
-    terminal = table.choice("terminal", "default", TERMINALS) if verb == "query" else "default"
-    channel = Channel(
-        name,
-        si,
-        place,
-        command,
-        terminal,
-        gain,
-        offset,
-        sign,
-        low,
-        high,
-        safe,
-        one - zero,
-        zero,
-        table.date("date"),
-        table.text("source", "not stated"),
-    )
-    table.finish()
-    return channel
+        allowed = f"{name} is not known by name, so write its SI unit, too: si = ..."
+        raise _refusal(where, "unit", table.unit, allowed)
+    return si, factor, zero
 
 
-def _place(table: Table, verb: str, instruments: dict[str, Instrument]) -> tuple[str, str]:
-    """Return where a signal is, and the message that an instrument needs."""
-    if "instrument" not in table:
-        return table.text("channel"), ""
-    instrument = table.text("instrument")
-    if instrument not in instruments:
-        raise table.wrong("instrument", f"there is no [instruments.{instrument}]")
-    command = table.text(verb)
-    if verb == "write":
-        try:
-            formatted = command.format(volts=0.125)
-        except (LookupError, ValueError) as error:
-            raise table.wrong(
-                verb, "a message is wanted with {volts} where the number goes"
-            ) from error
-        if formatted == command:
-            raise table.wrong(verb, "a message is wanted with {volts} where the number goes")
-    return instrument, command
+def _conversion(unit: str, si: str, name: str) -> tuple[float, float]:
+    one = float(units.convert(1.0, unit, si, name))
+    zero = float(units.convert(0.0, unit, si, name))
+    return one - zero, zero
 
 
-def _instrument(name: str, table: Table) -> Instrument:
-    instrument = Instrument(
-        name,
-        table.text("resource"),
-        table.number("timeout", 0.5, above=0.0),
-        table.texts("setup"),
-        table.texts("safe"),
-        table.text("error") if "error" in table else "",
-        table.text("termination", "\n"),
-    )
-    if instrument.timeout > 5.0:
-        raise table.wrong("timeout", "at most 5 s, for the rig waits that long")
-    table.finish()
-    return instrument
+def _place(
+    table: _InputTable | _OutputTable, instruments: Mapping[str, Instrument], where: str
+) -> str:
+    """Return the channel of a device, or the name of an instrument, that has a signal."""
+    if not table.instrument:
+        if not table.channel:
+            raise _refusal(where, "channel", None, "a text is wanted")
+        if table.message:
+            raise _refusal(where, table.verb, table.message, "needs an instrument = ...")
+        return table.channel
+    if table.channel:
+        allowed = "a signal is either on a channel of a device or on an instrument"
+        raise _refusal(where, "channel", table.channel, allowed)
+    if table.instrument not in instruments:
+        allowed = f"there is no [instruments.{table.instrument}]"
+        raise _refusal(where, "instrument", table.instrument, allowed)
+    if not table.message:
+        raise _refusal(where, table.verb, None, "a text is wanted")
+    if isinstance(table, _InputTable) and not _takes_a_number(table.message):
+        allowed = "a message is wanted with {volts} where the number goes"
+        raise _refusal(where, table.verb, table.message, allowed)
+    return table.instrument
 
 
-def _limit(table: Table, channel: Channel, is_command: bool) -> Limit:
-    """Read limits; those of a command may not be beyond what its channel can do."""
-    unit = table.text("unit", channel.unit)
+def _takes_a_number(message: str) -> bool:
     try:
-        one, zero = (float(units.convert(v, unit, channel.unit, channel.name)) for v in (1.0, 0.0))
-    except UserError as error:
-        raise table.wrong("unit", str(error)) from error
+        return message.format(volts=0.125) != message
+    except (LookupError, ValueError):
+        return False
+
+
+def _read_limits(
+    tables: TableByName, inputs: dict[str, Channel], outputs: dict[str, Channel], path: Path
+) -> dict[str, Limit]:
+    limits = {name: channel.reachable() for name, channel in inputs.items()}
+    for name, values in tables.items():
+        where = f"{path}: [limits.{name}]"
+        if name not in inputs and name not in outputs:
+            raise UserError(f"{where}: no such signal{suggestion(name, [*inputs, *outputs])}")
+        table = _checked(_LimitTable, values, f"{where} ")
+        if name in inputs:
+            limits[name] = _command_limit(table, inputs[name], f"{where} ")
+        else:
+            limits[name] = _limit(table, outputs[name], Limit(), f"{where} ")
+    return limits
+
+
+def _command_limit(table: _LimitTable, channel: Channel, where: str) -> Limit:
+    """Return the limits of a command, which may not be beyond what its channel can do."""
     reach = channel.reachable()
-    given = [table.maybe("min"), table.maybe("max"), table.maybe("rate", above=0.0)]
-    defaults = (reach.min, reach.max) if is_command else (-math.inf, math.inf)
-    bounds = [
-        default if bound is None else (one - zero) * bound + zero
-        for bound, default in zip(given, defaults, strict=False)
-    ]
-    rate = math.inf if given[2] is None else (one - zero) * given[2]
-    if not bounds[0] < bounds[1]:
-        raise table.wrong(
-            "max" if "max" in table else "min", "the lower limit must be below the upper one"
-        )
+    limit = _limit(table, channel, reach, where)
     room = _ROUNDING * (reach.max - reach.min)
-    for key, bound in zip(("min", "max"), bounds, strict=True):
-        if is_command and not reach.min - room <= bound <= reach.max + room:
+    for key in ("min", "max"):
+        if not reach.min - room <= getattr(limit, key) <= reach.max + room:
             able = f"{reach.min:.6g} … {reach.max:.6g} {channel.unit}"
-            raise table.wrong(key, f"the range of {channel.place} allows {able} only")
-    table.finish()
-    return Limit(bounds[0], bounds[1], rate)
+            allowed = f"the range of {channel.place} allows {able} only"
+            raise _refusal(where, key, getattr(table, key), allowed)
+    return limit
+
+
+def _limit(table: _LimitTable, channel: Channel, default: Limit, where: str) -> Limit:
+    """Return limits in SI, with defaults where the table has none."""
+    try:
+        factor, zero = _conversion(table.unit or channel.unit, channel.unit, channel.name)
+    except UserError as error:
+        raise _refusal(where, "unit", table.unit, str(error)) from error
+    given = table.model_fields_set
+    least = factor * table.min + zero if "min" in given else default.min
+    greatest = factor * table.max + zero if "max" in given else default.max
+    rate = factor * table.rate if "rate" in given else math.inf
+    if not least < greatest:
+        key = "max" if "max" in given else "min"
+        allowed = "the lower limit must be below the upper one"
+        raise _refusal(where, key, getattr(table, key), allowed)
+    return Limit(least, greatest, rate)
+
+
+# ---- refusals
+# --------------------------------------------------------------------------------------------------
+
+AnyTable = TypeVar("AnyTable", bound=TomlTable)
+
+
+def _checked(kind: type[AnyTable], values: Mapping[str, Any], where: str) -> AnyTable:
+    """Check the values of a table.
+
+    Parameters
+    ----------
+    kind : type
+    values : Mapping of str to object
+        As TOML has them.
+    where : str
+        File and table, for the message.
+
+    Returns
+    -------
+    TomlTable
+
+    Raises
+    ------
+    UserError
+        About the first key that is unknown, missing or wrong.
+    """
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        key = str(problem["loc"][0])
+        if problem["type"] == "extra_forbidden":
+            allowed = f"there is no such key{suggestion(key, list(kind.model_fields))}"
+        elif problem["type"] == "value_error":
+            allowed = str(problem["ctx"]["error"])
+        else:
+            allowed = str(kind.model_fields[key].description)
+        raise _refusal(where, key, values.get(key), allowed) from error
+
+
+def _refusal(where: str, key: str, value: Any, allowed: str) -> UserError:
+    """Return the error for a value, None if it is missing; the caller raises it."""
+    if value is None:
+        return UserError(f"{where}{key} is missing: {allowed}")
+    if isinstance(value, float):
+        text = f"{value:.15g}"
+    else:
+        text = repr(value) if isinstance(value, (str, list)) else str(value)
+    if len(text) > _LONGEST_VALUE:
+        text = text[: _LONGEST_VALUE - 3] + "..."
+    return UserError(f"{where}{key} = {text}: {allowed}")

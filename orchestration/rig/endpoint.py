@@ -1,4 +1,4 @@
-"""Where a rig's server is: host and port, its two addresses, and the keys that a socket needs to get in."""
+"""Endpoint of a rig's server: its two addresses, and the keys that a client connects with."""
 
 from __future__ import annotations
 
@@ -8,20 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmus.kit.errors import UserError
-from fmus.rig_proxy.credentials import ClientKeys, read_client_keys
-from fmus.rig_proxy.protocol import MAX_FRAME
+from fmus.kit import UserError
+from fmus.rig_proxy import MAX_FRAME, ClientKeys, read_client_keys
 
-_FORM = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
+_ADDRESS = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
 _LONGEST_QUEUE = 16  # messages: what a socket may hold for a peer that does not take them
-_HEARTBEAT = (
-    500  # ms; a peer that is silent for three of them is taken for dead, and connected to anew
-)
+# ms; a peer that is silent for three of them is taken for dead, and connected to anew
+_HEARTBEAT = 500
 
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A rig's server as a client finds it.
+    """The addresses of a rig's server, and the keys to connect with.
 
     Attributes
     ----------
@@ -41,26 +39,29 @@ class Endpoint:
         ----------
         socket : zmq.Socket
         address : str
-            One of the two.
+            `requests` or `telemetry`.
         """
-        bounded(socket)
+        bound_queues(socket)
         socket.ipv6 = True
-        socket.reconnect_ivl, socket.reconnect_ivl_max = 100, 500  # ms
-        socket.heartbeat_ivl, socket.heartbeat_timeout = _HEARTBEAT, 3 * _HEARTBEAT
+        socket.reconnect_ivl = 100  # ms
+        socket.reconnect_ivl_max = 500  # ms
+        socket.heartbeat_ivl = _HEARTBEAT
+        socket.heartbeat_timeout = 3 * _HEARTBEAT
         if self.keys is not None:
             self.keys.unlock(socket)
         socket.connect(address)
 
 
-def bounded(socket: Any) -> None:
-    """Let a ZeroMQ socket never wait when it is closed, hold few messages, and take none beyond the protocol's size."""
+def bound_queues(socket: Any) -> None:
+    """Bound queues and message size of a ZeroMQ socket, and let it close without waiting."""
     socket.linger = 0
-    socket.sndhwm = socket.rcvhwm = _LONGEST_QUEUE
+    socket.sndhwm = _LONGEST_QUEUE
+    socket.rcvhwm = _LONGEST_QUEUE
     socket.maxmsgsize = MAX_FRAME
 
 
-def host_and_port(text: str) -> tuple[str, int]:
-    """Split an endpoint.
+def parse_address(text: str) -> tuple[str, int]:
+    """Split an address into host and port.
 
     Parameters
     ----------
@@ -75,9 +76,9 @@ def host_and_port(text: str) -> tuple[str, int]:
     Raises
     ------
     UserError
-        If it is none.
+        If it is no such address.
     """
-    match = _FORM.fullmatch(text)
+    match = _ADDRESS.fullmatch(text)
     if match is None:
         raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT")
     return match["host"], int(match["port"])
@@ -86,7 +87,7 @@ def host_and_port(text: str) -> tuple[str, int]:
 def read_endpoint(
     text: str, credentials: Path | None = None, warn: Callable[[str], None] = lambda line: None
 ) -> Endpoint:
-    """Read where a client finds a rig's server.
+    """Read the endpoint of a rig's server as a client is given it.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def read_endpoint(
     UserError
         If the text is no endpoint, or the key file is none.
     """
-    host, port = host_and_port(text)
+    host, port = parse_address(text)
     if "*" in host or not 1 <= port <= 65534:
         raise UserError(
             f"--endpoint {text!r}: write tcp://HOST:PORT, with one host and a port from 1 to 65534"

@@ -1,6 +1,7 @@
-"""CURVE keys of a rig: one file for its server, with the public keys of all who may connect, and one for each client.
+"""CURVE keys of a rig: key files of its server and of each client that may connect.
 
-The file of a client holds the server's public key as well, so that it is all that a client needs.
+The file of the server has the public keys of all clients. The file of a client holds the server's
+public key as well, so that it is all that a client needs.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus.kit.errors import UserError
-from fmus.rig_proxy.credentials import ClientKeys, checked, key, read_client_keys, read_table
+from fmus.kit import UserError
+from fmus.rig_proxy import ClientKeys, checked, key, read_client_keys, read_table
 
 __all__ = [
     "ClientKeys",
@@ -23,14 +24,15 @@ __all__ = [
     "read_client_keys",
     "read_server_keys",
 ]
-SERVER_FILE, CLIENT_FILE = "rig-server.toml", "rig-client.toml"
+SERVER_FILE = "rig-server.toml"
+CLIENT_FILE = "rig-client.toml"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 _CLIENT_LINE = re.compile(r'^\s*"(?P<key>[^"]+)",\s*#\s*(?P<name>.+?)\s*$', re.M)
 
 
 @dataclass(frozen=True)
 class ServerKeys:
-    """What a server needs to let in those it knows, and nobody else; each key is Z85.
+    """The keys of a server and of the clients that it lets in, each in Z85.
 
     Attributes
     ----------
@@ -64,12 +66,14 @@ def read_server_keys(path: Path, warn: Callable[[str], None] = lambda text: None
     Raises
     ------
     UserError
-        If there is no such file, it is no TOML, or a key is missing or no key: one line, which shows no secret.
+        If there is no such file, it is no TOML, or a key is missing or malformed: one line, which
+        shows no secret.
     """
     table = read_table(path, warn)
     if "server_key" in table:
         raise UserError(
-            f"{path}: this is the key file of a client; a server has public_key, secret_key and clients"
+            f"{path}: this is the key file of a client; a server has public_key, secret_key and"
+            " clients"
         )
     clients = table.get("clients")
     if not isinstance(clients, list):
@@ -96,22 +100,23 @@ def make_keys(folder: Path) -> tuple[Path, Path]:
     UserError
         If one of them is there already or cannot be written; then none is left behind.
     """
-    public, secret = _pair()
-    server, client = folder / SERVER_FILE, folder / CLIENT_FILE
+    public, secret = _new_pair()
+    server = folder / SERVER_FILE
+    client = folder / CLIENT_FILE
     for path in (server, client):
         if path.exists():
             raise UserError(
-                f"{path}: there are keys already; they are not overwritten (--client NAME adds a client)"
+                f"{path}: there are keys already; they are not overwritten (--client NAME adds a"
+                " client)"
             )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"cannot make {folder}: {error.strerror}") from error
     allowed = _write_client(client, public)
+    keys = ServerKeys(public, secret, (allowed,))
     try:
-        _write_new(
-            server, _server_text(ServerKeys(public, secret, (allowed,)), {allowed: "first client"})
-        )
+        _write_new(server, _server_text(keys, {allowed: "first client"}))
     except UserError:
         client.unlink(missing_ok=True)
         raise
@@ -136,42 +141,40 @@ def add_client(folder: Path, name: str) -> Path:
     Raises
     ------
     UserError
-        If there are no keys of a server, the client is there already, or a file cannot be written; the server's file
-        is then as it was.
+        If there are no keys of a server, the client is there already, or a file cannot be written;
+        the server's file is then as it was.
     """
     if not _NAME.fullmatch(name):
         raise UserError(
-            f"--client {name!r}: a name has 1 to 40 letters, digits, - and _, and begins with none of -_"
+            f"--client {name!r}: a name has 1 to 40 letters, digits, - and _, and begins with none"
+            " of -_"
         )
-    server, client = folder / SERVER_FILE, folder / f"rig-client-{name}.toml"
-    next_one = server.with_name(
-        f"{SERVER_FILE}.part"
-    )  # there can be only one: whoever makes it has the server's file
+    server = folder / SERVER_FILE
+    client = folder / f"rig-client-{name}.toml"
+    # Only one process can make it: it is the lock on the server's file as well as its replacement.
+    replacement = server.with_name(f"{SERVER_FILE}.part")
     read_server_keys(server)
-    _write_new(next_one, "")
+    _write_new(replacement, "")
     try:
         keys = read_server_keys(server)
-        names = {
-            m["key"]: m["name"] for m in _CLIENT_LINE.finditer(server.read_text(encoding="utf-8"))
-        }
+        lines = _CLIENT_LINE.finditer(server.read_text(encoding="utf-8"))
+        names = {line["key"]: line["name"] for line in lines}
         public = _write_client(client, keys.public_key)
+        extended = ServerKeys(keys.public_key, keys.secret_key, (*keys.clients, public))
         try:
-            text = _server_text(
-                ServerKeys(keys.public_key, keys.secret_key, (*keys.clients, public)),
-                names | {public: name},
-            )
-            next_one.write_text(text, encoding="utf-8")
-            next_one.replace(server)
+            replacement.write_text(_server_text(extended, names | {public: name}), encoding="utf-8")
+            replacement.replace(server)
         except OSError as error:
             client.unlink(missing_ok=True)
             raise UserError(f"cannot write {server}: {error.strerror}") from error
     finally:
         with suppress(OSError):
-            next_one.unlink(missing_ok=True)
+            replacement.unlink(missing_ok=True)
     return client
 
 
-def _pair() -> tuple[str, str]:
+def _new_pair() -> tuple[str, str]:
+    """Return a new public key and its secret key."""
     import zmq
 
     if not zmq.has("curve"):
@@ -184,10 +187,11 @@ def _pair() -> tuple[str, str]:
 
 def _write_client(path: Path, server: str) -> str:
     """Write the file of a new client; return its public key."""
-    public, secret = _pair()
+    public, secret = _new_pair()
     _write_new(
         path,
-        "# Keys of a client of the rig: pass this file on to that client alone, and let nobody else read it.\n"
+        "# Keys of a client of the rig: pass this file on to that client alone, and let nobody else"
+        " read it.\n"
         f'server_key = "{server}"\npublic_key = "{public}"\nsecret_key = "{secret}"\n',
     )
     return public
@@ -206,7 +210,7 @@ def _server_text(keys: ServerKeys, names: dict[str, str]) -> str:
 
 
 def _write_new(path: Path, text: str) -> None:
-    """Write a file that must not be there yet, and that nobody but its owner ever could read."""
+    """Write a file that must not exist yet, readable by nobody but its owner from the start."""
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError as error:

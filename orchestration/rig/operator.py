@@ -1,4 +1,4 @@
-"""What an operator may ask of a rig's server: its status, an emergency stop, and the release after one."""
+"""Requests of an operator to a rig's server: status, emergency stop, and release after a stop."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 import zmq
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.rig_proxy import protocol
 from orchestration.rig.endpoint import Endpoint
 
-_LOOK = 0.1  # s between two questions whether a rig is ready again
+_LOOK = 0.1  # s between two questions whether the rig is ready again
 
 
 def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dict[str, Any]:
@@ -45,14 +45,15 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
         remote.connect(socket, remote.requests)
         socket.send(protocol.encode(kind, **fields))
         until = monotonic() + timeout
-        while (left := until - monotonic()) > 0.0:
-            if socket.poll(round(1000 * left)):
-                try:
-                    message = protocol.decode(socket.recv(), protocol.REPLIES)
-                except protocol.ProtocolError:
-                    continue
-                if message["type"] == "status":
-                    return message
+        while (remaining := until - monotonic()) > 0.0:
+            if not socket.poll(round(1000 * remaining)):
+                continue
+            try:
+                message = protocol.decode(socket.recv(), protocol.REPLIES)
+            except protocol.ProtocolError:
+                continue
+            if message["type"] == "status":
+                return message
     finally:
         context.destroy(linger=0)
     keys = ", without keys" if remote.keys is None else ", with these keys"
@@ -88,8 +89,8 @@ def acknowledge(remote: Endpoint, timeout: float = 5.0) -> dict[str, Any]:
     return answer
 
 
-def summary(answer: Mapping[str, Any]) -> str:
-    """Say in one line how a rig is.
+def summarise_status(answer: Mapping[str, Any]) -> str:
+    """Summarise the status of a rig in one line.
 
     Parameters
     ----------
@@ -106,5 +107,5 @@ def summary(answer: Mapping[str, Any]) -> str:
     parts.append(
         f"{answer['mode']}, period {answer['period']:.4g} s, watchdog {answer['watchdog']:g} s"
     )
-    parts += [f"{number} {what}" for what, number in answer["counts"].items() if number]
+    parts += [f"{number} {kind}" for kind, number in answer["counts"].items() if number]
     return "; ".join(parts)

@@ -1,4 +1,4 @@
-"""What may be commanded, what may be measured, and how long the rig goes on without a command: decisions alone.
+"""Safety decisions: limits of commands and measured values, and the age of the newest command.
 
 Nothing here reads a clock, a socket or a device; times come in as arguments.
 """
@@ -8,15 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import inf, isfinite
 
-from orchestration.rig.limit import Limit
+from orchestration.rig.signals import Limit
 
 _ROUNDING = 1e-9  # of a rate limit: a ramp at the limit must not fail by the last bit of a time
 
 
 class CommandFilter:
-    """Hard limits of commands.
+    """Filter that holds commands against their hard limits.
 
-    A set of commands is taken as a whole or not at all: if one value is beyond its limits, all stay as they are.
+    A set of commands is taken as a whole or not at all: if one value is beyond its limits, all stay
+    as they are.
 
     Parameters
     ----------
@@ -33,10 +34,10 @@ class CommandFilter:
 
     def __init__(self, inputs: Mapping[str, str], limits: Mapping[str, Limit]) -> None:
         self._signals = [(name, unit, limits.get(name, Limit())) for name, unit in inputs.items()]
-        self.rest()
+        self.reset()
 
-    def rest(self) -> None:
-        """Note that the rig went to its safe state: nothing is commanded."""
+    def reset(self) -> None:
+        """Note that the rig went to its safe state, where nothing is commanded."""
         self.applied = (0.0,) * len(self._signals)
 
     def take(self, values: Sequence[float], elapsed: float) -> list[str]:
@@ -52,17 +53,15 @@ class CommandFilter:
         Returns
         -------
         list of str
-            A sentence for every value that is refused; empty if all were taken.
+            Sentences about the values that are refused; empty if all were taken.
         """
         refused = []
         for (name, unit, limit), value, before in zip(
             self._signals, values, self.applied, strict=True
         ):
-            fault = (
-                beyond(limit, value, before, elapsed, unit)
-                if isfinite(value)
-                else "is no finite number"
-            )
+            fault = "is no finite number"
+            if isfinite(value):
+                fault = excess(limit, value, before, elapsed, unit)
             if fault:
                 refused.append(f"{name} {value:g} {unit} {fault}; {before:g} {unit} goes on")
         if not refused:
@@ -70,8 +69,8 @@ class CommandFilter:
         return refused
 
 
-def beyond(limit: Limit, value: float, before: float | None, elapsed: float, unit: str) -> str:
-    """Hold a value against its limits.
+def excess(limit: Limit, value: float, before: float | None, elapsed: float, unit: str) -> str:
+    """Describe how a value exceeds its limits.
 
     Parameters
     ----------
@@ -87,7 +86,7 @@ def beyond(limit: Limit, value: float, before: float | None, elapsed: float, uni
     Returns
     -------
     str
-        What is wrong, as in ``is above 1.3 A``; empty if nothing is.
+        Such as ``is above 1.3 A``; empty if it is within them.
     """
     if value < limit.min:
         return f"is below {limit.min:g} {unit}"
@@ -98,12 +97,15 @@ def beyond(limit: Limit, value: float, before: float | None, elapsed: float, uni
         and limit.rate < inf
         and abs(value - before) > limit.rate * elapsed * (1 + _ROUNDING)
     ):
-        return f"is a change by {value - before:+.3g} {unit} in {elapsed:.3g} s, faster than {limit.rate:g} {unit}/s"
+        return (
+            f"is a change by {value - before:+.3g} {unit} in {elapsed:.3g} s, faster than"
+            f" {limit.rate:g} {unit}/s"
+        )
     return ""
 
 
 class MeasurementMonitor:
-    """Hard limits of measured values, and how long a device may deliver none.
+    """Monitor of hard limits of measured values, and of a device that delivers none.
 
     Parameters
     ----------
@@ -120,20 +122,19 @@ class MeasurementMonitor:
     ) -> None:
         self._signals = [(name, unit, limits.get(name)) for name, unit in outputs.items()]
         self._patience = patience
-        self._last: dict[
-            str, tuple[float, float]
-        ] = {}  # newest finite value of each output, and its time
+        # newest finite value of each output, and its time
+        self._last: dict[str, tuple[float, float]] = {}
         self._begun: float | None = None
 
     def check(self, values: Mapping[str, float], now: float) -> str:
-        """Hold one reading against the limits.
+        """Check one reading.
 
         Parameters
         ----------
         values : Mapping of str to float
             By output, SI; NaN where there is none.
         now : float
-            When they were taken, in s; never before the reading before.
+            When they were taken, in s; never earlier than the previous reading.
 
         Returns
         -------
@@ -146,16 +147,16 @@ class MeasurementMonitor:
         for name, unit, limit in self._signals:
             value = values[name]
             before, time = self._last.get(name, (None, self._begun))
-            if not isfinite(value):
-                if limit is not None and now - time > self._patience:
-                    reason = (
-                        reason or f"no finite {name} for {self._patience:g} s, and it has limits"
-                    )
-                continue
-            self._last[name] = (value, now)
-            fault = beyond(limit, value, before, now - time, unit) if limit is not None else ""
-            if fault:
-                reason = reason or f"measured {name} {value:g} {unit} {fault}"
+            fault = ""
+            if isfinite(value):
+                self._last[name] = (value, now)
+                if limit is not None:
+                    fault = excess(limit, value, before, now - time, unit)
+                if fault:
+                    fault = f"measured {name} {value:g} {unit} {fault}"
+            elif limit is not None and now - time > self._patience:
+                fault = f"no finite {name} for {self._patience:g} s, and it has limits"
+            reason = reason or fault
         newest = max((time for _, time in self._last.values()), default=self._begun)
         if self._signals and now - newest > self._patience:
             reason = reason or f"the device delivers nothing finite for {self._patience:g} s"
@@ -163,7 +164,7 @@ class MeasurementMonitor:
 
 
 def expired(accepted: float, now: float, watchdog: float) -> bool:
-    """Whether the rig may not go on with a command.
+    """Return True if a command is too old for the rig to go on with it.
 
     Parameters
     ----------
@@ -180,7 +181,7 @@ def expired(accepted: float, now: float, watchdog: float) -> bool:
 
 
 def stale(seen: float, now: float, watchdog: float) -> str:
-    """Judge a message by the newest time of the rig that its sender knew of.
+    """Describe why a message is too old, by the newest time of the rig that its sender knew of.
 
     Parameters
     ----------
@@ -192,7 +193,7 @@ def stale(seen: float, now: float, watchdog: float) -> str:
     Returns
     -------
     str
-        Why its commands are not carried out; empty if they are fresh.
+        The reason for which its commands are not carried out; empty if they are fresh.
     """
     if seen > now:
         return f"the message has seen {seen - now:.3g} s more of the rig's time than there was"

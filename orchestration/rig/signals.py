@@ -1,13 +1,19 @@
-"""The signals that a proxy can stand for: names and units of the components, and what the bench of the thesis bears."""
+"""Signals of a rig: their names, units and limits, and checks of values given for them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
-from fmus.kit.errors import UserError, suggestion
-from orchestration.rig import LIMITS
-from orchestration.rig.limit import Limit
+from fmus.kit import UserError, suggestion
+
+RIG_COMPONENT = "ppy_actuator"
+"""Component that models what is on the rig. The only rig so far is the emulated one."""
+INPUT_RANGES = {"current": (-1.3, 1.3), "force": (0.0, 3.0)}
+"""Range of each input, SI: currents of the galvanostat, and forces that a film bears."""
+LOOP_BANDWIDTH = 30.0
+"""Bandwidth of the loops of current and of force, Hz."""
 
 UNITS = {
     "current": "A",
@@ -29,14 +35,33 @@ UNITS = {
 }
 """SI unit of every signal that is known by name."""
 
+
+@dataclass(frozen=True)
+class Limit:
+    """Hard limits of one signal, SI.
+
+    Attributes
+    ----------
+    min, max : float
+        Inclusive.
+    rate : float
+        Largest change per second.
+    """
+
+    min: float = -inf
+    max: float = inf
+    rate: float = inf
+
+
 _STROKE = 12.7e-3  # m, of the voice coil (thesis section 2.2.2)
 _COIL_FORCE = 4.9  # N, that the voice coil bears continuously (thesis section 2.2.2)
-# Commands may step: mean-zero square waves of current and discrete weights are what the thesis drives its actuators
-# with. A length may not, for a step of length is an impact; the coil pulls its stroke in some 0.1 s.
+# Commands may step: the thesis drives its actuators with square waves of current around zero, and
+# with discrete weights. A length may not, for a step of length is an impact; the coil travels its
+# stroke in some 0.1 s.
 KNOWN_LIMITS: Mapping[str, Limit] = {
-    "current": Limit(*LIMITS["current"]),
-    "force": Limit(*LIMITS["force"]),
-    "force_reference": Limit(*LIMITS["force"]),
+    "current": Limit(*INPUT_RANGES["current"]),
+    "force": Limit(*INPUT_RANGES["force"]),
+    "force_reference": Limit(*INPUT_RANGES["force"]),
     "length_change": Limit(-_STROKE, _STROKE, rate=0.1),
     "voltage": Limit(-15.0, 15.0),  # compliance of the galvanostat (thesis table 2-2)
     "displacement": Limit(-_STROKE, _STROKE),
@@ -45,26 +70,26 @@ KNOWN_LIMITS: Mapping[str, Limit] = {
     "force_measured": Limit(-1.0, _COIL_FORCE),
     "position_measured": Limit(-_STROKE, _STROKE),
 }
-"""Of commands, and of what a measured value may be before the rig is taken to its safe state."""
+"""Limits of commands, and of measured values: beyond them the rig goes to its safe state."""
 
 
 @dataclass(frozen=True)
-class Signals:
-    """Inputs and outputs of a rig, by name."""
+class RigSignals:
+    """Names of the inputs and outputs of a rig."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
 
 _DISPLACEMENTS = ("electrochemical_displacement", "mechanical_displacement")
-SIGNALS: Mapping[str, Signals] = {
-    "force-driven": Signals(
+SIGNALS: Mapping[str, RigSignals] = {
+    "force-driven": RigSignals(
         ("current", "force"), ("voltage", "displacement", *_DISPLACEMENTS, "charge")
     ),
-    "length-driven": Signals(
+    "length-driven": RigSignals(
         ("current", "length_change"), ("tension", "voltage", *_DISPLACEMENTS, "charge")
     ),
-    "bench": Signals(
+    "bench": RigSignals(
         ("force_reference", "current"),
         (
             "position",
@@ -80,11 +105,15 @@ SIGNALS: Mapping[str, Signals] = {
         ),
     ),
 }
-"""Of ``ppy_actuator`` and ``ppy_actuator_length_driven``; inputs of ``dma_bench`` and outputs of both its members."""
+"""Signals of the rigs that are known by name.
+
+The first two are those of ``ppy_actuator`` and ``ppy_actuator_length_driven``; the bench has the
+inputs of ``dma_bench`` and the outputs of both its members.
+"""
 
 
 def one_of(option: str, value: str, allowed: Mapping[str, object] | tuple[str, ...]) -> str:
-    """Return the value of an option if it is one of those allowed.
+    """Return the value of an option that is one of those allowed.
 
     Raises
     ------
@@ -129,7 +158,7 @@ def seconds(option: str, value: str, most: float) -> float:
 
 
 def commands(values: Mapping[str, float], inputs: Mapping[str, str]) -> dict[str, float]:
-    """Return the value of every input.
+    """Return the commanded value of every input.
 
     Raises
     ------
@@ -143,20 +172,19 @@ def commands(values: Mapping[str, float], inputs: Mapping[str, str]) -> dict[str
             )
     for name in inputs:
         value = values.get(name)
-        if value is None or not abs(value) < float("inf"):
-            raise UserError(
-                f"command {name} = {'missing' if value is None else value}: must be a finite number"
-            )
+        if value is None or not abs(value) < inf:
+            given = "missing" if value is None else value
+            raise UserError(f"command {name} = {given}: must be a finite number")
     return {name: float(values[name]) for name in inputs}
 
 
-def passed(step: float, most: float) -> float:
-    """Return a step of time if a rig can take it, s.
+def checked_step(step: float, most: float) -> float:
+    """Return a step of time that a rig can take, s.
 
     Raises
     ------
     UserError
-        If it is negative, not finite or longer than the most.
+        If it is negative, not finite or longer than `most`.
     """
     if not 0 <= step <= most:
         raise UserError(f"step = {step} s: must be from 0 to {most:g} s")

@@ -1,4 +1,7 @@
-"""Cases run by the workers of a Dask cluster, whose machines need this package and nothing of this sweep."""
+"""Workers of a Dask cluster that run the cases of a sweep.
+
+Their machines need this package, and nothing else of the sweep: its files travel with it.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +18,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.kit.storage import scratch
-from orchestration.sweeps.crew import AHEAD, Part
-from orchestration.sweeps.parts import Parts
-from orchestration.sweeps.task import Outcomes, Repeated, Task, failed
+from orchestration.sweeps.chunking import QUEUED, Chunks
+from orchestration.sweeps.local_workers import RowsAndOutcomes
+from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed
 
 Array = NDArray[np.float64]
-_PATIENCE = 30.0  # s without anything done, after which it is asked whether there are workers
+_PATIENCE = 30.0  # s without a result, after which the cluster must still have workers
 
 
 @dataclass(frozen=True)
-class Parcel:
-    """A task with the files that it names, which are not on the machines of a cluster.
+class TaskBundle:
+    """A task bundled with the files that it names, which the machines of a cluster do not have.
 
     Attributes
     ----------
@@ -36,7 +39,7 @@ class Parcel:
     library : bytes
         Compiled code; empty without.
     digest : str
-        Of all of it.
+        Of all of these.
     """
 
     task: Task
@@ -45,24 +48,19 @@ class Parcel:
     digest: str
 
 
-def packed(task: Task) -> Parcel:
-    """Read the files of a task."""
-    fmu, library = (
-        task.path.read_bytes(),
-        task.equations.library.read_bytes() if task.equations else b"",
-    )
-    of_task = (
-        repr(task).encode()
-        + task.time.tobytes()
-        + b"".join(v.tobytes() for v in task.inputs.values())
-    )
-    return Parcel(task, fmu, library, hashlib.sha256(fmu + library + of_task).hexdigest())
+def bundle(task: Task) -> TaskBundle:
+    """Bundle a task with its files."""
+    fmu = task.path.read_bytes()
+    library = task.equations.library.read_bytes() if task.equations else b""
+    inputs = b"".join(values.tobytes() for values in task.inputs.values())
+    whole = fmu + library + repr(task).encode() + task.time.tobytes() + inputs
+    return TaskBundle(task, fmu, library, hashlib.sha256(whole).hexdigest())
 
 
-def outcomes_of_cluster(
+def run_on_cluster(
     address: str, task: Task, cases: Array, which: Sequence[int]
-) -> Iterator[Part]:
-    """Run cases on a cluster, and tell each as soon as it is there.
+) -> Iterator[RowsAndOutcomes]:
+    """Run cases on a cluster, and yield their outcomes as they come.
 
     Parameters
     ----------
@@ -76,39 +74,43 @@ def outcomes_of_cluster(
     Yields
     ------
     list of int and Outcomes
-        Rows, and what they left; in any order. A case that ends its worker again and again fails.
+        Rows and their outcomes, in any order. A case fails that ends its worker again and again.
 
     Raises
     ------
     UserError
-        If `distributed` is not installed, there is no such cluster, it has no workers, or they cannot run the task.
+        If `distributed` is not installed, there is no such cluster, it has no workers, or they
+        cannot run the task.
     """
-    with Repeated(task):  # what is wrong with the FMU is told here, in one line
+    with CaseRunner(task):  # raises here, in one line, if the FMU cannot be opened
         pass
     client, threads = _connected(address)
-    parts = Parts(task, which, threads)
-    suspects: deque[list[int]] = (
-        deque()
-    )  # cases of parts whose worker ended, which may not be to blame
+    chunks = Chunks(task, which, threads)
+    # cases of chunks whose worker ended, which need not be to blame
+    suspects: deque[list[int]] = deque()
     running: dict[Any, list[int]] = {}
     try:
-        # as a result, which is made again where the workers that have it end; what is scattered would be lost with them
-        parcel = client.submit(unpacked, packed(task), pure=False)
-        while parts or running or suspects:
-            alone = not parts and not running
-            while (parts or alone) and len(running) < (1 if alone else AHEAD * threads):
-                rows = suspects.popleft() if alone else parts.next()
-                # a result is not known by its arguments: a part that is told again is run again
-                running[client.submit(work, parcel, cases[rows], pure=False)] = rows
+        # as a result, which is made again where the workers that have it end; scattered data would
+        # be lost with them
+        bundled = client.submit(identity, bundle(task), pure=False)
+        while chunks or running or suspects:
+            is_alone = not chunks and not running  # a suspect runs alone
+            while (chunks or is_alone) and len(running) < (1 if is_alone else QUEUED * threads):
+                rows = suspects.popleft() if is_alone else chunks.next()
+                # not pure: a chunk that is submitted again is run again
+                running[client.submit(work, bundled, cases[rows], pure=False)] = rows
             for future in _done(client, running, address):
                 rows = running.pop(future)
-                for part in _results(future, rows, task, None if alone else suspects, address):
-                    parts.took(len(rows), part[1].seconds)
-                    yield part
+                outcomes = _result(future, task, is_alone, address)
+                if outcomes is None:
+                    suspects.extend([row] for row in rows)
+                    continue
+                chunks.took(len(rows), outcomes.seconds)
+                yield rows, outcomes
     finally:
         client.cancel([*running])
-        with suppress(OSError, TimeoutError):  # what is gone has nothing to let go of
-            client.run(let_go, on_error="ignore")
+        with suppress(OSError, TimeoutError):  # workers that are gone have nothing to release
+            client.run(release, on_error="ignore")
         client.close()
 
 
@@ -132,7 +134,10 @@ def _connected(address: str) -> tuple[Any, int]:
 
 
 def _check_address(address: str) -> None:
-    """Refuse what no client can be made with: one that fails half-way waits for long, and tells of it at the end."""
+    """Refuse an address with which no client can be made.
+
+    A client that fails half-way waits for long, and says so only at the end.
+    """
     import dask
     from distributed.comm import get_address_host_port
     from distributed.security import Security
@@ -154,7 +159,7 @@ def _check_address(address: str) -> None:
 
 
 def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]:
-    """Wait for the next that are done."""
+    """Wait until some chunks are done, and return them."""
     from distributed import wait
 
     while True:
@@ -164,24 +169,25 @@ def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]
         except TimeoutError as error:
             if not client.nthreads():
                 raise UserError(
-                    f"--scheduler {address}: all its workers are gone; with --out the same command goes on where it was"
+                    f"--scheduler {address}: all its workers are gone; with --out the same command"
+                    " goes on where it was"
                 ) from error
 
 
-def _results(
-    future: Any, rows: list[int], task: Task, suspects: deque[list[int]] | None, address: str
-) -> Iterator[Part]:
-    """Take what a part left; where its worker ended, its cases are run again alone, and blamed if it ends then."""
+def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes | None:
+    """Return the outcomes of a chunk; None if its worker ended, and the chunk need not be to blame.
+
+    Dask blames every chunk that a worker was given, including those that it had not begun.
+    """
     from distributed.scheduler import KilledWorker
 
     try:
-        yield rows, future.result()
+        outcomes: Outcomes = future.result()
+        return outcomes
     except KilledWorker:
-        # Dask blames all that a worker was told, what it had not begun with, too
-        if suspects is None:
-            yield rows, failed(task, f"{task.path.name}: the process that ran it ended")
-        else:
-            suspects.extend([row] for row in rows)
+        if not is_alone:
+            return None
+        return failed(task, f"{task.path.name}: the process that ran it ended")
     except UserError:
         raise
     except Exception as error:
@@ -189,27 +195,27 @@ def _results(
         raise UserError(f"--scheduler {address}: a worker failed ({line})") from error
 
 
-# ---- on a worker ----------------------------------------------------------------------------------------------------
+# ---- on a worker
+# --------------------------------------------------------------------------------------------------
 
 _lock = Lock()  # a worker may have several threads; an instance has one
-_open: tuple[str, Repeated, Any] | None = (
-    None  # what was run last: its digest, what runs it, the folder of its files
-)
+# of the newest task: its digest, its runner, the folder of its files
+_open: tuple[str, CaseRunner, Any] | None = None
 
 
-def unpacked(parcel: Parcel) -> Parcel:
-    """Return what is there for all parts."""
-    return parcel
+def identity(bundled: TaskBundle) -> TaskBundle:
+    """Return the bundle, which the cluster then keeps as a result for all chunks."""
+    return bundled
 
 
-def work(parcel: Parcel, cases: Array) -> Outcomes:
-    """Run cases (k, p) on a worker, which keeps what runs them for the next."""
-    with _lock, _in_its_folder():
-        return _repeated(parcel).run(cases)
+def work(bundled: TaskBundle, cases: Array) -> Outcomes:
+    """Run cases (k, p) on a worker, which keeps the task open for the next chunk."""
+    with _lock, _in_worker_folder():
+        return _runner(bundled).run(cases)
 
 
-def let_go() -> None:
-    """Close and remove what a worker has open, unless it is busy with it; it is removed when the worker ends, too."""
+def release() -> None:
+    """Close and remove the open task of a worker, unless it is at work; its end removes it, too."""
     if _lock.acquire(blocking=False):
         try:
             _close()
@@ -218,11 +224,15 @@ def let_go() -> None:
 
 
 @contextmanager
-def _in_its_folder() -> Iterator[None]:
-    """Have all that is unpacked in the folder of the worker, which Dask removes even if its process is killed."""
+def _in_worker_folder() -> Iterator[None]:
+    """Unpack files in the folder of the worker while the context lasts.
+
+    Dask removes that folder even if the process is killed.
+    """
     from distributed import get_worker
 
-    before, tempfile.tempdir = tempfile.tempdir, get_worker().local_directory
+    before = tempfile.tempdir
+    tempfile.tempdir = get_worker().local_directory
     try:
         yield
     finally:
@@ -237,29 +247,30 @@ def _close() -> None:
         _open = None
 
 
-def _repeated(parcel: Parcel) -> Repeated:
+def _runner(bundled: TaskBundle) -> CaseRunner:
+    """Return the runner of a task, opened if it is not the newest one."""
     global _open
-    if _open is not None and _open[0] == parcel.digest:
+    if _open is not None and _open[0] == bundled.digest:
         return _open[1]
     _close()
     folder = scratch.make("sweep")
     try:
         with scratch.written(folder):
-            repeated = Repeated(_written(parcel, folder))
-        repeated.__enter__()
+            runner = CaseRunner(_unpack(bundled, folder))
+        runner.__enter__()
     except BaseException:
         scratch.remove(folder)
         raise
-    _open = parcel.digest, repeated, folder
-    return repeated
+    _open = bundled.digest, runner, folder
+    return runner
 
 
-def _written(parcel: Parcel, folder: Path) -> Task:
-    """Write the files of a task into a folder."""
-    task = replace(parcel.task, path=folder / parcel.task.path.name)
-    task.path.write_bytes(parcel.fmu)
-    if task.equations:
-        library = folder / task.equations.library.name
-        library.write_bytes(parcel.library)
-        task = replace(task, equations=replace(task.equations, library=library))
-    return task
+def _unpack(bundled: TaskBundle, folder: Path) -> Task:
+    """Write the files of a task into a folder, and return the task with them."""
+    task = replace(bundled.task, path=folder / bundled.task.path.name)
+    task.path.write_bytes(bundled.fmu)
+    if not task.equations:
+        return task
+    library = folder / task.equations.library.name
+    library.write_bytes(bundled.library)
+    return replace(task, equations=replace(task.equations, library=library))

@@ -1,4 +1,4 @@
-"""The compiled path: cases of a component whose equations are known, without the FMI around them."""
+"""Compiled engine of sweeps: cases of a component run by compiled equations, without an FMU."""
 
 from __future__ import annotations
 
@@ -9,21 +9,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.archive import read_description
-from orchestration.fmu.model import Model
-from orchestration.fmu.signal import Value
+from fmus.kit import UserError
+from orchestration.fmu import Model, Value, read_description
 
 Array = NDArray[np.float64]
 ENGINES = ("auto", "fmu", "compiled")
-# Internal steps of a case, beyond which its FMU runs it: a few tenths of a second, in which no Ctrl-C is heard. Nothing
-# is lost, for there it is the equations that take the time.
+# Internal steps of a case, beyond which its FMU runs it: a few tenths of a second, in which no
+# Ctrl-C is heard. Nothing is lost, for there it is the equations that take the time.
 _MOST = 2e6
 
 
 @dataclass(frozen=True)
 class Equations:
-    """A component compiled, in paths and numbers only, so that a worker can be told it.
+    """A compiled component, in paths and numbers only, so that it can be sent to a worker.
 
     Attributes
     ----------
@@ -34,7 +32,7 @@ class Equations:
     inputs : dict of str to tuple of float and bool
         Start value, SI, and whether it is real.
     outputs, remembered : tuple of str
-        What it computes, and its states and discrete states, which may be outputs of the FMU too.
+        Its outputs, and its states and discrete states, which may be outputs of the FMU, too.
     periods : tuple of str
         Parameters that are periods, s.
     tolerance : float
@@ -50,14 +48,15 @@ class Equations:
     tolerance: float
 
 
-def chosen(model: Model, engine: str) -> Equations | None:
-    """Choose what runs the cases of a model.
+def choose_equations(model: Model, engine: str) -> Equations | None:
+    """Choose the engine that runs the cases of a model.
 
     Parameters
     ----------
     model : Model
     engine : {"auto", "fmu", "compiled"}
-        ``auto`` compiles a component of which the FMU is a native build, and runs the FMU of any other model.
+        ``auto`` compiles a component of which the FMU is a native build, and runs the FMU of any
+        other model.
 
     Returns
     -------
@@ -82,11 +81,11 @@ def chosen(model: Model, engine: str) -> Equations | None:
 
 
 def _equations(model: Model) -> Equations:
-    from fmus.kit.build import plan
-    from fmus.kit.record.compiled import plain_library
+    from fmus.kit.build import plan_build
+    from fmus.kit.record import plain_library
 
     cls = model.cls
-    if cls is None or plan(cls, "native").guid != read_description(model.path).guid:
+    if cls is None or plan_build(cls, "native").guid != read_description(model.path).guid:
         raise UserError(
             f"{model.name} is run as an FMU; native builds of components here can be compiled"
         )
@@ -104,10 +103,10 @@ def _equations(model: Model) -> Equations:
 
 
 class CompiledCases:
-    """A component that compiled code runs again and again; it may do so in several threads at once.
+    """Runner of cases by compiled code, in several threads at once if wanted.
 
-    What such code cannot judge, a value out of its range or a step that fails, is left to the FMU, which says what is
-    wrong, or comes to the same numbers.
+    A case with a value out of its range, or with a step that fails, stays undecided: it is for the
+    FMU, which says what is wrong, or comes to the same numbers.
 
     Parameters
     ----------
@@ -120,17 +119,15 @@ class CompiledCases:
     """
 
     def __init__(self, equations: Equations):
-        from fmus.kit.record.library import RecordLibrary
+        from fmus.kit.record import RecordLibrary
 
         self._equations = equations
-        self._starts, self._smallest, self._largest = (
-            np.array(list(equations.parameters.values())).reshape(-1, 3).T
-        )
+        ranges = np.array(list(equations.parameters.values())).reshape(-1, 3)
+        self._starts, self._smallest, self._largest = ranges.T
         self._index = {name: k for k, name in enumerate(equations.parameters)}
         self._periods = [self._index[name] for name in equations.periods]
-        self._column = {
-            name: k for k, name in enumerate((*equations.outputs, *equations.remembered))
-        }
+        computed = (*equations.outputs, *equations.remembered)
+        self._column = {name: k for k, name in enumerate(computed)}
         try:
             self._library = RecordLibrary(
                 equations.library, len(equations.outputs), len(equations.remembered)
@@ -159,38 +156,41 @@ class CompiledCases:
         over : Mapping of str to ndarray, shape (k,)
             Parameters of each case, or inputs that it holds.
         outputs : sequence of str
-            Of which the course is wanted, m of them.
+            Whose traces are wanted, m of them.
 
         Returns
         -------
-        courses : ndarray, shape (k, n, m)
-        judged : ndarray of bool, shape (k,)
-            Whether each was run; the others are the FMU's.
+        traces : ndarray, shape (k, n, m)
+        decided : ndarray of bool, shape (k,)
+            True for a case that was run; the others are for the FMU.
         """
         count = len(next(iter(over.values())))
-        parameters, taken = self._parameters(count, settings, over)
-        tables, fed = self._tables(len(time), count, inputs, settings, over)
+        parameters, has_valid_parameters = self._parameters(count, settings, over)
+        tables, has_valid_inputs = self._tables(len(time), count, inputs, settings, over)
         columns = [self._column[name] for name in outputs]
-        judged = taken & fed
-        parameters[~judged], tables[~fed] = self._starts, 0.0  # what compiled code may see instead
-        tolerance, effort = self._equations.tolerance, _MOST / len(time)
-        courses, done = self._library.cases(time, tables, parameters, tolerance, effort, columns)
-        judged &= done
-        courses[~judged] = np.nan
-        return courses, judged
+        decided = has_valid_parameters & has_valid_inputs
+        parameters[~decided] = self._starts  # compiled code must not see invalid values
+        tables[~has_valid_inputs] = 0.0
+        tolerance = self._equations.tolerance
+        effort = _MOST / len(time)
+        traces, done = self._library.cases(time, tables, parameters, tolerance, effort, columns)
+        decided &= done
+        traces[~decided] = np.nan
+        return traces, decided
 
     def _parameters(
         self, count: int, settings: Mapping[str, Value], over: Mapping[str, Array]
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Values (k, p), and whether the FMU would take them (k,)."""
-        values, taken = np.tile(self._starts, (count, 1)), np.ones(count, bool)
+        """Return values of parameters (k, p), and whether the FMU would accept them (k,)."""
+        values = np.tile(self._starts, (count, 1))
+        is_valid = np.ones(count, bool)
         for name, value in {**settings, **over}.items():
             if isinstance(value, str):
-                taken[:] = False
+                is_valid[:] = False
             elif name in self._index:
                 values[:, self._index[name]] = value
-        taken &= ((values >= self._smallest) & (values <= self._largest)).all(axis=1)
-        return values, taken & (values[:, self._periods] > 0.0).all(axis=1)
+        is_valid &= ((values >= self._smallest) & (values <= self._largest)).all(axis=1)
+        return values, is_valid & (values[:, self._periods] > 0.0).all(axis=1)
 
     def _tables(
         self,
@@ -200,17 +200,18 @@ class CompiledCases:
         settings: Mapping[str, Value],
         over: Mapping[str, Array],
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Inputs (k or 1, n, u), held where they have no course, and whether the FMU would take them (k or 1,)."""
-        kept = self._equations.inputs
-        tables = np.empty((count if {*kept} & {*over} else 1, points, len(kept)))
-        taken = np.ones(len(tables), bool)
-        for k, (name, (start, real)) in enumerate(kept.items()):
-            given = (
-                over[name][:, np.newaxis]
-                if name in over
-                else inputs.get(name, settings.get(name, start))
-            )
-            tables[:, :, k] = given
-            if not real:
-                taken &= np.isin(tables[:, :, k], (0.0, 1.0)).all(axis=1)
-        return tables, taken & np.isfinite(tables).all(axis=(1, 2))
+        """Return inputs (k, n, u), and whether the FMU would accept them (k,).
+
+        Inputs without a trace are held. With the same inputs in all cases k is 1.
+        """
+        described = self._equations.inputs
+        tables = np.empty((count if {*described} & {*over} else 1, points, len(described)))
+        is_valid = np.ones(len(tables), bool)
+        for k, (name, (start, is_real)) in enumerate(described.items()):
+            if name in over:
+                tables[:, :, k] = over[name][:, np.newaxis]
+            else:
+                tables[:, :, k] = inputs.get(name, settings.get(name, start))
+            if not is_real:
+                is_valid &= np.isin(tables[:, :, k], (0.0, 1.0)).all(axis=1)
+        return tables, is_valid & np.isfinite(tables).all(axis=(1, 2))

@@ -1,4 +1,4 @@
-"""A sweep as a TOML file: an experiment, what its parameters go through, and what is kept."""
+"""Sweep described in a TOML file: an experiment, the values of parameters, and what is kept."""
 
 from __future__ import annotations
 
@@ -11,27 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.kit.files import is_file
-from orchestration.experiment.library import shipped
-from orchestration.experiment.model import Experiment, checked, parse
-from orchestration.experiment.preparation import prepare
-from orchestration.experiment.reading import read, read_toml
-from orchestration.experiment.subject import subject
-from orchestration.experiment.values import Table
-from orchestration.fmu.model import Model, find_model
-from orchestration.fmu.signal import Value
+from orchestration.experiment import (
+    Experiment,
+    ValueTable,
+    checked,
+    parse,
+    prepare,
+    read,
+    read_toml,
+    shipped,
+    subject,
+)
+from orchestration.fmu import Model, Value, find_model
 from orchestration.sweeps.fitted import read_fitted
 from orchestration.sweeps.reductions import KEPT, TRACE
-from orchestration.sweeps.sensitivity.bands import KIND as DRAWS
-from orchestration.sweeps.sensitivity.tornado import KIND as TORNADO
+from orchestration.sweeps.sensitivity import BANDS as DRAWS
+from orchestration.sweeps.sensitivity import TORNADO
 
 Array = NDArray[np.float64]
 ENDINGS = (".toml",)
 
 
-class SweepTable(Table):
-    """The keys of the file; ``docs/how-to/sweeps.md`` tells them."""
+class SweepTable(ValueTable):
+    """The keys of the file; ``docs/how-to/sweeps.md`` describes them."""
 
     title: str = ""
     experiment: str | dict[str, Any]
@@ -46,26 +50,28 @@ class SweepTable(Table):
     def _says_what_is_swept(self) -> SweepTable:
         if bool(self.over) == (self.fitted is not None):
             raise ValueError(
-                "says in [over] what parameters go through, or names a fit to draw them from: fitted = ..."
+                "says in [over] what parameters go through, or names a fit to draw them from:"
+                " fitted = ..."
             )
         if self.fitted is not None and {"design"} & self.model_fields_set:
             raise ValueError("has a fit to draw parameters from, and a design besides")
         if self.fitted is not None and self.samples is None:
             raise ValueError(
-                "has a fit to draw parameters from; say how many cases are drawn, such as samples = 200"
+                "has a fit to draw parameters from; say how many cases are drawn, such as samples"
+                " = 200"
             )
         return self
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a file asks for.
+class SweepRequest:
+    """A sweep as a file requests it, checked against its model.
 
     Attributes
     ----------
     model : Model
     over : dict of str to str or ndarray
-        What each parameter goes through.
+        The values of each parameter.
     kind : str
         Design.
     samples : int or None
@@ -93,14 +99,15 @@ class Asked:
     table: SweepTable
 
 
-def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> Asked:
-    """Read a sweep, and check its experiment against what that is made on.
+def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> SweepRequest:
+    """Read a sweep, and check its experiment against the model.
 
     Parameters
     ----------
     path : Path
     note : callable
-        Called with a line for what is worth knowing: repairs in a file, inputs that stay at their start value.
+        Called with a line for every remark: repairs in a file, inputs that stay at their start
+        value.
 
     Raises
     ------
@@ -109,54 +116,63 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> A
     """
     where = str(path)
     if not is_file(path):
-        raise UserError(f"{where}: {'a folder' if path.is_dir() else 'no such file'}")
+        reason = "a folder" if path.is_dir() else "no such file"
+        raise UserError(f"{where}: {reason}")
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
     stated = _experiment(table.experiment, path)
+    model = _model(stated, where)
+    fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
+    over: Mapping[str, str | Array] = (
+        _over(table) if fit is None else fit.draws(table.samples, table.seed)
+    )
+    # in a tornado a parameter stays at the value of the experiment while another one is moved
+    replaced = {} if table.design == TORNADO else over
+    experiment = _without(stated, replaced)
+    with subject(experiment, where) as on:
+        fed = {name: signal for name, signal in on.inputs.items() if name not in over}
+        prepared = prepare(experiment, replace(on, inputs=fed), where, note)
+    settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
+    if fit is not None:
+        for line in fit.differences(settings):
+            note(line)
+    return SweepRequest(
+        model=model,
+        over=over,
+        kind=table.design if fit is None else DRAWS,
+        samples=table.samples if fit is None else None,
+        keep=table.keep or [*(KEPT if fit is None else (TRACE,))],
+        time=prepared.time,
+        inputs=prepared.inputs,
+        settings=settings,
+        outputs=prepared.record,
+        table=table,
+    )
+
+
+def _model(stated: Experiment, where: str) -> Model:
+    """Return the model of an experiment that can be swept."""
     if stated.component is None:
         raise UserError(
             f"{where}: a sweep is of a component or an FMU, and {stated.system} is a system"
         )
     if stated.noise:
         raise UserError(f"{where}: noise is of what is measured; a sweep has none")
-    model = find_model(stated.component, stated.runtime, stated.effects)
-    fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
-    over: Mapping[str, str | Array] = (
-        _over(table) if fit is None else fit.draws(table.samples, table.seed)
-    )
-    # of a tornado what the experiment has is where the others stay
-    replaced = {} if table.design == TORNADO else over
-    experiment = _without(stated, replaced)
-    with subject(experiment, where) as on:
-        left = {name: signal for name, signal in on.inputs.items() if name not in over}
-        prepared = prepare(experiment, replace(on, inputs=left), where, note)
-    settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
-    for line in [] if fit is None else fit.differences(settings):
-        note(line)
-    kind, samples, keep = (
-        (table.design, table.samples, KEPT) if fit is None else (DRAWS, None, (TRACE,))
-    )
-    return Asked(
-        model,
-        over,
-        kind,
-        samples,
-        table.keep or [*keep],
-        prepared.time,
-        prepared.inputs,
-        settings,
-        prepared.record,
-        table,
-    )
+    return find_model(stated.component, stated.runtime, stated.effects)
 
 
 def _over(table: SweepTable) -> dict[str, str]:
-    return {
-        name: v if isinstance(v, str) else ", ".join(map(str, v)) for name, v in table.over.items()
-    }
+    """Return values of parameters as the command line has them."""
+    over = {}
+    for name, values in table.over.items():
+        over[name] = values if isinstance(values, str) else ", ".join(map(str, values))
+    return over
 
 
 def _experiment(given: str | dict[str, Any], path: Path) -> Experiment:
-    """Take the experiment that a file names, one that ships or a file beside it, or that it states itself."""
+    """Return the experiment that a file states itself or names.
+
+    A name is that of a file beside it, or of an experiment that ships.
+    """
     if isinstance(given, dict):
         return parse(given, f"{path}: experiment", str(path.parent))
     beside = path.parent / given
@@ -164,9 +180,9 @@ def _experiment(given: str | dict[str, Any], path: Path) -> Experiment:
 
 
 def _without(experiment: Experiment, swept: Mapping[str, Any]) -> Experiment:
-    """Leave out what is swept, whatever the experiment has for it."""
-    parameters, inputs = (
-        {name: value for name, value in group.items() if name not in swept}
-        for group in (experiment.parameters, experiment.inputs)
-    )
-    return experiment.model_copy(update={"parameters": parameters, "inputs": inputs})
+    """Return an experiment without parameters and inputs that are swept."""
+    update = {}
+    for group in ("parameters", "inputs"):
+        values = getattr(experiment, group)
+        update[group] = {name: value for name, value in values.items() if name not in swept}
+    return experiment.model_copy(update=update)

@@ -1,4 +1,4 @@
-"""Parameters drawn from a fit that ``ppy identify --json`` wrote."""
+"""Fit read from a file of ``ppy identify --json``, from which parameters of a sweep are drawn."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from fmus.kit.errors import UserError
-from fmus.kit.units import allowed
-from orchestration.experiment.model import checked
-from orchestration.fmu.model import Model
-from orchestration.fmu.signal import Value, show
-from orchestration.identify.estimate import Distribution, Estimate, distribution
-from orchestration.sweeps.design import MOST
+from fmus.kit import UserError
+from fmus.kit.units import format_range
+from orchestration.experiment import checked
+from orchestration.fmu import Model, Value, show
+from orchestration.identify.uncertainty import Distribution, Estimate, joint_distribution
+from orchestration.sweeps.designs import MOST
 
 Array = NDArray[np.float64]
 
 
 class _Figures(BaseModel):
-    """A table of the file; it says more than is needed here."""
+    """A table of the file, in which keys that are not needed here are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -53,8 +52,8 @@ class _Answer(_Figures):
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """A fit as a file has it, for a model.
+class SweepFit:
+    """A fit that was read from a file, for a model.
 
     Attributes
     ----------
@@ -63,7 +62,7 @@ class Fitted:
     distribution : Distribution
         Of its parameters.
     settings : dict of str to float or str
-        That it was made with.
+        Settings that it was made with.
     """
 
     path: Path
@@ -72,7 +71,24 @@ class Fitted:
     settings: dict[str, Value]
 
     def draws(self, samples: int | None, seed: int) -> dict[str, Array]:
-        """Draw parameters; UserError if it is not said how many, or one is drawn that the model does not allow."""
+        """Draw values of the parameters.
+
+        Parameters
+        ----------
+        samples : int or None
+            Number of draws.
+        seed : int
+
+        Returns
+        -------
+        dict of str to ndarray, shape (samples,)
+            In the units of the model.
+
+        Raises
+        ------
+        UserError
+            If the number is missing or out of range, or the model does not allow a drawn value.
+        """
         if samples is None:
             raise UserError(
                 f"{self.path}: how many cases are drawn from it is said by --samples, such as 200"
@@ -87,26 +103,29 @@ class Fitted:
             beyond = values[(values < signal.min) | (values > signal.max)]
             if beyond.size:
                 raise UserError(
-                    f"{self.path}: {name} is determined so loosely that {beyond.size} of {samples:,} draws are out of "
-                    f"range, such as {show(float(beyond[0]), signal)}; allowed is {allowed(signal)}"
+                    f"{self.path}: {name} is determined so loosely that {beyond.size} of"
+                    f" {samples:,} draws are out of range, such as"
+                    f" {show(float(beyond[0]), signal)}; allowed is {format_range(signal)}"
                 )
         return drawn
 
     def differences(self, settings: Mapping[str, Value]) -> list[str]:
-        """Lines on parameters that are set otherwise than they were in the fit."""
-        known, lines = {**self.model.parameters, **self.model.inputs}, []
-        for name in sorted(
-            {*self.settings, *settings} & {*self.model.parameters} - {*self.distribution.names}
-        ):
-            usual = known[name].default
-            one, other = self.settings.get(name, usual), settings.get(name, usual)
-            if one != other:
-                then, now = show(one, known[name]), show(other, known[name])
-                lines.append(f"{self.path} was fitted with {name} = {then}; here it is {now}")
+        """Return lines on parameters that are set otherwise than they were in the fit."""
+        lines = []
+        names = {*self.settings, *settings} & {*self.model.parameters} - {*self.distribution.names}
+        for name in sorted(names):
+            signal = self.model.parameters[name]
+            then = self.settings.get(name, signal.default)
+            now = settings.get(name, signal.default)
+            if then != now:
+                lines.append(
+                    f"{self.path} was fitted with {name} = {show(then, signal)}; here it is"
+                    f" {show(now, signal)}"
+                )
         return lines
 
 
-def read_fitted(path: Path, model: Model) -> Fitted:
+def read_fitted(path: Path, model: Model) -> SweepFit:
     """Read a fit, to draw parameters from.
 
     Parameters
@@ -119,7 +138,8 @@ def read_fitted(path: Path, model: Model) -> Fitted:
     Raises
     ------
     UserError
-        If it cannot be read, is no fit, or of parameters that the model has not or has in another unit.
+        If it cannot be read, is no fit, or of parameters that the model has not or has in another
+        unit.
     """
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
@@ -131,50 +151,50 @@ def read_fitted(path: Path, model: Model) -> Fitted:
         raise UserError(f"{path}: holds no fit, as ppy identify --json writes it")
     answer = checked(_Answer, given, str(path))
     fitted = answer.fitted
-    estimates = {}
-    for name, p in fitted.parameters.items():
-        if name not in model.parameters:
-            raise UserError(
-                f"{path}: {model.name} has no parameter {name}; it is a fit of another model"
-            )
-        unit = model.parameters[name].unit
-        if p.unit != unit:
-            raise UserError(f"{path}: {name} is in {p.unit}, and of {model.name} in {unit}")
-        low, high = p.ci95
-        interval = (-np.inf if low is None else low, np.inf if high is None else high)
-        estimates[name] = Estimate(p.value, p.value, interval, p.unit)
+    estimates = {name: _estimate(path, name, one, model) for name, one in fitted.parameters.items()}
     between = _correlations(path, fitted)
     logarithmic = [name for name, p in fitted.parameters.items() if p.logarithmic]
     try:
-        return Fitted(path, model, distribution(estimates, between, logarithmic), dict(answer.set))
+        return SweepFit(
+            path, model, joint_distribution(estimates, between, logarithmic), dict(answer.set)
+        )
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
 
 
+def _estimate(path: Path, name: str, given: _Parameter, model: Model) -> Estimate:
+    """Return the estimate of a parameter, which the model must have in the same unit."""
+    if name not in model.parameters:
+        raise UserError(
+            f"{path}: {model.name} has no parameter {name}; it is a fit of another model"
+        )
+    unit = model.parameters[name].unit
+    if given.unit != unit:
+        raise UserError(f"{path}: {name} is in {given.unit}, and of {model.name} in {unit}")
+    low, high = given.ci95
+    interval = (-np.inf if low is None else low, np.inf if high is None else high)
+    return Estimate(given.value, given.value, interval, given.unit)
+
+
 def _correlations(path: Path, fitted: _Fitted) -> dict[tuple[str, str], float]:
-    """Correlations, which have to be of every pair of parameters, once: none is taken to be zero."""
-    left = {frozenset(pair) for pair in combinations(fitted.parameters, 2)}
+    """Return the correlations by pair; every pair must have one, as none is taken for zero."""
+    missing = {frozenset(pair) for pair in combinations(fitted.parameters, 2)}
     for one, other in (correlation.between for correlation in fitted.correlations):
-        stranger = next((name for name in (one, other) if name not in fitted.parameters), None)
-        if stranger is not None:
-            raise UserError(f"{path}: a correlation with {stranger}, which was not fitted")
+        for name in (one, other):
+            if name not in fitted.parameters:
+                raise UserError(f"{path}: a correlation with {name}, which was not fitted")
         if one == other:
             raise UserError(
-                f"{path}: a correlation of {one} with itself; there is one for every pair of parameters"
+                f"{path}: a correlation of {one} with itself; there is one for every pair of"
+                " parameters"
             )
-        if frozenset((one, other)) not in left:
+        if frozenset((one, other)) not in missing:
             raise UserError(f"{path}: the correlation of {one} and {other} is there twice")
-        left.remove(frozenset((one, other)))
-    missing = next(
-        (
-            f"{a} and {b}"
-            for a, b in combinations(fitted.parameters, 2)
-            if frozenset((a, b)) in left
-        ),
-        None,
-    )
-    if missing is not None:
-        raise UserError(
-            f"{path}: the correlation of {missing} is missing; without it nothing can be drawn"
-        )
-    return {one.between: one.value for one in fitted.correlations}
+        missing.remove(frozenset((one, other)))
+    for one, other in combinations(fitted.parameters, 2):
+        if frozenset((one, other)) in missing:
+            raise UserError(
+                f"{path}: the correlation of {one} and {other} is missing; without it nothing can"
+                " be drawn"
+            )
+    return {correlation.between: correlation.value for correlation in fitted.correlations}

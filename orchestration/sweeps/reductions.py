@@ -1,4 +1,4 @@
-"""What is kept of an output's course: a few numbers, or all of it."""
+"""Reductions of an output's trace to the numbers that a sweep keeps of it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 
 Array = NDArray[np.float64]
 REDUCTIONS: dict[str, Callable[[Array], Array]] = {
@@ -17,31 +17,44 @@ REDUCTIONS: dict[str, Callable[[Array], Array]] = {
     "mean": lambda y: y.mean(axis=1),
     "rms": lambda y: np.sqrt(np.mean(y * y, axis=1)),
 }
-TRACE = "trace"  # all of it
-KEPT = ("last", "smallest", "largest")  # unless something else is asked for
+TRACE = "trace"  # keeps the whole trace
+KEPT = ("last", "smallest", "largest")  # by default
 
 
-def checked(names: Sequence[str]) -> list[str]:
-    """Names of what is kept.
+def checked_reductions(names: Sequence[str]) -> list[str]:
+    """Return the names of what is kept, each once.
 
     Raises
     ------
     UserError
-        If one is not known, or there is none.
+        If a name is not known, or there is none.
     """
     known = [*REDUCTIONS, TRACE]
     for name in names:
         if name not in known:
             raise UserError(
-                f"--keep {name}: no such reduction{suggestion(name, known)}; there are {', '.join(known)}"
+                f"--keep {name}: no such reduction{suggestion(name, known)}; there are"
+                f" {', '.join(known)}"
             )
     if not names:
         raise UserError(f"--keep names nothing; there are {', '.join(known)}")
     return list(dict.fromkeys(names))
 
 
-def reduced(courses: Array, names: Sequence[str]) -> Array:
-    """Reduce outputs (k, n, m) of cases over n points to numbers (k, r, m) by r reductions, traces left out."""
-    cases, _, outputs = courses.shape
-    kept = [REDUCTIONS[name](courses) for name in names if name != TRACE]
+def reduce_traces(traces: Array, names: Sequence[str]) -> Array:
+    """Reduce traces to numbers.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (k, n, m)
+        Of k cases, over n points, of m outputs.
+    names : sequence of str
+        Reductions, r of them; ``trace`` is ignored.
+
+    Returns
+    -------
+    ndarray, shape (k, r, m)
+    """
+    cases, _, outputs = traces.shape
+    kept = [REDUCTIONS[name](traces) for name in names if name != TRACE]
     return np.stack(kept, axis=1) if kept else np.empty((cases, 0, outputs))

@@ -1,4 +1,4 @@
-"""Cases of a sweep, one after the other: what each has in common, and what it leaves."""
+"""Task of a sweep, which all its cases share, and the runner that turns cases into outcomes."""
 
 from __future__ import annotations
 
@@ -11,26 +11,25 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.isolation.limits import Limits
-from orchestration.fmu.repeated import RepeatedFmu
-from orchestration.fmu.signal import Value
+from fmus.kit import UserError
+from orchestration.fmu import RepeatedFmu, Value
+from orchestration.fmu.isolation import Limits
 from orchestration.sweeps.compiled import CompiledCases, Equations
-from orchestration.sweeps.reductions import TRACE, reduced
+from orchestration.sweeps.reductions import TRACE, reduce_traces
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Task:
-    """What every case has in common: numbers and paths only, so that a worker can be told it.
+    """The part of a sweep that all cases share: numbers and paths only, so that it can be sent.
 
     Attributes
     ----------
     path : Path
         Of the FMU.
     names : tuple of str
-        What the values of a case are of: parameters, or inputs that are held.
+        Names of the values of a case: parameters, or inputs that are held.
     settings : dict of str to float or str
         Other parameters, in the FMU's units.
     time : ndarray, shape (n,)
@@ -38,9 +37,9 @@ class Task:
     inputs : dict of str to ndarray, shape (n,)
         In the FMU's units.
     outputs : tuple of str
-        That are kept, m of them.
+        Outputs that are kept, m of them.
     keep : tuple of str
-        Reductions, r of them, and ``trace`` for the whole course.
+        Reductions, r of them, and ``trace`` for the whole trace.
     equations : Equations, optional
         Compiled code that runs the cases; else the FMU does.
     limits : Limits, optional
@@ -59,41 +58,41 @@ class Task:
 
     @property
     def engine(self) -> str:
-        """What runs the cases, ``compiled`` or ``fmu``."""
+        """Engine that runs the cases, ``compiled`` or ``fmu``."""
         return "compiled" if self.equations else "fmu"
 
     @property
     def by_fmu(self) -> Task:
-        """The same, run by the FMU."""
+        """The same task, run by the FMU."""
         return replace(self, equations=None)
 
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What cases left, k of them.
+    """The outcomes of k cases.
 
     Attributes
     ----------
     numbers : ndarray, shape (k, r, m)
         By reductions and outputs, in the FMU's units; NaN where a case failed.
     traces : ndarray, shape (k, n, m) or (k, 0, m)
-        The whole courses, where they are kept.
+        The whole traces, where they are kept.
     failures : dict of int to str
-        Why there is nothing of a case, by its place.
-    left : tuple of int
-        Places of cases that only the FMU can run: nothing is known of them.
+        The reason of each failed case, by its place.
+    undecided : tuple of int
+        Places of cases that only the FMU can run.
     seconds : float
-        That all took.
+        Time that all took.
     """
 
     numbers: Array
     traces: Array
     failures: dict[int, str]
-    left: tuple[int, ...] = ()
+    undecided: tuple[int, ...] = ()
     seconds: float = 0.0
 
     def at(self, places: Sequence[int]) -> Outcomes:
-        """Those at some places, as often as they are named."""
+        """Return the outcomes at some places, as often as they are named."""
         failures = {
             k: self.failures[place] for k, place in enumerate(places) if place in self.failures
         }
@@ -101,23 +100,20 @@ class Outcomes:
 
 
 def failed(task: Task, reason: str) -> Outcomes:
-    """An outcome of nothing, of one case."""
-    return _kept(task, np.full((1, len(task.time), len(task.outputs)), np.nan), {0: reason})
+    """Return the outcomes of one case that failed."""
+    return _reduce(task, np.full((1, len(task.time), len(task.outputs)), np.nan), {0: reason})
 
 
-def _kept(
-    task: Task, courses: Array, failures: dict[int, str], left: Sequence[int] = ()
+def _reduce(
+    task: Task, traces: Array, failures: dict[int, str], undecided: Sequence[int] = ()
 ) -> Outcomes:
-    return Outcomes(
-        reduced(courses, task.keep),
-        courses if TRACE in task.keep else courses[:, :0],
-        failures,
-        tuple(left),
-    )
+    """Return outcomes with what the task keeps of traces (k, n, m)."""
+    kept = traces if TRACE in task.keep else traces[:, :0]
+    return Outcomes(reduce_traces(traces, task.keep), kept, failures, tuple(undecided))
 
 
-class Repeated:
-    """A task's FMU, or its compiled code, ready for cases; a context manager.
+class CaseRunner:
+    """Runner of a task's cases, by its FMU or by compiled code; a context manager.
 
     Parameters
     ----------
@@ -134,7 +130,7 @@ class Repeated:
         self._compiled = CompiledCases(task.equations) if task.equations else None
         self._fmu = None if task.equations else RepeatedFmu(task.path)
 
-    def __enter__(self) -> Repeated:
+    def __enter__(self) -> CaseRunner:
         if self._fmu:
             self._fmu.__enter__()
         return self
@@ -149,7 +145,7 @@ class Repeated:
             self._fmu.__exit__(kind, error, trace)
 
     def run(self, cases: Array) -> Outcomes:
-        """Run cases from the start; what the FMU refuses is an outcome.
+        """Run cases from the start; a case that the FMU refuses fails.
 
         Parameters
         ----------
@@ -157,26 +153,34 @@ class Repeated:
             Values of the task's names, in the FMU's units.
         """
         begin = time.perf_counter()
-        found = self._by_equations(self._compiled, cases) if self._compiled else self._by_fmu(cases)
-        return replace(found, seconds=time.perf_counter() - begin)
+        compiled = self._compiled
+        outcomes = self._by_equations(compiled, cases) if compiled else self._by_fmu(cases)
+        return replace(outcomes, seconds=time.perf_counter() - begin)
 
     def _by_equations(self, compiled: CompiledCases, cases: Array) -> Outcomes:
         task = self.task
         over = dict(zip(task.names, cases.T, strict=True))
-        courses, judged = compiled.run(task.time, task.inputs, task.settings, over, task.outputs)
-        return _kept(task, courses, {}, np.flatnonzero(~judged).tolist())
+        traces, decided = compiled.run(task.time, task.inputs, task.settings, over, task.outputs)
+        return _reduce(task, traces, {}, np.flatnonzero(~decided).tolist())
 
     def _by_fmu(self, cases: Array) -> Outcomes:
-        task, fmu, failures = self.task, self._fmu, {}
+        task = self.task
+        fmu = self._fmu
         assert fmu is not None
-        courses = np.empty((len(cases), len(task.time), len(task.outputs)))
+        failures = {}
+        traces = np.empty((len(cases), len(task.time), len(task.outputs)))
         parameters = {*task.names} - {*fmu.inputs}
         for k, values in enumerate(cases.tolist()):
-            given = dict(zip(task.names, values, strict=True))
-            settings = {**task.settings, **{n: v for n, v in given.items() if n in parameters}}
-            held = {n: np.full(len(task.time), v) for n, v in given.items() if n not in parameters}
+            settings = dict(task.settings)
+            inputs = dict(task.inputs)
+            for name, value in zip(task.names, values, strict=True):
+                if name in parameters:
+                    settings[name] = value
+                else:
+                    inputs[name] = np.full(len(task.time), value)
             try:
-                courses[k] = fmu.run(task.time, {**task.inputs, **held}, settings, task.outputs)
+                traces[k] = fmu.run(task.time, inputs, settings, task.outputs)
             except UserError as error:
-                courses[k], failures[k] = np.nan, str(error)
-        return _kept(task, courses, failures)
+                traces[k] = np.nan
+                failures[k] = str(error)
+        return _reduce(task, traces, failures)

@@ -1,5 +1,5 @@
-"""Systems of FMUs as SSP 1.0: described, read, written, checked and drawn."""
+"""Systems of FMUs: their model, checks, drawings, and files of SSP 1.0."""
 
-from orchestration.system.model import Connection, Member, Port, System, connect
+import lazy_loader
 
-__all__ = ["Connection", "Member", "Port", "System", "connect"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

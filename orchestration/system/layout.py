@@ -1,24 +1,28 @@
-"""Where everything in the picture of a system is: boxes in columns, wires in tracks and lanes. All lengths in inches.
+"""Layout of the picture of a system: boxes in columns, wires in tracks and lanes, in inches.
 
-Members stand in columns in the order in which signals pass them. Wires to the next column go straight there, in a track
-of their own; those that skip columns go over the boxes, those that lead back go under them.
+Members stand in columns in the order in which signals pass them. A net of wires leaves the column
+of its source in a track of its own. To the next column wires go straight from there. To other
+columns they go in a lane, over the boxes if all are further on and else under them, and then in a
+track before that column.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from orchestration.system.check import interface
+from orchestration.system.checking import interface
 from orchestration.system.model import Connection, Member, Port, System
 
-LETTER = 0.078  # width of one at the size of the text
-TITLE = 0.36
-_ROW, _SPACE, _TRACK = 0.24, 0.45, 0.14
+LETTER = 0.078  # width of a letter of the text
+TITLE = 0.36  # height of the title of a box
+_ROW = 0.24  # height of a variable in a box
+_SPACE = 0.45  # between boxes of a column
+_TRACK = 0.14  # between tracks
 
 
 @dataclass
-class Box:
+class DiagramBox:
     """A member in the picture.
 
     Attributes
@@ -40,47 +44,77 @@ class Box:
 
     @property
     def title(self) -> str:
-        """Name of the member and its FMU."""
+        """Name of the member and of its FMU."""
         return f"{self.member.name}: {self.member.fmu.stem}"
 
     @property
     def height(self) -> float:
-        """Room for the title and the longer list of variables."""
+        """Height for the title and the longer list of variables."""
         return TITLE + _ROW * max(len(self.inputs), len(self.outputs), 1) + 0.06
 
     @property
     def width(self) -> float:
-        """Room for the longest of either list, and for the title."""
-        of_inputs, of_outputs = (
-            max((len(name) for name in names), default=0) for names in (self.inputs, self.outputs)
+        """Width for the longest names of both lists, and for the title."""
+        longest_input = max((len(name) for name in self.inputs), default=0)
+        longest_output = max((len(name) for name in self.outputs), default=0)
+        return max(
+            LETTER * (longest_input + longest_output) + 0.45, LETTER * 1.1 * len(self.title) + 0.3
         )
-        return max(LETTER * (of_inputs + of_outputs) + 0.45, LETTER * 1.1 * len(self.title) + 0.3)
 
     def end(self, variable: str, output: bool) -> tuple[float, float]:
-        """Where a variable meets the outside."""
+        """Return the point on the border at which a variable is connected."""
         row = (self.outputs if output else self.inputs).index(variable)
         return self.x + (self.width if output else 0.0), self.y - TITLE - _ROW * (row + 0.5)
 
 
 @dataclass(frozen=True)
 class Lane:
-    """Where a net runs: x of its own track, x of the tracks by which it comes to other columns, y between these."""
+    """The course of a net.
+
+    Attributes
+    ----------
+    own : float
+        x of its track behind the column of its source.
+    entries : Mapping of int to float
+        x of its tracks before other columns, by column.
+    y : float
+        y of its lane between these tracks.
+    """
 
     own: float
     entries: Mapping[int, float]
     y: float
 
 
+@dataclass(frozen=True)
+class _NetTracks:
+    """The numbers of the tracks and of the lane of a net.
+
+    Attributes
+    ----------
+    own : int
+        Track in the gap behind the column of the source.
+    entries : Mapping of int to int
+        Tracks in the gaps before other columns, by column.
+    lane : int
+        Counted from 1 upwards over the boxes, from -1 downwards under them; 0 without a lane.
+    """
+
+    own: int
+    entries: Mapping[int, int]
+    lane: int
+
+
 def nets_of(system: System) -> Mapping[Port, list[Connection]]:
-    """Connections by their source."""
+    """Return the nets of a system: its connections by their source."""
     nets: dict[Port, list[Connection]] = {}
     for connection in system.connections:
         nets.setdefault(connection.source, []).append(connection)
     return nets
 
 
-def arrange(system: System) -> tuple[dict[str, Box], dict[Port, Lane]]:
-    """Give every box its place, and every net its tracks.
+def arrange(system: System) -> tuple[dict[str, DiagramBox], dict[Port, Lane]]:
+    """Place the boxes, and choose the tracks and lanes of the nets.
 
     Parameters
     ----------
@@ -88,7 +122,7 @@ def arrange(system: System) -> tuple[dict[str, Box], dict[Port, Lane]]:
 
     Returns
     -------
-    boxes : dict of str to Box
+    boxes : dict of str to DiagramBox
         By member.
     lanes : dict of Port to Lane
         By the source of the net.
@@ -98,146 +132,180 @@ def arrange(system: System) -> tuple[dict[str, Box], dict[Port, Lane]]:
     UserError
         If an FMU cannot be read.
     """
-    boxes = _boxes(system)
-    return boxes, _place(system, boxes)
+    boxes = _make_boxes(system)
+    tracks = _choose_tracks(system, boxes)
+    gaps = _place_columns(system, boxes, tracks)
+    height = _place_rows(boxes)
+    lanes = {
+        source: Lane(
+            own=gaps[boxes[source.member].column] + _TRACK * (net.own + 1),
+            entries={c: gaps[c - 1] + _TRACK * (n + 1) for c, n in net.entries.items()},
+            y=(0.15 if net.lane > 0 else -height - 0.15) + _TRACK * net.lane,
+        )
+        for source, net in tracks.items()
+    }
+    return boxes, lanes
 
 
-def _boxes(system: System) -> dict[str, Box]:
-    used_in = {c.target for c in system.connections} | {
+def _make_boxes(system: System) -> dict[str, DiagramBox]:
+    connected_inputs = {c.target for c in system.connections} | {
         port for ports in system.inputs.values() for port in ports
     }
-    used_out = {c.source for c in system.connections} | set(system.outputs.values())
-    columns = _columns(system)
+    connected_outputs = {c.source for c in system.connections} | set(system.outputs.values())
+    columns = _assign_columns(system)
     boxes = {}
     for member in system.members:
         model = interface(member)
-        inputs = [name for name in model.inputs if Port(member.name, name) in used_in]
-        outputs = [name for name in model.outputs if Port(member.name, name) in used_out]
-        boxes[member.name] = Box(member, inputs, outputs, columns[member.name])
+        inputs = [name for name in model.inputs if Port(member.name, name) in connected_inputs]
+        outputs = [name for name in model.outputs if Port(member.name, name) in connected_outputs]
+        boxes[member.name] = DiagramBox(member, inputs, outputs, columns[member.name])
     return boxes
 
 
-def _columns(system: System) -> dict[str, int]:
-    """Column of each member: one more than that of any member before it, where leading back does not count."""
-    after: dict[str, list[str]] = {member.name: [] for member in system.members}
+def _assign_columns(system: System) -> dict[str, int]:
+    """Return the column of each member: one more than that of any member that feeds it.
+
+    Connections that lead back to a member on the path to their source do not count.
+    """
+    fed_by: dict[str, list[str]] = {member.name: [] for member in system.members}
     for connection in system.connections:
-        after[connection.source.member].append(connection.target.member)
-    columns = dict.fromkeys(after, 0)
-    forward: set[tuple[str, str]] = set()
-    done: list[str] = []
-
-    def visit(name: str, path: tuple[str, ...]) -> None:
-        for other in after[name]:
-            if other not in (*path, name):
-                forward.add((name, other))
-                if other not in done:
-                    visit(other, (*path, name))
-        if name not in done:
-            done.append(name)
-
-    for name in after:
-        if name not in done:
-            visit(name, ())
-    for name in reversed(done):  # sources before what they feed
-        for one, other in forward:
-            if one == name:
-                columns[other] = max(columns[other], columns[name] + 1)
+        fed_by[connection.source.member].append(connection.target.member)
+    visited, forward = _visit_depth_first(fed_by)
+    columns = dict.fromkeys(fed_by, 0)
+    for name in reversed(visited):  # sources before what they feed
+        for source, target in forward:
+            if source == name:
+                columns[target] = max(columns[target], columns[name] + 1)
     return columns
 
 
-def _tracks(
-    system: System, boxes: Mapping[str, Box]
-) -> Mapping[Port, tuple[int, dict[int, int], int]]:
-    """Tracks of every net: number in the gap right of its source, numbers left of columns it skips to, and lane.
+def _visit_depth_first(
+    successors: Mapping[str, Sequence[str]],
+) -> tuple[list[str], set[tuple[str, str]]]:
+    """Visit all nodes of a graph depth first.
 
-    A lane is 0 for a net of neighbours only, else counted from 1 upwards over the boxes, from -1 downwards under them.
+    Returns
+    -------
+    list of str
+        The nodes, each after its successors.
+    set of (str, str)
+        The edges that do not lead back to a node on the path to them.
     """
+    visited: list[str] = []
+    forward: set[tuple[str, str]] = set()
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        for other in successors[name]:
+            if other in (*path, name):
+                continue
+            forward.add((name, other))
+            if other not in visited:
+                visit(other, (*path, name))
+        if name not in visited:
+            visited.append(name)
+
+    for name in successors:
+        if name not in visited:
+            visit(name, ())
+    return visited, forward
+
+
+def _choose_tracks(system: System, boxes: Mapping[str, DiagramBox]) -> Mapping[Port, _NetTracks]:
+    """Return the tracks and lane of every net, by its source."""
     nets = nets_of(system)
     used: dict[int, int] = {}
 
-    def track(gap: int) -> int:
+    def next_track(gap: int) -> int:
         used[gap] = used.get(gap, 0) + 1
         return used[gap] - 1
 
-    # what leaves a column turns off before what comes to the next one turns in
-    own = {source: track(boxes[source.member].column) for source in nets}
-    over = under = 0
+    # in a gap, the tracks from the column before it are left of those to the column behind it
+    own_tracks = {source: next_track(boxes[source.member].column) for source in nets}
+    lanes_over = 0
+    lanes_under = 0
     tracks = {}
     for source, connections in nets.items():
         column = boxes[source.member].column
-        far = sorted({c for k in connections if (c := boxes[k.target.member].column) != column + 1})
+        targets = {boxes[connection.target.member].column for connection in connections}
+        distant = sorted(targets - {column + 1})
         lane = 0
-        if far and far[0] <= column:
-            lane = under = under - 1
-        elif far:
-            lane = over = over + 1
-        tracks[source] = (own[source], {other: track(other - 1) for other in far}, lane)
+        if distant and distant[0] <= column:
+            lanes_under -= 1
+            lane = lanes_under
+        elif distant:
+            lanes_over += 1
+            lane = lanes_over
+        entries = {other: next_track(other - 1) for other in distant}
+        tracks[source] = _NetTracks(own_tracks[source], entries, lane)
     return tracks
 
 
-def _place(system: System, boxes: Mapping[str, Box]) -> dict[Port, Lane]:
-    """Tell every box where it stands; return where the nets run."""
-    tracks = _tracks(system, boxes)
-    count = max(box.column for box in boxes.values()) + 1
-    columns = [[box for box in boxes.values() if box.column == c] for c in range(count)]
-    in_pins = [
-        LETTER
-        * max(
-            (len(n) for n, ps in system.inputs.items() for p in ps if boxes[p.member].column == c),
-            default=0,
-        )
-        for c in range(count)
-    ]
-    out_pins = [
-        LETTER
-        * max((len(n) for n, p in system.outputs.items() if boxes[p.member].column == c), default=0)
-        for c in range(count)
-    ]
-    widths = dict.fromkeys(range(-1, count), 0)
-    for source, (own, entries, _) in tracks.items():
-        for gap, number in (
-            (boxes[source.member].column, own),
-            *((c - 1, n) for c, n in entries.items()),
-        ):
-            widths[gap] = max(widths[gap], number + 1)
-    starts, x = {}, 0.2
-    for gap in range(-1, count):
-        starts[gap] = x + (out_pins[gap] + 0.4 if gap >= 0 else 0.0)
-        x = starts[gap] + _TRACK * (widths[gap] + 1) + 0.1
-        if gap + 1 < count:
-            x += in_pins[gap + 1] + 0.5
+def _place_columns(
+    system: System, boxes: Mapping[str, DiagramBox], tracks: Mapping[Port, _NetTracks]
+) -> dict[int, float]:
+    """Set the x of every box; return x of the first track of each gap, by the column before it."""
+    columns = _boxes_by_column(boxes)
+    input_pins = [(name, port) for name, ports in system.inputs.items() for port in ports]
+    input_widths = _pin_widths(input_pins, boxes, len(columns))
+    output_widths = _pin_widths(list(system.outputs.items()), boxes, len(columns))
+    track_counts = dict.fromkeys(range(-1, len(columns)), 0)
+    for source, net in tracks.items():
+        own_gap = boxes[source.member].column
+        track_counts[own_gap] = max(track_counts[own_gap], net.own + 1)
+        for column, number in net.entries.items():
+            track_counts[column - 1] = max(track_counts[column - 1], number + 1)
+    gaps = {}
+    x = 0.2
+    for gap in range(-1, len(columns)):
+        gaps[gap] = x + (output_widths[gap] + 0.4 if gap >= 0 else 0.0)
+        x = gaps[gap] + _TRACK * (track_counts[gap] + 1) + 0.1
+        if gap + 1 < len(columns):
+            x += input_widths[gap + 1] + 0.5
             for box in columns[gap + 1]:
                 box.x = x
             x += max(box.width for box in columns[gap + 1])
-    tallest = max(
-        sum(box.height for box in column) + _SPACE * (len(column) - 1) for column in columns
-    )
-    for column in columns:
-        height = sum(box.height for box in column) + _SPACE * (len(column) - 1)
-        y = -(tallest - height) / 2 - 0.08 * (
-            column[0].column % 2
-        )  # so that rows of neighbours are not in line
+    return gaps
+
+
+def _boxes_by_column(boxes: Mapping[str, DiagramBox]) -> list[list[DiagramBox]]:
+    count = max(box.column for box in boxes.values()) + 1
+    return [[box for box in boxes.values() if box.column == c] for c in range(count)]
+
+
+def _pin_widths(
+    pins: Sequence[tuple[str, Port]], boxes: Mapping[str, DiagramBox], count: int
+) -> list[float]:
+    """Return the width of the longest name among the inputs or outputs at each column."""
+    longest = [0] * count
+    for name, port in pins:
+        column = boxes[port.member].column
+        longest[column] = max(longest[column], len(name))
+    return [LETTER * length for length in longest]
+
+
+def _place_rows(boxes: Mapping[str, DiagramBox]) -> float:
+    """Set the y of every box, with columns centred; return the height of the tallest column."""
+    columns = _boxes_by_column(boxes)
+    heights = [sum(box.height for box in column) + _SPACE * (len(column) - 1) for column in columns]
+    tallest = max(heights)
+    for number, (column, height) in enumerate(zip(columns, heights, strict=True)):
+        # every other column is lower, so that rows of neighbours are not in line
+        y = -(tallest - height) / 2 - 0.08 * (number % 2)
         for box in column:
             box.y = y
             y -= box.height + _SPACE
-    return {
-        source: Lane(
-            starts[boxes[source.member].column] + _TRACK * (own + 1),
-            {c: starts[c - 1] + _TRACK * (n + 1) for c, n in entries.items()},
-            0.15 + _TRACK * lane if lane > 0 else -tallest - 0.15 + _TRACK * lane,
-        )
-        for source, (own, entries, lane) in tracks.items()
-    }
+    return tallest
 
 
 def route(
-    boxes: Mapping[str, Box], connection: Connection, lane: Lane
+    boxes: Mapping[str, DiagramBox], connection: Connection, lane: Lane
 ) -> list[tuple[float, float]]:
-    """Corners of a wire from end to end."""
-    box, other = boxes[connection.source.member], boxes[connection.target.member]
-    start = box.end(connection.source.variable, output=True)
-    end = other.end(connection.target.variable, output=False)
-    if other.column == box.column + 1:
+    """Return the corners of a wire from end to end."""
+    source = boxes[connection.source.member]
+    target = boxes[connection.target.member]
+    start = source.end(connection.source.variable, output=True)
+    end = target.end(connection.target.variable, output=False)
+    if target.column == source.column + 1:
         return [start, (lane.own, start[1]), (lane.own, end[1]), end]
-    x = lane.entries[other.column]
+    x = lane.entries[target.column]
     return [start, (lane.own, start[1]), (lane.own, lane.y), (x, lane.y), (x, end[1]), end]

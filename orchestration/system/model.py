@@ -1,4 +1,4 @@
-"""What a system is: members, each an FMU, and connections between them. Reading, checking and running are elsewhere."""
+"""The model of a system: members, each an FMU, and connections between them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.kit.errors import UserError, suggestion
-from orchestration.fmu.signal import Value
+from fmus.kit import UserError, suggestion
+from orchestration.fmu import Value
 
 if TYPE_CHECKING:
     from fmus.kit import Component
 
 
 class Port(NamedTuple):
-    """A variable of a member; as text, ``member.variable``."""
+    """A variable of a member, written as ``member.variable``."""
 
     member: str
     variable: str
@@ -33,11 +33,12 @@ class Member:
     name : str
         Its name in the system.
     fmu : Path
-        The FMU file, FMI 2.0 for co-simulation, anybody's.
+        Any FMU file of FMI 2.0 for co-simulation.
     parameters : Mapping of str to float or str
-        Parameters, and inputs that stay at a value, in the FMU's units; texts for strings.
+        Values of parameters, and of inputs that stay at a value, in the FMU's units; texts for
+        strings.
     cls : type[Component] or None
-        The class behind it if it is ours: needed to fuse the system, not to run it.
+        The class of a component of ours, which is needed to fuse the system, not to run it.
     """
 
     name: str
@@ -53,7 +54,16 @@ class Member:
         parameters: Mapping[str, Value] | None = None,
         runtime: str = "native",
     ) -> Member:
-        """Member that is a component of ours; its FMU is built unless the cache has it.
+        """Return a member that is a component of ours; its FMU is built if it is not in the cache.
+
+        Parameters
+        ----------
+        name : str
+            Its name in the system.
+        component : type[Component]
+        parameters : Mapping of str to float or str, optional
+        runtime : {"native", "python"}
+            Kind of build.
 
         Raises
         ------
@@ -67,7 +77,9 @@ class Member:
 
 @dataclass(frozen=True)
 class Connection:
-    """What an input receives: ``factor * source + offset`` (SSP's LinearTransformation).
+    """A connection from an output to an input, which receives ``factor * source + offset``.
+
+    The factor and the offset are SSP's LinearTransformation.
 
     Attributes
     ----------
@@ -84,13 +96,13 @@ class Connection:
 
     @property
     def passes_on(self) -> bool:
-        """Whether the value arrives as it is."""
+        """True if the input receives the value unchanged."""
         return (self.factor, self.offset) == (1.0, 0.0)
 
 
 @dataclass(frozen=True)
 class System:
-    """Members and how they are connected; ``orchestration.system.check`` tells whether it makes sense.
+    """A system of members and connections, to be checked by `orchestration.system.checking.check`.
 
     Attributes
     ----------
@@ -98,7 +110,7 @@ class System:
     members : tuple of Member
     connections : tuple of Connection
     inputs : Mapping of str to tuple of Port
-        Inputs of the system, each fed to inputs of members.
+        Inputs of the system by name, each connected to inputs of members.
     outputs : Mapping of str to Port
         Outputs of the system by name.
     step, stop : float
@@ -125,7 +137,7 @@ class System:
     stop: float = 1.0
 
     def member(self, name: str) -> Member:
-        """Member of a name.
+        """Return the member of a name.
 
         Raises
         ------
@@ -139,12 +151,12 @@ class System:
         raise UserError(f"system {self.name}: no member named {name!r}{suggestion(name, names)}")
 
     def port(self, text: str) -> Port:
-        """Read ``member.variable``; the member must exist.
+        """Return the port that is written as ``member.variable``.
 
         Raises
         ------
         UserError
-            If it is no such text, or there is no such member.
+            If it has not that form, or there is no such member.
         """
         name, dot, variable = text.partition(".")
         if not dot or not variable:
@@ -152,7 +164,12 @@ class System:
         return Port(self.member(name).name, variable)
 
     def given(self, values: Mapping[str, Value]) -> System:
-        """Same system with other values of parameters, and of inputs that stay at a value, by ``member.variable``.
+        """Return the system with other values of parameters, and of inputs that stay at a value.
+
+        Parameters
+        ----------
+        values : Mapping of str to float or str
+            By ``member.variable``, in the FMU's units.
 
         Raises
         ------
@@ -168,7 +185,14 @@ class System:
         )
 
     def disconnected(self, target: str, value: float) -> System:
-        """Same system in which the input ``member.variable`` stays at a value, in the FMU's unit.
+        """Return the system without the connection to an input, which stays at a value.
+
+        Parameters
+        ----------
+        target : str
+            The input ``member.variable``.
+        value : float
+            In the FMU's unit.
 
         Raises
         ------
@@ -182,7 +206,7 @@ class System:
 
 
 def connect(*pairs: str) -> tuple[Connection, ...]:
-    """Write connections as ``"member.output -> member.input"``.
+    """Return connections that are written as ``"member.output -> member.input"``.
 
     Raises
     ------
@@ -197,4 +221,4 @@ def _connection(text: str) -> Connection:
     if len(parts) != 2 or not all(member and variable for member, _, variable in parts):
         raise UserError(f"{text!r} is not of the form member.output -> member.input")
     source, target = (Port(member, variable) for member, _, variable in parts)
-    return Connection(source, target)
+    return Connection(source=source, target=target)

@@ -1,4 +1,4 @@
-"""The voltmeter, a place for measurement noise in a system; a module that can travel in a Python FMU."""
+"""The voltmeter, a component for measurement noise that can also be built as a Python FMU."""
 
 from __future__ import annotations
 

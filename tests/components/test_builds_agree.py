@@ -1,4 +1,6 @@
-"""Two builds, one behaviour: with each other, with linear theory, in every master, and compiled by somebody else."""
+"""Two builds, one behaviour: with each other, with linear theory, in every master, and compiled by
+somebody else.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,9 @@ import pytest
 from scipy.linalg import expm
 
 from fmus import COMPONENTS, component
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulate import simulate_instance
+from orchestration.fmu.simulation import simulate_instance
 from tests.contract.subjects import SUBJECTS, TELLING_NAMES, actuators_only, each_front_end
 from tests.support import hosts
 from tests.support.pace import slow_but
@@ -47,7 +49,8 @@ OUTPUTS = {
         "tension",
     ),
 }
-# Thesis table 3-1 (mean of the 12-layer sets) and fig. 3-9, typed in here once more: no number is taken from the model.
+# Thesis table 3-1 (mean of the 12-layer sets) and fig. 3-9, typed in here once more: no number is
+# taken from the model.
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
 K1, B1, K2, B2 = 6300.0, 1.7e6, 1.0e4, 2.0e6
 
@@ -70,7 +73,9 @@ def points(steps: np.ndarray) -> np.ndarray:
 
 
 def stimulus(name: str, n: int, seed: int, slack: bool = True) -> Signals:
-    """Random held inputs; the current changes with every tenth sample, the load with every sample."""
+    """Random held inputs; the current changes with every tenth sample, the load with every
+    sample.
+    """
     random = np.random.default_rng(seed)
     current = np.repeat(random.uniform(-1.3, 1.3, n // 10 + 1), 10)[:n]
     limits = (0.0, 3.0) if name == FORCED else (-3e-4 if slack else 4e-4, 8e-4)
@@ -78,7 +83,9 @@ def stimulus(name: str, n: int, seed: int, slack: bool = True) -> Signals:
 
 
 def moves(name: str, n: int, seed: int) -> tuple[np.ndarray, Signals]:
-    """Times, steps being mixed around the one the component proposes, and held inputs around their typical values."""
+    """Times, steps being mixed around the one the component proposes, and held inputs around their
+    typical values.
+    """
     random = np.random.default_rng(seed)
     steps = component(name).experiment[1] * 10.0 ** random.uniform(-2.0, 0.5, n - 1)
     return points(steps), {
@@ -93,11 +100,14 @@ def reals(name: str) -> list[str]:
 
 
 def creep(time: np.ndarray, load: float) -> np.ndarray:
-    """Length the dashpot gains under a load: added to an imposed length, it keeps up about that tension."""
+    """Length the dashpot gains under a load: added to an imposed length, it keeps up about that
+    tension.
+    """
     return load / B1 * time
 
 
-# --- with each other ------------------------------------------------------------------------------------------------
+# --- with each other
+# ------------------------------------------------------------------------------------------------
 
 SIZES = 10.0 ** np.linspace(-3.0, 1.0, 41)  # seconds
 
@@ -175,11 +185,14 @@ def test_builds_of_every_component_agree(fmu, name, changed):
         assert deviation(results[0][output], results[1][output]) < 1e-9, output
 
 
-# --- with linear theory ---------------------------------------------------------------------------------------------
+# --- with linear theory
+# ---------------------------------------------------------------------------------------------
 
 
 def system(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """State and input matrices of eq. 3.5: charge, Kelvin and Maxwell elongation; current and load or length."""
+    """State and input matrices of eq. 3.5: charge, Kelvin and Maxwell elongation; current and load
+    or length.
+    """
     a, b = np.zeros((3, 3)), np.zeros((3, 2))
     a[0, 0], b[0, 0] = -1.0 / (C * (R1 + R2)), R2 / (R1 + R2)
     if name == FORCED:
@@ -255,7 +268,9 @@ def sampled(transfer: control.TransferFunction, time: np.ndarray, held: np.ndarr
 def transfers() -> tuple[
     control.TransferFunction, control.TransferFunction, list[control.TransferFunction]
 ]:
-    """Impedance (eq. 3.9), charge per current, and the parts of the compliance (eqs. 3.1-3.3), as printed."""
+    """Impedance (eq. 3.9), charge per current, and the parts of the compliance (eqs. 3.1-3.3), as
+    printed.
+    """
     denominator = [C * (R1 + R2), 1.0]
     impedance = control.tf([R1 * R2 * C, R2], denominator)
     charge = control.tf([R2 * C], denominator)
@@ -312,7 +327,8 @@ def test_length_driven_follows_its_transfer_functions_while_taut(fmu, runtime):
         assert deviation(found[output], expected[output]) < 1e-7, output
 
 
-# --- in every master ------------------------------------------------------------------------------------------------
+# --- in every master
+# ------------------------------------------------------------------------------------------------
 
 
 @linux
@@ -403,7 +419,8 @@ def test_python_build_left_alone_in_a_host_runs_or_refuses(fmu):
     assert returncode == 0 or "install libpython3 or set PPY_LIBPYTHON" in output
 
 
-# --- compiled by somebody else --------------------------------------------------------------------------------------
+# --- compiled by somebody else
+# --------------------------------------------------------------------------------------
 
 
 @linux

@@ -1,1 +1,1 @@
-"""One module for each line of the FMU contract; every line holds for both components and both builds."""
+"""Claims of the FMU contract: one module for each line, for every component and both builds."""

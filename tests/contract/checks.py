@@ -1,4 +1,4 @@
-"""Checks of the contract that need nothing but an FMU of ours, whoever made it: a component's, or a diagnosis's."""
+"""Checks of the contract that need nothing but an FMU, of a component or of a diagnosis."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def library_knows_the_guid_of_the_description(archive: Path) -> None:
 
 
 def no_time_and_no_order_of_this_machine(archive: Path) -> None:
-    """An archive is the same wherever and whenever it is made."""
+    """Check that an archive is the same wherever and whenever it is made."""
     with zipfile.ZipFile(archive) as opened:
         entries = opened.infolist()
     assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
@@ -105,7 +105,7 @@ def reset_then_run_is_a_fresh_run(
 
 
 def ranges(archive) -> list[tuple[str, str, float, float]]:
-    """Name, what follows a value in a message, minimum and maximum of every parameter that has one of them."""
+    """Return name, unit in messages, minimum and maximum of every parameter with a bound."""
     found = []
     for v in fmpy.read_model_description(str(archive), validate=False).modelVariables:
         if v.causality == "parameter" and (v.min is not None or v.max is not None):
@@ -118,7 +118,10 @@ def ranges(archive) -> list[tuple[str, str, float, float]]:
 
 
 def told(unit: str) -> str:
-    """A unit as messages have it: ``N*m`` and ``ohm``, where the description has Modelica's ``N.m`` and ``Ohm``."""
+    """Return a unit as messages have it.
+
+    That is ``N*m`` and ``ohm``, where the description has Modelica's ``N.m`` and ``Ohm``.
+    """
     unit = re.sub(r"/\((.*)\)", lambda found: "/" + found[1].replace(".", "/"), unit)
     return re.sub(r"(?<=[A-Za-z])(?=\d)", "^", unit).replace(".", "*").replace("Ohm", "ohm")
 
@@ -129,7 +132,7 @@ def beyond(bound: float, sign: int, kind: str) -> float:
 
 
 def refused(one: Instance, values: dict[str, float]) -> list[str]:
-    """Messages of an initialization that has to fail, and then to succeed with the original values."""
+    """Return the messages of an initialization that must fail, and then succeed."""
     one.do("fmi2Reset")
     one.messages.clear()
     one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
@@ -145,7 +148,7 @@ def refused(one: Instance, values: dict[str, float]) -> list[str]:
 
 
 def every_bound_of_every_parameter_holds(archive: Path) -> None:
-    """A value beyond it is refused by name, value and range."""
+    """Check that a value beyond a bound is refused by name, value and range."""
     checked = 0
     with instance(archive) as one:
         for name, unit, low, high in ranges(archive):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fmus.kit.build import build
+from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.component import Component
 from tests.contract.raw import instance
@@ -29,14 +29,14 @@ def archive(fmu: Callable[[str, str], Path], name: str, runtime: str) -> Path:
 
 @pytest.fixture
 def one(archive: Path):
-    """A fresh instance of each."""
+    """Open a fresh instance of each."""
     with instance(archive) as created:
         yield created
 
 
 @pytest.fixture
 def subject(name: str) -> Subject:
-    """What tests have to be told of the component."""
+    """Return the typical values that tests need of the component."""
     return SUBJECTS[name]
 
 
@@ -48,7 +48,7 @@ def load(name: str) -> str:
 
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Callable[[type[Component], str], Path]:
-    """Path of the FMU of a class that is not one of ours, built once a session: ``built(cls, runtime)``."""
+    """Build the FMU of any class once a session: ``built(cls, runtime)`` returns its path."""
     folder = tmp_path_factory.mktemp("models")
     places: dict[tuple[type[Component], str], Path] = {}  # two classes may have one name
 

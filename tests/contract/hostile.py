@@ -1,6 +1,7 @@
-"""Calls that a host should not make, each made to fresh instances in a process of its own; nothing here may crash.
+"""Calls that a host should not make, each to fresh instances in a process of its own.
 
-A case gets an initialized instance that has made one step, does its worst, and returns the statuses it was answered.
+Nothing here may crash. A case gets an initialized instance that has made one step, does its worst,
+and returns the statuses of its calls.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ def put(one: Instance, name: str, value: float) -> int:
     return one.call("fmi2SetReal", one.references([name]), 1, doubles(value))
 
 
-# --- values ---------------------------------------------------------------------------------------------------------
+# --- values
+# --------------------------------------------------------------------------------------------------
 
 
 @case
@@ -84,7 +86,8 @@ def enormous_input(one, subject):
     return statuses
 
 
-# --- references and arrays ------------------------------------------------------------------------------------------
+# --- references and arrays
+# ------------------------------------------------------------------------------------------
 
 
 @case
@@ -127,7 +130,8 @@ def null_arrays(one, subject):
     return [*calls, one.call("fmi2SetDebugLogging", 1, 3, None)]
 
 
-# --- steps ----------------------------------------------------------------------------------------------------------
+# --- steps
+# --------------------------------------------------------------------------------------------------
 
 
 @case
@@ -173,7 +177,8 @@ def step_beyond_the_stop_time(one, subject):
     return [one.call("fmi2DoStep", 0.0, 1.1, 1)]
 
 
-# --- order ----------------------------------------------------------------------------------------------------------
+# --- order
+# --------------------------------------------------------------------------------------------------
 
 
 @case
@@ -233,7 +238,8 @@ def bad_experiment(one, subject):
     return statuses
 
 
-# --- parameters -----------------------------------------------------------------------------------------------------
+# --- parameters
+# --------------------------------------------------------------------------------------------------
 
 
 @case
@@ -258,7 +264,8 @@ def nan_parameter(one, subject):
     return [status]
 
 
-# --- state ----------------------------------------------------------------------------------------------------------
+# --- state
+# --------------------------------------------------------------------------------------------------
 
 
 @case
@@ -297,7 +304,8 @@ def broken_serialized_state(one, subject):
     return statuses
 
 
-# --- derivatives ----------------------------------------------------------------------------------------------------
+# --- derivatives
+# --------------------------------------------------------------------------------------------------
 
 
 @case
@@ -354,7 +362,8 @@ def slopes_of_outputs(one, subject):
     ]
 
 
-# --- creating -------------------------------------------------------------------------------------------------------
+# --- creating
+# --------------------------------------------------------------------------------------------------
 
 
 @creating
@@ -397,11 +406,12 @@ def with_missing_resources(library):
     return Instance(library, resources=b"file:///no/such%20folder/100%/resources")
 
 
-# --- in the process -------------------------------------------------------------------------------------------------
+# --- in the process
+# -------------------------------------------------------------------------------------------------
 
 
 def play(fmu: str, subject: Subject) -> dict[str, tuple[Any, list[str], list[int]]]:
-    """Make every case; each ends with a step of the same instance, to show that it still works, and is freed."""
+    """Make every case; each ends with a step, which shows that the instance still works."""
     answers: dict[str, tuple[Any, list[str], list[int]]] = {}
     with unzipped(fmu) as folder:
         library = Library(folder)
@@ -475,7 +485,7 @@ def foreign_state(fmu: str, other: str) -> tuple[list[int], list[str]]:
 
 
 def meet_a_bug(fmu: str) -> dict[str, Any]:
-    """Run into a law that raises or is not a number: in a step, when reading, and in initialization."""
+    """Run into a law that raises or is not a number: in a step, on reading, in initialization."""
     with unzipped(fmu) as folder, Instance(Library(folder)) as one:
         one.initialize({"current": 0.9})
         for _ in range(3):

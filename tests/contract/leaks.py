@@ -1,4 +1,4 @@
-"""How much memory each kind of use takes and does not give back, counted in a process that has little else in it."""
+"""Memory that each kind of use takes and does not give back, counted in a process of its own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEAST = 16  # bytes of the smallest block, of C and of Python
 
 
 def left_allocated(use: Callable[[int], object], cycles: int) -> int:
-    """Bytes that cycles of a use leave allocated; what settles only once, now or then, is no leak."""
+    """Return the bytes that repeated use leaves allocated; what settles only once is no leak."""
     use(WARM_UP)
     counts = [allocated()]
     for _ in range(3):

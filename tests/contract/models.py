@@ -76,7 +76,7 @@ class Sampler(Component):
 
 
 class Oscillator(Component):
-    """Two poles whose speed is an input, one that can run away: the integrator has to change its step."""
+    """Two poles whose speed is an input; one can run away, so that the step has to change."""
 
     name = "oscillator"
 

@@ -1,4 +1,4 @@
-"""Exact solutions of the actuator for held inputs, by matrix exponential; nothing of the model's code is used."""
+"""Exact solutions of the actuator for held inputs, by matrix exponential, without our code."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ SCALE = {
 
 
 def matrices(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """State-space matrices: states charge, Kelvin and Maxwell elongation; inputs current and load; ``OUTPUTS``."""
+    """Return the state-space matrices from current and load to ``OUTPUTS``.
+
+    The states are charge, Kelvin and Maxwell elongation.
+    """
     share = R2 / (R1 + R2)
     a = np.diag([-1.0 / ((R1 + R2) * C), -K2 / B2, 0.0])
     b = np.array([[share, 0.0], [0.0, 1.0 / B2], [0.0, 1.0 / B1]])
@@ -51,7 +54,7 @@ def matrices(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def solve(name: str, steps: Sequence[float], inputs: np.ndarray) -> np.ndarray:
-    """Outputs at the end of every step with the inputs held over it, starting from rest.
+    """Return the outputs at the end of every step with the inputs held over it, from rest.
 
     Parameters
     ----------

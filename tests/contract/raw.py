@@ -1,7 +1,8 @@
-"""An FMU through its bare C functions: every status is returned, every message kept, any argument can be passed.
+"""An FMU through its bare C functions: it returns every status and keeps every message.
 
-fmpy turns a status into an exception and checks some arguments itself; here nothing stands between a test and the FMU.
-Imports are few, so that a process of its own starts fast.
+Any argument can be passed. fmpy turns a status into an exception and checks some arguments itself;
+here nothing stands between a test and the FMU. Imports are few, so that a process of its own starts
+fast.
 """
 
 from __future__ import annotations
@@ -198,7 +199,8 @@ class Instance:
         """Status of an FMI function called with just these arguments."""
         return getattr(self.dll, function)(self.component, *arguments)
 
-    # --- what should succeed: any other status is a failed assertion with the FMU's message --------------------------
+    # --- what should succeed: any other status is a failed assertion with the FMU's message
+    # --------------------------
 
     def do(self, function: str, *arguments: Any) -> None:
         status = self.call(function, *arguments)

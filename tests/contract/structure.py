@@ -12,7 +12,8 @@ from tests.contract.raw import Instance, Library, unzipped
 ENOUGH, POINTS = 12, 400
 # Shares of a nominal value: what is beyond limits counts too
 SIZES = (-10.0, -1.0, 0.1, 1.0, 100.0)
-# The length that the spring k1 takes up is k1 * length / k1: a law depends on k1, its value does not.
+# The length that the spring k1 takes up is k1 * length / k1: a law depends on k1, its value does
+# not.
 CANCELLED = {("mechanical_displacement", "k1")}
 
 
@@ -26,7 +27,10 @@ def evaluate(library: Library, values: dict[str, float], read: list[str]) -> np.
 
 
 def random_point(rng: np.random.Generator, description) -> dict[str, float]:
-    """Values of all parameters and inputs near their start values; an imposed length makes it taut, or slack."""
+    """Draw values of all parameters and inputs near their start values.
+
+    An imposed length makes the actuator taut, or slack.
+    """
     values = {}
     for v in description.modelVariables:
         if v.causality not in ("parameter", "input"):
@@ -53,7 +57,10 @@ def random_point(rng: np.random.Generator, description) -> dict[str, float]:
 def effective_dependencies(
     library: Library, description, expected: dict[str, set[str]], knowns: dict[str, str]
 ) -> dict[str, set[str]]:
-    """Knowns that move each unknown at some random point; ``knowns`` maps a known to what is set in its place."""
+    """Return the knowns that move each unknown at some random point.
+
+    ``knowns`` maps a known to the variable that is set in its place.
+    """
     rng, unknowns = np.random.default_rng(1), list(expected)
     moved: dict[str, set[str]] = {name: set() for name in unknowns}
     for count in range(POINTS):
@@ -98,7 +105,7 @@ def dependencies_are_those_found_by_differences(archive: Path) -> None:
 
 
 def every_unknown_is_listed(archive: Path) -> None:
-    """Outputs, derivatives and initial unknowns are those that the variables make."""
+    """Check that outputs, derivatives and initial unknowns are those that the variables make."""
     description = fmpy.read_model_description(str(archive), validate=True)
     outputs = [v.name for v in description.modelVariables if v.causality == "output"]
     derivatives = [v.name for v in description.modelVariables if v.derivative is not None]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from fmus import COMPONENTS
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from tests.support.pace import slow_but
 
 ACTUATORS = ("ppy_actuator", "ppy_actuator_length_driven")
@@ -21,11 +21,13 @@ actuators_only = pytest.mark.parametrize("name", ACTUATORS)
 EACH = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
 TELLING_NAMES = ("ppy_actuator", "voice_coil_dma")
 TELLING = [(name, runtime) for name in TELLING_NAMES for runtime in RUNTIMES]
-# Claims on the laws and the description of each component: the front-end in Python is one for all of them
+# Claims on the laws and the description of each component: the front-end in Python is one for all
+# of them
 each_component = pytest.mark.parametrize(
     ("name", "runtime"), slow_but(EACH, *((name, "native") for name in COMPONENTS), *TELLING)
 )
-# Claims on the front-ends: shown by a small component, and by one with samples and all types of variables
+# Claims on the front-ends: shown by a small component, and by one with samples and all types of
+# variables
 each_front_end = pytest.mark.parametrize(("name", "runtime"), slow_but(EACH, *TELLING))
 
 
@@ -40,7 +42,8 @@ class Subject:
     output : str
         A real output that depends on the first of the parameters.
     parameters : Mapping of str to float
-        Some off their defaults, a start value among them if there is one; the last has a positive minimum.
+        Some off their defaults, a start value among them if there is one; the last has a positive
+        minimum.
     signals : str
         Inputs and outputs of the design with their units.
     started : Mapping of str to float
@@ -77,25 +80,26 @@ class Subject:
 _ACTUATOR = {"R1": 0.5, "charge_start": 0.25, "C": 2.0}
 _ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
 _FOOT = (
-    "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N "
-    "an_length m po_length m do_length m pl_length m an_length_change m an_length_rate m/s toe_x m toe_y m "
-    "ankle_torque N.m tm_torque N.m mtp_torque N.m toe_compliance_xx m/N toe_damping_xx N.s/m "
-    "ankle_angle rad tm_angle rad mtp_angle rad ankle_rate rad/s tm_rate rad/s mtp_rate rad/s"
+    "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N an_length m"
+    " po_length m do_length m pl_length m an_length_change m an_length_rate m/s toe_x m toe_y m"
+    " ankle_torque N.m tm_torque N.m mtp_torque N.m toe_compliance_xx m/N toe_damping_xx N.s/m"
+    " ankle_angle rad tm_angle rad mtp_angle rad ankle_rate rad/s tm_rate rad/s mtp_rate rad/s"
 )
 SUBJECTS = {
     "ppy_actuator": Subject(
         {"current": 0.9, "force": 1.0},
         "voltage",
         _ACTUATOR,
-        "current A force N voltage V displacement m electrochemical_displacement m mechanical_displacement m charge C",
+        "current A force N voltage V displacement m electrochemical_displacement m"
+        " mechanical_displacement m charge C",
         _ELONGATED,
     ),
     "ppy_actuator_length_driven": Subject(
         {"current": 0.9, "length_change": 1e-3},
         "voltage",
         _ACTUATOR,
-        "current A length_change m tension N voltage V electrochemical_displacement m mechanical_displacement m "
-        "charge C",
+        "current A length_change m tension N voltage V electrochemical_displacement m"
+        " mechanical_displacement m charge C",
         _ELONGATED,
     ),
     "galvanostat": Subject(
@@ -108,14 +112,15 @@ SUBJECTS = {
         {"force_reference": 1.0, "tension": 0.5},
         "coil_voltage",
         {"K": 4.5, "position_start": 1e-4, "voltage_command_start": 0.5, "R": 2.5},
-        "force_reference N tension N position m velocity m/s coil_current A coil_voltage V force_measured N "
-        "position_measured m",
+        "force_reference N tension N position m velocity m/s coil_current A coil_voltage V"
+        " force_measured N position_measured m",
     ),
     "degradation_estimator": Subject(
         {"current": 0.9, "voltage": 0.5},
         "voltage_limit",
         {"initial_voltage_limit": 1.2, "R1_start": 0.4, "forgetting_time": 100.0},
-        "current A voltage V R1 Ohm R2 Ohm C F impedance Ohm impedance_change 1 voltage_limit V estimate_valid -",
+        "current A voltage V R1 Ohm R2 Ohm C F impedance Ohm impedance_change 1 voltage_limit V"
+        " estimate_valid -",
     ),
     "foot": Subject(
         {"po_tension": 1.0, "ankle_angle": 0.1}, "toe_x", {"l1": 0.052, "k_an": 8000.0}, _FOOT

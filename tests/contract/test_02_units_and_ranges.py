@@ -11,7 +11,8 @@ import pytest
 
 from tests.contract.subjects import actuators_only
 
-# Exponents of SI base units, worked out by hand: C = A s, V = W/A, Ohm = V/A, F = C/V, H = V s/A, N = kg m/s^2.
+# Exponents of SI base units, worked out by hand: C = A s, V = W/A, Ohm = V/A, F = C/V, H = V s/A, N
+# = kg m/s^2.
 AMPERE, METRE, SECOND, KILOGRAM, RADIAN = ({unit: 1} for unit in ("A", "m", "s", "kg", "rad"))
 BASE = {
     "1": {},
@@ -54,10 +55,10 @@ POSITIVE = {
 
 
 def exponents(unit: str) -> dict[str, int]:
-    """SI exponents of a unit in the grammar of the Modelica language (specification 3.6, chapter 19).
+    """Return the SI exponents of a unit in the grammar of the Modelica language (3.6, chapter 19).
 
-    One numerator, at most one denominator, which is in brackets if it has several factors; factors have points between
-    them, powers stand behind their names.
+    One numerator, at most one denominator, which is in brackets if it has several factors; factors
+    have points between them, powers stand behind their names.
     """
     factor = r"[A-Za-z]+(?:-?[1-9])?"
     product = rf"{factor}(?:\.{factor})*"

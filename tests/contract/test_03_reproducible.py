@@ -40,7 +40,7 @@ def digests(names: Sequence[str], runtime: str) -> list[str]:
 
 
 def variant(folder, name, factor):
-    """A user's model in a file of its own, imported under a name that nothing else has."""
+    """Write a user's model in a file of its own, and import it under a unique name."""
     base = component(name)
     folder.mkdir()
     path = folder / "variant.py"
@@ -71,11 +71,11 @@ def test_another_process_builds_the_same_bytes(fmu, runtime, names, monkeypatch,
 @actuators_only
 def test_guid_follows_the_laws(tmp_path, name, runtime):
     first, same, other = (
-        build.plan(variant(tmp_path / folder, name, factor), runtime).guid
+        build.plan_build(variant(tmp_path / folder, name, factor), runtime).guid
         for folder, factor in (("a", "2.0"), ("b", "2.0"), ("c", "2.5"))
     )
     assert first == same
-    assert len({first, other, build.plan(component(name), runtime).guid}) == 3
+    assert len({first, other, build.plan_build(component(name), runtime).guid}) == 3
 
 
 @each_front_end
@@ -88,7 +88,7 @@ def test_guid_follows_default_and_range(name, runtime):
         try:
             for key, value in change.items():
                 setattr(declaration, key, value)
-            guids.add(build.plan(base, runtime).guid)
+            guids.add(build.plan_build(base, runtime).guid)
         finally:
             for key, value in before.items():
                 setattr(declaration, key, value)
@@ -96,7 +96,10 @@ def test_guid_follows_default_and_range(name, runtime):
 
 
 def test_guid_differs_between_builds_of_one_component(name):
-    assert build.plan(component(name), "python").guid != build.plan(component(name), "native").guid
+    assert (
+        build.plan_build(component(name), "python").guid
+        != build.plan_build(component(name), "native").guid
+    )
 
 
 def test_library_knows_the_guid_of_the_description(archive):

@@ -1,4 +1,4 @@
-"""Line 4: whatever a host does and whatever a law does, the answer is a clean status and a readable sentence."""
+"""Line 4: to whatever a host or a law does the answer is a status and a readable sentence."""
 
 from __future__ import annotations
 
@@ -16,14 +16,19 @@ from tests.contract.subjects import ACTUATORS, SUBJECTS, each_front_end
 from tests.support import hosts
 from tests.support.pace import slow_but
 
-# What the first message must tell, <role> standing for a variable of the subject. Every status must be Error.
+# What the first message must tell, <role> standing for a variable of the subject. Every status must
+# be Error.
 EXPECTED = {
     "nan_input": r"fmi2SetReal: '<first>' = -?nan is not a finite number",
     "infinite_input": r"fmi2SetReal: '<first>' = inf is not a finite number",
     "one_bad_value_among_good_ones": r"'<second>' = -?nan is not a finite number",
     "setting_an_output": r"'<output>' is calculated and cannot be set",
-    "setting_a_parameter_after_initialization": r"parameter '<parameter>' cannot be set after initialization",
-    "unknown_value_reference": r"fmi2GetReal: value reference \d+ does not exist; the last one is \d+",
+    "setting_a_parameter_after_initialization": (
+        r"parameter '<parameter>' cannot be set after initialization"
+    ),
+    "unknown_value_reference": (
+        r"fmi2GetReal: value reference \d+ does not exist; the last one is \d+"
+    ),
     "wrong_type": r"fmi2GetInteger: value reference \d+ is '<first>', which is of type Real",
     "text_variables": r"has no String variables",
     "null_arrays": r"fmi2GetReal: an array is NULL though it should have 1 elements",
@@ -42,7 +47,9 @@ EXPECTED = {
     "nothing_where_something_is_needed": r"parameter '<positive>' = 0( \S+)? is outside its range",
     "nan_parameter": r"'<parameter>' = -?nan is not a finite number",
     "null_state": r"fmi2GetFMUstate: a pointer is NULL",
-    "broken_serialized_state": r"fmi2DeSerializeFMUstate: \d+ bytes are not a state of \w+, which has \d+",
+    "broken_serialized_state": (
+        r"fmi2DeSerializeFMUstate: \d+ bytes are not a state of \w+, which has \d+"
+    ),
     "wrong_directions": r"fmi2GetDirectionalDerivative",
     "wrong_slopes": r"fmi2SetRealInputDerivatives",
     "slopes_of_outputs": r"fmi2GetRealOutputDerivatives is not supported",

@@ -1,4 +1,4 @@
-"""Line 4, continued: an FMU works wherever it is unzipped, and however the host spells that place."""
+"""Line 4, continued: an FMU works wherever it is unzipped, however the host spells that place."""
 
 from __future__ import annotations
 

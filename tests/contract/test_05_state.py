@@ -1,4 +1,4 @@
-"""Line 5: the saved state is the whole state; going on from it gives the same bits, wherever it is restored."""
+"""Line 5: the saved state is the whole state; going on from it gives the same bits anywhere."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmus import COMPONENTS
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from fmus.kit.component import Component
 from tests.contract import checks
 from tests.contract.checks import STEPS
@@ -60,7 +60,7 @@ def test_a_state_may_be_restored_in_any_mode_and_in_another_instance(model):
 
 @each_component
 def test_restoring_brings_the_parameters_back_too(archive, subject):
-    """An instance that has already calculated with other parameters must not keep anything of them."""
+    """An instance that has calculated with other parameters must not keep anything of them."""
     with unzipped(archive) as folder:
         library = Library(folder)
         with Instance(library) as one, Instance(library, b"another") as other:
@@ -105,7 +105,7 @@ def test_a_state_begins_with_a_pointer_that_may_be_freed(model):
 
 @each_model
 def test_a_state_serialized_by_a_former_version_is_refused(model):
-    """States began with the word that is the second now: eight bytes less, with their size in the third word."""
+    """States began with the word that is now the second: eight bytes less."""
     with instance(model) as one:
         one.initialize()
         block = one.serialize(one.save())

@@ -11,7 +11,7 @@ import pytest
 
 from fmus import COMPONENTS, component
 from fmus.kit import stack
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from tests.contract.models import DoubledVoltage, Oscillator, Sampler
 from tests.contract.raw import Instance, Library, instance, unzipped
 from tests.contract.schedule import go, schedule
@@ -30,7 +30,7 @@ def alone(fmu: str, seed: int, parameters: dict[str, float] | None = None) -> by
 
 
 def interleaved(runs: list[tuple[str, int, dict[str, float]]]) -> list[bytes]:
-    """Run all at once, step by step in turn; the same FMU may be there several times and is then loaded once."""
+    """Run several instances step by step in turn; the same FMU may be there several times."""
     with contextlib.ExitStack() as cleanup:
         libraries = {fmu: Library(cleanup.enter_context(unzipped(fmu))) for fmu, _, _ in runs}
         ones = [
@@ -52,7 +52,7 @@ def interleaved(runs: list[tuple[str, int, dict[str, float]]]) -> list[bytes]:
 def together(
     runs: list[tuple[str, int, dict[str, float]]],
 ) -> tuple[list[bytes], list[str], list[str]]:
-    """Interleaved, with what was changed in the Python of the host: names of new modules, new search paths."""
+    """Run interleaved, with other names of modules and other search paths in the host's Python."""
     modules, paths = set(sys.modules), list(sys.path)
     trails = interleaved(runs)
     return trails, sorted(set(sys.modules) - modules), [p for p in sys.path if p not in paths]

@@ -52,7 +52,8 @@ def test_reset_of_other_models(built, cls, runtime):
         assert trails[0] == trails[1]
 
 
-# --- leaks ----------------------------------------------------------------------------------------------------------
+# --- leaks
+# --------------------------------------------------------------------------------------------------
 
 
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="memory is counted on Linux")

@@ -1,4 +1,4 @@
-"""Line 8: any communication step gives the exact solution within the declared accuracy, and samples stay on time."""
+"""Line 8: any communication step gives the exact solution; samples stay on time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ relaxed = settings(
 
 
 def loads(name: str, shares: list[float]) -> np.ndarray:
-    """Held loads: forces up to 2 N; lengths from 1 mm, never falling, so that the actuator stays taut."""
+    """Draw held loads: forces up to 2 N; lengths from 1 mm, never falling, which keep it taut."""
     return 2.0 * np.array(shares) if name == "ppy_actuator" else 1e-3 * (1.0 + np.cumsum(shares))
 
 
@@ -80,7 +80,7 @@ def test_start_time_changes_nothing(one, name, load):
 @each_component
 @pytest.mark.parametrize("sizes", [[0.05] * 20, [0.3, 0.001, 0.199, 0.5], [1e-4, 0.9999]], ids=len)
 def test_dividing_a_step_changes_nothing_but_rounding(archive, subject, sizes):
-    """With the inputs held, one step of a second and any that add up to it end in the same values."""
+    """With the inputs held, a step of a second and its parts end in the same values."""
     ends = []
     with instance(archive) as one:
         for division in ([1.0], sizes):
@@ -96,7 +96,7 @@ def test_dividing_a_step_changes_nothing_but_rounding(archive, subject, sizes):
 
 
 def test_tighter_tolerance_brings_the_result_closer(built, runtime):
-    """The declared accuracy is that of one internal step; ten times less tolerated, at least five times less error."""
+    """The accuracy is that of an internal step; a tenth of it gives a fifth of the error."""
     errors = []
     with instance(built(Oscillator, runtime)) as one:
         for tolerance in (1e-9, 1e-10, 1e-11):
@@ -114,14 +114,14 @@ def test_tighter_tolerance_brings_the_result_closer(built, runtime):
 
 @pytest.fixture
 def oscillating(built, runtime):
-    """An oscillator that any example may reset."""
+    """Open an oscillator that any example may reset."""
     with instance(built(Oscillator, runtime)) as created:
         yield created
 
 
 @pytest.fixture
 def sampling(built, runtime):
-    """A sampler that any example may reset."""
+    """Open a sampler that any example may reset."""
     with instance(built(Sampler, runtime)) as created:
         yield created
 
@@ -129,7 +129,7 @@ def sampling(built, runtime):
 @relaxed
 @given(moves=st.lists(st.tuples(SIZES, st.floats(0.1, 100.0)), min_size=1, max_size=15))
 def test_a_fast_oscillation_under_changing_steps(oscillating, moves):
-    """Closed form: turning by the product of speed and time; what counts is the number of radians."""
+    """Closed form: turning by the product of speed and time, which counts the radians."""
     angle, one = 0.0, oscillating
     one.do("fmi2Reset")
     one.initialize()
@@ -144,11 +144,12 @@ def test_a_fast_oscillation_under_changing_steps(oscillating, moves):
     )
 
 
-# --- samples --------------------------------------------------------------------------------------------------------
+# --- samples
+# --------------------------------------------------------------------------------------------------
 
 
 def taken(time: float, period: float) -> int:
-    """Samples taken by a component at the end of a step to ``time``: a sample there belongs to the next step."""
+    """Return the samples taken at the end of a step; one at that time belongs to the next step."""
     return math.ceil(time / period - 1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Line 9: parameters that make no sense are refused at the end of initialization, each by name, value and range."""
+"""Line 9: senseless parameters are refused at the end of initialization, each by its range."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def test_the_bounds_themselves_are_allowed(archive, one, subject, runtime):
             one.do("fmi2Reset")
             one.initialize({**subject.inputs, name: value})
             if runtime == "python":
-                continue  # a million internal steps, of the same algorithm, would take minutes there
+                # a million internal steps, of the same algorithm, would take minutes there
+                continue
             one.messages.clear()
             if one.call("fmi2DoStep", 0.0, one.library.step, 1) == OK:
                 assert all(map(math.isfinite, one.everything())), name

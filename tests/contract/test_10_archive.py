@@ -149,7 +149,8 @@ def test_numbers_of_a_preset(files):
     assert values["k1"] == pytest.approx(6300 * 5 / 12)
 
 
-# --- reference results ----------------------------------------------------------------------------------------------
+# --- reference results
+# ----------------------------------------------------------------------------------------------
 
 
 def rows(text: str) -> tuple[list[str], np.ndarray]:

@@ -1,4 +1,4 @@
-"""Line 11: what the model description promises is kept, and what it does not promise is refused cleanly."""
+"""Line 11: promises of the model description are kept; anything else is refused cleanly."""
 
 from __future__ import annotations
 
@@ -72,7 +72,8 @@ def test_variable_communication_steps_are_handled(archive, one, name, load):
     assert one.get(*oracle.OUTPUTS[name]) == pytest.approx(expected, rel=1e-7)
 
 
-# --- directional derivatives ----------------------------------------------------------------------------------------
+# --- directional derivatives
+# ----------------------------------------------------------------------------------------
 
 
 def jacobian(one: Instance, unknowns: Sequence[str], knowns: Sequence[str]) -> np.ndarray:
@@ -154,11 +155,12 @@ def test_asking_for_derivatives_changes_nothing(native, subject):
     assert native.serialize(native.save()) == before
 
 
-# --- interpolation of inputs ----------------------------------------------------------------------------------------
+# --- interpolation of inputs
+# ----------------------------------------------------------------------------------------
 
 
 def ramp_response(name: str, time: float, inputs: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Outputs after ``time`` from rest, inputs being straight lines; the inputs are two more pairs of states."""
+    """Return outputs after ``time`` from rest; inputs are straight lines, more states."""
     a, b, c, d = oracle.matrices(name)
     zero = np.zeros
     whole = np.block([[a, b, zero((3, 2))], [zero((2, 5)), np.eye(2)], [zero((2, 7))]])
@@ -211,7 +213,7 @@ def test_slope_of_one_input_leaves_the_other_alone(native, name, load):
 
 
 def test_sampled_laws_see_the_interpolated_input(built):
-    """A lag driven by a ramp, sampled ten times within one communication step; closed form of the ramp response."""
+    """A lag driven by a ramp, sampled ten times within one step; closed form of the response."""
     rate, slope = 3.0, 0.4
     with instance(built(Sampler, "native")) as one:
         one.initialize({"x_start": 0.0})

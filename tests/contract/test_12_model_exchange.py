@@ -1,4 +1,4 @@
-"""Line 12: where the host integrates, the FMU is the same laws: rates, samples as time events, indicators, refusals."""
+"""Line 12: for a host that integrates, the FMU has the same laws, events and refusals."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ EXCHANGE, COSIMULATION, DISCARD = 0, 1, 2
 
 
 class Kinks(Component):
-    """A ramp, and integrals of it that begin at the edge of a dead zone, at zero and above an input."""
+    """A ramp, and integrals of it that begin at a dead zone's edge, at zero and above an input."""
 
     name = "kinks"
 
@@ -55,7 +55,7 @@ class Kinks(Component):
 
     @Output("1")
     def size(self):
-        """Magnitude of the ramp"""
+        """Magnitude of the ramp."""
         return absolute(self.ramp)
 
 
@@ -78,7 +78,7 @@ class Clocked(Component):
 
     @Output("s")
     def twice(self):
-        """Twice the time"""
+        """Twice the time."""
         return 2.0 * self.time + 0.0 * self.x
 
 
@@ -112,7 +112,7 @@ class Exchanged(Instance):
 
 @pytest.fixture
 def exchanged(built):
-    """Opens an instance of a class for model exchange."""
+    """Open an instance of a class for model exchange."""
     opened = []
 
     def open_one(cls):
@@ -202,7 +202,10 @@ def test_samples_are_time_events_at_their_instants(exchanged):
 
 
 def test_samples_that_a_host_has_missed_are_caught_up(exchanged):
-    """One of fixed steps comes late: 0.31 s in, 0.1, 0.2 and 0.3 s are still to be sampled; the next is at 0.325 s."""
+    """A host of fixed steps comes late: 0.31 s in, 0.1, 0.2 and 0.3 s are still to be sampled.
+
+    The next instant is at 0.325 s.
+    """
     one = exchanged(Sampler).initialize({"u": 1.0, "step": 2}, start=5.0)
     assert one.event().needed == 0
     one.do("fmi2EnterContinuousTimeMode")

@@ -1,4 +1,4 @@
-"""A user's own model, in a file outside the package, becomes an FMU in both builds; what cannot come along is told."""
+"""A user's own model, in a file outside the package, becomes an FMU, or is refused."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from fmus import component
 from fmus.kit import UserError, stack
-from fmus.kit.build import build, plan
+from fmus.kit.build.building import build, plan_build
 from fmus.kit.build.toolchain import host_platform
 from tests.contract.models import DoubledVoltage
 from tests.contract.raw import instance
@@ -192,7 +192,7 @@ class Lag(Effect):
 
 def test_text_of_the_model_is_kept_but_for_the_imports(tmp_path):
     path = write(tmp_path / "lag.py")
-    text = plan(load(path), "python").files["resources/python/models/lag.py"].decode()
+    text = plan_build(load(path), "python").files["resources/python/models/lag.py"].decode()
     assert text == path.read_text().replace("from fmus.kit import", "from ..kit import")
 
 
@@ -223,10 +223,10 @@ def test_archive_has_nothing_of_this_machine(tmp_path):
 def test_what_cannot_come_along_is_told_with_its_line(tmp_path, imports, message):
     cls = load(write(tmp_path / "lag.py", imports))
     with pytest.raises(UserError) as caught:
-        plan(cls, "python")
+        plan_build(cls, "python")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
-    plan(cls, "native")  # the laws are compiled; nothing has to come along
+    plan_build(cls, "native")  # the laws are compiled; nothing has to come along
 
 
 def test_class_inside_a_function_is_refused(tmp_path):
@@ -239,4 +239,4 @@ def test_class_inside_a_function_is_refused(tmp_path):
         return Inner
 
     with pytest.raises(UserError, match="not defined at the top of a module"):
-        plan(make(), "python")
+        plan_build(make(), "python")

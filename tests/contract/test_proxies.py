@@ -1,6 +1,7 @@
 """The contract for proxies, line by line; what a live rig cannot give is declared and refused.
 
-Most of it is tested at a small rig that shares no code with the project; where nothing is said of one, there is none.
+Most of it is tested at a small rig that shares no code with the project; where nothing is said of
+one, there is none.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from fmus import PROXIES, component
-from fmus.kit.build import build
+from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from orchestration.system import library
 from tests.contract import leaks, structure
@@ -39,7 +40,8 @@ def one(fmu, runtime):
         yield created
 
 
-# --- lines 1 to 3: the description ----------------------------------------------------------------------------------
+# --- lines 1 to 3: the description
+# ----------------------------------------------------------------------------------
 
 
 def test_the_description_is_valid_and_lists_every_unknown(proxy):
@@ -89,7 +91,8 @@ def test_two_builds_are_the_same_bytes(fmu, runtime):
     assert again == fmu("rig_proxy", runtime).read_bytes()
 
 
-# --- line 4: no call hangs or crashes -------------------------------------------------------------------------------
+# --- line 4: no call hangs or crashes
+# -------------------------------------------------------------------------------
 
 
 @pytest.mark.real_time
@@ -178,7 +181,8 @@ def test_a_step_longer_than_the_timeout_is_refused_at_once(one):
         assert "communication_timeout" in one.messages[-1]
 
 
-# --- lines 5 to 8 ---------------------------------------------------------------------------------------------------
+# --- lines 5 to 8
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_state_is_declared_unsupported_and_refused(proxy, one):
@@ -282,12 +286,14 @@ def test_any_step_ends_at_its_time_on_the_rigs_clock(one, sizes):
             one.step(size)
             passed += size
             taken, age = one.get("charge", "charge_age")  # the rig's clock, which is this machine's
-            # not before the step ended, but for the age of the sample; late only by what a busy machine adds
+            # not before the step ended, but for the age of the sample; late only by what a busy
+            # machine adds
             assert passed - 0.005 - age < taken - begin < passed + 0.2
         assert [m["step"] for m in rig.of_type("exchange")][-1] == sizes[-1]
 
 
-# --- lines 9 to 11 --------------------------------------------------------------------------------------------------
+# --- lines 9 to 11
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
-"""Claims: an archive for pythonfmu computes what the other builds do, and holds what is promised of it, no less.
+"""Claims: an archive for pythonfmu computes the same as the other builds, and keeps its promises.
 
-Everything runs in processes of their own: stock pythonfmu may crash one, which ``test_stock_pythonfmu_hazards.py`` has.
+Everything runs in processes of their own: stock pythonfmu may crash one, which
+``test_stock_pythonfmu_hazards.py`` has.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from fmpy.validation import validate_fmu
 from fmus import COMPONENTS, component
 from fmus.kit import Component, stack
 from fmus.kit import build as kit
-from fmus.kit.build.stock import LIMITS
+from fmus.kit.build.stock.archive import LIMITS
 from fmus.kit.errors import UserError
 from orchestration.fmu.check import check_fmu
 from orchestration.fmu.model import find_class
@@ -69,7 +70,8 @@ def works(function: Callable, *arguments):
     return finished.result
 
 
-# --- numbers --------------------------------------------------------------------------------------------------------
+# --- numbers
+# --------------------------------------------------------------------------------------------------
 
 
 def stimulus(name: str, n: int = 120) -> tuple[np.ndarray, dict, list[str]]:
@@ -96,7 +98,7 @@ def close(found, wanted, outputs):
 @pytest.mark.parametrize("changed", [False, True], ids=["defaults", "changed"])
 @pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
 def test_the_numbers_are_those_of_the_native_build_in_fmpy(stock, fmu, name, changed):
-    """Also with other parameters, more accuracy than the component's own, and outputs read before inputs are set."""
+    """Also with other parameters, more accuracy, and outputs read before inputs are set."""
     times, inputs, outputs = stimulus(name)
     times = np.cumsum(np.random.default_rng(4).choice([0.3, 1.0, 2.7], times.size)) * times[1]
     given = (
@@ -126,7 +128,8 @@ def test_the_numbers_are_those_of_the_native_build_in_libcosim(stock, fmu, name)
     close({k: v[1:] for k, v in found.items()}, {k: v[1:] for k, v in wanted.items()}, outputs)
 
 
-# --- what it holds of the contract ----------------------------------------------------------------------------------
+# --- what it holds of the contract
+# ----------------------------------------------------------------------------------
 
 
 @each
@@ -198,7 +201,10 @@ class Clock(Component):
 
 
 def watched(archive: Path) -> list[float]:
-    """Output at three points, and at the second one restored, which was saved before anything was read there."""
+    """Return an output at three points, and at the second one restored.
+
+    That was saved before anything was read there.
+    """
     with unzipped(archive) as folder, Instance(Library(folder)) as one:
         one.initialize()
         seen = one.get("now")
@@ -221,7 +227,7 @@ def test_outputs_follow_a_step_and_a_restored_state_by_themselves(tmp_path):
 
 
 def beside(first: Path, second: Path) -> list[bytes]:
-    """What an instance gives alone, after a reset, and while one of another FMU and one of the same are beside it."""
+    """Return an instance's values alone, after a reset, and beside other instances."""
     with unzipped(first) as here, unzipped(second) as there:
         library, other = Library(here), Library(there)
         with (
@@ -276,7 +282,7 @@ def broken(archive: Path) -> tuple[int, list[str]]:
 
 
 def printed(archive: Path) -> None:
-    """The same in fmpy; nothing is asked of the instance after that."""
+    """Print the same in fmpy; the instance is not used after that."""
     with hosts.extracted(archive) as folder:
         one = hosts.slave(folder)
         one.instantiate(loggingOn=True)
@@ -318,7 +324,8 @@ def test_different_components_have_different_modules(stock):
     assert len(scripts) == len(ALL)
 
 
-# --- what is refused ------------------------------------------------------------------------------------------------
+# --- what is refused
+# ------------------------------------------------------------------------------------------------
 
 
 def test_a_proxy_is_refused_with_a_line():
@@ -338,7 +345,7 @@ def test_without_platforms_it_has_all_that_pythonfmu_has():
 
 
 def test_without_pythonfmu_it_is_said_what_to_install(monkeypatch):
-    monkeypatch.setattr("fmus.kit.build.stock.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("fmus.kit.build.stock.archive.importlib.util.find_spec", lambda name: None)
     with pytest.raises(UserError, match=r"pip install 'ppy-rig\[pythonfmu\]'"):
         kit.build(component("ppy_actuator"), "pythonfmu")
 
@@ -360,7 +367,8 @@ def test_what_is_not_promised_stands_in_the_how_to():
         assert limit in page
 
 
-# --- what is not promised is not so ---------------------------------------------------------------------------------
+# --- what is not promised is not so
+# ---------------------------------------------------------------------------------
 
 
 def accepted(archive: Path) -> dict[str, int]:

@@ -1,7 +1,9 @@
-"""Claims: whatever is wrong with the input, one line says what and where, nothing is half done, and the exit code is 2.
+"""Claims: whatever is wrong with the input, one line says what and where, nothing is half done, and
+the exit code is 2.
 
-Every case runs in a folder that holds earlier results; these must be as they were. What depends on the environment is a
-process of its own, the rest calls the same entry point in this one, which makes every warning an error.
+Every case runs in a folder that holds earlier results; these must be as they were. What depends on
+the environment is a process of its own, the rest calls the same entry point in this one, which
+makes every warning an error.
 """
 
 import os
@@ -17,7 +19,7 @@ import pytest
 
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import suggestion
-from orchestration.rig.emulator.emulator import EmulatedRig
+from studies.emulator.emulator import EmulatedRig
 from tests.support.archive import edited
 from tests.support.command import here, measure, on_terminal, posix, ppy, refused
 
@@ -63,7 +65,8 @@ def test_suggestions(name, options, text):
     assert suggestion(name, ["R1", "voltage"], **options) == text
 
 
-# --- settings ---------------------------------------------------------------------------------------------------------
+# --- settings
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -123,7 +126,8 @@ def test_a_stop_time_outside_the_record(folder, stop):
     )
 
 
-# --- names of models --------------------------------------------------------------------------------------------------
+# --- names of models
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -198,7 +202,8 @@ def test_an_fmu_that_is_no_zip_or_a_torn_one(folder, fmu):
     refused(folder, "check", "zip.fmu", parts=["zip.fmu", "modelDescription.xml"])
 
 
-# --- records ----------------------------------------------------------------------------------------------------------
+# --- records
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -333,7 +338,8 @@ def test_a_record_too_short_for_the_fit(folder):
     )
 
 
-# --- places that cannot be written, things that are not there ---------------------------------------------------------
+# --- places that cannot be written, things that are not there
+# ---------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -412,7 +418,8 @@ def test_a_path_that_is_no_utf8(folder):
     assert done.stderr.splitlines()[-1].startswith("error: \\udcfe.csv: cannot be read")
 
 
-# --- the world around -------------------------------------------------------------------------------------------------
+# --- the world around
+# -------------------------------------------------------------------------------------------------
 
 
 @posix

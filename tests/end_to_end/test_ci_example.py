@@ -1,4 +1,6 @@
-"""Claims: the workflow that users copy runs as it is written, and fails where a result is another."""
+"""Claims: the workflow that users copy runs as it is written, and fails where a result is
+another.
+"""
 
 from __future__ import annotations
 

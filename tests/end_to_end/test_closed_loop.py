@@ -1,4 +1,6 @@
-"""The bench closed over the actuator, as FMUs: whatever is fed to it or set in it, it runs on or says why not."""
+"""The bench closed over the actuator, as FMUs: whatever is fed to it or set in it, it runs on or
+says why not.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,9 @@ def loop(fmu, runtime) -> Iterator[Loop]:
 
 
 def test_steps_of_reference_and_current(loop):
-    """Settles at each reference to 1 %; beyond what 10 V give, K 10 V / R = 13 N, it stays at that."""
+    """Settles at each reference to 1 %; beyond what 10 V give, K 10 V / R = 13 N, it stays at
+    that.
+    """
     loop.initialize()
     for reference, current in ((1.0, 0.0), (3.0, 0.9), (0.5, -0.9), (2.0, 0.0)):
         assert loop.run(1.0, reference, current)

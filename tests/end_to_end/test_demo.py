@@ -1,4 +1,6 @@
-"""Claims: `ppy demo` leaves everything it promises, and a real browser shows its report, on a desk and on a phone."""
+"""Claims: `ppy demo` leaves everything it promises, and a real browser shows its report, on a desk
+and on a phone.
+"""
 
 import re
 import zipfile
@@ -10,9 +12,9 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from fmus import COMPONENTS
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from orchestration.records import read_record
-from orchestration.rig.emulator.emulator import EmulatedRig
+from studies.emulator.emulator import EmulatedRig
 from tests.support.browser import browse, measured
 from tests.support.command import UNITS, ppy
 
@@ -157,7 +159,9 @@ def shown(request, done, tmp_path_factory):
 
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_browser_shows_it(browser, shown, width, tmp_path):
-    """Not blank, no wider than the window (wide tables scroll by themselves), nothing to complain about."""
+    """Not blank, no wider than the window (wide tables scroll by themselves), nothing to complain
+    about.
+    """
     picture = tmp_path / "screenshot.png"
     _, console = browse(browser, tmp_path, shown, width, f"--screenshot={picture}")
     assert console == []
@@ -173,7 +177,8 @@ def test_a_browser_shows_it(browser, shown, width, tmp_path):
 def test_the_probe_would_notice(browser, tmp_path):
     """A page that is too wide, asks the network for something and complains is noticed as such."""
     bad = (
-        '<!DOCTYPE html><html><head><meta name="viewport" content="width=device-width"></head><body>'
+        '<!DOCTYPE html><html><head><meta name="viewport"'
+        ' content="width=device-width"></head><body>'
         '<div style="width:900px">wide</div><script src="http://example.com/a.js"></script>'
         "<script>console.error('oh')</script></body></html>"
     )

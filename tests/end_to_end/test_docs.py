@@ -1,10 +1,11 @@
-"""Code in the documentation runs: console blocks through a shell, python blocks in one Python, in order, in one folder.
+"""Code in the documentation runs: console blocks through a shell, python blocks in one Python, in
+order, in one folder.
 
-An output block is an excerpt of what the commands before it printed. With ``PPY_WRITE_DOCS`` set, its numbers are
-written anew. Modules, files and options that any page names exist.
+An output block is an excerpt of what the commands before it printed. With ``PPY_WRITE_DOCS`` set,
+its numbers are written anew. Modules, files and options that any page names exist.
 
-Pages whose blocks take ten seconds or more are run by `make test-slow`: the tutorial, the commands of the readme, and
-those in ``HEAVY``.
+Pages whose blocks take ten seconds or more are run by `make test-slow`: the tutorial, the commands
+of the readme, and those in ``HEAVY``.
 """
 
 import contextlib
@@ -49,13 +50,15 @@ PAGES = [
     ),
 ]
 BLOCK = re.compile(r"^```(console|python|output)\n(.*?)^```", re.M | re.S)
-FOLDERS = ("docs", "fmus", "orchestration", "benchmarks", "tests", "examples")
+FOLDERS = ("docs", "fmus", "orchestration", "studies", "benchmarks", "tests", "examples")
 MARKDOWN = sorted(
     path.relative_to(ROOT)
     for pattern in ("*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
     for path in ROOT.glob(pattern)
 )
-DOTTED = re.compile(r"(?<![\w./])(?:orchestration|fmus|tests|benchmarks)(?:\.\w+)+(?![\w/])")
+DOTTED = re.compile(
+    r"(?<![\w./])(?:orchestration|fmus|studies|tests|benchmarks)(?:\.\w+)+(?![\w/])"
+)
 PATH = re.compile(rf"(?<![\w./-])(?:(?:{'|'.join(FOLDERS)})/[\w./-]*|\.ci/\w+)")
 PYTHON_FILE = re.compile(rf"(?<![\w./])(?!(?:{'|'.join(FOLDERS)})/)[\w/]+\.py(?![\w/])")
 THE_READERS = {
@@ -98,7 +101,9 @@ for name in sys.stdin:
 
 @contextlib.contextmanager
 def python(folder: Path) -> Iterator[Callable[[str], None]]:
-    """Run blocks in one Python, each when it is asked for: a later one goes on from those before it."""
+    """Run blocks in one Python, each when it is asked for: a later one goes on from those before
+    it.
+    """
     process = subprocess.Popen(
         [sys.executable, "-c", BLOCKS],
         cwd=folder,
@@ -235,12 +240,15 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert (ROOT / page.parent / target).exists(), f"{page}: {target}"
 
 
-# --- names in prose and code ------------------------------------------------------------------------------------------
+# --- names in prose and code
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=str)
 def test_modules_and_files_that_a_page_names_exist(page: Path) -> None:
-    """Dotted names to the last attribute; paths from the root of the project, or, if a file of Python, to any depth."""
+    """Dotted names to the last attribute; paths from the root of the project, or, if a file of
+    Python, to any depth.
+    """
     text = (ROOT / page).read_text(encoding="utf-8")
     dotted = {name for name in DOTTED.findall(text) if not name.endswith((".md", ".py"))}
     assert {name for name in dotted if not source.exists(name)} == set()
@@ -276,17 +284,20 @@ def commands_of(text: str) -> list[str]:
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=str)
 def test_options_that_a_page_names_exist(page: Path) -> None:
-    """With a command before it an option is one of that command, else of any; other programs are left alone."""
+    """With a command before it an option is one of that command, else of any; other programs are
+    left alone.
+    """
     known = options(typer.main.get_command(cli.app))
-    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "benchmarks").glob("*.py")]
-    known["benchmarks"] = {
-        option for text in sources for option in re.findall(r'"(--[a-z-]+)"', text)
-    }
+    for folder in ("benchmarks", "studies"):
+        sources = [path.read_text(encoding="utf-8") for path in (ROOT / folder).rglob("*.py")]
+        known[folder] = {
+            option for text in sources for option in re.findall(r'"(--[a-z-]+)"', text)
+        }
     for line in commands_of((ROOT / page).read_text(encoding="utf-8")):
         flags = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", line))
         program, *words = line.removeprefix(".venv/bin/").removeprefix("python -m ").split() or [""]
-        if program.split(".")[0] == "benchmarks":
-            assert flags <= known["benchmarks"], f"{page}: {line}"
+        if program.split(".")[0] in ("benchmarks", "studies"):
+            assert flags <= known[program.split(".")[0]], f"{page}: {line}"
         elif program == "ppy":
             words = [word for word in words if not word.startswith("-")]
             command = next((c for n in (2, 1) if (c := " ".join(words[:n])) in known), "")

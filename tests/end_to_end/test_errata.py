@@ -1,6 +1,8 @@
-"""The published figure and the consistent one, side by side: one test for each row of docs/errata.md.
+"""The published figure and the consistent one, side by side: one test for each row of
+docs/errata.md.
 
-Rows whose test is elsewhere name it; figures here come from other computations than those that write the page.
+Rows whose test is elsewhere name it; figures here come from other computations than those that
+write the page.
 """
 
 import re
@@ -14,16 +16,10 @@ from scipy.signal import butter, freqs
 from fmus import component
 from fmus.kit.units import parse
 from orchestration.experiment.waveforms import square_wave
-from orchestration.identify.grey_box import fit
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.thesis import (
-    chapters,
-    circuit,
-    degradation,
-    force_loop,
-    forgetting,
-    identification,
-)
+from orchestration.identify.grey_box import fit_grey_box
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.physics import RigParameters
+from studies.thesis import chapters, circuit, degradation, force_loop, forgetting, identification
 from tests.support.thesis_findings import claim, claims, row
 
 DEFAULT = {p.name: p.start for p in component("ppy_actuator").layout.parameters}
@@ -31,11 +27,12 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "errata.md").read_text(encoding="utf-8")
 NUMBERS = [int(number) for number in re.findall(r"^\| (\d+) \|", PAGE, re.M)]
 
-# --- the page ---------------------------------------------------------------------------------------------------------
+# --- the page
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_page_is_what_the_computations_give() -> None:
-    assert chapters.errata_page() == PAGE, "run python -m orchestration.thesis.chapters"
+    assert chapters.errata_page() == PAGE, "run python -m studies.thesis.chapters"
 
 
 def test_rows_are_numbered_without_gaps() -> None:
@@ -65,7 +62,8 @@ def test_claims_that_do_not_hold_give_a_reason_and_a_row_that_exists() -> None:
         assert any(c.verdict != "holds" for c in claims(number)), f"row {number}: everything holds"
 
 
-# --- rows -------------------------------------------------------------------------------------------------------------
+# --- rows
+# --------------------------------------------------------------------------------------------------
 
 R, L, K, M, B = 3.0, 1e-3, 3.9, 0.03, 6.0  # appendix A1, typed in again
 K1, K2, B2 = 3860.0, 300.0, 2300.0
@@ -110,7 +108,9 @@ def test_row_5_what_either_filter_leaves() -> None:
 
 
 def test_row_6_the_printed_denominator_needs_another_start() -> None:
-    """Weighted least squares with a prior, solved at once: what either recursion must give after every sample."""
+    """Weighted least squares with a prior, solved at once: what either recursion must give after
+    every sample.
+    """
     time = 0.1 * np.arange(201)
     current = square_wave(time, 1.3, 0.1)
     voltage = circuit.response(current, np.where(time < 10, 0.43, 0.6))
@@ -156,7 +156,9 @@ def test_row_19_one_actuator_holds_and_the_other_flows() -> None:
 
 
 def test_the_sampled_loop_reaches_its_bandwidth() -> None:
-    """Eq. 2.2 carried out on the coil at a sine of the frequency found: -3 dB of the force's first harmonic."""
+    """Eq. 2.2 carried out on the coil at a sine of the frequency found: -3 dB of the force's first
+    harmonic.
+    """
     frequency = float(claim("force bandwidth").reproduced)
     decay, corner = np.exp(-R / L * T), 2 * np.pi * 100.0
     fine = 200
@@ -203,7 +205,7 @@ def test_row_9_noise_biases_the_printed_method_and_not_the_simulation_error() ->
     r2 = DEFAULT["R2"]
     printed = least_squares_r2(current, measured["voltage"])
     inputs = {"current": current}
-    ours = fit(
+    ours = fit_grey_box(
         component("ppy_actuator"), time, inputs, {"voltage": measured["voltage"]}, ["R1", "R2", "C"]
     )
     assert printed < 0.65 * r2  # 1.31 ohm for a true 2.35 ohm
@@ -254,7 +256,9 @@ def test_row_10_table_3_1_follows_from_its_own_coefficients_but_for_three_entrie
 
 
 def test_row_10_rounding_of_the_coefficients_accounts_for_the_entries() -> None:
-    """Coefficients drawn from all that would be printed so, converted by the bilinear rule of ``control``."""
+    """Coefficients drawn from all that would be printed so, converted by the bilinear rule of
+    ``control``.
+    """
     rng = np.random.default_rng(10)
     for number, entries in ((2, {"R1": 0.43, "R2": 2.02}), (3, {"R2": 2.45})):
         coefficients = np.array([float(text) for text in identification.SETS[number - 1][:3]])

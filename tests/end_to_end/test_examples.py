@@ -1,4 +1,6 @@
-"""The models in ``examples/`` against the public records they are for: what an effect gains, and known parameters."""
+"""The models in ``examples/`` against the public records they are for: what an effect gains, and
+known parameters.
+"""
 
 import sys
 from pathlib import Path
@@ -10,8 +12,9 @@ from scipy.signal import butter, filtfilt, resample
 from fmus import COMPONENTS, component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.record.compiled import CompiledModel
-from orchestration.fmu.model import catalogue, find_model, load_class
-from orchestration.identify.grey_box import fit
+from orchestration.fmu.effects import catalogue
+from orchestration.fmu.model import find_model, load_class
+from orchestration.identify.grey_box import fit_grey_box
 from orchestration.identify.metrics import fit_percent
 from orchestration.records import read_record
 
@@ -19,14 +22,17 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def example(place, *effects):
-    """A class of the examples with effects of its own catalogue laid over, and the parameters that those bring."""
+    """A class of the examples with effects of its own catalogue laid over, and the parameters that
+    those bring.
+    """
     base = load_class(str(EXAMPLES / place))
     laid = [catalogue(base)[name] for name in effects]
     own = [p.name for e in laid for p in e.layout.parameters if not p.name.endswith("_start")]
     return (stack(base, *laid) if laid else base), own
 
 
-# --- EMPS: a positioning stage ----------------------------------------------------------------------------------------
+# --- EMPS: a positioning stage
+# ----------------------------------------------------------------------------------------
 
 ORDER, PASS = 4, 20.0  # Hz; derivatives are taken of what is left below it
 EDGE = 200  # samples where the filter sees the ends of the record
@@ -34,7 +40,9 @@ EDGE = 200  # samples where the filter sees the ends of the record
 
 @pytest.fixture(scope="module")
 def emps(public_data):
-    """Time, motor voltage, velocity and acceleration, all through one filter without delay; and the raw voltage."""
+    """Time, motor voltage, velocity and acceleration, all through one filter without delay; and the
+    raw voltage.
+    """
     record = read_record(
         public_data("emps_positioning_stage.csv"),
         {"position": "m", "motor_voltage": "V"},
@@ -54,13 +62,15 @@ def followed(emps, *effects):
         name for name in own if not name.endswith("_velocity")
     ]  # within which dry friction changes sign
     inputs = {"velocity": velocity, "acceleration": acceleration}
-    found = fit(cls, time, inputs, {"motor_voltage": voltage}, ["mass", "damping", *own])
+    found = fit_grey_box(cls, time, inputs, {"motor_voltage": voltage}, ["mass", "damping", *own])
     predicted = CompiledModel(cls).run(time, inputs, found.values).signals["motor_voltage"]
     return 100.0 * np.linalg.norm(predicted - voltage) / np.linalg.norm(voltage), found.values
 
 
 def test_force_of_a_stage_needs_dry_and_asymmetric_friction(emps):
-    """The data's manifest has 17.9, 7.1, 3.9 and 2.8 %; the study goes from 4.08 to 3.11 % in its own filter."""
+    """The data's manifest has 17.9, 7.1, 3.9 and 2.8 %; the study goes from 4.08 to 3.11 % in its
+    own filter.
+    """
     errors = {}
     for laid in (
         (),
@@ -92,32 +102,38 @@ def test_force_of_a_stage_needs_dry_and_asymmetric_friction(emps):
 
 
 def test_a_stage_runs_free_on_its_voltage(emps):
-    """The other causality, on the velocity, in which an error of the force adds up for half a second, M / F_v, only."""
+    """The other causality, on the velocity, in which an error of the force adds up for half a
+    second, M / F_v, only.
+    """
     time, raw, _, velocity, _ = emps
     cls, _ = example(
         "positioning_stage.py:PositioningStage", "coulomb_friction", "asymmetric_friction"
     )
     names = ["mass", "damping", "friction_coulomb", "friction_asymmetry", "velocity_start"]
-    found = fit(cls, time, {"motor_voltage": raw}, {"velocity": velocity}, names).values
+    found = fit_grey_box(cls, time, {"motor_voltage": raw}, {"velocity": velocity}, names).values
     assert found["mass"] == pytest.approx(95.1, rel=0.03)
     assert found["damping"] == pytest.approx(203.5, rel=0.06)
     assert found["friction_coulomb"] == pytest.approx(20.39, rel=0.06)
     assert found["friction_asymmetry"] == pytest.approx((166.7 - 240.4) / 2.0, rel=0.1)
 
 
-# --- Silverbox: a circuit that obeys Duffing's equation ---------------------------------------------------------------
+# --- Silverbox: a circuit that obeys Duffing's equation
+# ---------------------------------------------------------------
 
 ARROW, MULTISINE = (
     slice(0, 40_000),
     49_000,
 )  # the latter is the start of a stretch amid the multisines
-PARTS = 4  # of a sample; the input is smooth, and held over a whole one it would come half a sample late
+# of a sample; the input is smooth, and held over a whole one it would come half a sample late
+PARTS = 4
 FADED = 200  # samples until the start, which nobody measured, is forgotten
 
 
 @pytest.fixture(scope="module")
 def silverbox(public_data):
-    """Parts of the record: time and input between its samples too, and the output, NaN there and at the start."""
+    """Parts of the record: time and input between its samples too, and the output, NaN there and at
+    the start.
+    """
     record = read_record(
         public_data("silverbox_snls80mV.csv"),
         {"force": "N", "position": "m"},
@@ -137,11 +153,15 @@ def silverbox(public_data):
 
 
 def free_run_on_the_arrow(silverbox, samples, *effects):
-    """Root mean square on the arrow, V, of a model fitted to so many samples of the multisine, and the fit."""
+    """Root mean square on the arrow, V, of a model fitted to so many samples of the multisine, and
+    the fit.
+    """
     # the generator's few millivolts of bias are no part of the question
     cls, own = example("mass_spring_damper.py:MassSpringDamper", "force_offset", *effects)
     time, force, output = silverbox(slice(MULTISINE, MULTISINE + samples))
-    found = fit(cls, time, force, {"position": output}, ["mass", "damping", "stiffness", *own])
+    found = fit_grey_box(
+        cls, time, force, {"position": output}, ["mass", "damping", "stiffness", *own]
+    )
     time, force, output = silverbox(ARROW)
     residual = CompiledModel(cls).run(time, force, found.values).signals["position"] - output
     return float(np.sqrt(np.nanmean(residual**2))), found
@@ -157,11 +177,14 @@ def test_silverbox_hardens(silverbox, samples):
     assert estimate.interval[0] > 0.0, "it hardens"
 
 
-# --- creep of a polyethylene melt -------------------------------------------------------------------------------------
+# --- creep of a polyethylene melt
+# -------------------------------------------------------------------------------------
 
 
 def test_creep_has_three_kelvin_elements_and_no_fourth(public_data):
-    """Burgers' chain has one. Each fit starts where the one before ended; Schwarz's criterion, noise taken as white."""
+    """Burgers' chain has one. Each fit starts where the one before ended; Schwarz's criterion,
+    noise taken as white.
+    """
     record = read_record(
         public_data("creep_polyethylene_cm3.csv"),
         {"stress": "Pa", "strain": "1"},
@@ -178,7 +201,7 @@ def test_creep_has_three_kelvin_elements_and_no_fourth(public_data):
         cls, own = example(
             "creep.py:Creep", *("second_kelvin", "third_kelvin", "fourth_kelvin")[:extra]
         )
-        found = fit(
+        found = fit_grey_box(
             cls, record.time, {"stress": stress}, {"strain": strain}, names + own, found
         ).values
         simulated = CompiledModel(cls).run(record.time, {"stress": stress}, found).signals["strain"]
@@ -197,7 +220,8 @@ def test_creep_has_three_kelvin_elements_and_no_fourth(public_data):
     assert share[2] > 99.87
 
 
-# --- models that are not ours, by file and class ----------------------------------------------------------------------
+# --- models that are not ours, by file and class
+# ----------------------------------------------------------------------
 
 
 def test_a_class_is_loaded_once_and_again_when_its_file_changes(tmp_path):

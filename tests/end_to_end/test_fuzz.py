@@ -1,4 +1,6 @@
-"""Claim: no damaged file crashes, hangs, takes the memory or is told as an internal error; it is read, or refused."""
+"""Claim: no damaged file crashes, hangs, takes the memory or is told as an internal error; it is
+read, or refused.
+"""
 
 from __future__ import annotations
 

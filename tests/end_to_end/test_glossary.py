@@ -1,4 +1,6 @@
-"""Claims: every name that the glossary gives is one of the source, and every source that it cites is listed."""
+"""Claims: every name that the glossary gives is one of the source, and every source that it cites
+is listed.
+"""
 
 from __future__ import annotations
 

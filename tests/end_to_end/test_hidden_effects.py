@@ -1,7 +1,8 @@
-"""Claims: every hidden variation is the base rig at size zero and obeys its law; records are scaled as they promise.
+"""Claims: every hidden variation is the base rig at size zero and obeys its law; records are scaled
+as they promise.
 
-Oracles: solutions on paper, quadrature, root finding, the impedance of finite-length diffusion, and for the scaling the
-fit of the actuator model, which shares no code with the rig.
+Oracles: solutions on paper, quadrature, root finding, the impedance of finite-length diffusion, and
+for the scaling the fit of the actuator model, which shares no code with the rig.
 """
 
 from dataclasses import asdict, replace
@@ -18,19 +19,19 @@ from fmus.kit.sensors import MEASUREMENTS
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.experiment.waveforms import multilevel
-from orchestration.identify.grey_box import fit
+from orchestration.identify.grey_box import fit_grey_box
 from orchestration.records import read_record
-from orchestration.rig.emulator import records
-from orchestration.rig.emulator.bench import NOISE
-from orchestration.rig.emulator.emulator import EmulatedRig, Physics, RigParameters
-from orchestration.rig.emulator.hidden_coupling import (
+from studies.emulator import records
+from studies.emulator.bench import NOISE
+from studies.emulator.emulator import EmulatedRig, Physics
+from studies.emulator.hidden_coupling import (
     ChargedSoftness,
     EvenStrain,
     LaggingStrain,
     LoadDependentVoltage,
     PlayingStrain,
 )
-from orchestration.rig.emulator.hidden_electrical import (
+from studies.emulator.hidden_electrical import (
     ChargeDependentCapacitance,
     DiffusionLayer,
     DoubleLayer,
@@ -39,30 +40,30 @@ from orchestration.rig.emulator.hidden_electrical import (
     OnsettingLeakage,
     SelfHeating,
 )
-from orchestration.rig.emulator.hidden_mechanical import (
+from studies.emulator.hidden_mechanical import (
     CreepSpectrum,
     LoadDependentSpring,
     ReluctantRecovery,
     SaggingFilm,
     YieldingFlow,
 )
-from orchestration.rig.emulator.hidden_sensor import (
+from studies.emulator.hidden_sensor import (
     BiasedSensor,
     DriftingSensor,
     LateSensor,
     MisscaledSensor,
     SluggishSensor,
 )
-from orchestration.rig.emulator.hidden_unknown import (
+from studies.emulator.hidden_unknown import (
     Hum,
     LooseContact,
     LooseFixture,
     RestlessAir,
     SlippingClamp,
 )
-from orchestration.rig.emulator.physics import Transition, together
-from orchestration.rig.emulator.records import draw, write
-from orchestration.rig.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
+from studies.emulator.physics import RigParameters, Transition, together
+from studies.emulator.records import draw, draw_cached, write
+from studies.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
 
 NOMINAL = RigParameters()
 TIGHT = RigParameters(R2=1e12)  # nothing leaks: all of the current charges the films
@@ -243,7 +244,8 @@ def test_play_is_rate_independent_and_its_loop_closes():
     np.testing.assert_allclose(
         law(charge)[601:], law(charge)[201:401], atol=1e-15
     )  # from the first crest on: closed
-    # on the large loop every operator trails by its radius; the mean radius is (1 + 1/8) / 2 of the widest
+    # on the large loop every operator trails by its radius; the mean radius is (1 + 1/8) / 2 of the
+    # widest
     rising, falling = law(charge)[800], law(charge)[600 - 200]
     assert rising == pytest.approx(falling, abs=1e-15)
     down = law(np.array([0.0, 2.0, 0.0]))[-1]
@@ -409,9 +411,11 @@ def test_variations_combine_and_keep_their_states_apart():
 
 
 def widths_by_fit(drawn):
-    """Noise widths that the actuator model leaves, all parameters and start values fitted to the noisy record."""
+    """Noise widths that the actuator model leaves, all parameters and start values fitted to the
+    noisy record.
+    """
     names = [*asdict(NOMINAL), *STARTS]
-    values = fit(PpyActuator, drawn.time, drawn.inputs, drawn.outputs, names).values
+    values = fit_grey_box(PpyActuator, drawn.time, drawn.inputs, drawn.outputs, names).values
     signals = CompiledModel(PpyActuator, []).run(drawn.time, drawn.inputs, values).signals
     return {
         o: np.sqrt(np.mean((signals[o] - y) ** 2)) / NOISE[o]
@@ -423,7 +427,7 @@ def widths_by_fit(drawn):
     ("name", "strength"), [("strain_saturation", 1.0), ("diffusion", 0.3), ("hum.voltage", 1.0)]
 )
 def test_a_variation_leaves_what_was_wanted(name, strength):
-    drawn = draw(name, 2, strength)
+    drawn = draw(name, 2, strength=strength)
     (hidden,) = drawn.truth.hidden
     assert 1.3 * strength <= hidden.wanted <= 20 * strength
     assert hidden.widths == pytest.approx(hidden.wanted, rel=0.05)
@@ -434,7 +438,7 @@ def test_a_variation_leaves_what_was_wanted(name, strength):
 @pytest.mark.parametrize("strength", [1.0, 0.3])
 @pytest.mark.parametrize("name", VARIATIONS)
 def test_every_variation_leaves_what_was_wanted(name, strength):
-    drawn = draw(name, 7, strength)
+    drawn = draw(name, 7, strength=strength)
     (hidden,) = drawn.truth.hidden
     found = max(widths_by_fit(drawn).values())
     if hidden.alike:
@@ -456,7 +460,8 @@ def test_a_clean_record_is_the_base_rig_and_noise():
     assert 0.3 <= drawn.inputs["force"].min() < drawn.inputs["force"].max() <= 3.0
     for output, deviation in NOISE.items():
         noise = (drawn.outputs[output] - drawn.truth.outputs[output]) / deviation
-        # Bartlett: what an AR(1) series of 6000 is worth, for its variance and its lag-one correlation
+        # Bartlett: what an AR(1) series of 6000 is worth, for its variance and its lag-one
+        # correlation
         assert abs(np.var(noise) - 1) < 4 * np.sqrt(2 * (1 + 0.9**2) / (1 - 0.9**2) / 6000)
         assert np.mean(noise[1:] * noise[:-1]) / np.var(noise) == pytest.approx(
             0.9, abs=4 * np.sqrt(0.19 / 6000) + 0.01
@@ -464,10 +469,10 @@ def test_a_clean_record_is_the_base_rig_and_noise():
 
 
 def test_a_seed_draws_the_same_record_and_another_one_does_not(tmp_path):
-    options = {"duration": 60.0, "rate": 5.0, "outputs": ("displacement",), "cache": tmp_path}
-    one, again = (draw("hum", 5, **options) for _ in range(2))
+    options = {"duration": 60.0, "rate": 5.0, "outputs": ("displacement",)}
+    one, again = (draw_cached(tmp_path, "hum", 5, **options) for _ in range(2))
     assert len(list(tmp_path.glob("*.pickle"))) == 1
-    same, other = (draw("hum", seed, **(options | {"cache": None})) for seed in (5, 6))
+    same, other = (draw("hum", seed, **options) for seed in (5, 6))
     for signals in (again, same):
         np.testing.assert_array_equal(one.outputs["displacement"], signals.outputs["displacement"])
         assert one.truth.hidden == signals.truth.hidden

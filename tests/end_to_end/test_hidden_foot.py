@@ -1,7 +1,9 @@
-"""Claims: the emulated foot is the component's in all that is not hidden, and what is hidden in it is named.
+"""Claims: the emulated foot is the component's in all that is not hidden, and what is hidden in it
+is named.
 
-The plant is made of points in the plane and moments (`tests/support/clean/foot.py`) and integrated by Runge and Kutta's
-method; the component has Jacobians, the law of cosines and an integrator of its own.
+The plant is made of points in the plane and moments (`studies/plants/foot.py`) and integrated
+by Runge and Kutta's method; the component has Jacobians, the law of cosines and an integrator of
+its own.
 """
 
 from __future__ import annotations
@@ -16,12 +18,11 @@ from fmus.foot.effects import EFFECTS
 from fmus.foot.model import FootDynamic
 from fmus.kit import stack
 from fmus.kit.record.compiled import CompiledModel
-from tests.support.clean.plants import DRAWN, ON_REQUEST, PLANTS
-from tests.support.clean.records import Case, draw
-from tests.support.hidden.change import NOTHING, remembered, static
-from tests.support.hidden.plants import altered
-from tests.support.hidden.records import HiddenCase, cases, draw_hidden
-from tests.support.hidden.variations import OUTSIDE, VARIATIONS
+from studies.clean.records import Case, draw
+from studies.hidden.records import HiddenCase, cases, draw_hidden
+from studies.hidden.variations import OUTSIDE, VARIATIONS
+from studies.plants.change import NOTHING, remembered, static
+from studies.plants.library import DRAWN, ON_REQUEST, PLANTS, altered
 
 FOOT = PLANTS["Foot"]
 # The formula of the catalogue, for once, at a place of the plant.

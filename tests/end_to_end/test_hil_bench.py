@@ -1,7 +1,9 @@
-"""Claims: ``ppy run hil_bench`` closes the loop through a rig, in lockstep and in real time, and keeps what it did.
+"""Claims: ``ppy run hil_bench`` closes the loop through a rig, in lockstep and in real time, and
+keeps what it did.
 
-The rig is a small server of the tests' own behind real sockets. Its actuator is a spring, so where the loop settles is
-known in closed form: the tension is what is wanted, the length that over the stiffness.
+The rig is a small server of the tests' own behind real sockets. Its actuator is a spring, so where
+the loop settles is known in closed form: the tension is what is wanted, the length that over the
+stiffness.
 """
 
 from __future__ import annotations
@@ -88,7 +90,9 @@ def test_in_lockstep_it_needs_no_clock(rig, tmp_path):
 
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_in_real_time_it_keeps_pace_and_records_the_link(rig, tmp_path):
-    """A busy machine may miss any number of deadlines; that it is told, and that the loop settles, is what is held."""
+    """A busy machine may miss any number of deadlines; that it is told, and that the loop settles,
+    is what is held.
+    """
     done = run(
         rig,
         tmp_path,

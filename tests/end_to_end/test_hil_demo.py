@@ -1,4 +1,6 @@
-"""The loop closed on an emulated rig: what is hidden in it is found, and the extended model runs beside it."""
+"""The loop closed on an emulated rig: what is hidden in it is found, and the extended model runs
+beside it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Claim: a command killed at any moment leaves nothing that looks whole and is not, and the next one succeeds."""
+"""Claim: a command killed at any moment leaves nothing that looks whole and is not, and the next
+one succeeds.
+"""
 
 from __future__ import annotations
 

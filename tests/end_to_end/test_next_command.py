@@ -23,7 +23,9 @@ BENCH = {
 
 
 def recorded(folder):
-    """Five seconds of the bench, whose coil has another resistance; columns are named by somebody else."""
+    """Five seconds of the bench, whose coil has another resistance; columns are named by somebody
+    else.
+    """
     system, time = library.system("dma_bench"), 0.001 * np.arange(5000)
     inputs = {
         "force_reference": multilevel(time, [0.5, 1.0, 2.0, 3.0], (0.2, 0.8), 1),

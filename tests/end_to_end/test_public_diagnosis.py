@@ -1,7 +1,8 @@
 """Claims: ``ppy diagnose`` names what is wrong with simple models on records that nobody here made.
 
-Oracles: what was published of the records; the same physics written out here, on paper or with an integrator of its
-own, with the parameters that the diagnosis writes down; and an exhaustive search by scipy.
+Oracles: what was published of the records; the same physics written out here, on paper or with an
+integrator of its own, with the parameters that the diagnosis writes down; and an exhaustive search
+by scipy.
 """
 
 import json
@@ -53,7 +54,9 @@ def rms(values):
 
 
 def test_a_stage_has_dry_and_asymmetric_friction(public_data, tmp_path):
-    """The example makes the columns. Published: 3.11 % of the force are left, 4.08 % with an offset instead."""
+    """The example makes the columns. Published: 3.11 % of the force are left, 4.08 % with an offset
+    instead.
+    """
     source = public_data("emps_positioning_stage.csv")
     subprocess.run(
         [sys.executable, EXAMPLES / "follow_stage.py", source, tmp_path / "followed.csv"],
@@ -91,12 +94,16 @@ def test_a_stage_has_dry_and_asymmetric_friction(public_data, tmp_path):
 
 
 def chain(time, times):
-    """What springs, dashpot and Kelvin elements with these time constants do under a constant stress."""
+    """What springs, dashpot and Kelvin elements with these time constants do under a constant
+    stress.
+    """
     return np.column_stack([np.ones_like(time), time, *(1.0 - np.exp(-time / t) for t in times)])
 
 
 def least(time, strain, elements):
-    """Root mean square that so many Kelvin elements leave at best, compliances being positive: every combination."""
+    """Root mean square that so many Kelvin elements leave at best, compliances being positive:
+    every combination.
+    """
 
     def left(logarithms):
         columns = chain(time, np.exp(logarithms))
@@ -117,7 +124,9 @@ def least(time, strain, elements):
     ],
 )
 def test_a_melt_has_three_kelvin_elements(public_data, tmp_path, options):
-    """Burgers' chain has one, the catalogue three more. The stress stands still: the melt was at rest before."""
+    """Burgers' chain has one, the catalogue three more. The stress stands still: the melt was at
+    rest before.
+    """
     path = public_data("creep_polyethylene_cm3.csv")
     rest = ("--hold", "spring_stress_start,flow_start")
     figures, values, _ = diagnosed(path, "creep.py:Creep", *rest, *options, folder=tmp_path)
@@ -154,7 +163,9 @@ STEPS = 4  # of the integrator here, for each sample
 
 
 def duffing(values, time, force):
-    """Position under a force that is a cubic spline of its samples, from rest, by Runge and Kutta."""
+    """Position under a force that is a cubic spline of its samples, from rest, by Runge and
+    Kutta.
+    """
     m, d, k = (values[n] for n in ("mass", "damping", "stiffness"))
     k3, f0 = values["spring_force_cubic"], values["spring_force_offset"]
     h = float(np.median(np.diff(time))) / STEPS
@@ -231,7 +242,9 @@ def test_an_aged_cell_has_more_resistance(public_data, tmp_path):
 
 @pytest.mark.slow
 def test_pulses_of_a_cell_are_one_record(public_data, tmp_path):
-    """Seven pulses fitted, three held out, the open-circuit voltage each its own. Least squares leaves 0.11 to 0.13."""
+    """Seven pulses fitted, three held out, the open-circuit voltage each its own. Least squares
+    leaves 0.11 to 0.13.
+    """
     record = public_data("lfp_cell_ten_pulses.csv")
     model = f"{record.parent / 'models' / 'lfp_cell.py'}:Cell"
     options = (

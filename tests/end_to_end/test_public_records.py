@@ -1,4 +1,6 @@
-"""Claims: the commands in the README, on records that nobody here made, give the figures known to hold for them."""
+"""Claims: the commands in the README, on records that nobody here made, give the figures known to
+hold for them.
+"""
 
 import json
 import re
@@ -36,7 +38,9 @@ def run(record, public_data, folder):
 
 
 def test_creep_of_a_polyethylene_melt(public_data, tmp_path):
-    """Burgers parameters of a foreign material; at 10 N the compliances are those at 10 Pa, so the units carry over."""
+    """Burgers parameters of a foreign material; at 10 N the compliances are those at 10 Pa, so the
+    units carry over.
+    """
     figures, done = run("creep_polyethylene_cm3.csv", public_data, tmp_path)
     assert "46 rows repeat the time of an earlier row" in done.stderr
     assert figures["record"]["samples"] == 279
@@ -46,7 +50,8 @@ def test_creep_of_a_polyethylene_melt(public_data, tmp_path):
     for page in (README, ROOT / "docs" / "explanation.md"):
         assert f"fits {fitted['fit_percent']:.2f} %" in page.read_text(encoding="utf-8")
     assert fitted["white"] is False
-    # flow at the end of the record: a viscosity of strain rate over stress, by hand from its last decade
+    # flow at the end of the record: a viscosity of strain rate over stress, by hand from its last
+    # decade
     viscosity = figures["fitted"]["parameters"]["b1"]["value"]
     rows = [
         line.split(",")
@@ -82,7 +87,8 @@ def test_a_supercapacitor(public_data, tmp_path, age, least):
     fitted = figures["fitted"]
     assert fitted["outputs"]["voltage"]["fit_percent"] > least
     assert fitted["outputs"]["voltage"]["white"] is False
-    # capacitance by hand: charge moved over voltage swept, which leaves out R1 and leakage and so agrees only roughly
+    # capacitance by hand: charge moved over voltage swept, which leaves out R1 and leakage and so
+    # agrees only roughly
     value = fitted["parameters"]["C"]["value"]
     assert value == pytest.approx(
         by_hand(public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv")), rel=0.2
@@ -91,7 +97,9 @@ def test_a_supercapacitor(public_data, tmp_path, age, least):
 
 
 def by_hand(path):
-    """Mean |current| over mean |rate of voltage|, F: the capacitance of a cell that is swept up and down."""
+    """Mean |current| over mean |rate of voltage|, F: the capacitance of a cell that is swept up and
+    down.
+    """
     rows = [
         tuple(map(float, line.split(",")))
         for line in path.read_text(encoding="utf-8").splitlines()[1:]

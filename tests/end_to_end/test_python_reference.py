@@ -1,4 +1,6 @@
-"""Claims: the page of the Python interface is that of its docstrings, every public name has an example, and it runs."""
+"""Claims: the page of the Python interface is that of its docstrings, every public name has an
+example, and it runs.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,8 @@ import pytest
 
 import orchestration
 from docs import make_python_reference as reference
-from orchestration.rig.emulator.records import draw, write
 from orchestration.system import Member, System
+from studies.emulator.records import draw, write
 from tests.support.pace import slow_but
 
 NAMES = (
@@ -107,8 +109,8 @@ def test_a_class_brings_its_methods_and_properties() -> None:
     assert "**Attributes**\n\n* `name, doc` : str\n" in text
     assert "### System.member\n\n```python\nSystem.member(name)\n```\n" in text
     assert (
-        '### Member.of\n\n```python\nMember.of(name, component, parameters=None, runtime="native")\n```\n'
-        in text
+        "### Member.of\n\n```python\nMember.of(name, component, parameters=None,"
+        ' runtime="native")\n```\n' in text
     )
 
 
@@ -121,13 +123,15 @@ def test_the_front_door_is_open() -> None:
 
 
 def test_the_page_is_up_to_date() -> None:
-    """`python docs/make_python_reference.py` brings it there."""
-    assert reference.PAGE.read_text(encoding="utf-8") == reference.page(reference.public())
+    page = reference.PAGE.read_text(encoding="utf-8")
+    assert page == reference.page(reference.public()), "run python docs/make_python_reference.py"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where examples run: an emulated record with an effect hidden in it, another of the same rig, and the examples."""
+    """Where examples run: an emulated record with an effect hidden in it, another of the same rig,
+    and the examples.
+    """
     path = tmp_path_factory.mktemp("examples")
     write(draw("strain_saturation", 1), path / "hidden.csv")
     write(draw(None, 1, duration=300.0, changed={"R1": 1.4}, spread=0.0), path / "record.csv")

@@ -1,8 +1,9 @@
-"""Claims: whatever fails between client and rig ends as promised, in time, with nothing unsafe written and no hang.
+"""Claims: whatever fails between client and rig ends as promised, in time, with nothing unsafe
+written and no hang.
 
-A part of the table that `make hil-faults` tries as a whole. On a machine that runs other tests besides, a process may
-wait for its turn for a tenth of a second: here the watchdog time is longer, and bounds have an allowance. The page has
-them without.
+A part of the table that `make hil-faults` tries as a whole. On a machine that runs other tests
+besides, a process may wait for its turn for a tenth of a second: here the watchdog time is longer,
+and bounds have an allowance. The page has them without.
 """
 
 from __future__ import annotations

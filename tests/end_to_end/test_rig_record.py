@@ -1,4 +1,6 @@
-"""Claims: a record of a rig, made through keys and a bridge, goes straight into a diagnosis, which names the cause."""
+"""Claims: a record of a rig, made through keys and a bridge, goes straight into a diagnosis, which
+names the cause.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,10 @@ import numpy as np
 import pytest
 
 from orchestration.experiment import results
-from orchestration.rig.emulator.bench import NOISE
-from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
-from orchestration.rig.emulator.physics import RigParameters
 from orchestration.rig.keys import make_keys
+from studies.emulator.bench import NOISE
+from studies.emulator.hidden_coupling import SaturatingStrain
+from studies.emulator.physics import RigParameters
 from tests.support.command import works
 from tests.support.rig.small_rig import SmallRig, free_port
 
@@ -59,7 +61,9 @@ def bridged(port, client_file):
 
 
 def jitter_of(rig, data):
-    """Largest deviation in s from when the rig, a thread that waits for its turn, should have taken a command."""
+    """Largest deviation in s from when the rig, a thread that waits for its turn, should have taken
+    a command.
+    """
     current, force = data.current.values, data.force.values
     changes = np.flatnonzero(np.diff(current) ** 2 + np.diff(force) ** 2 > 0.0) + 1
     times = [
@@ -72,7 +76,9 @@ def jitter_of(rig, data):
 
 
 class Specimen:
-    """The emulated physics in real time, by Runge and Kutta's method; inputs are held between two readings."""
+    """The emulated physics in real time, by Runge and Kutta's method; inputs are held between two
+    readings.
+    """
 
     def __init__(self, physics):
         self._physics, self._state = physics, np.zeros(physics.order)
@@ -107,7 +113,9 @@ class Specimen:
 
 @pytest.mark.slow
 def test_what_is_hidden_is_named(tmp_path):
-    """Over the whole way: an experiment, a bridge, keys, a rig with an effect that is not in the model, a diagnosis."""
+    """Over the whole way: an experiment, a bridge, keys, a rig with an effect that is not in the
+    model, a diagnosis.
+    """
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
     server_file, client_file = make_keys(tmp_path / "keys")
     hidden = partial(SaturatingStrain, saturation=1.0)
@@ -133,7 +141,8 @@ def test_what_is_hidden_is_named(tmp_path):
             break
     else:
         pytest.skip(
-            f"this machine is too busy for real time: {1e3 * jitter:.0f} ms of jitter, {_ATTEMPTS} times"
+            f"this machine is too busy for real time: {1e3 * jitter:.0f} ms of jitter, {_ATTEMPTS}"
+            " times"
         )
     works(
         "diagnose",

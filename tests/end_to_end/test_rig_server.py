@@ -1,4 +1,6 @@
-"""Claims: a server says where it is and what it allows, answers in lockstep as its backend does, or why it cannot."""
+"""Claims: a server says where it is and what it allows, answers in lockstep as its backend does, or
+why it cannot.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,9 @@ import zmq
 
 from fmus.rig_proxy.link import Link
 from fmus.rig_proxy.protocol import REPLIES, decode
-from orchestration.rig.backends.emulator import Emulator
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import ask
+from studies.emulator.backend import Emulator
 from tests.support.command import refused, works
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
 from tests.support.rig.process import Server

@@ -1,4 +1,6 @@
-"""Claims: the live view shows a rig as it is, says within a second that it cannot, and commands nothing but stop."""
+"""Claims: the live view shows a rig as it is, says within a second that it cannot, and commands
+nothing but stop.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,17 @@ pytestmark = pytest.mark.real_time
 
 PROMISED = 1.0  # s until the page says that contact is lost
 ALLOWANCE = 1.0  # s more, for a machine on which a browser and other tests compete for two cores
-_STALLS = 0.2  # of the time, in which a busy machine may not let the rig answer; taken for lost it would be a third
+# of the time, in which a busy machine may not let the rig answer; taken for lost it would be a
+# third
+_STALLS = 0.2
 PATIENCE = 15.0  # s, for what takes milliseconds on an idle machine
 SHOWN = """(() => { const found = {};
   for (const card of document.querySelectorAll(".card")) {
     const text = place => card.querySelector(place).textContent;
-    found[card.dataset.signal] = { value: text(".number"), unit: text(".unit"), low: text(".limits :first-child"),
-      high: text(".limits :last-child"), badge: text(".badge"), age: text(".age"), kind: card.className.trim() };
+    found[card.dataset.signal] = { value: text(".number"), unit: text(".unit"),
+      low: text(".limits :first-child"),
+      high: text(".limits :last-child"), badge: text(".badge"), age: text(".age"),
+        kind: card.className.trim() };
   }
   return found })()"""
 PIXELS = """(signal => { const canvas = document.querySelector(`[data-signal=${signal}] canvas`);
@@ -43,9 +49,11 @@ PIXELS = """(signal => { const canvas = document.querySelector(`[data-signal=${s
   }
   return found })"""
 COLOURS = """(place => {
-  let e = [...document.querySelectorAll(place)].find(e => e.textContent && !e.hidden), behind = "rgba(0, 0, 0, 0)";
+  let e = [...document.querySelectorAll(place)].find(e => e.textContent && !e.hidden),
+    behind = "rgba(0, 0, 0, 0)";
   const ink = getComputedStyle(e).color;
-  for (; e && behind === "rgba(0, 0, 0, 0)"; e = e.parentElement) behind = getComputedStyle(e).backgroundColor;
+  for (; e && behind === "rgba(0, 0, 0, 0)"; e = e.parentElement)
+    behind = getComputedStyle(e).backgroundColor;
   return [ink, behind].map(c => c.match(/[\\d.]+/g).slice(0, 3).map(Number)) })"""
 EXPERIMENT = """
 component = "ppy_actuator"
@@ -54,7 +62,10 @@ step = "0.1 s"
 inputs.current = "0 A"
 inputs.force = "1.5 N"
 """
-BOX = "(r => [r.left, r.top, r.width, r.height])(document.getElementById('stop').getBoundingClientRect())"
+BOX = (
+    "(r => [r.left, r.top, r.width,"
+    " r.height])(document.getElementById('stop').getBoundingClientRect())"
+)
 
 
 @contextmanager
@@ -103,11 +114,13 @@ def until(condition, within=PATIENCE):
 
 def is_lost(tab):
     return tab.run(
-        "document.getElementById('alarm')?.hidden === false && document.body.dataset.state === 'lost'"
+        "document.getElementById('alarm')?.hidden === false && document.body.dataset.state ==="
+        " 'lost'"
     )
 
 
-# --- what is shown --------------------------------------------------------------------------------------------------
+# --- what is shown
+# --------------------------------------------------------------------------------------------------
 
 
 def test_every_signal_with_unit_limits_and_age(tab):
@@ -252,7 +265,8 @@ def test_what_the_rig_says_is_text(tab):
             assert tab.complaints == []
 
 
-# --- the link dies, and comes back ----------------------------------------------------------------------------------
+# --- the link dies, and comes back
+# ----------------------------------------------------------------------------------
 
 
 def test_a_server_that_is_killed_is_missed_within_a_second_and_found_again(tab):
@@ -338,7 +352,8 @@ def test_the_page_misses_the_program_that_serves_it(tab, number):
             until(lambda: not is_lost(tab))
 
 
-# --- the one command ------------------------------------------------------------------------------------------------
+# --- the one command
+# ------------------------------------------------------------------------------------------------
 
 
 def test_stop_pressed_by_mouse_stops_the_rig(tab):
@@ -378,7 +393,9 @@ def test_a_page_that_outlives_its_program_can_stop_again_with_the_next_one(tab):
 
 
 def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
-    """A record is being made; stop is pressed; server, page and record agree; the server is killed."""
+    """A record is being made; stop is pressed; server, page and record agree; the server is
+    killed.
+    """
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
     with Server(tmp_path, "emulator") as server:
         port = server.wait_ready().rsplit(":", 1)[1]
@@ -501,7 +518,8 @@ def luminance(colour):
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-# --- what others may not do -----------------------------------------------------------------------------------------
+# --- what others may not do
+# -----------------------------------------------------------------------------------------
 
 
 def ask(watch, method, path, headers=None, body=None):
@@ -562,7 +580,8 @@ def test_rubbish_and_silence_do_not_hold_it_up():
         for length in ("-5", "x", str(10**12)):
             with socket.create_connection(("127.0.0.1", port)) as connection:
                 connection.sendall(
-                    f"POST /stop HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\nContent-Length: {length}\r\n\r\n".encode()
+                    f"POST /stop HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\nContent-Length:"
+                    f" {length}\r\n\r\n".encode()
                 )
         assert ask(watch, "GET", "/")[0] == 200
         for connection in held:
@@ -586,7 +605,8 @@ def test_keys_are_used(tab, tmp_path):
             assert len(rig.heard) == before
 
 
-# --- the command ----------------------------------------------------------------------------------------------------
+# --- the command
+# --------------------------------------------------------------------------------------------------
 
 
 @posix

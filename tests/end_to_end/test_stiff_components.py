@@ -1,6 +1,8 @@
-"""Claims: stiff and sampled components are diagnosed like the actuator: one changed parameter is found, in seconds.
+"""Claims: stiff and sampled components are diagnosed like the actuator: one changed parameter is
+found, in seconds.
 
-Their records are simulated here by matrix exponentials and by SciPy on equations written anew, none by the kit.
+Their records are simulated here by matrix exponentials and by SciPy on equations written anew, none
+by the kit.
 """
 
 import math
@@ -16,7 +18,7 @@ from fmus import component
 from fmus.voice_coil_dma.effects import EFFECTS
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.diagnosis import Verdict, diagnose, searched
+from orchestration.discrepancy.diagnosis import Verdict, diagnose, searched_parameters
 from orchestration.experiment.waveforms import multilevel
 from tests.support.foot import lengths_at, toe_at
 
@@ -50,7 +52,9 @@ def galvanostat(limit, response=4e-3):
 
 
 def voice_coil(R):
-    """A minute at 100 Hz with a voltage on the coil: its time constant is a third of a millisecond."""
+    """A minute at 100 Hz with a voltage on the coil: its time constant is a third of a
+    millisecond.
+    """
     L, K, m, b, cut = 1e-3, 3.9, 0.03, 6.0, 2.0 * np.pi * 100.0
     time = 0.01 * np.arange(6000)
     voltage, tension = (
@@ -87,7 +91,9 @@ def toe_by(angles, near=1e-6):
 
 
 def foot_dynamic(ankle_damping):
-    """Eight seconds at 50 Hz of a foot that is pulled and pushed, with soft stops; points in the plane, DOP853."""
+    """Eight seconds at 50 Hz of a foot that is pulled and pushed, with soft stops; points in the
+    plane, DOP853.
+    """
     time, step = 0.02 * np.arange(400), 0.02
     rest = arms_at(0.0, 0.0)
     pulls = {
@@ -123,7 +129,9 @@ def foot_dynamic(ankle_damping):
 
 
 def foot(r_pl):
-    """A minute at 10 Hz of a foot that is led through postures: what its actuators' lengths are then."""
+    """A minute at 10 Hz of a foot that is led through postures: what its actuators' lengths are
+    then.
+    """
     time = 0.1 * np.arange(600)
     ankle = multilevel(time, np.linspace(-0.6, 0.6, 9).tolist(), (0.2, 1.0), 1)
     mtp = multilevel(time, np.linspace(-0.1, 1.0, 9).tolist(), (0.2, 1.0), 2)
@@ -134,7 +142,9 @@ def foot(r_pl):
 
 
 def estimator(forgetting_time):
-    """Five minutes at 10 Hz of recursive least squares over an actuator whose R1 comes and goes; eqs. 4.6 to 4.9."""
+    """Five minutes at 10 Hz of recursive least squares over an actuator whose R1 comes and goes;
+    eqs. 4.6 to 4.9.
+    """
     count, step, R2, C, held, random = 3000, 0.1, 2.35, 2.7, 0.0, np.random.default_rng(9)
     time = step * np.arange(count)
     current = 0.9 * np.sign(np.sin(0.4 * np.pi * time + 0.1))
@@ -230,7 +240,7 @@ def diagnosed(name, actual, seed):
     }
     cls = component(name)
     inputs = {v.name: np.full(time.size, float(v.start)) for v in cls.layout.inputs} | inputs
-    held = [n for n in searched(cls) if not n.endswith(case.free)]
+    held = [n for n in searched_parameters(cls) if not n.endswith(case.free)]
     budget = Budget(60.0)
     return diagnose(
         cls, Dataset(time, inputs, measured, False), [], case.settings, held=held, budget=budget
@@ -263,7 +273,9 @@ def test_a_clean_record_of_a_stiff_component_is_consistent(name):
 
 
 def dry_slide():
-    """Six seconds at 500 Hz of a coil on a slide with 0.3 N of dry friction, by Runge and Kutta in steps of 50 us."""
+    """Six seconds at 500 Hz of a coil on a slide with 0.3 N of dry friction, by Runge and Kutta in
+    steps of 50 us.
+    """
     R, L, K, m, b, cut, spring, damping = 3.0, 1e-3, 3.9, 0.3, 6.0, 2.0 * np.pi * 100.0, 300.0, 1.0
     n, inner, step, random = 3000, 40, 0.002, np.random.default_rng(3)
     voltage = np.repeat(random.choice([0.8, 2.0, 3.2, 4.4], n // 50 + 1), 50)[:n]

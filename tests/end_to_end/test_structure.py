@@ -1,71 +1,34 @@
-"""Claims: the source is made of small modules in small folders, of short functions, and tests lean on no other test."""
+"""Claims: modules are in rooms, whose doors are used, and tests lean on no other test."""
 
 from __future__ import annotations
 
-import ast
-import io
+import importlib
 import re
-import statistics
-import tokenize
 import tomllib
+from itertools import chain
 from pathlib import Path
 
 import pytest
+import yaml
+from packaging.requirements import Requirement
 
 from docs.draw_architecture import imports
+from tests.support import doors
 
 ROOT = Path(__file__).parents[2]
 TESTS = ROOT / "tests"
-SOURCES = [
-    path for folder in ("fmus", "orchestration") for path in sorted((ROOT / folder).rglob("*.py"))
-]
-MODULES = [
-    path
-    for path in SOURCES
-    if path.is_relative_to(ROOT / "orchestration") and path.name != "__init__.py"
-]
-FOLDERS = sorted({path.parent for path in MODULES})
-_NO_CODE = (
-    tokenize.NL,
-    tokenize.NEWLINE,
-    tokenize.COMMENT,
-    tokenize.INDENT,
-    tokenize.DEDENT,
-    tokenize.ENDMARKER,
-)
+MODULES = [path for path in (ROOT / "orchestration").rglob("*.py") if path.name != "__init__.py"]
 
 
 def named(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def lines(path: Path) -> int:
-    return len(path.read_text(encoding="utf-8").splitlines())
-
-
-def lines_of_code(text: str) -> dict[str, int]:
-    """Lines of each function that hold code: no docstring, no comment, nothing blank."""
-    tokens = list(tokenize.generate_tokens(io.StringIO(text).readline))
-    spans = [(t.start[0], t.end[0]) for t in tokens if t.type not in _NO_CODE]
-    code = {number for first, last in spans for number in range(first, last + 1)}
-    found = {}
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            first, end = node.body[0], node.end_lineno or node.lineno
-            spared = (
-                range(first.lineno, (first.end_lineno or 0) + 1)
-                if ast.get_docstring(node) is not None
-                else ()
-            )
-            found[f"{node.name} (line {node.lineno})"] = len(
-                code & set(range(node.lineno, end + 1)) - set(spared)
-            )
-    return found
-
-
 @pytest.mark.parametrize("path", sorted(TESTS.rglob("*.py")), ids=named)
 def test_no_test_module_is_imported(path: Path) -> None:
-    """What tests share is a helper's, so that a test can be renamed, moved and skipped by itself."""
+    """What tests share is a helper's, so that a test can be renamed, moved and skipped by
+    itself.
+    """
     assert [name for name in imports(path) if name.startswith("tests.") and ".test_" in name] == []
 
 
@@ -73,49 +36,13 @@ def test_every_module_is_in_a_folder() -> None:
     assert [named(path) for path in MODULES if path.parent == ROOT / "orchestration"] == []
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=named)
-def test_a_folder_can_be_taken_in_at_a_glance(folder: Path) -> None:
-    assert len([path for path in MODULES if path.parent == folder]) <= 15
-
-
-def test_modules_are_small() -> None:
-    assert {named(path): lines(path) for path in MODULES if lines(path) > 350} == {}
-    assert statistics.median(map(lines, MODULES)) < 150
-
-
-def test_functions_are_short() -> None:
-    counted = {named(path): lines_of_code(path.read_text(encoding="utf-8")) for path in SOURCES}
-    assert {
-        f"{path}: {name}": n for path, of in counted.items() for name, n in of.items() if n > 60
-    } == {}
-
-
-SAMPLE = '''
-@cache
-def f(a,
-      b):
-    """One.
-
-    Two.
-    """
-    # three
-
-    x = """four
-
-    five"""
-    return x
-'''
-
-
-def test_docstrings_comments_and_blank_lines_are_no_code() -> None:
-    assert lines_of_code(SAMPLE) == {"f (line 3)": 6}
-
-
 def test_imports_are_seen_wherever_they_stand() -> None:
     """Of this very file."""
     from tests.support.system import samples  # noqa: F401
 
-    assert {"ast", "pathlib.Path", "tests.support.system.samples"} <= set(imports(Path(__file__)))
+    assert {"tomllib", "pathlib.Path", "tests.support.system.samples"} <= set(
+        imports(Path(__file__))
+    )
 
 
 def test_the_hooks_before_a_commit_are_the_checks_of_make() -> None:
@@ -132,9 +59,67 @@ def test_the_hooks_before_a_commit_are_the_checks_of_make() -> None:
     assert set(re.findall(r"repo: (\S+)", hooks)) == {"local"}, "nothing is fetched from elsewhere"
 
 
+def test_an_import_past_a_door_is_seen() -> None:
+    """Of a module of another package, not of one's own, of one around it, or of one offered."""
+    past = {
+        ("orchestration.sweeps.task", "orchestration.fmu.model"): False,
+        ("orchestration.sweeps.task", "orchestration.fmu"): True,
+        ("orchestration.fmu.simulation", "orchestration.fmu.model"): True,
+        ("orchestration.fmu.check.binaries", "orchestration.fmu.model"): True,
+        ("orchestration.sweeps.task", "orchestration.reporting.console"): True,
+    }
+    assert {imports: doors.may_import(*imports) for imports in past} == past
+
+
+def test_every_name_that_a_package_offers_is_there() -> None:
+    packages = sorted(
+        path.parent for root in doors.ROOTS for path in (ROOT / root).rglob("__init__.pyi")
+    )
+    assert packages
+    for package in packages:
+        module = importlib.import_module(named(package).replace("/", "."))
+        absent = [name for name in module.__all__ if not hasattr(module, name)]
+        assert absent == [], module.__name__
+
+
 def test_one_version_is_named_everywhere() -> None:
     version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
         "version"
     ]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## [{version}] - " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_a_decision_has_a_date_and_a_status() -> None:
+    records = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
+    dated = re.compile(
+        r"# \d+\. .+\n\n\*(Accepted|Replaced by \[.+\]\(.+\)), \d{4}-\d\d-\d\d\.\*\n"
+    )
+    assert [named(path) for path in records if not dated.match(path.read_text("utf-8"))] == []
+
+
+def test_constraints_pin_every_dependency_at_an_allowed_version() -> None:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = dict(line.lower().replace("_", "-").split("==") for line in lines if "==" in line)
+    assert len(pins) == len(lines) - 1, (
+        "a line is neither the heading nor a pin: hosts have no place here"
+    )
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
+    for requirement in map(Requirement, wanted):
+        name = requirement.name.lower().replace("_", "-")
+        if name != project["name"] and not requirement.marker:
+            assert requirement.specifier.contains(pins[name]), requirement
+
+
+def test_the_public_workflow_tests_every_system_and_the_oldest_python() -> None:
+    workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
+    matrix = workflow["jobs"]["tests"]["strategy"]["matrix"]
+    assert {name.partition("-")[0] for name in matrix["os"]} == {"ubuntu", "macos", "windows"}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["requires-python"] == f">={matrix['python'][0]}"
+    targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
+    steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
+    called = re.findall(r"make ([\w-]+)", "\n".join(step.get("run", "") for step in steps))
+    assert called
+    assert set(called) <= set(targets)

@@ -37,7 +37,9 @@ def minimal(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def relaxation(times: np.ndarray) -> np.ndarray:
-    """Closed form of tau dx/dt = u - x, x(0) = 0, for the input 1.5 until 1 s and -0.5 from there on."""
+    """Closed form of tau dx/dt = u - x, x(0) = 0, for the input 1.5 until 1 s and -0.5 from there
+    on.
+    """
     rising = 1.5 * (1.0 - np.exp(-np.minimum(times, 1.0) / TAU))
     after = np.maximum(times - 1.0, 0.0)
     return np.where(times <= 1.0, rising, -0.5 + (rising + 0.5) * np.exp(-after / TAU))
@@ -49,7 +51,8 @@ def euler(times: np.ndarray, level: float) -> np.ndarray:
     return level * (1.0 - (1.0 - step) ** np.arange(len(times)))
 
 
-# --- every master against closed forms ------------------------------------------------------------------------------
+# --- every master against closed forms
+# ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("master", MASTERS)
@@ -58,7 +61,8 @@ def test_one_state_follows_its_closed_form(one_state, master):
     if master == "run_libcosim":
         assert np.isnan(found[0])
         found[0] = 0.0
-    # The input switches at a communication point; the step that begins there already has the new value.
+    # The input switches at a communication point; the step that begins there already has the new
+    # value.
     assert found == pytest.approx(relaxation(TIMES), abs=1e-7)
 
 
@@ -102,7 +106,8 @@ def test_outputs_are_read_after_the_inputs_of_the_same_point(one_state):
         assert found == pytest.approx(INPUT)
 
 
-# --- the small FMUs -------------------------------------------------------------------------------------------------
+# --- the small FMUs
+# -------------------------------------------------------------------------------------------------
 
 
 def test_one_state_fmu_is_valid(one_state):
@@ -131,7 +136,8 @@ def test_one_state_saves_its_state_completely(one_state):
     assert results[0] == results[1] == pytest.approx(1.0 - np.exp(-1.0), rel=1e-12)
 
 
-# --- failures -------------------------------------------------------------------------------------------------------
+# --- failures
+# --------------------------------------------------------------------------------------------------
 
 
 def twice(number: int) -> int:
@@ -171,7 +177,8 @@ def test_refused_initialization_is_an_error(one_state, master):
 
 
 def test_ecos_itself_ignores_a_refused_initialization(one_state):
-    # A fact about Ecos, pinned because it decides what agreement with Ecos is worth: it steps on regardless.
+    # A fact about Ecos, pinned because it decides what agreement with Ecos is worth: it steps on
+    # regardless.
     columns = {"u": np.ones_like(TIMES)}
     returncode, found = hosts.in_subprocess(
         "_ecos", str(one_state), TIMES, 0.1, columns, ["x"], {"tau": -1.0}

@@ -1,7 +1,8 @@
-"""Claims: solvers of other tools integrate our FMUs to what they compute by themselves, and to closed forms.
+"""Claims: solvers of other tools integrate our FMUs to what they compute by themselves, and to
+closed forms.
 
-fmpy brings CVode and Euler, CasADi an importer of its own and SUNDIALS. Inputs jump where fmpy is told of an event:
-between events it holds them, whatever a table says.
+fmpy brings CVode and Euler, CasADi an importer of its own and SUNDIALS. Inputs jump where fmpy is
+told of an event: between events it holds them, whatever a table says.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from scipy.linalg import expm
 import fmus
 from fmus import component
 from fmus.kit import Component, Output, Parameter, State, maximum
-from fmus.kit.build import build
+from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulate import simulate_instance
+from orchestration.fmu.simulation import simulate_instance
 
 HELD = 10  # communication steps
 # stop time and step, which meets no sample; mean, amplitude and angular frequency of what is fed
@@ -78,7 +79,9 @@ class Ramp(Component):
 
 
 def both_ways(path, stop, step, stimuli, refined=1, **options):
-    """Results of model exchange in fmpy and of co-simulation in our master, where no input jumps."""
+    """Results of model exchange in fmpy and of co-simulation in our master, where no input
+    jumps.
+    """
     time = np.arange(0.0, stop, step)
     jumps = np.arange(0, time.size, HELD)
     held = {
@@ -155,7 +158,9 @@ def test_euler_comes_near_and_nearer_with_half_the_step(fmu):
 
 
 def test_an_edge_is_met_where_it_is(tmp_path):
-    """The integral of a ramp beyond an edge is a parabola; a solver that is told of the edge stops at it."""
+    """The integral of a ramp beyond an edge is a parabola; a solver that is told of the edge stops
+    at it.
+    """
     path = tmp_path / "ramp.fmu"
     path.write_bytes(build(Ramp, "native", [host_platform()]))
     found = simulate_fmu(
@@ -188,7 +193,9 @@ def opened(fmu, tmp_path):
 
 
 def test_casadi_integrates_it_to_the_closed_form(opened):
-    """Eq. 3.9: the charge under a constant current rises to R2 C i with the time constant (R1 + R2) C."""
+    """Eq. 3.9: the charge under a constant current rises to R2 C i with the time constant (R1 + R2)
+    C.
+    """
     dae, parameters = opened("ppy_actuator")
     assert dae.x() == ["charge", "kelvin_elongation", "maxwell_elongation"]
     ode = dae.create("ode", ["x", "u"], ["ode"])
@@ -220,7 +227,9 @@ def test_casadi_reads_its_directional_derivatives(opened):
 
 
 def test_a_host_solves_it_with_stiff_equations_of_its_own(opened):
-    """A mass on the film, oscillations of 800 rad/s beside creep of minutes: linear, against the matrix exponential."""
+    """A mass on the film, oscillations of 800 rad/s beside creep of minutes: linear, against the
+    matrix exponential.
+    """
     mass, damping, weight, start, times = 0.01, 2.0, 0.4, 5e-5, [0.01, 0.5, 40.0]
     dae, parameters = opened("ppy_actuator_length_driven")
     assert dae.u() == ["current", "length_change"]

@@ -1,4 +1,6 @@
-"""The native rig proxy as a file: every platform compiles it without a warning, and has what it needs."""
+"""The native rig proxy as a file: every platform compiles it without a warning, and has what it
+needs.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from io import BytesIO
 import pytest
 
 from fmus import component
-from fmus.kit.build import build, plan
+from fmus.kit.build.building import build, plan_build
 from fmus.kit.build.toolchain import ZIG_TARGETS
 from orchestration.fmu.check.shared_library import read_library
 
@@ -19,7 +21,8 @@ pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("ziglang") is None,
     reason="ziglang, which compiles for all platforms, is not installed",
 )
-# What every machine with the system has: glibc, the Windows API with Winsock and its timers, libSystem.
+# What every machine with the system has: glibc, the Windows API with Winsock and its timers,
+# libSystem.
 OF_THE_SYSTEM = {
     "linux64": {"libm.so.6", "libc.so.6", "libpthread.so.0", "ld-linux-x86-64.so.2", "libdl.so.2"},
     "aarch64-linux": {
@@ -38,7 +41,7 @@ OF_THE_SYSTEM = {
 @pytest.mark.parametrize("target", [name for targets in ZIG_TARGETS.values() for name in targets])
 @pytest.mark.parametrize("standard", ["c99", "c11"])
 def test_every_compiler_is_content(tmp_path, target, standard):
-    planned = plan(component("rig_proxy"), "native")
+    planned = plan_build(component("rig_proxy"), "native")
     for name, content in planned.sources.items():
         (tmp_path / name).write_bytes(content)
     command = [

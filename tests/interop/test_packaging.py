@@ -17,18 +17,18 @@ ROOT = Path(__file__).parents[2]
 PLAN = """
 import sys
 from fmus import MODELS, component
-from fmus.kit.build import RUNTIMES, plan
+from fmus.kit.build.building import RUNTIMES, plan_build
 from fmus.kit import build
 assert build.__file__.startswith(sys.argv[1]), build.__file__
 for name in MODELS:
     for runtime in RUNTIMES:
-        print(name, runtime, len(plan(component(name), runtime).files))
+        print(name, runtime, len(plan_build(component(name), runtime).files))
 """
 
 
 def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> None:
     source = tmp_path / "source"  # a copy, because building leaves files behind
-    for part in ("fmus", "orchestration"):
+    for part in ("fmus", "orchestration", "studies"):
         shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__"))
     for part in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / part, source / part)
@@ -64,6 +64,17 @@ def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> Non
     )
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 2 * len(MODELS)
+    studies = {path.name for path in (unpacked / "studies").iterdir() if path.is_dir()}
+    assert studies == {"demo", "emulator", "thesis"}  # what commands of `ppy` run, and no more
+    done = subprocess.run(
+        [sys.executable, "-m", "orchestration.cli", "thesis", "--out", "thesis.html"],
+        env=os.environ | {"PYTHONPATH": str(unpacked)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "thesis.html").stat().st_size > 100_000
 
 
 def test_the_import_rules_name_every_component() -> None:

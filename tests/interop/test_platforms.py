@@ -1,4 +1,6 @@
-"""Binaries for every platform, on whatever platform they are built: the right formats, and nothing to install."""
+"""Binaries for every platform, on whatever platform they are built: the right formats, and nothing
+to install.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ import numpy as np
 import pytest
 
 from fmus import component
-from fmus.kit.build import build
+from fmus.kit.build.building import build
 from orchestration.fmu.check import check_fmu
 from orchestration.fmu.check.shared_library import read_library
 from tests.support import hosts
@@ -61,7 +63,9 @@ ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")  # of Debian's libc6-arm64-cross
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """An FMU for given platforms, built once; the first time on a machine, zig builds its own libraries (a minute)."""
+    """An FMU for given platforms, built once; the first time on a machine, zig builds its own
+    libraries (a minute).
+    """
     folder = tmp_path_factory.mktemp("built")
 
     def path(runtime: str, *platforms: str) -> Path:
@@ -103,7 +107,8 @@ def test_binary_offers_the_functions_of_fmi_and_no_others(binary, platform):
     assert exports - {"__dso_handle", "_mh_dylib_header"} == FUNCTIONS - EXCHANGE_ONLY
 
 
-# --- Linux ----------------------------------------------------------------------------------------------------------
+# --- Linux
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("linux", LINUX)
@@ -196,7 +201,8 @@ def test_arm_binary_gives_the_numbers_of_the_other(built, tmp_path):
         assert row == pytest.approx(expected[name], rel=1e-12), name
 
 
-# --- Windows --------------------------------------------------------------------------------------------------------
+# --- Windows
+# --------------------------------------------------------------------------------------------------
 
 
 def test_windows_binary_needs_system_libraries_only(binary):
@@ -220,7 +226,8 @@ def test_windows_binary_is_read_as_objdump_does(binary):
     assert library.machines == ("x86_64",)
 
 
-# --- macOS ----------------------------------------------------------------------------------------------------------
+# --- macOS
+# --------------------------------------------------------------------------------------------------
 
 
 def test_macos_binary_is_universal(binary):
@@ -275,7 +282,8 @@ def test_arm_part_of_the_macos_binary_is_signed(binary):
         assert code_signature in commands
 
 
-# --- reproducible ---------------------------------------------------------------------------------------------------
+# --- reproducible
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("platform", PLATFORMS)

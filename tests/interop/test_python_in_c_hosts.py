@@ -1,4 +1,6 @@
-"""The Python build in a host without Python runs the same in any thread and any environment, or says no."""
+"""The Python build in a host without Python runs the same in any thread and any environment, or
+says no.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ THREADS = 8
 ACTUATOR, FOOT = "ppy_actuator", "foot"
 TIMES = np.linspace(0.0, 1.0, 11)
 BAD_EXIT = 97
-# what the interpreter of another program may be told, and the modules it may find where it is told to look
+# what the interpreter of another program may be told, and the modules it may find where it is told
+# to look
 SURROUNDINGS = {
     "home of nothing": ({"PYTHONHOME": "/nonexistent"}, {}),
     "home of nothing twice": ({"PYTHONHOME": "/nonexistent:/nowhere"}, {}),
@@ -46,7 +49,9 @@ SURROUNDINGS = {
             "PATH": "/usr/bin",
         },  # no virtual environment, which would shut it out
         {
-            f"lib/python3.{sys.version_info.minor}/site-packages/usercustomize.py": "import os; os._exit(97)"
+            f"lib/python3.{sys.version_info.minor}/site-packages/usercustomize.py": (
+                "import os; os._exit(97)"
+            )
         },
     ),
     "module of the standard library that is none": (
@@ -93,7 +98,9 @@ def thread_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def unzipped(fmu, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[str]]:
-    """Arguments of the host for the Python builds of some components: library, GUID and resources of each."""
+    """Arguments of the host for the Python builds of some components: library, GUID and resources
+    of each.
+    """
     folder = tmp_path_factory.mktemp("unzipped")
 
     def arguments(*names: str) -> list[str]:
@@ -127,15 +134,16 @@ def last_value(fmu: Path, reference: int) -> float:
     return hosts.run_fmpy(fmu, TIMES, {}, [name])[name][-1]
 
 
-# --- threads --------------------------------------------------------------------------------------------------------
+# --- threads
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     "names", [pytest.param((ACTUATOR,), marks=pytest.mark.slow), (ACTUATOR, FOOT)], ids="+".join
 )
 def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, unzipped, names):
-    # Eight threads stand at a barrier before they create their instances; in one trial out of twelve at most a start
-    # without a lock went well.
+    # Eight threads stand at a barrier before they create their instances; in one trial out of
+    # twelve at most a start without a lock went well.
     arguments = unzipped(*names)
     paths = [fmu(name, "python") for name in names]
     reference = real_output(paths[0])
@@ -154,7 +162,8 @@ def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, 
         assert sorted(map(float, done.stdout.split())) == sorted(expected), f"trial {trial + 1}"
 
 
-# --- environment ----------------------------------------------------------------------------------------------------
+# --- environment
+# --------------------------------------------------------------------------------------------------
 
 
 def run(path: Path, **environment: str) -> dict[str, np.ndarray]:
@@ -181,8 +190,9 @@ def test_environment_of_the_host_changes_nothing(fmu, tmp_path, monkeypatch, sur
 
 
 def test_program_named_python_in_the_search_path_is_not_asked(fmu, tmp_path):
-    # An isolated Python that is not told its home goes by the python3 of the search path, and by the installation that
-    # this one's virtual environment belongs to, here one without a standard library.
+    # An isolated Python that is not told its home goes by the python3 of the search path, and by
+    # the installation that this one's virtual environment belongs to, here one without a standard
+    # library.
     folder, library = tmp_path / "bin", tmp_path / "lib" / f"python3.{sys.version_info.minor}"
     folder.mkdir()
     library.mkdir(parents=True)
@@ -207,7 +217,8 @@ def test_folder_with_any_name_works_in_a_locale_without_its_letters(fmu, tmp_pat
 def test_library_whose_standard_library_is_broken_is_refused_as_often_as_asked(
     thread_host, unzipped, tmp_path
 ):
-    # Beside this copy is what looks like a standard library, and is none: Python gives up, the host does not.
+    # Beside this copy is what looks like a standard library, and is none: Python gives up, the host
+    # does not.
     version = f"3.{sys.version_info.minor}"
     library = tmp_path / "lib" / "libpython.so"
     (tmp_path / "lib" / f"python{version}").mkdir(parents=True)
@@ -227,7 +238,8 @@ def test_library_whose_standard_library_is_broken_is_refused_as_often_as_asked(
     )
 
 
-# --- versions -------------------------------------------------------------------------------------------------------
+# --- versions
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""Both builds of the proxies in three masters, at the server in lockstep: the values of the emulated rig."""
+"""Both builds of the proxies in three masters, at the server in lockstep: the values of the
+emulated rig.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,9 @@ import pytest
 
 from fmus import component
 from fmus.kit import stack
-from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
-from orchestration.rig.backends.emulator import Emulator
+from studies.emulator.backend import Emulator
 from tests.support import hosts
 from tests.support.pace import slow_but
 from tests.support.rig.process import Server

@@ -1,4 +1,6 @@
-"""Sources of the native build in another program: without a warning, with any headers of FMI 2.0, two at once."""
+"""Sources of the native build in another program: without a warning, with any headers of FMI 2.0,
+two at once.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +84,9 @@ def defined(object_file: Path) -> set[str]:
 
 
 def of_the_standard(folder: Path) -> set[str]:
-    """Functions of FMI 2.0 by the names of the standard header; a proxy has none of model exchange."""
+    """Functions of FMI 2.0 by the names of the standard header; a proxy has none of model
+    exchange.
+    """
     text = (folder / "fmi2Functions.h").read_text()
     common, _, rest = text[text.index("#define fmi2GetTypesPlatform") :].partition(
         "FMI2 for Model Exchange"
@@ -133,7 +137,8 @@ def test_headers_of_the_first_edition_do_as_well(sources, compiler):
     header = folder / "fmi2FunctionTypes.h"
     text = header.read_text()
     fields = re.compile(
-        r"^(   )(fmi2\w+\s+(?:logger|allocateMemory|freeMemory|stepFinished|componentEnvironment);)$",
+        r"^(  "
+        r" )(fmi2\w+\s+(?:logger|allocateMemory|freeMemory|stepFinished|componentEnvironment);)$",
         re.M,
     )
     assert len(fields.findall(text)) == 5

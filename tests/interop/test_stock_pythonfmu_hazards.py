@@ -1,7 +1,9 @@
-"""What stock pythonfmu 0.7.0 does when things go wrong: the measured reasons for this project's own FMU front-end.
+"""What stock pythonfmu 0.7.0 does when things go wrong: the measured reasons for this project's own
+FMU front-end.
 
-Every test asserts the hazard. When one fails, pythonfmu has been repaired, and the explanation in the documentation and
-perhaps a part of the front-end can go. Whatever may crash runs in a process of its own.
+Every test asserts the hazard. When one fails, pythonfmu has been repaired, and the explanation in
+the documentation and perhaps a part of the front-end can go. Whatever may crash runs in a process
+of its own.
 """
 
 from __future__ import annotations
@@ -71,11 +73,13 @@ def fixed(what: str) -> str:
     return f"stock pythonfmu fixed {what}: update docs/explanation"
 
 
-# At the exit of a process, pythonfmu reads memory it has freed, and rarely dies of it; that is not what is asked here.
+# At the exit of a process, pythonfmu reads memory it has freed, and rarely dies of it; that is not
+# what is asked here.
 in_subprocess = functools.partial(hosts.in_subprocess, clean_exit=False)
 finish_in_subprocess = functools.partial(hosts.finish_in_subprocess, clean_exit=False)
 
-# The builder instantiates every slave once under the name "dummyInstance": the fault must not hit that one.
+# The builder instantiates every slave once under the name "dummyInstance": the fault must not hit
+# that one.
 SOURCES = {
     "Sound": source("Sound"),
     "FailsInStep": source("FailsInStep", in_step='raise ValueError("bad step")'),
@@ -107,7 +111,8 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return one
 
 
-# --- what runs in the processes -------------------------------------------------------------------------------------
+# --- what runs in the processes
+# -------------------------------------------------------------------------------------
 
 
 def _perform(model: FMU2Slave, call: str) -> Any:
@@ -128,7 +133,9 @@ def _perform(model: FMU2Slave, call: str) -> Any:
 
 
 def play(fmu: str, sequence: list[str], logging: bool = False) -> list[Any]:
-    """Initialize, then make the calls; answers with the status of each that failed, else with its result."""
+    """Initialize, then make the calls; answers with the status of each that failed, else with its
+    result.
+    """
     answers = []
     with hosts.extracted(fmu) as folder:
         model = hosts.slave(folder)
@@ -202,7 +209,9 @@ def step_both(first: str, second: str) -> tuple[float, float]:
 
 
 def abuse(fmu: str) -> dict[str, float]:
-    """Output after a NaN input, after a negative step and after a step at the wrong time; none is refused."""
+    """Output after a NaN input, after a negative step and after a step at the wrong time; none is
+    refused.
+    """
     results = {}
     for name, value, time, step in [
         ("nan", math.nan, 0.0, 0.1),
@@ -240,7 +249,9 @@ def save_and_restore(fmu: str) -> tuple[float, float]:
 
 
 def fail_beside_another(failing: str, sound: str) -> float:
-    """Output of a sound instance stepped after another instance failed and its remains were collected."""
+    """Output of a sound instance stepped after another instance failed and its remains were
+    collected.
+    """
     with hosts.extracted(failing) as first, hosts.extracted(sound) as second:
         bad, good = hosts.slave(first, "bad"), hosts.slave(second, "good")
         for model in (bad, good):
@@ -256,7 +267,8 @@ def fail_beside_another(failing: str, sound: str) -> float:
         return good.getReal([1])[0]
 
 
-# --- exceptions -----------------------------------------------------------------------------------------------------
+# --- exceptions
+# --------------------------------------------------------------------------------------------------
 
 
 def test_exception_in_a_step_is_fatal_and_not_error(build):
@@ -265,8 +277,8 @@ def test_exception_in_a_step_is_fatal_and_not_error(build):
 
 
 def test_reading_a_value_after_a_failed_step_crashes_once_garbage_is_collected(build):
-    # The failing call drops the Python object but keeps the pointer; reference cycles keep the object alive until the
-    # collector runs, and then the pointer dangles.
+    # The failing call drops the Python object but keeps the pointer; reference cycles keep the
+    # object alive until the collector runs, and then the pointer dangles.
     sequence = ["exit", "step", "collect garbage", "get"]
     returncode, output = in_subprocess(play, str(build("FailsInStep")), sequence)
     assert returncode == SEGMENTATION_FAULT, (
@@ -321,7 +333,8 @@ def test_exception_in_the_constructor_is_a_clean_refusal(build):
 
 
 def test_reset_after_a_failed_step_and_freeing_work(build):
-    # Not a hazard in 0.7.0: reset builds a new object, free does not touch the old one's pointer again.
+    # Not a hazard in 0.7.0: reset builds a new object, free does not touch the old one's pointer
+    # again.
     sequence = ["exit", "step", "collect garbage", "reset", "free"]
     returncode, answers = in_subprocess(play, str(build("FailsInStep")), sequence)
     assert returncode == 0, answers
@@ -351,7 +364,8 @@ def test_percent_in_a_message_is_a_format(build):
     )
 
 
-# --- wrong results without a word -----------------------------------------------------------------------------------
+# --- wrong results without a word
+# -----------------------------------------------------------------------------------
 
 
 def test_return_false_truncates_a_simulation_silently(build):
@@ -392,7 +406,8 @@ def test_wrong_guid_is_accepted(build):
     ), fixed("GUID")
 
 
-# --- loading, description, leaks ------------------------------------------------------------------------------------
+# --- loading, description, leaks
+# ------------------------------------------------------------------------------------
 
 
 def test_binary_does_not_load_without_python(build):
@@ -404,7 +419,8 @@ def test_binary_does_not_load_without_python(build):
 
 @pytest.mark.parametrize("name", ["größe", "a+b#c"])
 def test_folder_that_needs_percent_encoding_crashes_instantiation(build, tmp_path, name):
-    # Only %20 of the resource URI is decoded; the module is then not found, and the missing class is called.
+    # Only %20 of the resource URI is decoded; the module is then not found, and the missing class
+    # is called.
     folder = str(tmp_path / name)
     returncode, output = in_subprocess(try_to_instantiate, str(build("Sound")), folder)
     assert returncode == SEGMENTATION_FAULT, (

@@ -1,6 +1,8 @@
-"""Claims: an exported system runs in our master, fmpy.ssp, libcosim and Ecos as it is, and equal to 1e-9 or better.
+"""Claims: an exported system runs in our master, fmpy.ssp, libcosim and Ecos as it is, and equal to
+1e-9 or better.
 
-Where they differ, and where a master leaves out what the file says, is measured here and told in docs/decisions/0008.
+Where they differ, and where a master leaves out what the file says, is measured here and told in
+docs/decisions/0008.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 from fmus import component
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from orchestration.system import Connection, Member, Port, System, library, ssp
 from tests.support.hosts import NANOSECONDS, HostError, build_one_state_fmu, finish_in_subprocess
 from tests.support.pace import slow_but
@@ -94,7 +96,9 @@ def test_the_masters_agree(exported, name, runtime):
 
 
 def _same_a_step_later(tables):
-    """Ours passes start values on until nothing changes, the others once, so that their first step has no current."""
+    """Ours passes start values on until nothing changes, the others once, so that their first step
+    has no current.
+    """
     for signal in ("galvanostat.current", "actuator.charge", "actuator.voltage"):
         assert np.ptp(tables["ours"][signal]) > 0.0
         for other in ("fmpy", "libcosim"):
@@ -105,7 +109,9 @@ def _same_a_step_later(tables):
 
 @pytest.mark.parametrize("runtime", slow_but(RUNTIMES, "native"))
 def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
-    """Where outputs are read before inputs are set, what is measured is a step old; Ecos reads it after."""
+    """Where outputs are read before inputs are set, what is measured is a step old; Ecos reads it
+    after.
+    """
     held = {"charge_start": 2.0, "current": 0.0, "force": 0.0}
     actuator = Member.of("actuator", component("ppy_actuator"), held, runtime)
     system = library.with_voltmeter(
@@ -126,7 +132,9 @@ def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
 
 
 def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):
-    """What answers to an input at once is one exchange ahead in Ecos; the trajectories are the same."""
+    """What answers to an input at once is one exchange ahead in Ecos; the trajectories are the
+    same.
+    """
     inputs, count, _, (tension,) = RUNS["dma_bench"]
     system = library.system("dma_bench")
     path = exported(system)
@@ -213,7 +221,8 @@ def test_parameters_in_the_description_reach_the_same(exported, tmp_path):
         System("chain", (Member("one", build_one_state_fmu(tmp_path), {"u": 1.0, "tau": 5.0}),), ())
     )
     values = re.sub(r"<\?xml.*?\?>", "", member_of_archive(path, "resources/one.ssv").decode())
-    inline = f"<ssd:ParameterBinding><ssd:ParameterValues>{values}</ssd:ParameterValues></ssd:ParameterBinding>"
+    inline = f"<ssd:ParameterValues>{values}</ssd:ParameterValues>"
+    inline = f"<ssd:ParameterBinding>{inline}</ssd:ParameterBinding>"
     other = repacked(path, lambda text: re.sub("<ssd:ParameterBinding .*/>", inline, text))
     assert dict(ssp.read(other, tmp_path / "u").members[0].parameters) == {"u": 1.0, "tau": 5.0}
     step, signal = 1.0, "one.x"

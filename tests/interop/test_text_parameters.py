@@ -1,4 +1,6 @@
-"""Claims: a text parameter in an exported system reaches libcosim and Ecos as it reaches our master, not fmpy.ssp."""
+"""Claims: a text parameter in an exported system reaches libcosim and Ecos as it reaches our
+master, not fmpy.ssp.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,13 @@
 """Archives that something was changed in."""
 
+import sys
 import zipfile
+from pathlib import Path
+
+import pytest
+
+LINUX_BINARY = "binaries/linux64/ppy_actuator.so"
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="looks at Linux libraries")
 
 
 def edited(source, target, edit=lambda name, contents: (name, contents)):
@@ -11,3 +18,8 @@ def edited(source, target, edit=lambda name, contents: (name, contents)):
             if changed is not None:
                 new.writestr(*changed)
     return target
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}

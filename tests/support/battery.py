@@ -6,8 +6,8 @@ import numpy as np
 
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.residuals.analysis import ResidualAnalysis, analyse
-from orchestration.discrepancy.residuals.regressors import regressors
-from orchestration.identify.noise.model import estimate
+from orchestration.discrepancy.residuals.regressors import make_regressors
+from orchestration.identify.noise.model import estimate_noise
 from tests.support.noises import Clean
 
 UNITS = {"u": "V", "y": "V", "fast": "V", "slow": "V"}
@@ -17,12 +17,12 @@ def analysed(record: Clean, added: np.ndarray | float = 0.0) -> ResidualAnalysis
     """Its residual as a diagnosis analyses it, with something added to what was measured."""
     measured = record.measured + added
     residual = measured - record.simulated
-    signals = regressors(
+    signals = make_regressors(
         record.time, {"u": record.input}, record.states, {"y": record.simulated}, UNITS
     )
     data = Dataset(record.time, {"u": record.input}, {"y": measured})
     return analyse(
-        "y", residual, estimate(residual, np.ones(residual.size, dtype=bool)), data, signals
+        "y", residual, estimate_noise(residual, np.ones(residual.size, dtype=bool)), data, signals
     )
 
 

@@ -1,4 +1,6 @@
-"""Data of linear systems, drawn equation by equation: it shares no code with what identifies them."""
+"""Data of linear systems, drawn equation by equation: it shares no code with what identifies
+them.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,8 @@ BOX_JENKINS = {
 def box_jenkins_record(
     seed: int, samples: int = 2000, offset: float = 3.0, ratio: float = 20.0, d1: float = -0.8
 ) -> Drawn:
-    """Draw two inputs of random signs, paths with denominators of their own, coloured noise, from rest.
+    """Draw two inputs of random signs, paths with denominators of their own, coloured noise, from
+    rest.
 
     Parameters
     ----------

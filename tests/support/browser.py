@@ -1,4 +1,6 @@
-"""A real Chromium without a window: started for one look, or spoken to in its own DevTools protocol over a pipe."""
+"""A real Chromium without a window: started for one look, or spoken to in its own DevTools protocol
+over a pipe.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +26,15 @@ _FLAGS = (
     "--disable-component-update",
     "--disable-sync",
     "--hide-scrollbars",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # whatever is asked of the network fails, and so shows
+    # whatever is asked of the network fails, and so shows
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 
 
 def browse(browser, folder, page, width, *options):
-    """Open a page in a fresh profile; returns the DOM if asked for, and what the page said on the console."""
+    """Open a page in a fresh profile; returns the DOM if asked for, and what the page said on the
+    console.
+    """
     profile = folder / f"profile-{width}-{len(options)}"
     command = [
         browser,
@@ -52,13 +57,22 @@ def measured(browser, folder, contents, width):
 
     The page stands in a frame, because a browser's window cannot be made as narrow as a phone.
     """
-    probe = "<script>addEventListener('load', () => parent.postMessage([document.documentElement.scrollWidth, "
-    probe += "innerWidth, [...document.images].filter(i => i.naturalWidth > 0).length].join(' '), '*'))</script>"
+    probe = (
+        "<script>addEventListener('load', () =>"
+        " parent.postMessage([document.documentElement.scrollWidth, "
+    )
+    probe += (
+        "innerWidth, [...document.images].filter(i => i.naturalWidth > 0).length].join(' '),"
+        " '*'))</script>"
+    )
     assert contents.count("</body>") == 1
     (folder / "probed.html").write_text(
         contents.replace("</body>", f"{probe}</body>"), encoding="utf-8"
     )
-    frame = "<!DOCTYPE html><title>none</title><script>addEventListener('message', e => document.title = e.data)</script>"
+    frame = (
+        "<!DOCTYPE html><title>none</title><script>addEventListener('message', e => document.title"
+        " = e.data)</script>"
+    )
     frame += f'<iframe src="probed.html" style="border:0;width:{width}px;height:900px"></iframe>'
     (folder / "frame.html").write_text(frame, encoding="utf-8")
     dom, console = browse(

@@ -1,4 +1,6 @@
-"""Checks of every effect of a component: both builds held against each other, and values that are refused."""
+"""Checks of every effect of a component: both builds held against each other, and values that are
+refused.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import Component
-from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulate import simulate_instance
+from orchestration.fmu.simulation import simulate_instance
 from tests.contract.checks import refused
 from tests.contract.raw import instance
 
@@ -25,7 +27,9 @@ def check_that_builds_agree(
     still: tuple[str, ...] = (),
     steps: int = 60,
 ) -> None:
-    """To 1e-9 over steps of any size, of each output's own size; inputs are drawn from ranges, some outputs rest."""
+    """To 1e-9 over steps of any size, of each output's own size; inputs are drawn from ranges, some
+    outputs rest.
+    """
     rng = np.random.default_rng(7)
     time = np.concatenate([[0.0], np.cumsum(rng.choice(sizes, steps))])
     inputs = {name: rng.uniform(*ends, time.size) for name, ends in ranges.items()}
@@ -45,7 +49,9 @@ def check_that_builds_agree(
 def check_that_bad_values_are_refused(
     cls: type[Component], bad: dict[str, float], allowed: str, folder: Path
 ) -> None:
-    """A value out of range is refused at the end of initialization, by the parameter's name and with its range."""
+    """A value out of range is refused at the end of initialization, by the parameter's name and
+    with its range.
+    """
     path = folder / "model.fmu"
     path.write_bytes(build(cls, "python", [host_platform()]))
     with instance(path) as one:

@@ -1,4 +1,6 @@
-"""The command line as tests call it: a process of its own or this one, what it has to print, how it has to refuse."""
+"""The command line as tests call it: a process of its own or this one, what it has to print, how it
+has to refuse.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ import pytest
 from orchestration.cli import app
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import write_record
-from orchestration.rig.emulator.emulator import EmulatedRig
+from studies.emulator.emulator import EmulatedRig
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -44,7 +46,9 @@ def ppy(
 
 
 def works(*arguments: object, cwd: Path, environment: dict[str, str] | None = None) -> str:
-    """Run the command line, here unless with an environment of its own, and return what it prints; it must succeed."""
+    """Run the command line, here unless with an environment of its own, and return what it prints;
+    it must succeed.
+    """
     done = (
         here(*arguments, cwd=cwd)
         if environment is None

@@ -1,17 +1,21 @@
-"""A line and a line with a cubic term, fitted by least squares, and what they leave of data drawn anew."""
+"""A line and a line with a cubic term, fitted by least squares, and what they leave of data drawn
+anew.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from orchestration.discrepancy.candidates.paired_score import Innovations, paired_score
+from orchestration.discrepancy.candidates.paired_scores import PairedInnovations, paired_score
 
 COUNT, PER_BLOCK = 240, 24
 BLOCKS = np.arange(COUNT) // PER_BLOCK
 
 
 def regression(seed, strength, fitted=300):
-    """Line and line with a cubic term, fitted by least squares in unit noise, and what they leave of new data."""
+    """Line and line with a cubic term, fitted by least squares in unit noise, and what they leave
+    of new data.
+    """
     rng = np.random.default_rng(seed)
 
     def drawn(count):
@@ -24,7 +28,7 @@ def regression(seed, strength, fitted=300):
     for k in (2, 3):
         spread = np.linalg.inv(a[:, :k].T @ a[:, :k])
         left = unseen - new[:, :k] @ (spread @ a[:, :k].T @ y)
-        models.append(Innovations(left, -new[:, :k], spread))
+        models.append(PairedInnovations(left, -new[:, :k], spread))
     return models
 
 

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from fmus.ppy_actuator.effects import EFFECTS
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.records import Record, write_record
-from orchestration.rig.emulator.records import UNITS, Drawn, draw
+from studies.emulator.records import UNITS, Drawn, draw
 
 FEW = [
     EFFECTS[name]
@@ -32,7 +32,9 @@ def short_record(hidden: str | None = None, seed: int = 1, **options) -> Dataset
 
 
 def rig_record(hidden: str | None = None, *signals: str, seed: int = 1, **options) -> Record:
-    """A short record of the rig as if it had been read from a file, of some signals or all of them."""
+    """A short record of the rig as if it had been read from a file, of some signals or all of
+    them.
+    """
     drawn = draw(hidden, seed, **SHORT | options)
     chosen = {
         n: v for n, v in (drawn.inputs | drawn.outputs).items() if not signals or n in signals

@@ -1,4 +1,6 @@
-"""What the tests of the actuator's effects share: where each is active, and its laws evaluated by name."""
+"""What the tests of the actuator's effects share: where each is active, and its laws evaluated by
+name.
+"""
 
 import numpy as np
 import pytest
@@ -44,7 +46,9 @@ effects = pytest.mark.parametrize("name", EFFECTS)
 
 
 def random_values(cls, seed, size=None):
-    """Parameters about their defaults, and any state and input; the length-driven one taut as often as slack."""
+    """Parameters about their defaults, and any state and input; the length-driven one taut as often
+    as slack.
+    """
     rng = np.random.default_rng(seed)
     values = {}
     for v in cls.layout.parameters:

@@ -1,4 +1,6 @@
-"""The foot as points in the plane: table 5-1 typed in again, complex numbers for points, x + 1j y, the ankle at 0."""
+"""The foot as points in the plane: table 5-1 typed in again, complex numbers for points, x + 1j y,
+the ankle at 0.
+"""
 
 import math
 

@@ -1,6 +1,8 @@
-"""Damaged files, thousands of them, given to whatever reads files; what is neither read nor refused is told.
+"""Damaged files, thousands of them, given to whatever reads files; what is neither read nor refused
+is told.
 
-``python -m tests.support.fuzz --seconds 600 --seed 7`` goes on for ten minutes; findings are left in ``build/fuzz``.
+``python -m tests.support.fuzz --seconds 600 --seed 7`` goes on for ten minutes; findings are left
+in ``build/fuzz``.
 """
 
 from __future__ import annotations
@@ -94,7 +96,9 @@ def originals(folder: Path) -> dict[str, bytes]:
 
 
 def damaged(data: bytes, draw: random.Random) -> bytes:
-    """One to four changes: bits, bytes, pieces that go, come twice or move, an end that is missing, familiar words."""
+    """One to four changes: bits, bytes, pieces that go, come twice or move, an end that is missing,
+    familiar words.
+    """
     changed = bytearray(data)
     for _ in range(draw.randint(1, 4)):
         at, size = draw.randrange(len(changed) + 1), draw.choice([1, 2, 8, 64, 1000])
@@ -171,7 +175,9 @@ def tried(read: Callable[[Path], Any], path: Path) -> str:
 
 
 def peak():
-    """Largest resident memory so far, bytes; ``ru_maxrss`` is also that of who started this process."""
+    """Largest resident memory so far, bytes; ``ru_maxrss`` is also that of who started this
+    process.
+    """
     status = Path("/proc/self/status")
     if status.exists():
         return 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", status.read_text())[1])

@@ -1,8 +1,10 @@
-"""Run one FMU in real co-simulation masters, in the same way in each, and build the small FMUs they are tried on.
+"""Run one FMU in real co-simulation masters, in the same way in each, and build the small FMUs they
+are tried on.
 
-All masters take the same arguments: communication points, inputs held from each point to the next, names of outputs and
-parameter values. They answer with one array per output. A master in foreign machine code runs in a process of its own:
-when it crashes, the caller gets a `HostError` with the return code, not a dead test run.
+All masters take the same arguments: communication points, inputs held from each point to the next,
+names of outputs and parameter values. They answer with one array per output. A master in foreign
+machine code runs in a process of its own: when it crashes, the caller gets a `HostError` with the
+return code, not a dead test run.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ import atexit
 import contextlib
 import ctypes
 import functools
-import importlib
 import importlib.metadata
 import importlib.util
 import os
@@ -68,7 +69,8 @@ class Finished:
     Attributes
     ----------
     returncode : int
-        0 when the function returned, 1 when it raised, -n when signal n killed the process (-11: segmentation fault).
+        0 when the function returned, 1 when it raised, -n when signal n killed the process (-11:
+        segmentation fault).
     result : object
         What the function returned; None when it did not.
     output : str
@@ -80,7 +82,8 @@ class Finished:
     output: str
 
 
-# --- processes ------------------------------------------------------------------------------------------------------
+# --- processes
+# --------------------------------------------------------------------------------------------------
 
 _CHILD = """
 import importlib, os, pickle, sys
@@ -114,14 +117,15 @@ def finish_in_subprocess(
     timeout : float
         Seconds after which the process is killed (the return code is then -9).
     clean_exit : bool
-        False: leave right after the function returned, without the clean-up of loaded libraries. Stock pythonfmu needs
-        it: its clean-up reads freed memory and now and then kills a process whose work is done.
+        False: leave right after the function returned, without the clean-up of loaded libraries.
+        Stock pythonfmu needs it: its clean-up reads freed memory and now and then kills a process
+        whose work is done.
 
     Returns
     -------
     Finished
-        A process that dies after the function returned (in the clean-up of a library, say) has both a return code and a
-        result.
+        A process that dies after the function returned (in the clean-up of a library, say) has both
+        a return code and a result.
     """
     if callable(function):
         module, name = function.__module__, function.__qualname__
@@ -153,12 +157,15 @@ def finish_in_subprocess(
 
 
 def in_subprocess(function: str | Callable, *args: Any, **kwargs: Any) -> tuple[int, Any]:
-    """Like `finish_in_subprocess`, answering with ``(returncode, result)``; the result of a failure is its output."""
+    """Like `finish_in_subprocess`, answering with ``(returncode, result)``; the result of a failure
+    is its output.
+    """
     finished = finish_in_subprocess(function, *args, **kwargs)
     return finished.returncode, finished.result if finished.returncode == 0 else finished.output
 
 
-# --- what is common to all masters ----------------------------------------------------------------------------------
+# --- what is common to all masters
+# ----------------------------------------------------------------------------------
 
 
 def _variables(description: ModelDescription) -> dict[str, ScalarVariable]:
@@ -212,7 +219,8 @@ def _get(fmu: FMU2Slave, variable: ScalarVariable) -> float:
     return float(getter([variable.valueReference])[0])
 
 
-# --- fmpy -----------------------------------------------------------------------------------------------------------
+# --- fmpy
+# --------------------------------------------------------------------------------------------------
 
 
 @contextlib.contextmanager
@@ -261,8 +269,8 @@ def run_fmpy(
     parameters : mapping of name to value, optional
         Set before initialization.
     feedthrough : bool
-        True: outputs at point k are read after input row k is set. False: before, as libcosim and Ecos observe them;
-        the first row is then read at the end of initialization.
+        True: outputs at point k are read after input row k is set. False: before, as libcosim and
+        Ecos observe them; the first row is then read at the end of initialization.
     stop_time_defined : bool
         Announce ``times[-1]`` as the stop time.
     tolerance : float, optional
@@ -311,7 +319,8 @@ def run_fmpy(
     return table
 
 
-# --- libcosim -------------------------------------------------------------------------------------------------------
+# --- libcosim
+# --------------------------------------------------------------------------------------------------
 
 
 def run_libcosim(
@@ -325,9 +334,9 @@ def run_libcosim(
 ) -> Result:
     """Run an FMU in libcosim (fixed step from time 0), in a process of its own.
 
-    Arguments are those of `run_fmpy` and of `finish_in_subprocess`. Outputs are what its observer sees: the value at
-    the end of each step, still with the inputs of that step. The value at the first point is never observed by libcosim
-    and is NaN here.
+    Arguments are those of `run_fmpy` and of `finish_in_subprocess`. Outputs are what its observer
+    sees: the value at the end of each step, still with the inputs of that step. The value at the
+    first point is never observed by libcosim and is NaN here.
 
     Raises
     ------
@@ -411,13 +420,16 @@ def _libcosim_error() -> str:
     return _internal.get_last_error_message()
 
 
-# --- Ecos -----------------------------------------------------------------------------------------------------------
+# --- Ecos
+# --------------------------------------------------------------------------------------------------
 
 
 def preload_tbb() -> None:
-    """Make Ecos find ``libtbb`` of the package `tbb`, which installs it where the dynamic linker does not look.
+    """Make Ecos find ``libtbb`` of the package `tbb`, which installs it where the dynamic linker
+    does not look.
 
-    A library that is already in the process satisfies a later one that needs its name: no search path, no environment.
+    A library that is already in the process satisfies a later one that needs its name: no search
+    path, no environment.
     """
     if os.name == "nt":
         return
@@ -438,11 +450,12 @@ def run_ecos(
 ) -> Result:
     """Run an FMU in Ecos (fixed step), in a process of its own.
 
-    Arguments are those of `run_fmpy` and of `finish_in_subprocess`. Outputs are what Ecos keeps after each step, with
-    the inputs of that step; the first row is the end of initialization.
+    Arguments are those of `run_fmpy` and of `finish_in_subprocess`. Outputs are what Ecos keeps
+    after each step, with the inputs of that step; the first row is the end of initialization.
 
-    Ecos ignores every status an FMU returns, whatever it is, and steps on. Here a message that the FMU logs with status
-    Discard, Error or Fatal therefore counts as failure; an FMU that fails without a word goes unnoticed.
+    Ecos ignores every status an FMU returns, whatever it is, and steps on. Here a message that the
+    FMU logs with status Discard, Error or Fatal therefore counts as failure; an FMU that fails
+    without a word goes unnoticed.
 
     Raises
     ------
@@ -518,7 +531,8 @@ def _ecos(
     return table
 
 
-# --- a host without Python ------------------------------------------------------------------------------------------
+# --- a host without Python
+# ------------------------------------------------------------------------------------------
 
 
 def compiler() -> str:
@@ -557,15 +571,17 @@ def run_c_host(
     *,
     environment: Mapping[str, str] | None = None,
 ) -> Result:
-    """Run an FMU in a small C program (`c/c_host.c`), in whose process there is no Python unless the FMU brings it.
+    """Run an FMU in a small C program (`c/c_host.c`), in whose process there is no Python unless
+    the FMU brings it.
 
-    Arguments and result are those of `run_fmpy` with its defaults: free spacing, outputs read after the inputs are set,
-    stop time announced. `environment` adds variables to those of this process.
+    Arguments and result are those of `run_fmpy` with its defaults: free spacing, outputs read after
+    the inputs are set, stop time announced. `environment` adds variables to those of this process.
 
     Raises
     ------
     HostError
-        With return code 2 when the library does not load, 3 without an instance, 4 when a call fails.
+        With return code 2 when the library does not load, 3 without an instance, 4 when a call
+        fails.
     """
     time, columns = _table(times, inputs)
     program = _c_host()
@@ -609,20 +625,27 @@ def run_c_host(
     return {name: rows[:, i] for i, name in enumerate(outputs)}
 
 
-# --- small FMUs -----------------------------------------------------------------------------------------------------
+# --- small FMUs
+# --------------------------------------------------------------------------------------------------
 
 ONE_STATE_DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="OneState" guid="one-state" description="tau dx/dt = u - x">
-  <CoSimulation modelIdentifier="one_state" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true"
-    canSerializeFMUstate="true" canNotUseMemoryManagementFunctions="true" providesDirectionalDerivative="true"/>
+<fmiModelDescription fmiVersion="2.0" modelName="OneState" guid="one-state" description="tau
+    dx/dt = u - x">
+  <CoSimulation modelIdentifier="one_state" canHandleVariableCommunicationStepSize="true"
+      canGetAndSetFMUstate="true"
+    canSerializeFMUstate="true" canNotUseMemoryManagementFunctions="true"
+        providesDirectionalDerivative="true"/>
   <UnitDefinitions><Unit name="s"><BaseUnit s="1"/></Unit></UnitDefinitions>
   <ModelVariables>
-    <ScalarVariable name="u" valueReference="0" causality="input" variability="continuous" description="Input">
+    <ScalarVariable name="u" valueReference="0" causality="input" variability="continuous"
+        description="Input">
       <Real start="0"/>
     </ScalarVariable>
-    <ScalarVariable name="x" valueReference="1" causality="output" variability="continuous" initial="exact"
+    <ScalarVariable name="x" valueReference="1" causality="output" variability="continuous"
+        initial="exact"
       description="State"><Real start="0"/></ScalarVariable>
-    <ScalarVariable name="tau" valueReference="2" causality="parameter" variability="fixed" description="Time constant">
+    <ScalarVariable name="tau" valueReference="2" causality="parameter" variability="fixed"
+        description="Time constant">
       <Real unit="s" start="1" min="0"/>
     </ScalarVariable>
   </ModelVariables>
@@ -649,7 +672,8 @@ class Minimal(Fmi2Slave):
 
 
 def build_one_state_fmu(directory: str | Path) -> Path:
-    """Compile `c/one_state.c` into ``one_state.fmu``: ``tau dx/dt = u - x``, x(0) = 0, exact for held inputs.
+    """Compile `c/one_state.c` into ``one_state.fmu``: ``tau dx/dt = u - x``, x(0) = 0, exact for
+    held inputs.
 
     Variables: input ``u``, output ``x``, parameter ``tau`` (1 s).
     """
@@ -691,5 +715,7 @@ def _build_pythonfmu(script: str, directory: str, options: dict[str, Any]) -> st
 
 
 def build_minimal_pythonfmu(directory: str | Path) -> Path:
-    """Build the smallest stock pythonfmu slave: input ``u``, output ``x``, explicit Euler of ``dx/dt = u - x``."""
+    """Build the smallest stock pythonfmu slave: input ``u``, output ``x``, explicit Euler of
+    ``dx/dt = u - x``.
+    """
     return build_pythonfmu(directory, "minimal", MINIMAL_PYTHONFMU_SOURCE)

@@ -1,7 +1,8 @@
-"""Records of the actuator whose inputs are known between samples, made by SciPy's exact solution of linear systems.
+"""Records of the actuator whose inputs are known between samples, made by SciPy's exact solution of
+linear systems.
 
-A smooth input is a function of time: it goes in as straight lines over a fortieth of a sample. A held one is constant
-from sample to sample.
+A smooth input is a function of time: it goes in as straight lines over a fortieth of a sample. A
+held one is constant from sample to sample.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ def circuit(p: Mapping[str, float] = TRUE) -> StateSpace:
 
 
 def _driven(plant: StateSpace, i: int, u: Array, step: float, held: bool) -> Array:
-    """Outputs (n, 2) under one input (n,) from rest; no state acts on another, so that each is a filter."""
+    """Outputs (n, 2) under one input (n,) from rest; no state acts on another, so that each is a
+    filter.
+    """
     states = len(plant.A)
     whole = np.zeros(
         (states + 2, states + 2)
@@ -106,11 +109,12 @@ def record(
     jitter: float = 0.0,
     outputs: tuple[str, ...] = ("voltage", "displacement"),
 ) -> Dataset:
-    """Measure the actuator driven with a current that is held between samples, or is as it is between them.
+    """Measure the actuator driven with a current that is held between samples, or is as it is
+    between them.
 
-    The force is 1 N, or a stimulus about it. Noise is in units of `NOISE`; that of the inputs, which the actuator does
-    not see, is a share of their range. A restless current that is held has noise that it does see.
-    The clock jitters by so many seconds either way, and says so.
+    The force is 1 N, or a stimulus about it. Noise is in units of `NOISE`; that of the inputs,
+    which the actuator does not see, is a share of their range. A restless current that is held has
+    noise that it does see. The clock jitters by so many seconds either way, and says so.
     """
     random = np.random.default_rng([seed, 11])
     coarse = np.arange(round(duration * rate)) / rate

@@ -14,11 +14,16 @@ from unittest.mock import patch
 
 import numpy as np
 
+from fmus.kit import UserError
 from fmus.kit.build import toolchain
-from fmus.kit.errors import UserError
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import library
-from tests.support.hosts import HEADERS, TESTS, compiler
+from orchestration.fmu.simulation import simulate_instance
+from tests.support.hosts import (
+    HEADERS,
+    TESTS,
+    compiler,
+)
 
 
 @contextmanager
@@ -38,7 +43,7 @@ def without_compiler() -> Iterator[None]:
 
 def forget_kernel() -> None:
     """Have the kernel compiled, or looked for, anew."""
-    for kept in (library._kernel, library.stepper):
+    for kept in (library._kernel, library.load_stepper):
         kept.cache_clear()
 
 
@@ -62,7 +67,9 @@ def _bare_loop() -> Any:
 def bare_loop(
     fmu: Fmu, time: np.ndarray, name: str, values: np.ndarray, output: str
 ) -> Callable[[], np.ndarray]:
-    """Prepare a bare loop with a started instance, one input fed and one output read at every point."""
+    """Prepare a bare loop with a started instance, one input fed and one output read at every
+    point.
+    """
     calls = [fmu.bound(f"fmi2{function}") for function in ("SetReal", "DoStep", "GetReal")]
     references = [ctypes.c_uint(fmu.variable(n).valueReference) for n in (name, output)]
     result = np.full(time.size, np.nan)
@@ -90,7 +97,7 @@ def in_a_bare_loop(
 
 def one_foreign_fmu(path: str) -> list[dict[str, list[float]]]:
     """An FMU of other people's making, with the kernel and without; for a process of its own."""
-    from orchestration.fmu.simulate import simulate_instance
+    from orchestration.fmu.simulation import simulate_instance
 
     time = 0.1 * np.arange(41)
 
@@ -100,7 +107,37 @@ def one_foreign_fmu(path: str) -> list[dict[str, list[float]]]:
             found = simulate_instance(fmu, time, {"u": np.sin(time)}, ["x"], linear=["u"], parts=2)
         return {name: values.tolist() for name, values in found.items()}
 
-    assert library.stepper() is not None
+    assert library.load_stepper() is not None
     found = [go()]
     with without_compiler():
         return [*found, go()]
+
+
+TIME = np.concatenate([[0.0], np.cumsum(np.random.default_rng(1).uniform(1e-3, 0.2, 300))])
+CURRENT, FORCE = 0.9 * np.sin(TIME), np.where(TIME % 3.0 < 1.0, 2.0, 0.0)
+
+
+def simulated(path, time, inputs, outputs=None, parameters=None, **options):
+    """Results, or in what words it failed; how many warnings; progress."""
+    told: list[int] = []
+    with Fmu(path, parameters) as instance:
+        instance.start(float(time[0]))
+        try:
+            found = simulate_instance(instance, time, inputs, outputs, told.append, **options)
+        except UserError as error:
+            return str(error), instance.warnings, instance.corrupted, told
+        return (
+            {k: v.tobytes() for k, v in found.items()},
+            instance.warnings,
+            instance.corrupted,
+            told,
+        )
+
+
+def both_ways(*arguments, **options):
+    """The same with the kernel and without."""
+    assert library.load_stepper() is not None, "no kernel was compiled"
+    found = simulated(*arguments, **options)
+    with without_compiler():
+        assert library.load_stepper() is None
+        return found, simulated(*arguments, **options)

@@ -1,4 +1,6 @@
-"""The small components and every component of ours, alone and with all its effects: what goes for any model."""
+"""The small components and every component of ours, alone and with all its effects: what goes for
+any model.
+"""
 
 import pytest
 
@@ -21,7 +23,8 @@ MODELS = [
     ),
 ]
 every_model = pytest.mark.parametrize("cls", MODELS, ids=lambda cls: cls.name)
-# Those of which each has something that no other has; small ones, one with samples and one with a large body
+# Those of which each has something that no other has; small ones, one with samples and one with a
+# large body
 TELLING = [
     *MODELS[:4],
     *(

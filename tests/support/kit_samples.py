@@ -150,7 +150,9 @@ class Curved(Component):
 
 
 class Mixed(Component):
-    """A chain of lags whose variables are named like what unrolled and generated code uses itself."""
+    """A chain of lags whose variables are named like what unrolled and generated code uses
+    itself.
+    """
 
     name = "mixed"
 

@@ -1,4 +1,6 @@
-"""A record of a motor with more friction than its model has, or with just that; short enough to be asked in seconds."""
+"""A record of a motor with more friction than its model has, or with just that; short enough to be
+asked in seconds.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +11,12 @@ import numpy as np
 
 from orchestration.api.records import read_record
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.pipeline import Options, judge
+from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
 from orchestration.fmu.model import find_model
-from tests.support.clean.plants import PLANTS
-from tests.support.clean.records import KINDS, CleanRecord, conditions, draw
-from tests.support.hidden.change import static
-from tests.support.hidden.curves import Curve
-from tests.support.hidden.plants import altered
+from studies.clean.records import KINDS, CleanRecord, conditions, draw
+from studies.hidden.curves import Curve
+from studies.plants.change import static
+from studies.plants.library import PLANTS, altered
 
 SAMPLES = 500
 
@@ -44,4 +45,6 @@ def motor(
 def diagnosed(path: Path, model: str) -> Diagnosis:
     """Diagnose a record with no catalogue."""
     subject = find_model(model)
-    return judge([read_record(path, subject)], subject, None, Options(effects=[])).diagnosis
+    return diagnose_only(
+        [read_record(path, subject)], subject, None, DiagnosisOptions(effects=[])
+    ).diagnosis

@@ -1,4 +1,6 @@
-"""FMUs that crash, hang, end their process and the like, compiled from C: what each does, and what it looks like."""
+"""FMUs that crash, hang, end their process and the like, compiled from C: what each does, and what
+it looks like.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ TAKEN = {
     "lets_nobody_write": (STEP, "allow_none(RLIMIT_FSIZE)", ""),
     "lets_nobody_open": (STEP, "allow_none(RLIMIT_NOFILE)", ""),
 }
-# by name: where, what, and a part of the line in which it is told; empty where the run can be finished
+# by name: where, what, and a part of the line in which it is told; empty where the run can be
+# finished
 ACTS = {
     "exits": (STEP, "exit(0)", "exit status 0"),
     "exits_3": (STEP, "exit(3)", "exit status 3"),

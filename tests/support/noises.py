@@ -1,4 +1,5 @@
-"""Noise as it comes on a bench, drawn with NumPy alone: what a perfect model leaves of a record of a first-order plant.
+"""Noise as it comes on a bench, drawn with NumPy alone: what a perfect model leaves of a record of
+a first-order plant.
 
 Nothing here is the kit's: neither the stimuli nor the plant nor the noise.
 """
@@ -18,7 +19,9 @@ SWING = 1.0  # standard deviation of the output that is simulated
 
 @dataclass(frozen=True)
 class Clean:
-    """A record of which the model is right: input, its two states, output simulated and measured."""
+    """A record of which the model is right: input, its two states, output simulated and
+    measured.
+    """
 
     time: Array
     input: Array
@@ -122,7 +125,9 @@ def growing_with_size(pole: float = 0.0, share: float = 2.0) -> Noise:
 def clean(
     seed: int, noise: Noise, level: float = 0.05, step: float = 0.0, n: int = SAMPLES
 ) -> Clean:
-    """A plant with a fast and a slow part and a feedthrough, with noise; a converter with steps may read it."""
+    """A plant with a fast and a slow part and a feedthrough, with noise; a converter with steps may
+    read it.
+    """
     random = np.random.default_rng(seed)
     time = STEP * np.arange(n)
     u = _stimulus(random, seed % 6, n)
@@ -138,7 +143,9 @@ def clean(
 def controlled(
     seed: int, noise: Noise, gain: float, late: int, n: int = SAMPLES, level: float = 0.05
 ) -> Clean:
-    """The plant in a loop: a controller moves the input by what it measured, at once or some samples later."""
+    """The plant in a loop: a controller moves the input by what it measured, at once or some
+    samples later.
+    """
     random = np.random.default_rng(seed)
     wanted = np.repeat(random.choice([-1.0, -0.3, 0.5, 1.0], n), random.integers(20, 80))[:n]
     disturbance = level * noise(random, wanted)

@@ -9,7 +9,9 @@ import pytest
 
 
 def slow_but(cases: Iterable[Any], *fast: Any) -> list[Any]:
-    """Cases of a parametrisation of which all but those named are slow; a case of several values is a tuple."""
+    """Cases of a parametrisation of which all but those named are slow; a case of several values is
+    a tuple.
+    """
     cases = list(cases)
     assert all(case in cases for case in fast), "what is to be fast is one of the cases"
     values = (case if isinstance(case, tuple) else (case,) for case in cases)

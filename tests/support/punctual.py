@@ -1,8 +1,9 @@
 """Whether the machine kept real time: what a busy one makes late is no fault of what is tested.
 
-A process of its own sleeps for some milliseconds, again and again, and writes down when it was woken much too late. A
-test marked ``real_time`` that fails while that happened is not judged: it is reported as skipped, with the pause. One
-that promises less than usual says so: ``real_time(limit=0.005)``.
+A process of its own sleeps for some milliseconds, again and again, and writes down when it was
+woken much too late. A test marked ``real_time`` that fails while that happened is not judged: it is
+reported as skipped, with the pause. One that promises less than usual says so:
+``real_time(limit=0.005)``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-LATE = 0.04  # s, beyond which promises of milliseconds cannot be kept, unless a test says another limit
+# s, beyond which promises of milliseconds cannot be kept, unless a test says another limit
+LATE = 0.04
 _SEEN = 0.004  # s
 _WATCH = """
 import sys, time
@@ -42,7 +44,9 @@ class Watch:
             )
 
     def longest(self, begin: float, end: float, limit: float = LATE) -> float:
-        """Longest pause of the machine between two times of the wall clock, in s; 0 if none was above a limit."""
+        """Longest pause of the machine between two times of the wall clock, in s; 0 if none was
+        above a limit.
+        """
         lines = self._log.read_text().splitlines() if self._log.is_file() else []
         pauses = [tuple(map(float, line.split())) for line in lines if line.count(" ") == 1]
         return max(

@@ -1,4 +1,6 @@
-"""What ``docs/reference/diagnosis.md`` documents of the JSON of a diagnosis, and what fields a JSON has."""
+"""What ``docs/reference/diagnosis.md`` documents of the JSON of a diagnosis, and what fields a JSON
+has.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ FIELD = re.compile(r"^\| `([^`]+)` \|([^|]*)\| *([^|]*)\|$", re.M)
 
 
 def fields(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every field that holds a figure or a text with it, names replaced by what they are names of."""
+    """Every field that holds a figure or a text with it, names replaced by what they are names
+    of.
+    """
     if isinstance(value, dict):
         within = path.rpartition(".")[2]
         for key, more in value.items():

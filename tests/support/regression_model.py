@@ -1,4 +1,6 @@
-"""A model that is a linear regression, so that what evidence there is for an effect can be written down beforehand."""
+"""A model that is a linear regression, so that what evidence there is for an effect can be written
+down beforehand.
+"""
 
 from __future__ import annotations
 
@@ -72,10 +74,10 @@ def shaped(name: str, shape: Callable[[Any], Any]) -> type[Effect]:
 def offset_record(ratio: float, seed: int) -> Dataset:
     """A record in which an offset is worth a given likelihood ratio, exactly.
 
-    With noise that is orthogonal to the constant and to the input, least squares leaves a mean square s^2 with the
-    offset c and s^2 + c^2 without, so that twice the logarithm of the likelihood ratio is n ln(1 + c^2 / s^2). The
-    noise is otherwise as Gaussian as its quantiles, in an order drawn at random, and orthogonal to what any of the
-    other effects does, too.
+    With noise that is orthogonal to the constant and to the input, least squares leaves a mean
+    square s^2 with the offset c and s^2 + c^2 without, so that twice the logarithm of the
+    likelihood ratio is n ln(1 + c^2 / s^2). The noise is otherwise as Gaussian as its quantiles, in
+    an order drawn at random, and orthogonal to what any of the other effects does, too.
     """
     signal, noise = _drawn(seed)
     offset = np.sqrt(np.mean(noise**2) * np.expm1(ratio / COUNT))
@@ -85,10 +87,11 @@ def offset_record(ratio: float, seed: int) -> Dataset:
 
 
 def divided_record(ratio: float, gap: float, seed: int) -> Dataset:
-    """A record in which an offset is worth a likelihood ratio, and the asymmetry, instead of it, a gap less.
+    """A record in which an offset is worth a likelihood ratio, and the asymmetry, instead of it, a
+    gap less.
 
-    What is added to the noise lies in the plane of the two; a projection p on either direction is worth
-    n ln(S / (S - p^2)) of the sum of squares S.
+    What is added to the noise lies in the plane of the two; a projection p on either direction is
+    worth n ln(S / (S - p^2)) of the sum of squares S.
     """
     signal, noise = _drawn(seed)
     one, other = np.ones(COUNT) / np.sqrt(COUNT), np.abs(signal) / np.linalg.norm(signal)
@@ -113,9 +116,11 @@ def divided_record(ratio: float, gap: float, seed: int) -> Dataset:
 
 
 def asymmetric_record(ratio: float, seed: int, varying: bool) -> Dataset:
-    """A record in which the asymmetry is worth a likelihood ratio, in noise that is Gaussian as a whole.
+    """A record in which the asymmetry is worth a likelihood ratio, in noise that is Gaussian as a
+    whole.
 
-    It is of one size, or of the size of the signal, so that it is largest where the asymmetry acts most.
+    It is of one size, or of the size of the signal, so that it is largest where the asymmetry acts
+    most.
     """
     signal, noise = _drawn(seed)
     if varying:

@@ -1,4 +1,6 @@
-"""Several records of one cell, made without the kit: the exact solution of its equations under held current."""
+"""Several records of one cell, made without the kit: the exact solution of its equations under held
+current.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,9 @@ OCVS = {"a": 3.20, "b": 3.25, "c": 3.31, "d": 3.38, "e": 3.42, "f": 3.29}
 
 
 def several(labels: str = "abcdef", ocvs=None, **other) -> Dataset:
-    """Records joined to one, each with its own start, and its own open circuit voltage if any are given."""
+    """Records joined to one, each with its own start, and its own open circuit voltage if any are
+    given.
+    """
     records = {}
     for k, label in enumerate(labels):
         records[label] = measured(k, STARTS[label], (ocvs or {}).get(label, 3.3), **other)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-# Mounts a small disk, says so, and takes it away when its standard input ends, which it does with this process however
-# that ends; of no signal of the terminal it knows anything.
+# Mounts a small disk, says so, and takes it away when its standard input ends, which it does with
+# this process however that ends; of no signal of the terminal it knows anything.
 KEEPER = """
 trap '' INT TERM HUP
 mount -t tmpfs -o size=64k tmpfs "$1" || exit 1
@@ -25,7 +25,9 @@ umount -l "$1"
 
 @contextlib.contextmanager
 def disk_of_64_kib(folder: Path) -> Iterator[Path]:
-    """Have a small disk in a folder while the context lasts, and no longer whatever becomes of this process."""
+    """Have a small disk in a folder while the context lasts, and no longer whatever becomes of this
+    process.
+    """
     if sys.platform != "linux" or shutil.which("mount") is None:
         pytest.skip("a small disk is made with mount of Linux")
     folder.mkdir()

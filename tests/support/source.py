@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 def modules() -> dict[str, Path]:
     """Every module and package of the source and the tests by its dotted name."""
     found = {}
-    for folder in ("fmus", "orchestration", "tests", "benchmarks"):
+    for folder in ("fmus", "orchestration", "studies", "tests", "benchmarks"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             parts = path.relative_to(ROOT).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
@@ -27,7 +27,9 @@ def _tree(path: Path) -> ast.Module:
 
 
 def _bound(body: list[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:
-    """Names that a class or a module binds, not inside its functions, and the statement that does."""
+    """Names that a class or a module binds, not inside its functions, and the statement that
+    does.
+    """
     for node in body:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             yield node.name, node
@@ -88,7 +90,9 @@ def _within(module: str, names: list[str]) -> bool:
 
 @cache
 def everything() -> set[str]:
-    """Every class, function, method, field, parameter and constant of fmus and orchestration; ``Class.field`` too."""
+    """Every class, function, method, field, parameter and constant of fmus and orchestration;
+    ``Class.field`` too.
+    """
     found: set[str] = set()
     for module, path in modules().items():
         if module.split(".")[0] not in ("fmus", "orchestration"):

@@ -1,7 +1,7 @@
 """Looking up what ``ppy thesis`` finds."""
 
-from orchestration.thesis import chapters
-from orchestration.thesis.claim import Claim, Erratum
+from studies.thesis import chapters
+from studies.thesis.claim import Claim, Erratum
 
 
 def claims(number: int) -> list[Claim]:

@@ -1,4 +1,4 @@
-"""The FMU as a zip whose bytes depend on nothing but its contents."""
+"""The archive of an FMU: a zip file whose bytes depend on its contents only, and its GUID."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import uuid
 import zipfile
 from collections.abc import Mapping
 
-NO_GUID = (
-    "{00000000-0000-0000-0000-000000000000}"  # of a description whose GUID is still to be found
-)
+# of a description whose GUID is not derived yet
+NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 
 
@@ -39,7 +38,7 @@ def pack(files: Mapping[str, bytes]) -> bytes:
 
 
 def identity(files: Mapping[str, bytes]) -> str:
-    """Identify files: the same give the same GUID.
+    """Return a GUID for files: the same files have the same GUID.
 
     Parameters
     ----------

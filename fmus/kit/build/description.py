@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import datetime
 import math
+import os
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit import units
-from fmus.kit.build.date import generation_date
+from fmus.kit.build.parameters import serialized
 from fmus.kit.build.provenance import annotate
-from fmus.kit.build.xml import serialized
 from fmus.kit.component import Component
 from fmus.kit.declare import (
     Declaration,
@@ -18,11 +19,12 @@ from fmus.kit.declare import (
     OutputDeclaration,
     ParameterDeclaration,
     StateDeclaration,
+    summary,
 )
+from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
-from fmus.kit.spelling import to_modelica
-from fmus.kit.symbolic.structure import dependencies
-from fmus.kit.symbolic.trace import Graph
+from fmus.kit.symbolic import Graph, dependencies
+from fmus.kit.units import to_modelica
 
 # Names of quantities for TypeDefinitions, by the unit they are declared in.
 _QUANTITIES = {
@@ -51,6 +53,10 @@ _OURS = {
     "license": "BSD-3-Clause",
 }
 
+_RELEASED = "2026-11-20T00:00:00Z"  # of this version, as in CHANGELOG.md
+_VARIABLE = "SOURCE_DATE_EPOCH"
+_LATEST = 253402300799  # s, the end of the year 9999
+
 CATEGORIES = {
     "logStatusWarning": "something questionable was accepted",
     "logStatusDiscard": "a request was declined",
@@ -61,16 +67,16 @@ CATEGORIES = {
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a build can do beyond the common; declared truthfully in ``CoSimulation`` and ``ModelExchange``.
+    """The capabilities of a build, for the elements ``CoSimulation`` and ``ModelExchange``.
 
     Attributes
     ----------
     needs_execution_tool : bool
-        A Python interpreter must be there at run time.
+        Whether a Python interpreter must be there at run time.
     interpolates_inputs : bool
     directional_derivatives : bool
     model_exchange : bool
-        A host may integrate the states.
+        Whether a host may integrate the states.
     sources : tuple of str
         Source files listed for recompilation.
     """
@@ -102,8 +108,7 @@ def describe(
     bytes
         UTF-8 XML.
     """
-    summary = (cls.__doc__ or "").strip().split("\n")[0].rstrip(".")
-    text = ". ".join([summary, *cls.remark.splitlines()])
+    text = ". ".join([summary(cls), *cls.remark.splitlines()])
     root = Element(
         "fmiModelDescription",
         fmiVersion="2.0",
@@ -121,8 +126,8 @@ def describe(
     _interfaces(root, cls, can)
     _units(root, cls.layout)
     categories = SubElement(root, "LogCategories")
-    for name, text in CATEGORIES.items():
-        SubElement(categories, "Category", name=name, description=text)
+    for name, meaning in CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=meaning)
     stop, step = cls.experiment
     SubElement(
         root,
@@ -139,6 +144,7 @@ def describe(
 
 
 def _interfaces(root: Element, cls: type[Component], can: Capabilities) -> None:
+    """Append an element for each interface that the FMU has."""
     common = {
         "needsExecutionTool": _flag(can.needs_execution_tool),
         "canNotUseMemoryManagementFunctions": "true",
@@ -162,8 +168,38 @@ def _interfaces(root: Element, cls: type[Component], can: Capabilities) -> None:
                 SubElement(files, "File", name=source)
 
 
+def generation_date() -> str:
+    """Return the date and time for ``generationDateAndTime``.
+
+    No clock sets it: the same sources give the same bytes.
+
+    Returns
+    -------
+    str
+        In UTC: ``SOURCE_DATE_EPOCH`` of the environment (seconds since 1970), or else the date of
+        this version.
+
+    Raises
+    ------
+    UserError
+        If ``SOURCE_DATE_EPOCH`` is no such number.
+    """
+    given = os.environ.get(_VARIABLE, "")
+    if not given:
+        return _RELEASED
+    if not (given.isascii() and given.isdigit() and int(given[:20]) <= _LATEST):
+        raise UserError(
+            f"{_VARIABLE} = {given[:40]!r}: seconds since 1970 are wanted, a whole number from 0 to"
+            f" {_LATEST}"
+        )
+    return datetime.datetime.fromtimestamp(int(given), datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
 def _origin(cls: type[Component]) -> dict[str, str]:
-    """Author, copyright and licence, as the class declares them or ours where nothing of somebody else is in it."""
+    """Return author, copyright and licence as the class declares them.
+
+    The default is ours, if every part of the class is.
+    """
     package = __package__.partition(".")[0]
     ours = all(
         part.__module__.partition(".")[0] == package for part in cls.__mro__ if part is not object
@@ -173,28 +209,30 @@ def _origin(cls: type[Component]) -> dict[str, str]:
 
 
 def _flag(value: bool) -> str:
+    """Write a boolean as XML does."""
     return "true" if value else "false"
 
 
 def _number(value: float) -> str:
+    """Write a number with as many digits as it needs."""
     return repr(float(value)).removesuffix(".0")
 
 
 def _units(root: Element, layout: Layout) -> None:
+    """Append the units and the display units of real variables, and types that have them."""
     displays: dict[str, set[str]] = {unit: set() for _, unit in layout.derivatives}
     types: dict[str, Declaration] = {}
     for variable in layout.variables:
         if variable.type != "real":
             continue
-        displays.setdefault(variable.unit, set()).update(
-            [variable.display] if variable.display else []
-        )
+        own = displays.setdefault(variable.unit, set())
+        if variable.display:
+            own.add(variable.display)
         types.setdefault(_type_name(variable), variable)
     definitions = SubElement(root, "UnitDefinitions")
     defined: dict[str, Element] = {}
-    for unit in sorted(
-        displays, key=to_modelica
-    ):  # two that are the same in Modelica, such as m/s/s and m/s^2, are one
+    # two that are the same in Modelica, such as m/s/s and m/s^2, are defined once
+    for unit in sorted(displays, key=to_modelica):
         name = to_modelica(unit)
         if name not in defined:
             defined[name] = _define(SubElement(definitions, "Unit", name=name), unit)
@@ -204,14 +242,12 @@ def _units(root: Element, layout: Layout) -> None:
         definitions = SubElement(root, "TypeDefinitions")
         for name in sorted(types):
             node = SubElement(definitions, "SimpleType", name=name)
-            SubElement(
-                node,
-                "Real",
-                {"quantity": _quantity(types[name].unit)} | _unit_attributes(types[name]),
-            )
+            attributes = {"quantity": _quantity(types[name].unit)} | _unit_attributes(types[name])
+            SubElement(node, "Real", attributes)
 
 
 def _define(node: Element, unit: str) -> Element:
+    """Append the definition of a unit in SI base units, and return the node."""
     base = units.base_unit(unit)
     attributes = {name: str(power) for name, power in sorted(base.exponents.items())}
     if base.factor != 1.0:
@@ -223,6 +259,7 @@ def _define(node: Element, unit: str) -> Element:
 
 
 def _display(node: Element, unit: str, display: str) -> None:
+    """Append the definition of a display unit, unless it is there."""
     name = to_modelica(display)
     if node.find(f"DisplayUnit[@name='{name}']") is not None:
         return
@@ -233,19 +270,24 @@ def _display(node: Element, unit: str, display: str) -> None:
 
 
 def _quantity(unit: str) -> str:
+    """Return the name of the quantity that is measured in a unit."""
     return _QUANTITIES.get(unit, to_modelica(unit))
 
 
 def _type_name(variable: Declaration) -> str:
-    name = _quantity(variable.unit) + (
-        f"_in_{to_modelica(variable.display)}" if variable.display else ""
-    )
+    """Return the name of the type of a real variable, from its quantity and display unit."""
+    name = _quantity(variable.unit)
+    if variable.display:
+        name += f"_in_{to_modelica(variable.display)}"
     return name.replace(" ", "_")
 
 
 def _unit_attributes(variable: Declaration) -> dict[str, str]:
-    display = {"displayUnit": to_modelica(variable.display)} if variable.display else {}
-    return {"unit": to_modelica(variable.unit)} | display
+    """Return the attributes for the unit and the display unit of a variable."""
+    attributes = {"unit": to_modelica(variable.unit)}
+    if variable.display:
+        attributes["displayUnit"] = to_modelica(variable.display)
+    return attributes
 
 
 _KINDS = {
@@ -262,42 +304,11 @@ _KINDS = {
 
 
 def _variables(root: Element, cls: type[Component]) -> None:
+    """Append an element for each variable, in the order of value references."""
     parent = SubElement(root, "ModelVariables")
     layout = cls.layout
     for reference, variable in enumerate(layout.variables):
-        kind = dict(_KINDS[type(variable)])
-        if getattr(variable, "output", False):
-            kind["causality"] = "output"
-        if variable.type != "real" and kind["variability"] == "continuous":
-            kind["variability"] = "discrete"
-        text = variable.doc + (f" [{variable.source}]" if variable.source else "")
-        node = SubElement(
-            parent,
-            "ScalarVariable",
-            {"name": variable.name, "valueReference": str(reference), "description": text} | kind,
-        )
-        value = SubElement(node, variable.type.capitalize())
-        if variable.type == "real":
-            value.set("declaredType", _type_name(variable))
-            for name, text in _unit_attributes(variable).items():
-                value.set(name, text)
-        if variable.type != "boolean":
-            for name in ("min", "max"):
-                if math.isfinite(getattr(variable, name)):
-                    number = getattr(variable, name)
-                    value.set(
-                        name, _number(number) if variable.type == "real" else str(int(number))
-                    )
-        if variable.type == "real" and variable.nominal != 1.0:
-            value.set("nominal", _number(variable.nominal))
-        if isinstance(variable, (ParameterDeclaration, InputDeclaration)):
-            start = variable.start
-            value.set(
-                "start",
-                {"real": _number, "integer": lambda v: str(int(v)), "boolean": _flag}[
-                    variable.type
-                ](start),
-            )
+        _variable(parent, reference, variable)
     first_state = len(layout.parameters) + len(layout.inputs)
     for index, (name, unit) in enumerate(layout.derivatives):
         node = SubElement(
@@ -325,7 +336,44 @@ def _variables(root: Element, cls: type[Component]) -> None:
         SubElement(node, "String", start=parameter.start)
 
 
+def _variable(parent: Element, reference: int, variable: Declaration) -> None:
+    """Append the element of a declared variable."""
+    kind = dict(_KINDS[type(variable)])
+    if getattr(variable, "output", False):
+        kind["causality"] = "output"
+    if variable.type != "real" and kind["variability"] == "continuous":
+        kind["variability"] = "discrete"
+    description = variable.doc + (f" [{variable.source}]" if variable.source else "")
+    node = SubElement(
+        parent,
+        "ScalarVariable",
+        {"name": variable.name, "valueReference": str(reference), "description": description}
+        | kind,
+    )
+    value = SubElement(node, variable.type.capitalize())
+    if variable.type == "real":
+        value.set("declaredType", _type_name(variable))
+        for name, text in _unit_attributes(variable).items():
+            value.set(name, text)
+    if variable.type != "boolean":
+        for name, bound in (("min", variable.min), ("max", variable.max)):
+            if math.isfinite(bound):
+                value.set(name, _written(bound, variable.type))
+    if variable.type == "real" and variable.nominal != 1.0:
+        value.set("nominal", _number(variable.nominal))
+    if isinstance(variable, (ParameterDeclaration, InputDeclaration)):
+        value.set("start", _written(variable.start, variable.type))
+
+
+def _written(value: float, kind: str) -> str:
+    """Write a value of an FMI type."""
+    if kind == "real":
+        return _number(value)
+    return _flag(bool(value)) if kind == "boolean" else str(int(value))
+
+
 def _structure(root: Element, layout: Layout, graph: Graph) -> None:
+    """Append the dependencies of outputs, derivatives and initial unknowns."""
     parent = SubElement(root, "ModelStructure")
     for title, unknowns in dependencies(layout, graph).items():
         if unknowns:

@@ -1,33 +1,122 @@
-"""``documentation/index.html`` of an FMU: the component's README and a table of its variables, as one plain page."""
+"""The documents in an FMU: a page with README and variables, licences, icon, presets, reference.
+
+The page is ``documentation/index.html``; it needs nothing from elsewhere.
+"""
 
 from __future__ import annotations
 
 import html
+import re
+import sys
 from collections.abc import Iterable
 from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from fmus.kit.build.parameters import to_ssv
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, ParameterDeclaration, TextDeclaration
-from fmus.kit.units import allowed, shown
+from fmus.kit.units import format_range, format_value
 
+_LICENCES = Path(__file__).parent / "licences"
 STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #1c2733 }
-h1, h2, h3 { line-height: 1.2; color: #0b3d5c } code, pre { font: 0.92em ui-monospace, monospace; background: #f2f5f8 }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; \
+padding: 0 1rem; color: #1c2733 }
+h1, h2, h3 { line-height: 1.2; color: #0b3d5c } \
+code, pre { font: 0.92em ui-monospace, monospace; background: #f2f5f8 }
 pre { padding: 0.8rem; overflow-x: auto } code { padding: 0.1em 0.25em } pre code { padding: 0 }
 div.table { overflow-x: auto } table { border-collapse: collapse; margin: 1rem 0 }
 th, td { border: 1px solid #c9d3dc; padding: 0.3rem 0.6rem; text-align: left; vertical-align: top }
-th { background: #eef3f7 } img { max-width: 100% } td.number { text-align: right; font-variant-numeric: tabular-nums }
+th { background: #eef3f7 } img { max-width: 100% } \
+td.number { text-align: right; font-variant-numeric: tabular-nums }
 """
 
 
+def documents(cls: type[Component]) -> dict[str, bytes]:
+    """Collect the documents of a component, by path in the archive.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Its README, icon and reference result stand beside its module.
+
+    Returns
+    -------
+    dict of str to bytes
+    """
+    folder = _folder(cls)
+    files = {"documentation/index.html": page(cls, folder / "README.md").encode()}
+    for licence in sorted(_LICENCES.iterdir()):
+        files[f"documentation/licenses/{licence.name}"] = licence.read_bytes()
+    icon = folder / "model.png"
+    if icon.exists():
+        files["model.png"] = icon.read_bytes()
+    declared = {p.name: p for p in cls.layout.parameters}
+    for name, preset in cls.presets.items():
+        files[f"resources/presets/{name}.ssv"] = to_ssv(name, preset.values, declared, preset.doc)
+    return files | _reference(cls, folder / "reference")
+
+
+def _folder(cls: type[Component]) -> Path:
+    """Return the folder of a component, also of one with effects stacked on it."""
+    return Path(getattr(sys.modules.get(cls.__module__), "__file__", None) or "").parent
+
+
+def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
+    """Pack the reference result in the form of FMI-LS-REF 1.0.0-alpha.1.
+
+    A component with effects has none.
+    """
+    stimuli = folder / f"{cls.name}_in.csv"
+    results = folder / f"{cls.name}_ref.csv"
+    if not results.exists():
+        return {}
+    place = "extra/org.fmi-standard.fmi-ls-ref"
+    manifest = Element(
+        "fmiReferences",
+        {
+            "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
+            "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
+            "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
+            "fmi-ls:fmi-ls-description": "files related to this FMU",
+        },
+    )
+    options = (folder / f"{cls.name}_ref.opt").read_text(encoding="utf-8")
+    experiments = Element("Experiments", name=cls.name)
+    experiment = SubElement(
+        experiments,
+        "Experiment",
+        name="reference",
+        startTime="0",
+        stopTime=_option(options, "StopTime"),
+        stepSize=_option(options, "StepSize"),
+        description="solved independently of this FMU; inputs are held, a repeated time is a jump",
+    )
+    SubElement(experiment, "Stimuli", source=stimuli.name, type="text/csv")
+    SubElement(experiment, "References", source=results.name, type="text/csv")
+    for element in (manifest, experiments):
+        indent(element)
+    return {
+        f"{place}/fmi-ls-manifest.xml": tostring(manifest, encoding="utf-8", xml_declaration=True),
+        f"{place}/experiments.xml": tostring(experiments, encoding="utf-8", xml_declaration=True),
+        f"{place}/{stimuli.name}": stimuli.read_bytes(),
+        f"{place}/{results.name}": results.read_bytes(),
+    }
+
+
+def _option(text: str, key: str) -> str:
+    """Return the value of a line ``key,value``."""
+    value: str = re.findall(rf"^{key},(.*)$", text, re.M)[0]
+    return value
+
+
 def page(cls: type[Component], readme: Path) -> str:
-    """Make the page.
+    """Write the page.
 
     Parameters
     ----------
     cls : type[Component]
     readme : Path
-        Markdown, the component's README.
+        README of the component, in Markdown.
 
     Returns
     -------
@@ -36,15 +125,11 @@ def page(cls: type[Component], readme: Path) -> str:
     """
     from markdown_it import MarkdownIt
 
-    text = (
-        readme.read_text(encoding="utf-8")
-        if readme.exists()
-        else f"# {cls.name}\n\n{cls.__doc__ or ''}"
-    )
+    heading = f"# {cls.name}\n\n{cls.__doc__ or ''}"
+    text = readme.read_text(encoding="utf-8") if readme.exists() else heading
     body = MarkdownIt("commonmark").enable("table").render(text)
-    body = body.replace("<table>", '<div class="table"><table>').replace(
-        "</table>", "</table></div>"
-    )
+    body = body.replace("<table>", '<div class="table"><table>')
+    body = body.replace("</table>", "</table></div>")
     layout = cls.layout
     sections = {
         "Inputs": layout.inputs,
@@ -56,28 +141,38 @@ def page(cls: type[Component], readme: Path) -> str:
     remarks = "".join(f"<li>{html.escape(line)}</li>" for line in cls.remark.splitlines())
     note = f"<h2>What was made of it</h2><ul>{remarks}</ul>" if remarks else ""
     return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{cls.name}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
-        f"<body>{body}{note}<h2>Variables of <code>{cls.name}</code></h2>{tables}</body></html>\n"
+        '<!DOCTYPE html>\n<html lang="en"><head><meta'
+        f' charset="utf-8"><title>{cls.name}</title><meta name="viewport"'
+        ' content="width=device-width,'
+        f' initial-scale=1"><style>{STYLE}</style></head>\n<body>{body}{note}<h2>Variables of'
+        f" <code>{cls.name}</code></h2>{tables}</body></html>\n"
     )
 
 
-def _range(variable: Declaration) -> str:
-    return "" if isinstance(variable, TextDeclaration) else allowed(variable)
-
-
 def _table(title: str, variables: Iterable[Declaration]) -> str:
+    """Write a table of variables; parameters have a default and a range."""
+    is_of_parameters = title == "Parameters"
     rows = []
     for v in variables:
-        default = (
-            shown(v.start, v) if isinstance(v, ParameterDeclaration) else getattr(v, "start", "")
-        )
         unit = v.unit if v.unit != "1" else ""
-        text = html.escape(v.doc + (f" ({v.source})" if v.source else ""))
         cells = f"<td><code>{v.name}</code></td><td>{html.escape(unit)}</td>"
-        if title == "Parameters":
-            cells += f'<td class="number">{html.escape(str(default))}</td><td>{html.escape(_range(v))}</td>'
+        if is_of_parameters:
+            cells += f'<td class="number">{html.escape(_default(v))}</td>'
+            cells += f"<td>{html.escape(_range(v))}</td>"
+        text = html.escape(v.doc + (f" ({v.source})" if v.source else ""))
         rows.append(f"<tr>{cells}<td>{text}</td></tr>")
-    extra = "<th>default</th><th>allowed</th>" if title == "Parameters" else ""
+    extra = "<th>default</th><th>allowed</th>" if is_of_parameters else ""
     head = f"<tr><th>name</th><th>unit</th>{extra}<th>meaning</th></tr>"
     return f'<h3>{title}</h3><div class="table"><table>{head}{"".join(rows)}</table></div>\n'
+
+
+def _default(variable: Declaration) -> str:
+    """Return the default of a parameter with its unit, or of a text."""
+    if isinstance(variable, ParameterDeclaration):
+        return format_value(variable.start, variable)
+    return str(getattr(variable, "start", ""))
+
+
+def _range(variable: Declaration) -> str:
+    """Return the range of a parameter; a text has none."""
+    return "" if isinstance(variable, TextDeclaration) else format_range(variable)

@@ -1,20 +1,54 @@
-"""The package of a Python FMU: the kit's light modules, the component's own, and the entry that puts them together."""
+"""The Python package of a Python FMU: modules of the kit, of the component, and an entry module.
+
+The package in an FMU is imported under a name that is unique to it, so everything in it must be
+imported relatively. Our components are written that way. A user's model says ``from fmus.kit import
+...``; that is rewritten on the way in.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import ast
+import importlib.util
+import re
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
+from typing import Any
 
-from fmus.kit.build.bundle import RUNTIME_MODULES, bundle, place_of
 from fmus.kit.component import Component
+from fmus.kit.errors import UserError
 
-_KIT = Path(__file__).parents[1]
+# Modules of the kit that every Python FMU brings along: they need the standard library only.
+RUNTIME_MODULES = (
+    "__init__",
+    "arms",
+    "component",
+    "corrections",
+    "curves",
+    "declare",
+    "errors",
+    "functions",
+    "generic",
+    "inputs",
+    "integrate",
+    "layout",
+    "sensors",
+    "slave",
+)
+_KIT = "fmus.kit"
+_KIT_FOLDER = Path(__file__).parents[1]
+_OURS = _KIT.partition(".")[0]
+# folders of modules that are not ours
+_FILES = "models"  # single files
+_PACKAGES = "packages"  # parts of packages
+_PLACEHOLDER = b'"""Part of a Python FMU."""\n'
 _PYTHON = "Python 3.11 or newer (shared library or host process)"
 _ALONE = f"{_PYTHON}; no packages beyond the standard library.\n"
 
 
 def python_package(cls: type[Component]) -> dict[str, bytes]:
-    """Collect what Python needs at run time.
+    """Collect the files that Python needs at run time.
 
     Parameters
     ----------
@@ -24,7 +58,8 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
     Returns
     -------
     dict of str to bytes
-        Path in the archive to contents: the package in ``resources/python`` and a note on what it needs.
+        Path in the archive to contents: the package in ``resources/python`` and a note on the
+        packages that must be installed.
 
     Raises
     ------
@@ -32,58 +67,327 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
         See :func:`.bundle`.
     """
     base, effects = vars(cls).get("stacked", (cls, ()))
+    slave = "from .kit.slave import Slave"
+    engine_modules: list[str] = []
     needs: Mapping[str, str] = {}
-    slave, own = "from .kit.slave import Slave", []
     if cls.engine is not None:
         module, name = cls.engine.slave.split(":")
-        slave, own, needs = (
-            f"from .{place_of(module)} import {name} as Slave",
-            [module],
-            cls.engine.needs,
-        )
-    modules, places = bundle((base, *effects), own, needs)
-    modules |= {f"kit/{name}.py": (_KIT / f"{name}.py").read_bytes() for name in RUNTIME_MODULES}
-    modules["__init__.py"] = _entry(cls, base, effects, places, slave).encode()
+        slave = f"from .{place_of(module)} import {name} as Slave"
+        engine_modules = [module]
+        needs = cls.engine.needs
+    modules, places = bundle((base, *effects), engine_modules, needs)
+    for name in RUNTIME_MODULES:
+        modules[f"kit/{name}.py"] = (_KIT_FOLDER / f"{name}.py").read_bytes()
+    modules["__init__.py"] = _entry(cls, places, slave).encode()
     packed = {f"resources/python/{name}": contents for name, contents in modules.items()}
-    told = f"{_PYTHON} with {', '.join(needs.values())} installed.\n" if needs else _ALONE
-    return packed | {"documentation/externalDependencies.txt": told.encode()}
+    note = f"{_PYTHON} with {', '.join(needs.values())} installed.\n" if needs else _ALONE
+    return packed | {"documentation/externalDependencies.txt": note.encode()}
 
 
-def _entry(
-    cls: type[Component],
-    base: type[Component],
-    effects: tuple[type[Component], ...],
-    places: dict[type[Component], tuple[str, str]],
-    slave: str,
-) -> str:
-    """Write the module that makes the component's class again and offers ``create`` (``fmi2/python.c``)."""
-    imports = ["from .kit import stack", slave]
+def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]], slave: str) -> str:
+    """Write the module that makes the component's class again and offers ``create``.
+
+    It is called by ``fmi2/python.c``.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    places : dict of type to tuple of str
+        See :func:`bundle`.
+    slave : str
+        The statement that imports the class of the instance.
+    """
+    base, effects = vars(cls).get("stacked", (cls, ()))
     # classes of different modules may share a name
     parts = {used: f"Part{n}" for n, used in enumerate(places)}
-    imports += [
-        f"from .{place} import {name} as {parts[used]}" for used, (place, name) in places.items()
+    imports = [f"from .kit import {', '.join(_kit_names(effects))}", slave]
+    for used, (place, name) in places.items():
+        imports.append(f"from .{place} import {name} as {parts[used]}")
+    if cls is base:
+        model = parts[base]
+    else:
+        stacked = ", ".join(_part(used, parts) for used in (base, *effects))
+        values = vars(cls).get("stacked_with")
+        defaults = f", defaults={values!r}" if values else ""
+        model = f"stack({stacked}, name={cls.name!r}{defaults})"
+    lines = [
+        '"""The component of this FMU; laws are in the folder beside."""',
+        "",
+        *sorted(imports),
+        "",
+        f"MODEL = {model}",
+        "",
+        "",
+        "def create(memory, texts):",
+        "    return Slave(MODEL, memory, texts)",
     ]
-    stacked = ", ".join(_part(c, parts) for c in (base, *effects))
-    others = f", defaults={values!r}" if (values := vars(cls).get("stacked_with")) else ""
-    model = parts[base] if cls is base else f"stack({stacked}, name={cls.name!r}{others})"
-    text = '"""The component of this FMU; laws are in the folder beside."""\n\n' + "\n".join(
-        sorted(imports)
-    )
-    return (
-        text
-        + f"\n\nMODEL = {model}\n\n\ndef create(memory, texts):\n    return Slave(MODEL, memory, texts)\n"
-    )
+    return "\n".join(lines) + "\n"
+
+
+def _kit_names(effects: Iterable[type[Component]]) -> list[str]:
+    """Return the names of the kit that the entry module uses."""
+    names = {"stack"}
+    for effect in effects:
+        for value in vars(effect).get("made_with", {}).values():
+            if is_dataclass(value):
+                names.add(type(value).__name__)
+    return sorted(names)
 
 
 def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
-    """Text of a class in the FMU's package; one that is made for an output or a law is made for it again."""
+    """Return the expression for a class in the entry module.
+
+    An effect that was made for an output, a law or an input is made for it again.
+    """
     if "made_by" not in vars(cls):
         return parts[cls]
     arguments = vars(cls)["made_with"]
-    of = arguments[0]
+    subject = next(iter(arguments.values()))  # the output, the law or the input
     owner = next(
         name
         for part, name in parts.items()
-        if hasattr(part, of) or of in {v.name for v in part.layout.inputs}
+        if hasattr(part, subject) or subject in {v.name for v in part.layout.inputs}
     )
-    return f"{parts[cls]}({', '.join([owner, *map(repr, arguments)])})"
+    written = [f"{name}={value!r}" for name, value in arguments.items()]
+    return f"{parts[cls]}({', '.join([owner, *written])})"
+
+
+def bundle(
+    classes: Iterable[type[Component]], modules: Iterable[str] = (), needs: Collection[str] = ()
+) -> tuple[dict[str, bytes], dict[type[Component], tuple[str, str]]]:
+    """Collect the modules of some classes.
+
+    Parameters
+    ----------
+    classes : iterable of type
+        Components and effects.
+    modules : iterable of str
+        Further modules that are collected.
+    needs : collection of str
+        Packages that are not brought along, and may be imported all the same.
+
+    Returns
+    -------
+    files : dict of str to bytes
+        Path below the root of the package to contents; the kit's own modules are not among them.
+    places : dict of type to tuple of str
+        For each class the dotted name, below that root, of the module to import from, and the name
+        to import: of the class, or of the function that makes it.
+
+    Raises
+    ------
+    UserError
+        If a class is not at the top of a file, or its module imports something that an FMU cannot
+        bring along.
+    """
+    collected = Bundle(needs=needs)
+    for module in modules:
+        collected.add(module)
+    places = {}
+    for cls in classes:
+        places[cls] = _imported_from(cls, collected)
+    return collected.files, places
+
+
+def _imported_from(cls: type[Component], collected: Bundle) -> tuple[str, str]:
+    """Return module and name that give a class, or the function that makes it, collecting them."""
+    source: Any = vars(cls).get("made_by", cls)
+    module = source.__module__
+    name = source.__name__
+    is_at_top = getattr(sys.modules.get(module), name, None) is source
+    if source.__qualname__ != name or not is_at_top:
+        raise UserError(
+            f"{cls.__qualname__} is not defined at the top of a module: a Python FMU cannot"
+            " import it"
+        )
+    if module.startswith(f"{_KIT}."):  # it is there already
+        return place_of(module), name
+    return collected.add(module), name
+
+
+@dataclass
+class Bundle:
+    """The modules that were collected so far.
+
+    Attributes
+    ----------
+    files : dict of str to bytes
+        Path below the root of the package to contents.
+    places : dict of str to str
+        Module name outside to dotted name below the root of the package.
+    needs : collection of str
+        Packages that are not brought along, and may be imported all the same.
+    """
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
+    needs: Collection[str] = ()
+
+    def add(self, module: str) -> str:
+        """Add a module, and all modules of ours and of the user's that it imports.
+
+        Parameters
+        ----------
+        module : str
+            Name in ``sys.modules``, or one that can be imported.
+
+        Returns
+        -------
+        str
+            Dotted name below the root of the package.
+
+        Raises
+        ------
+        UserError
+            If its source is in no file, or it imports something that an FMU cannot bring along.
+        """
+        if module in self.places:
+            return self.places[module]
+        source = _source(module)
+        place = self._place(module, source)
+        self.places[module] = place
+        is_package = source.name == "__init__.py"
+        folders = place.split(".") if is_package else place.split(".")[:-1]
+        for depth in range(len(folders)):
+            self.files.setdefault("/".join([*folders[: depth + 1], "__init__.py"]), _PLACEHOLDER)
+        text = self._rewritten(module, source, len(folders))
+        self.files[place.replace(".", "/") + ("/__init__.py" if is_package else ".py")] = text
+        return place
+
+    def _place(self, module: str, source: Path) -> str:
+        """Return the dotted name that a module gets below the root of the package."""
+        if "." in module:
+            return place_of(module)
+        stem = re.sub(r"\W", "_", source.stem)
+        taken = set(self.places.values())
+        name = f"{_FILES}.{stem}"
+        number = 1
+        while name in taken:
+            number += 1
+            name = f"{_FILES}.{stem}_{number}"
+        return name
+
+    def _rewritten(self, module: str, source: Path, depth: int) -> bytes:
+        """Return the text of a module with every absolute import of ours or the user's relative."""
+        text = source.read_text(encoding="utf-8")
+        lines = text.split("\n")
+        for node in _imports(ast.parse(text, str(source))):
+            if isinstance(node, ast.Import):
+                _check_plain_import(node, source, self.needs)
+                continue
+            target = self._target(module, source, node)
+            if target is None or node.level:
+                continue
+            # columns of ast count bytes
+            line = lines[node.lineno - 1].encode()
+            before = line[: node.col_offset].decode()
+            statement = line[node.col_offset :].decode()
+            relative = "." * (depth + 1) + target
+            lines[node.lineno - 1] = before + re.sub(
+                r"^from\s+[\w.]+", f"from {relative}", statement, count=1
+            )
+        return "\n".join(lines).encode()
+
+    def _target(self, module: str, source: Path, node: ast.ImportFrom) -> str | None:
+        """Return the place of a module that is imported from, adding it.
+
+        None if it is in the standard library or need not be brought along.
+        """
+        where = f"{source}, line {node.lineno}"
+        package = module if source.name == "__init__.py" else module.rpartition(".")[0]
+        written = "." * node.level + (node.module or "")
+        if node.level and not package:
+            raise UserError(
+                f"{where}: 'from {written} import' needs a package, but {source.name} was loaded by"
+                " itself"
+            )
+        name = importlib.util.resolve_name(written, package) if node.level else written
+        if name.split(".")[0] in (*sys.stdlib_module_names, *self.needs):
+            return None
+        modules = _imported_modules(name, node)
+        if name == _KIT or name.startswith(f"{_KIT}."):
+            _check_kit_modules(modules, where)
+            return name.removeprefix(f"{_OURS}.")
+        if not name.startswith(f"{_OURS}.") and name.split(".")[0] != package.split(".")[0]:
+            raise UserError(
+                f"{where}: {name} cannot go into a Python FMU, which brings the standard library,"
+                f" {_KIT} and modules of the model's own package only"
+            )
+        for imported in sorted(modules):
+            self.add(imported)
+        return place_of(name)
+
+
+def place_of(module: str) -> str:
+    """Return the dotted name, below the root of the package, of a module in a package outside."""
+    if module.startswith(f"{_OURS}."):
+        return module.removeprefix(f"{_OURS}.")
+    return f"{_PACKAGES}.{module}"
+
+
+def _imported_modules(name: str, node: ast.ImportFrom) -> set[str]:
+    """Return the modules that ``from name import ...`` needs: submodules, and the module itself."""
+    submodules = {f"{name}.{alias.name}" for alias in node.names}
+    modules = {submodule for submodule in submodules if _is_module(submodule)}
+    if len(modules) < len(node.names):
+        modules.add(name)  # some of the names are defined in it
+    return modules
+
+
+def _check_kit_modules(modules: set[str], where: str) -> None:
+    """Check that every Python FMU brings these modules of the kit along."""
+    absent = sorted(
+        m for m in modules - {_KIT} if m.removeprefix(f"{_KIT}.") not in RUNTIME_MODULES
+    )
+    if absent:
+        raise UserError(
+            f"{where}: {absent[0]} is not part of a Python FMU; it needs more than Python itself"
+        )
+
+
+def _check_plain_import(node: ast.Import, source: Path, needs: Collection[str]) -> None:
+    """Check that ``import name`` is of the standard library or of an installed package."""
+    for alias in node.names:
+        if alias.name.split(".")[0] not in (*sys.stdlib_module_names, *needs):
+            raise UserError(
+                f"{source}, line {node.lineno}: 'import {alias.name}' cannot go into a Python FMU,"
+                f" which brings the standard library and {_KIT} only; write 'from {_KIT} import"
+                " ...', or 'from .module import ...' for a module of the model's own package"
+            )
+
+
+def _is_module(name: str) -> bool:
+    """Return whether a module can be imported by this name."""
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ImportError:  # the name before the last point is no package
+        return False
+
+
+def _source(module: str) -> Path:
+    """Return the file of a module, loaded or not."""
+    loaded = sys.modules.get(module)
+    path = getattr(loaded, "__file__", None)
+    if loaded is None:
+        spec = importlib.util.find_spec(module)
+        path = spec.origin if spec else None
+    if path is None or not Path(path).is_file():
+        raise UserError(
+            f"the source of module {module!r} is not in a file, so it cannot go into a Python FMU"
+        )
+    return Path(path)
+
+
+def _imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Yield every import that is carried out at run time, in functions too."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            yield node
+        elif isinstance(node, ast.If) and ast.unparse(node.test) in (
+            "TYPE_CHECKING",
+            "typing.TYPE_CHECKING",
+        ):
+            for branch in node.orelse:
+                yield from _imports(ast.Module([branch], []))
+        else:
+            yield from _imports(node)

@@ -1,28 +1,27 @@
-"""Parameter files: SSV, the parameter format of SSP 1.0."""
+"""Parameter files in SSV, the format of SSP 1.0, and XML files as FMI and SSP want them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Protocol
-from xml.etree.ElementTree import Element, SubElement, register_namespace
+from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from fmus.kit import units
-from fmus.kit.build.xml import serialized
 
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 
 
 class Typed(Protocol):
-    """What has a type and a unit: a declaration, or a variable of an FMU."""
+    """A declaration, or a variable of an FMU, with a type and a unit."""
 
     @property
     def type(self) -> str:
-        """One of real, integer, boolean and string."""
+        """Type: real, integer, boolean or string."""
 
     @property
     def unit(self) -> str:
-        """As pint reads it; empty where no unit is to be written."""
+        """Unit as pint reads it; empty where no unit is to be written."""
 
 
 def to_ssv(
@@ -62,29 +61,27 @@ def to_ssv(
                 real.set("unit", declaration.unit)
                 used.add(declaration.unit)
         else:
-            SubElement(
-                node,
-                f"{{{SSV}}}{declaration.type.capitalize()}",
-                value=_written(value, declaration.type),
-            )
+            kind = declaration.type.capitalize()
+            SubElement(node, f"{{{SSV}}}{kind}", value=_written(value, declaration.type))
     define_units(root, SSV, used)
     return serialized(root)
 
 
 def _written(value: float | str, kind: str) -> str:
+    """Write a text, a boolean or an integer as XML does."""
     if kind == "string":
         return str(value)
     return str(bool(value)).lower() if kind == "boolean" else str(int(value))
 
 
 def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:
-    """Append an element ``Units`` that defines units in SI base units; nothing if there are none.
+    """Append an element ``Units`` that defines units in SI base units, if there are any.
 
     Parameters
     ----------
     parent : Element
     namespace : str
-        Of the new elements: SSV's, or that of a system's description.
+        Namespace of the new elements: of SSV, or of the description of a system.
     used : iterable of str
         Units as pint reads them.
 
@@ -93,7 +90,8 @@ def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:
     UserError
         See :func:`fmus.kit.units.base_unit`.
     """
-    if not (names := sorted(used)):
+    names = sorted(used)
+    if not names:
         return
     definitions = SubElement(parent, f"{{{namespace}}}Units")
     for unit in names:
@@ -105,3 +103,20 @@ def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:
             attributes["offset"] = repr(base.offset)
         node = SubElement(definitions, f"{{{SSC}}}Unit", name=unit)
         SubElement(node, f"{{{SSC}}}BaseUnit", attributes)
+
+
+def serialized(root: Element) -> bytes:
+    """Write an element as a file: in UTF-8, indented, with the declaration always spelt alike.
+
+    Parameters
+    ----------
+    root : Element
+        Indented in place.
+
+    Returns
+    -------
+    bytes
+    """
+    indent(root)
+    body: bytes = tostring(root, encoding="utf-8")
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + body + b"\n"

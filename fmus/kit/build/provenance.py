@@ -1,15 +1,18 @@
-"""What an FMU was made from, so that it gives back its class: component, effects and remarks, in its description.
+"""The provenance of an FMU in its description: the component, effects and remarks it was made from.
 
-Only a component that effects or other values were laid over (:func:`fmus.kit.stack`) has it; the values themselves are
-the start values of the FMU's parameters. It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6)::
+From it the class of the FMU can be made again. Only a component that effects or other values were
+laid over (:func:`fmus.kit.stack`) has it; the values themselves are the start values of the FMU's
+parameters. It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6)::
 
     <Tool name="ppy-rig">
-      <MadeFrom component="ppy_actuator">        or    <MadeFrom file="models/creep.py" class="Creep" sha256="...">
+      <MadeFrom component="ppy_actuator">
         <Effect name="strain_saturation"/>
         <Effect name="sensor_lag(voltage)"/>
         <Remark>Fitted to hidden.csv</Remark>
       </MadeFrom>
     </Tool>
+
+A user's class is given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="...">``.
 """
 
 from __future__ import annotations
@@ -27,20 +30,22 @@ _TOOL = "ppy-rig"
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a component was made from.
+    """The parts that a component was made from.
 
     Attributes
     ----------
     component : str
         Name of one of our components; empty if it is a user's class.
     file, cls : str
-        A user's class: its file, as seen from the folder in which the FMU was built if it is below that, and its name.
+        File and name of a user's class. The path is relative to the folder in which the FMU was
+        built if the file is below it.
     sha256 : str
-        Of the file's contents, in hexadecimal digits.
+        Digest of the file's contents, in hexadecimal digits.
     effects : tuple of str
-        Names of the effects laid over it, innermost first; see :func:`fmus.kit.component.effect_name`.
+        Names of the effects laid over it, innermost first; see
+        :func:`fmus.kit.component.effect_name`.
     remarks : tuple of str
-        What else was said of it.
+        Further statements about it.
     """
 
     component: str = ""
@@ -52,14 +57,14 @@ class Provenance:
 
     @property
     def place(self) -> str:
-        """As a user names it: ``ppy_actuator``, or ``models/creep.py:Creep``."""
+        """The component as a user writes it: ``ppy_actuator``, or ``models/creep.py:Creep``."""
         return self.component or f"{self.file}:{self.cls}"
 
 
 def annotate(root: Element, cls: type[Component]) -> None:
-    """Append what a stacked component was made from to a model description.
+    """Append the provenance of a stacked component to a model description.
 
-    Nothing is appended for another component, and for a class that no file gives back by name.
+    Nothing is appended for another component, or for a class that no file gives by name.
 
     Parameters
     ----------
@@ -82,6 +87,7 @@ def annotate(root: Element, cls: type[Component]) -> None:
 
 
 def _origin(base: type[Component]) -> dict[str, str] | None:
+    """Return the attributes that name a component, or the file and the name of a user's class."""
     package = __package__.partition(".")[0]
     if base.__module__.partition(".")[0] == package:
         return {"component": base.name}
@@ -89,9 +95,8 @@ def _origin(base: type[Component]) -> dict[str, str] | None:
     path = Path(getattr(module, "__file__", None) or "").absolute()
     if getattr(module, base.__name__, None) is not base or not path.is_file():
         return None
-    here = (
-        Path.cwd()
-    )  # a path from there is the same on every machine, and tells nothing of this one
+    # a path from there is the same on every machine, and reveals nothing about this one
+    here = Path.cwd()
     place = path.relative_to(here) if path.is_relative_to(here) else path
     return {
         "file": place.as_posix(),
@@ -100,8 +105,8 @@ def _origin(base: type[Component]) -> dict[str, str] | None:
     }
 
 
-def read(root: Element) -> Provenance | None:
-    """Read what an FMU was made from.
+def read_provenance(root: Element) -> Provenance | None:
+    """Read the provenance of an FMU.
 
     Parameters
     ----------
@@ -111,16 +116,16 @@ def read(root: Element) -> Provenance | None:
     Returns
     -------
     Provenance or None
-        None for an FMU that does not tell.
+        None for an FMU without one.
     """
-    found = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
-    if found is None:
+    element = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
+    if element is None:
         return None
     return Provenance(
-        component=found.get("component", ""),
-        file=found.get("file", ""),
-        cls=found.get("class", ""),
-        sha256=found.get("sha256", ""),
-        effects=tuple(effect.get("name", "") for effect in found.iterfind("Effect")),
-        remarks=tuple(remark.text or "" for remark in found.iterfind("Remark")),
+        component=element.get("component", ""),
+        file=element.get("file", ""),
+        cls=element.get("class", ""),
+        sha256=element.get("sha256", ""),
+        effects=tuple(effect.get("name", "") for effect in element.iterfind("Effect")),
+        remarks=tuple(remark.text or "" for remark in element.iterfind("Remark")),
     )

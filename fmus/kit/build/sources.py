@@ -1,4 +1,4 @@
-"""The C sources of an FMU: the front-end and an engine from ``fmi2``, the generated model, FMI's headers."""
+"""The C sources of an FMU: the front-end and an engine of ``fmi2``, the model, FMI's headers."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from fmus.kit.build import library_cache, toolchain
+from fmus.kit.build import toolchain
 from fmus.kit.component import Component
-from fmus.kit.symbolic import codegen
-from fmus.kit.symbolic.trace import Graph
+from fmus.kit.symbolic import Graph, codegen
 
 FOLDER = Path(__file__).parents[1] / "fmi2"
 UNIT = "all.c"  # includes every other
@@ -21,15 +20,15 @@ _FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 @dataclass(frozen=True)
 class EngineSources:
-    """Files of an engine (``fmi2/engine.h``), files that are generated for it, and what it is linked with.
+    """The files of an engine (``fmi2/engine.h``) and the libraries it is linked with.
 
     Attributes
     ----------
     headers, sources : tuple of Path
     generated : tuple of str
-        What the unit includes of it, beside the tables that ``engine.h`` includes.
+        Generated files that the unit includes, beside the tables that ``engine.h`` includes.
     libraries : Mapping of str to tuple of str
-        By FMI platform.
+        Names for ``-l`` by FMI platform.
     """
 
     headers: tuple[Path, ...]
@@ -39,6 +38,7 @@ class EngineSources:
 
 
 def _unix(library: str) -> dict[str, tuple[str, ...]]:
+    """Return a library that every platform but Windows is linked with."""
     return dict.fromkeys(("linux64", "darwin64", "aarch64-linux"), (library,))
 
 
@@ -57,7 +57,7 @@ _PYTHON = EngineSources(
 
 
 def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
-    """Find the C files of what computes a component.
+    """Return the C files of the engine that computes a component.
 
     Parameters
     ----------
@@ -72,9 +72,8 @@ def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
     if own is None or runtime == "python":
         return _PYTHON if runtime == "python" else _NATIVE
     folder = Path(next(iter(import_module(own.folder).__path__)))
-    headers, sources = (
-        tuple(folder / name for name in names) for names in (own.headers, own.sources)
-    )
+    headers = tuple(folder / name for name in own.headers)
+    sources = tuple(folder / name for name in own.sources)
     return EngineSources(headers, sources, (), own.libraries)
 
 
@@ -97,14 +96,38 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str) -> dict[str, bytes
     generated = {name: text.encode() for name, text in generate(graph, guid).items()}
     own = (*(FOLDER / name for name in (*_HEADERS, *_FRONT_END)), *engine.headers, *engine.sources)
     sources = {path.name: path.read_bytes() for path in own}
-    # an engine may have to say what it wants of the system before the first header is read
+    # an engine may have to define feature macros of the system before the first header is read
     sources[UNIT] = unit(*(path.name for path in engine.sources), *_FRONT_END, *engine.generated)
-    return sources | fmi_headers() | generated
+    return sources | _fmi_headers() | generated
 
 
-def fmi_headers() -> dict[str, bytes]:
-    """Headers of FMI 2.0 by name."""
+def _fmi_headers() -> dict[str, bytes]:
+    """Return the headers of FMI 2.0 by name."""
     return {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
+
+
+def record_sources(graph: Graph, states: int) -> dict[str, bytes]:
+    """Write every C file of a library that runs a component over records (``fmi2/record.c``).
+
+    Parameters
+    ----------
+    graph : Graph
+        The traced component, possibly extended by sensitivities.
+    states : int
+        Number of its states that are those of the component, which come first.
+
+    Returns
+    -------
+    dict of str to bytes
+        Name to contents, :data:`UNIT` among them.
+    """
+    sources = {path.name: path.read_bytes() for path in FOLDER.iterdir() if path.is_file()}
+    sources |= _fmi_headers()
+    for name, text in codegen.native_sources(graph, "", hosted=False).items():
+        sources[name] = text.encode()
+    sources["record.h"] = f"#define RECORD_STATES {states}\n".encode()
+    sources[UNIT] = unit("record.c", "native.c", "laws.c")
+    return sources
 
 
 def unit(*names: str) -> bytes:
@@ -146,9 +169,9 @@ def compiled(sources: Mapping[str, bytes], libraries: Sequence[str], target: str
     UserError
         If there is no compiler for the platform, or it fails.
     """
-    return library_cache.library(sources, UNIT, target, libraries).read_bytes()
+    return toolchain.cached_library(sources, UNIT, target, libraries).read_bytes()
 
 
 def library_key(sources: Mapping[str, bytes], libraries: Sequence[str], target: str) -> str:
-    """Digest of all that goes into what :func:`compiled` returns."""
-    return library_cache.key(sources, UNIT, target, libraries)
+    """Return the digest of everything that goes into the library of :func:`compiled`."""
+    return toolchain.library_digest(sources, UNIT, target, libraries)

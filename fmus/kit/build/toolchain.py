@@ -1,26 +1,33 @@
-"""Finding and running a C compiler: zig (every platform, offline) or the system's (this platform only)."""
+"""C compilers: finding and running zig or the system's, and a cache of the libraries they make.
+
+zig compiles for every platform, and offline; the system's compiler for this platform only.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import functools
+import hashlib
 import importlib.metadata
 import importlib.util
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus.kit.build import process
 from fmus.kit.errors import UserError
-from fmus.kit.storage import scratch
+from fmus.kit.storage import cache, scratch
 
-# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library. The versions are the oldest that
-# will do: of glibc; of macOS the first on arm64, and on x86-64 one with all functions that are called.
+# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library. The versions
+# are the oldest that will do: of glibc; of macOS the first on arm64, and on x86-64 one with all
+# functions that are called.
 ZIG_TARGETS = {
     "linux64": ("x86_64-linux-gnu.2.17",),
     "win64": ("x86_64-windows-gnu",),
@@ -46,7 +53,7 @@ _LIMIT = 300.0  # s for a library, for all its targets together; the largest tak
 
 
 def host_platform() -> str:
-    """FMI 2.0 name of this machine's platform, e.g. ``linux64``.
+    """Return the FMI 2.0 name of this machine's platform, e.g. ``linux64``.
 
     Returns
     -------
@@ -57,19 +64,20 @@ def host_platform() -> str:
     UserError
         If FMI 2.0 has no name for it, or it is not built here.
     """
-    system, processor = platform.system(), platform.machine().lower()
+    system = platform.system()
+    processor = platform.machine().lower()
     name = _HOSTS.get(system)
-    if name is None or (
-        processor not in ("x86_64", "amd64") and not (name == "darwin64" and processor == "arm64")
-    ):
+    known = processor in ("x86_64", "amd64") or (name == "darwin64" and processor == "arm64")
+    if name is None or not known:
         raise UserError(
-            f"FMUs are built on {', '.join(_HOSTS.values())} (x86-64; macOS also arm64), not on {system} {processor}"
+            f"FMUs are built on {', '.join(_HOSTS.values())} (x86-64; macOS also arm64), not on"
+            f" {system} {processor}"
         )
     return name
 
 
 def fmi_headers() -> Path:
-    """Folder of the headers of FMI 2.0.1, as the standard has them."""
+    """Return the folder of the headers of FMI 2.0.1, as the standard has them."""
     return Path(__file__).parents[1] / "fmi2" / "standard"
 
 
@@ -80,7 +88,7 @@ class Compiler:
     Attributes
     ----------
     command : tuple of str
-        How it is called.
+        Command line up to its options.
     targets : tuple of str
         zig targets; empty for the system's compiler.
     """
@@ -90,22 +98,22 @@ class Compiler:
 
     @property
     def label(self) -> str:
-        """For people: which compiler this is."""
+        """The name of the compiler, for people."""
         return "zig" if self.targets else Path(self.command[0]).name
 
     @property
     def version(self) -> str:
-        """What tells its libraries from another's."""
+        """The version; libraries of two compilers are the same only if it is."""
         if self.targets:
             return f"zig {importlib.metadata.version('ziglang')}"
         try:
             about = os.stat(self.command[0])
         except OSError:
             return self.command[0]
-        return _told_version(self.command, about.st_mtime_ns, about.st_size)
+        return _printed_version(self.command, about.st_mtime_ns, about.st_size)
 
     def options(self, target: str, libraries: Sequence[str] = ()) -> list[list[str]]:
-        """Options of each of its runs for a platform, but for paths.
+        """Return the options of each of its runs for a platform, without paths.
 
         Parameters
         ----------
@@ -114,30 +122,35 @@ class Compiler:
         libraries : sequence of str
             Names for ``-l``.
         """
-        own = [f"-l{library}" for library in libraries]
+        own = [*FLAGS, *(f"-l{library}" for library in libraries)]
         if target == "darwin64":
             own.append("-Wl,-install_name,@rpath/library.dylib")
-        return [[*(("-target", one) if one else ()), *FLAGS, *own] for one in self.targets or ("",)]
+        if not self.targets:
+            return [own]
+        return [["-target", one, *own] for one in self.targets]
 
 
 @functools.cache
-def _told_version(command: tuple[str, ...], changed: int, size: int) -> str:
-    """Path of a compiler and what it says of itself: another version may be installed under the same path.
+def _printed_version(command: tuple[str, ...], changed: int, size: int) -> str:
+    """Return the path of a compiler and the version that it prints.
 
-    It is asked once, unless its file changes meanwhile (ns, bytes), which tell versions apart where it says nothing.
+    Another version may be installed under the same path: the compiler is run again if the time of
+    change (ns) or the size (bytes) of its file differ. These replace the version if it prints none.
     """
     try:
-        done = process.run([*command, "--version"], 10.0)
+        printed = run_program([*command, "--version"], 10.0).stdout
     except (OSError, subprocess.SubprocessError):
-        return f"{command[0]}: {changed} {size}"
-    return f"{command[0]}: {done.stdout.partition(chr(10))[0] or f'{changed} {size}'}"
+        printed = ""
+    version = printed.partition("\n")[0] or f"{changed} {size}"
+    return f"{command[0]}: {version}"
 
 
 def find_compiler(target: str) -> Compiler:
     """Find a compiler for a platform.
 
-    ``CC`` in the environment names the system's compiler; without it ``cc``, ``gcc`` and ``clang`` are tried. zig is
-    preferred: its libraries run on any glibc since 2.17 and are the same bytes wherever they are built.
+    ``CC`` in the environment names the system's compiler; without it ``cc``, ``gcc`` and ``clang``
+    are tried. zig is preferred: its libraries run on any glibc since 2.17 and are the same bytes
+    wherever they are built.
 
     Parameters
     ----------
@@ -160,14 +173,15 @@ def find_compiler(target: str) -> Compiler:
     if importlib.util.find_spec("ziglang") is not None:
         return Compiler((sys.executable, "-m", "ziglang", "cc"), ZIG_TARGETS[target])
     if target == host_platform() and target != "win64":
-        for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
-            if path := shutil.which(name):
+        for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
+            path = shutil.which(name) if name else None
+            if path:
                 return Compiler((path,))
     raise UserError(f"no C compiler for {target} on this machine; {INSTALL_HINT}")
 
 
 def available_platforms() -> list[str]:
-    """Platforms that a compiler on this machine can serve.
+    """Return the platforms that a compiler on this machine can serve.
 
     Returns
     -------
@@ -219,40 +233,42 @@ def compile_library(
     Raises
     ------
     UserError
-        If there is no compiler, or it fails (with its first error line), or takes longer than `_LIMIT`.
+        If there is no compiler, or it fails (with its first error line), or takes longer than
+        `_LIMIT`.
     """
     compiler = find_compiler(target)
-    until, built = time.monotonic() + _LIMIT, []
+    until = time.monotonic() + _LIMIT
+    built = []
     for options in compiler.options(target, libraries):
         with scratch.folder("compiled") as folder:
-            output = folder / f"library{EXTENSIONS[target]}"
-            # libraries last: a linker takes from them what it misses by then
-            named = [*(f"-I{place}" for place in include), *map(str, sources), "-o", str(output)]
-            _compile(compiler, [*compiler.command, *named, *options], target, until)
+            output = folder / "library"
+            # libraries last: a linker takes from them the symbols that are still missing
+            paths = [*(f"-I{place}" for place in include), *map(str, sources), "-o", str(output)]
+            _compile(compiler, [*compiler.command, *paths, *options], target, until)
             with scratch.written(folder):
                 built.append(output.read_bytes())
     return built[0] if len(built) == 1 else _universal(built)
 
 
 def _compile(compiler: Compiler, command: Sequence[str], target: str, until: float) -> None:
-    """Run a compiler to its end; UserError if it fails, or is not done by then."""
-    told = f"{compiler.label} failed for {target}"
+    """Run a compiler; UserError if it fails, or is not done at a time of the monotonic clock."""
+    failure = f"{compiler.label} failed for {target}"
     try:
-        done = process.run(command, until - time.monotonic())
+        done = run_program(command, until - time.monotonic())
     except subprocess.TimeoutExpired as error:
         raise UserError(
-            f"{told}: not done after {_LIMIT:g} s, and ended; try again with less beside it"
+            f"{failure}: not done after {_LIMIT:g} s, and ended; try again with less beside it"
         ) from error
     except OSError as error:
         raise UserError(
-            f"{told}: {compiler.command[0]} cannot be started ({error.strerror})"
+            f"{failure}: {compiler.command[0]} cannot be started ({error.strerror})"
         ) from error
     if done.returncode != 0:
-        scratch.check_room(
-            Path(command[command.index("-o") + 1]).parent
-        )  # it says so in its own words, if at all
+        # compilers report a full disk in words of their own, if at all
+        scratch.check_room(Path(command[command.index("-o") + 1]).parent)
         lines = done.stderr.splitlines() or ["no message"]
-        raise UserError(f"{told}: {next((line for line in lines if 'error' in line), lines[0])}")
+        first_error = next((line for line in lines if "error" in line), lines[0])
+        raise UserError(f"{failure}: {first_error}")
 
 
 def _universal(libraries: list[bytes]) -> bytes:
@@ -262,12 +278,143 @@ def _universal(libraries: list[bytes]) -> bytes:
     body = bytearray()
     offset = 1 << alignment
     for library in libraries:
-        kind, subtype = (
-            library[i : i + 4][::-1] for i in (4, 8)
-        )  # little-endian in the thin header
-        header += kind + subtype
+        # type and subtype of the processor, little-endian in the thin header
+        header += library[4:8][::-1] + library[8:12][::-1]
         header += b"".join(n.to_bytes(4, "big") for n in (offset, len(library), alignment))
         padding = -len(library) % (1 << alignment)
         body += library + bytes(padding)
         offset += len(library) + padding
     return bytes(header) + bytes((1 << alignment) - len(header)) + bytes(body)
+
+
+def run_program(command: Sequence[str], limit: float) -> subprocess.CompletedProcess[str]:
+    """Run a program that reads nothing, and wait for it.
+
+    Parameters
+    ----------
+    command : sequence of str
+    limit : float
+        s.
+
+    Returns
+    -------
+    subprocess.CompletedProcess
+        With the texts that it printed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be started.
+    subprocess.TimeoutExpired
+        If it is not done in time. As after an interrupt, nothing that it started runs on.
+    """
+    # a group of its own can be ended as a whole; Ctrl-C, which does not reach it then, ends it here
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    ) as process:
+        try:
+            output, errors = process.communicate(timeout=limit)
+        except BaseException:
+            _end(process)
+            raise
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Kill a program with everything that it started."""
+    if sys.platform == "win32":
+        subprocess.run(["taskkill", "/F", "/T", "/PID", str(process.pid)], capture_output=True)
+        process.kill()
+    else:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def cached_library(
+    sources: Mapping[str, bytes], unit: str, target: str, libraries: Sequence[str] = ()
+) -> Path:
+    """Compile sources to a shared library, or return the library from the cache.
+
+    Parameters
+    ----------
+    sources : Mapping of str to bytes
+        C files and headers by name, FMI's headers among them.
+    unit : str
+        Name of the file to compile.
+    target : str
+        FMI platform.
+    libraries : sequence of str
+        Names for ``-l``.
+
+    Returns
+    -------
+    Path
+        Named after the digest of everything that goes into it, and sound; see :func:`load_library`.
+
+    Raises
+    ------
+    UserError
+        If there is no compiler for the platform, or it fails.
+    """
+
+    def compiled() -> bytes:
+        with scratch.folder("sources") as folder:
+            with scratch.written(folder):
+                for name, contents in sources.items():
+                    (folder / name).write_bytes(contents)
+            return compile_library([folder / unit], [folder], target, libraries=libraries)
+
+    name = f"library-{library_digest(sources, unit, target, libraries)}{EXTENSIONS[target]}"
+    return cache.cached_file(name, compiled)
+
+
+def library_digest(
+    sources: Mapping[str, bytes], unit: str, target: str, libraries: Sequence[str] = ()
+) -> str:
+    """Return the digest of all that goes into a library: sources, compiler, version and options.
+
+    Parameters
+    ----------
+    sources, unit, target, libraries
+        See :func:`cached_library`.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    UserError
+        If there is no compiler for the platform.
+    """
+    compiler = find_compiler(target)
+    options = map(repr, compiler.options(target, libraries))
+    digest = hashlib.sha256("\0".join([compiler.version, target, unit, *options]).encode())
+    for name in sorted(sources):
+        digest.update(b"\0" + name.encode() + b"\0" + hashlib.sha256(sources[name]).digest())
+    return digest.hexdigest()[:32]
+
+
+def load_library(path: Path) -> ctypes.CDLL:
+    """Load a library; one from the cache only if it has not changed since it was written.
+
+    Raises
+    ------
+    UserError
+        If it has changed, or cannot be loaded.
+    """
+    if path.parent == cache.folder() and not cache.is_sound(path):
+        raise UserError(
+            f"{path}: was damaged since it was compiled; begin again, and it is compiled anew"
+        )
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be loaded ({error})") from error

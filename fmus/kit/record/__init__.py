@@ -1,1 +1,5 @@
-"""A component over a whole record in one call: compiled, or interpreted where there is no C compiler."""
+"""Simulation of a component over a whole record in one call, compiled or interpreted."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,9 @@
-"""Running a component over a whole record as compiled C, with exact sensitivities: the fast path for fitting.
+"""Simulation of a component over a whole record as compiled C, with exact sensitivities.
 
-The same laws, tables and integrator as in the native FMU (``fmi2/record.c`` in place of the FMI front-end), compiled
-once for this machine and kept in the user's cache folder; what is stiff over the record at hand has an integrator of
-its own (``fmi2/exponential.c``). Without a C compiler CasADi interprets the laws instead.
+This is the fast path for fitting: the same laws, tables and integrator as in the native FMU
+(``fmi2/record.c`` in place of the FMI front-end), compiled once for this machine and kept in the
+user's cache folder. A component that is stiff over the record has an integrator of its own
+(``fmi2/exponential.c``). Without a C compiler CasADi interprets the laws instead.
 """
 
 from __future__ import annotations
@@ -15,25 +16,23 @@ from threading import RLock
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.build import toolchain
+from fmus.kit.build import record_sources, toolchain
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.interpreted import Interpreted
-from fmus.kit.record.library import RecordLibrary, compiled, sources
+from fmus.kit.record.library import RecordLibrary, compiled
 from fmus.kit.record.linearisation import Linearisation
-from fmus.kit.symbolic.hoist import hoist
-from fmus.kit.symbolic.sensitivity import with_sensitivities
-from fmus.kit.symbolic.trace import Graph, trace
+from fmus.kit.symbolic import Graph, hoist, trace, with_sensitivities
 
 Array = NDArray[np.float64]
-# CasADi counts references to its constants, which all expressions share, without regard to threads: to make or to drop
-# expressions in two threads at once ends the process.
+# CasADi counts references to its constants, which all expressions share, without regard to threads:
+# to make or to drop expressions in two threads at once ends the process.
 _EXPRESSIONS = RLock()
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What a simulation over a record gives.
+    """The signals of a simulation over a record, and their sensitivities.
 
     Attributes
     ----------
@@ -53,9 +52,9 @@ class CompiledModel:
     Parameters
     ----------
     model : type[Component] or Graph
-        The component, or what it was traced to.
+        The component, or its traced graph.
     sensitivities : sequence of str
-        Parameters (start values included) with respect to which derivatives are wanted.
+        Parameters (start values included) with respect to which derivatives are computed.
 
     Raises
     ------
@@ -72,11 +71,12 @@ class CompiledModel:
             self._linearisation = Linearisation(base, self._graph)
             hoisted, self._hoisted = hoist(self._graph)
             layout = hoisted.layout
-            made = (
-                sources(hoisted, len(base.layout.states)) if _compiler() else Interpreted(hoisted)
-            )
+            states = len(base.layout.states)
+            made = record_sources(hoisted, states) if _compiler() else Interpreted(hoisted)
             del base, hoisted
-        self._engine = made if isinstance(made, Interpreted) else RecordLibrary.of(layout, made)
+        self._engine = (
+            made if isinstance(made, Interpreted) else RecordLibrary.from_sources(layout, made)
+        )
 
     def __del__(self) -> None:
         with _EXPRESSIONS:
@@ -90,7 +90,7 @@ class CompiledModel:
         linear: bool | Collection[str] = False,
         effort: float = 1e6,
     ) -> Trajectory:
-        """Simulate.
+        """Simulate a record.
 
         Parameters
         ----------
@@ -101,7 +101,8 @@ class CompiledModel:
         parameters : Mapping[str, float], optional
             Values that replace defaults, SI.
         linear : bool or collection of str
-            Inputs that are interpolated between samples instead of held: all of them, none, or those named.
+            Inputs that are interpolated between samples instead of held: all of them, none, or
+            those named.
         effort : float
             Internal steps per sample, on average, beyond which the simulation is abandoned.
 
@@ -116,37 +117,55 @@ class CompiledModel:
             If an input or a parameter is unknown or the simulation fails.
         """
         layout = self._graph.layout
-        known = [v.name for v in layout.inputs]
-        unknown = [name for name in inputs if name not in known]
-        if unknown:
-            names = ", ".join(map(repr, unknown))
-            raise UserError(
-                f"{self._graph.name}: no input named {names} (there are: {', '.join(known)})"
-            )
-        values = {p.name: float(p.start) for p in layout.parameters}
-        for name, value in (parameters or {}).items():
-            if name not in values:
-                raise UserError(f"no parameter named {name!r}")
-            values[name] = float(value)
-        vector = np.array(list(values.values()))
+        self._check_inputs(inputs)
+        own = self._parameter_vector(parameters or {})
+        everything = np.concatenate([own, self._hoisted(own).full()[:, 0]])
         n = len(time)
         fed = [
             np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n)
             for v in layout.inputs
         ]
         table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
-        everything = np.concatenate([vector, self._hoisted(vector).full()[:, 0]])
         times = np.ascontiguousarray(time, dtype=float)
-        named = {v.name for v in layout.inputs} if linear is True else linear or ()
-        moving = np.array([float(v.name in named) for v in layout.inputs])
+        names = {v.name for v in layout.inputs} if linear is True else linear or ()
+        interpolated = np.array([float(v.name in names) for v in layout.inputs])
         with _EXPRESSIONS:  # some are made when they are needed first
-            ladder = self._linearisation.ladder(times, table, bool(moving.any()), vector)
+            ladder = self._linearisation.ladder(times, table, bool(interpolated.any()), own)
         outputs, states = self._engine.simulate(
-            times, table, moving, everything, self._graph.tolerance, effort, ladder
+            times,
+            table,
+            interpolated,
+            everything,
+            tolerance=self._graph.tolerance,
+            effort=effort,
+            ladder=ladder,
         )
+        return self._trajectory(outputs, states)
+
+    def _check_inputs(self, inputs: Mapping[str, Array]) -> None:
+        """Check that the model has all these inputs."""
+        known = [v.name for v in self._graph.layout.inputs]
+        unknown = [name for name in inputs if name not in known]
+        if unknown:
+            names = ", ".join(map(repr, unknown))
+            raise UserError(
+                f"{self._graph.name}: no input named {names} (there are: {', '.join(known)})"
+            )
+
+    def _parameter_vector(self, parameters: Mapping[str, float]) -> Array:
+        """Return the values of all parameters, some of which replace defaults."""
+        values = {p.name: float(p.start) for p in self._graph.layout.parameters}
+        for name, value in parameters.items():
+            if name not in values:
+                raise UserError(f"no parameter named {name!r}")
+            values[name] = float(value)
+        return np.array(list(values.values()))
+
+    def _trajectory(self, outputs: Array, states: Array) -> Trajectory:
+        """Split the rows of outputs and states into signals and sensitivities."""
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
-        continuous, discrete = np.split(states, [len(layout.states)], axis=1)
+        continuous, discrete = np.split(states, [len(self._graph.layout.states)], axis=1)
         base = self.layout
         for group, rows in (
             (base.outputs, outputs),
@@ -154,7 +173,7 @@ class CompiledModel:
             (base.discretes, discrete),
         ):
             # each row holds the values, then their derivatives, parameter by parameter
-            by_parameter = rows.reshape(n, 1 + len(self.names), len(group))
+            by_parameter = rows.reshape(len(rows), 1 + len(self.names), len(group))
             for i, variable in enumerate(group):
                 signals[variable.name] = by_parameter[:, 0, i]
                 sensitivities[variable.name] = by_parameter[:, 1:, i]
@@ -162,7 +181,7 @@ class CompiledModel:
 
 
 def plain_library(cls: type[Component]) -> tuple[Path, float]:
-    """Compile a component for runs that round as its native FMU does, and can be made with numbers only.
+    """Compile a component, without sensitivities, to a library that rounds as its native FMU does.
 
     Parameters
     ----------
@@ -171,7 +190,8 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
     Returns
     -------
     path : Path
-        For a `RecordLibrary`; its parameters are those of the component's layout, and there is no ladder.
+        For a `RecordLibrary`; its parameters are those of the component's layout, and it is run
+        without a ladder.
     tolerance : float
 
     Raises
@@ -181,12 +201,14 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
     """
     with _EXPRESSIONS:
         graph = _graph(cls)
-        tolerance, made = graph.tolerance, sources(graph, len(graph.layout.states))
+        tolerance = graph.tolerance
+        made = record_sources(graph, len(graph.layout.states))
         del graph
     return compiled(made), tolerance
 
 
 def _graph(model: type[Component] | Graph) -> Graph:
+    """Return the graph of a component that has laws."""
     graph = model if isinstance(model, Graph) else trace(model)
     if not graph.restorable:
         raise UserError(
@@ -196,7 +218,7 @@ def _graph(model: type[Component] | Graph) -> Graph:
 
 
 def _compiler() -> bool:
-    """Whether there is a C compiler."""
+    """Return whether there is a C compiler."""
     try:
         toolchain.find_compiler(toolchain.host_platform())
     except UserError:

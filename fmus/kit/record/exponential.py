@@ -1,6 +1,6 @@
-"""The integrator of a stiff component over a record, for the laws in CasADi's virtual machine.
+"""The exponential integrator for stiff components, in Python, for interpreted laws.
 
-The same operations in the same order as ``fmi2/exponential.c``, where the method is explained.
+The operations and their order are those of ``fmi2/exponential.c``, where the method is explained.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from fmus.kit.record.linearisation import ROUNDED, Ladder
 
 Array = NDArray[np.float64]
-SHARE = 0.01  # of the tolerance, which a step may take: slopes by parameters are to be as good as signals
-SAME = 1e-9  # relative: steps this close are the same
-_LONGER = (
-    1.0 / 32.0
-)  # error, relative to what is tolerated, below which twice the step can be tried
+# share of the tolerance that the error of a step may reach: sensitivities are to be as good as
+# signals
+SHARE = 0.01
+SAME = 1e-9  # relative difference of steps that are the same
+_LONGER = 1.0 / 32.0  # error over the tolerated one, below which twice the step can be tried
 
 
 class ExponentialIntegrator:
-    """Steps of `largest / 2**level` with the functions of a ladder.
+    """An integrator with steps of `largest / 2**level` and the matrix functions of a ladder.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class ExponentialIntegrator:
     rates : callable
         Rates (m,) from the time and the states (m,).
     nominal : ndarray, shape (m,)
-        Of the states.
+        Nominal values of the states.
     tolerance : float
     start : float
         Time at which the record begins.
@@ -38,7 +38,7 @@ class ExponentialIntegrator:
     Attributes
     ----------
     level : int
-        Of the step to try next.
+        Level of the step to try next.
     """
 
     def __init__(
@@ -49,9 +49,13 @@ class ExponentialIntegrator:
         tolerance: float,
         start: float,
     ):
-        self.level = self._steps = 0
-        self._ladder, self._rates, self._nominal = ladder, rates, nominal
-        self._tolerance, self._start = tolerance, start
+        self.level = 0
+        self._steps = 0
+        self._ladder = ladder
+        self._rates = rates
+        self._nominal = nominal
+        self._tolerance = tolerance
+        self._start = start
 
     def step(self, now: float, target: float, x: Array, sloped: bool) -> tuple[float, Array] | None:
         """Take the longest step towards a time that is accurate enough.
@@ -66,14 +70,17 @@ class ExponentialIntegrator:
         Returns
         -------
         time : float
-            Where the step ended; where it began, if it was rejected.
+            End of the step; its begin, if it was rejected.
         x : ndarray
         None
-            If what remains is shorter than the shortest step, or so many steps were made that others cost less.
+            If the time to the target is shorter than the shortest step, or so many steps were made
+            that the Runge-Kutta method costs less.
         """
         if self._steps > self._ladder.worth * (target - self._start):
             return None
-        ladder, remaining, level = self._ladder, target - now, self.level
+        ladder = self._ladder
+        remaining = target - now
+        level = self.level
         while level < ladder.levels and ladder.largest * 0.5**level > remaining * (1.0 + ROUNDED):
             level += 1
         if level >= ladder.levels:
@@ -94,27 +101,29 @@ class ExponentialIntegrator:
             self.level = max(level - 1, 0)
         if h < remaining * (1.0 - ROUNDED):
             return now + h, x + moved
-        left = remaining - h
-        return target, x + moved + (
-            left * self._rates(target, x + moved) if abs(left) > SAME * remaining else 0.0
-        )
+        gap = remaining - h
+        last = gap * self._rates(target, x + moved) if abs(gap) > SAME * remaining else 0.0
+        return target, x + moved + last
 
     def _product(self, matrix: Array, v: Array) -> Array:
-        """Product with a matrix that is kept as the stack of its blocks."""
+        """Return the product with a matrix that is stored as the stack of its blocks."""
         blocks = v.reshape(len(matrix), -1)
         product: Array = blocks @ matrix[0].T
         product[1:] += matrix[1:] @ blocks[0]
         return product.ravel()
 
     def _phi(self, level: int, order: int, v: Array) -> Array:
+        """Return the product with phi of a level and an order."""
         return self._product(self._ladder.phi[level, order - 1], v)
 
     def _changed(self, now: float, x: Array, rate: Array, moved: Array) -> Array:
+        """Return the change of the rates that A x does not account for."""
         return self._rates(now, x + moved) - rate - self._product(self._ladder.matrix, moved)
 
     def _affine(
         self, now: float, h: float, level: int, x: Array, sloped: bool
     ) -> tuple[Array, float]:
+        """Return the change of the states in a step that is exact, and an error of zero."""
         rate = self._rates(now, x)
         moved = np.zeros_like(x)
         if sloped:
@@ -123,6 +132,7 @@ class ExponentialIntegrator:
         return moved, 0.0 if np.isfinite(moved).all() else math.inf
 
     def _krogstad(self, now: float, h: float, level: int, x: Array) -> Array:
+        """Return the change of the states in a step of Krogstad's method."""
         rate = self._rates(now, x)
         moved = 0.5 * h * self._phi(level + 1, 1, rate)
         d2 = self._changed(now + 0.5 * h, x, rate, moved)
@@ -137,7 +147,9 @@ class ExponentialIntegrator:
         )
 
     def _step_and_halves(self, now: float, h: float, level: int, x: Array) -> tuple[Array, float]:
-        one, half = self._krogstad(now, h, level, x), self._krogstad(now, 0.5 * h, level + 1, x)
+        """Return the change of the states, extrapolated from two half steps, and its error."""
+        one = self._krogstad(now, h, level, x)
+        half = self._krogstad(now, 0.5 * h, level + 1, x)
         both = half + self._krogstad(now + 0.5 * h, 0.5 * h, level + 1, x + half)
         difference = (both - one) / 15.0
         error = np.abs(difference) / (SHARE * self._tolerance) / (self._nominal + np.abs(x))

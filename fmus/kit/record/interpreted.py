@@ -1,6 +1,7 @@
-"""Running a whole record without a C compiler: the laws in CasADi's virtual machine, the integrators in Python.
+"""Simulation over a whole record without a C compiler: CasADi interprets the laws.
 
-The same operations in the same order as ``fmi2/record.c``, at a hundredth of its speed.
+The integrators are in Python. The operations and their order are those of ``fmi2/record.c``, at a
+hundredth of its speed.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.integrate import MAX_STEPS, MIN_STEP, ROUNDING, SAME_INSTANT
 from fmus.kit.record.exponential import ExponentialIntegrator
 from fmus.kit.record.linearisation import Ladder
-from fmus.kit.symbolic.trace import Graph
+from fmus.kit.symbolic import Graph
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class _Law:
 
 
 class Interpreted:
-    """A graph, ready to be run over records.
+    """An interpreter that simulates a graph over records.
 
     Parameters
     ----------
@@ -52,25 +53,20 @@ class Interpreted:
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
         self._groups = layout.inputs, (*layout.states, *layout.discretes), layout.outputs
-        self._starts = [
-            [index[layout.start_of[v.name]] for v in group]
-            for group in (layout.states, layout.discretes)
-        ]
+        self._x_starts = [index[layout.start_of[state.name]] for state in layout.states]
+        self._z_starts = [index[layout.start_of[discrete.name]] for discrete in layout.discretes]
         self._nominal = np.array([state.nominal for state in layout.states])
         self._periods = [index[p] if isinstance(p, str) else float(p) for p, _ in layout.sampled]
-        sizes = (
-            len(layout.parameters),
-            len(layout.inputs),
-            len(layout.states),
-            len(layout.discretes),
-        )
-        self._parameters, self._fed, self._x, self._z = (np.zeros(size) for size in sizes)
         self._now = np.zeros(1)
+        self._parameters = np.zeros(len(layout.parameters))
+        self._fed = np.zeros(len(layout.inputs))
+        self._x = np.zeros(len(layout.states))
+        self._z = np.zeros(len(layout.discretes))
         arguments = [self._now, self._parameters, self._fed, self._x, self._z]
         rates, outputs, *updates = graph.functions(tangent=False)[:-1]
-        self._rates = _Law(rates, arguments, sizes[2])
+        self._rates = _Law(rates, arguments, len(layout.states))
         self._outputs = _Law(outputs, arguments, len(layout.outputs))
-        self._updates = [_Law(update, arguments, sizes[3]) for update in updates]
+        self._updates = [_Law(update, arguments, len(layout.discretes)) for update in updates]
 
     def simulate(
         self,
@@ -78,11 +74,12 @@ class Interpreted:
         table: Array,
         linear: Array,
         parameters: Array,
+        *,
         tolerance: float,
         effort: float,
         ladder: Ladder | None = None,
     ) -> tuple[Array, Array]:
-        """Run over a record.
+        """Simulate a record.
 
         Parameters
         ----------
@@ -92,7 +89,8 @@ class Interpreted:
             1 for an input that is interpolated between samples, 0 for one that is held.
         parameters : ndarray
         tolerance, effort : float
-            Accuracy of an internal step, and how many there may be for each sample.
+            Accuracy of an internal step, and the number of internal steps that is allowed for each
+            sample.
         ladder : Ladder, optional
             Of a component that is stiff over the record.
 
@@ -107,37 +105,39 @@ class Interpreted:
             If the simulation fails.
         """
         with self._lock:
-            return self._simulated(time, table, linear, parameters, tolerance, effort, ladder)
+            self._start(time, parameters, tolerance, ladder)
+            return self._run(time, table, linear, effort)
 
-    def _simulated(
-        self,
-        time: Array,
-        table: Array,
-        linear: Array,
-        parameters: Array,
-        tolerance: float,
-        effort: float,
-        ladder: Ladder | None,
-    ) -> tuple[Array, Array]:
-        self._parameters[:], self._tolerance, self._hint, budget = (
-            parameters,
-            tolerance,
-            math.inf,
-            effort * len(time),
-        )
-        self._x[:], self._z[:] = (parameters[where] for where in self._starts)
-        self._exponential = (
-            None
-            if ladder is None
-            else ExponentialIntegrator(ladder, self._rate, self._nominal, tolerance, float(time[0]))
-        )
-        periods = [float(parameters[p]) if isinstance(p, int) else p for p in self._periods]
-        counters = [0] * len(periods)
+    def _start(
+        self, time: Array, parameters: Array, tolerance: float, ladder: Ladder | None
+    ) -> None:
+        """Set everything to the start of a record."""
+        self._parameters[:] = parameters
+        self._x[:] = parameters[self._x_starts]
+        self._z[:] = parameters[self._z_starts]
+        self._sample_periods = [
+            float(parameters[p]) if isinstance(p, int) else p for p in self._periods
+        ]
+        self._sample_counts = [0] * len(self._periods)
+        self._start_time = float(time[0])
+        self._tolerance = tolerance
+        self._hint = math.inf
+        self._exponential = None
+        if ladder is not None:
+            self._exponential = ExponentialIntegrator(
+                ladder, self._rate, self._nominal, tolerance, self._start_time
+            )
+
+    def _run(self, time: Array, table: Array, linear: Array, effort: float) -> tuple[Array, Array]:
+        """Advance from sample to sample, and return the outputs and the states at each."""
+        budget = effort * len(time)
         outputs = np.empty((len(time), self._outputs.result.size))
         states = np.empty((len(time), self._x.size + self._z.size))
         for k, now in enumerate(time.tolist()):
-            self._now[0], self._fed[:] = now, table[k]
-            outputs[k], states[k] = self._outputs(), np.concatenate([self._x, self._z])
+            self._now[0] = now
+            self._fed[:] = table[k]
+            outputs[k] = self._outputs()
+            states[k] = np.concatenate([self._x, self._z])
             self._check(states[k], now)
             if k + 1 == len(time):
                 break
@@ -146,17 +146,22 @@ class Interpreted:
                 raise UserError(
                     f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s"
                 )
-            slope = np.where(linear, table[k + 1] - table[k], 0.0) / h if linear.any() else None
-            self._held, self._slope, self._since = table[k], slope, now
-            budget -= self._advance(now, now + h, float(time[0]), periods, counters)
+            self._held = table[k]
+            self._since = now
+            self._slope = None
+            if linear.any():
+                self._slope = np.where(linear, table[k + 1] - table[k], 0.0) / h
+            budget -= self._advance(now, now + h)
             if budget < 0.0:
                 raise UserError(
-                    f"more than {effort:g} internal steps per sample up to {time[k + 1]:.10g} s: with these parameters "
-                    "a time constant is that much shorter than the time between samples"
+                    f"more than {effort:g} internal steps per sample up to {time[k + 1]:.10g} s:"
+                    " with these parameters a time constant is that much shorter than the time"
+                    " between samples"
                 )
         return outputs, states
 
     def _check(self, states: Array, now: float) -> None:
+        """Check that inputs, states and outputs are finite."""
         for values, group in zip(
             (self._fed, states, self._outputs.result), self._groups, strict=True
         ):
@@ -164,64 +169,61 @@ class Interpreted:
                 name = group[int(np.argmin(np.isfinite(values)))].name
                 raise UserError(f"'{name}' is not a finite number at t = {now:.10g} s")
 
-    def _advance(
-        self, now: float, end: float, start: float, periods: list[float], counters: list[int]
-    ) -> int:
-        """Advance to the next sample of the record; the number of internal steps is returned."""
+    def _advance(self, now: float, end: float) -> int:
+        """Advance to the next sample of the record, and return the number of internal steps."""
         spent = 0
         while now < end:
             target = end
-            for i, period in enumerate(periods):
+            for i, period in enumerate(self._sample_periods):
                 slack = SAME_INSTANT * period + ROUNDING * abs(end)
-                if start + counters[i] * period <= now + slack:
+                if self._start_time + self._sample_counts[i] * period <= now + slack:
                     self._feed(now)
                     self._z[:] = self._updates[i]()
-                    counters[i] += 1
-                instant = start + counters[i] * period
+                    self._sample_counts[i] += 1
+                instant = self._start_time + self._sample_counts[i] * period
                 if instant < end - slack:
                     target = min(target, instant)
             target = max(target, now)
-            spent += 1 + (self._integrate(now, target) if target > now and self._x.size else 0)
+            spent += 1
+            if target > now and self._x.size:
+                spent += self._integrate(now, target)
             now = target
         return spent
 
     def _feed(self, now: float) -> None:
+        """Set the time, and the inputs that are interpolated."""
         self._now[0] = now
         if self._slope is not None:
             self._fed[:] = self._held + (now - self._since) * self._slope
 
     def _rate(self, now: float, states: Array) -> Array:
+        """Return the time derivatives of the states."""
         self._feed(now)
         self._x[:] = states
         return self._rates().copy()
 
     def _integrate(self, now: float, target: float) -> int:
-        """Integrate from one time to another; the number of internal steps is returned, less the last one."""
+        """Integrate between two times, and return the number of steps before the last one."""
         if self._exponential is None:
             return self._by_runge_kutta(now, target)
         for spent in range(MAX_STEPS):
-            done = self._exponential.step(now, target, self._x.copy(), self._slope is not None)
-            if done is None:
+            result = self._exponential.step(now, target, self._x.copy(), self._slope is not None)
+            if result is None:
                 return spent + self._by_runge_kutta(now, target)
-            now, self._x[:] = done
+            now, self._x[:] = result
             if now == target:
                 return spent
         raise self._exhausted(now)
 
     def _by_runge_kutta(self, now: float, target: float) -> int:
+        """Integrate by the method of ``fmi2/integrate.c``; return the steps before the last one."""
         for spent in range(MAX_STEPS):
             remaining = target - now
             h = self._hint if self._hint <= 0.999 * remaining else remaining
             x = self._x.copy()
             with np.errstate(all="ignore"):  # a trial step that overflows is rejected
                 error = self._try(now, h, x)
-            following = h * (
-                5.0
-                if error == 0.0
-                else min(max(0.9 / error**0.25, 0.2), 5.0)
-                if error < math.inf
-                else 0.1
-            )
+            following = h * _step_factor(error)
             if error <= 1.0:
                 now += h
                 if self._hint < math.inf:
@@ -236,12 +238,13 @@ class Interpreted:
         raise self._exhausted(now)
 
     def _exhausted(self, now: float) -> UserError:
+        """Return the error for too many internal steps."""
         return UserError(
             f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s"
         )
 
     def _try(self, now: float, h: float, x: Array) -> float:
-        """Try one step and leave the states at its end; the error returned is relative to the tolerance."""
+        """Try one step, set the states to its end, and return its error over the tolerance."""
         k1 = self._rate(now, x)
         k2 = self._rate(now + 0.5 * h, x + 0.5 * h * k1)
         k3 = self._rate(now + 0.5 * h, x + 0.5 * h * k2)
@@ -253,8 +256,12 @@ class Interpreted:
             h / math.sqrt(self._tolerance) * (k2 - k3)
         )
         error /= self._nominal + np.abs(x)
-        return (
-            float(error.max())
-            if np.isfinite(error).all() and np.isfinite(self._x).all()
-            else math.inf
-        )
+        finite = np.isfinite(error).all() and np.isfinite(self._x).all()
+        return float(error.max()) if finite else math.inf
+
+
+def _step_factor(error: float) -> float:
+    """Return the next step over the last one, from the error over the tolerance."""
+    if error == 0.0:
+        return 5.0
+    return min(max(0.9 / error**0.25, 0.2), 5.0) if error < math.inf else 0.1

@@ -1,4 +1,4 @@
-"""A component over a whole record as a library for this machine: the engine of the native FMU without FMI around it."""
+"""Compiled libraries that run a component over whole records: the native engine without FMI."""
 
 from __future__ import annotations
 
@@ -10,21 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library, load
-from fmus.kit.build.sources import FOLDER, UNIT, fmi_headers, unit
+from fmus.kit.build import UNIT, cached_library, load_library, toolchain
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
 from fmus.kit.record.linearisation import Ladder
-from fmus.kit.symbolic import codegen
-from fmus.kit.symbolic.trace import Graph
 
 Array = NDArray[np.float64]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
 class _Ladder(ctypes.Structure):
-    """`Ladder` as ``exponential.c`` has it."""
+    """The structure of ``exponential.c`` for a `Ladder`."""
 
     _fields_ = (
         ("levels", ctypes.c_int),
@@ -43,18 +39,20 @@ class RecordLibrary:
     ----------
     path : Path
         See `compiled`.
-    outputs, remembered : int
-        How many outputs there are, and how many states and discrete states.
+    outputs, states : int
+        Number of outputs, and of states and discrete states together.
     """
 
-    def __init__(self, path: Path, outputs: int, remembered: int):
-        self._function, self._cases = _load(path)
-        self._outputs, self._states = outputs, remembered
+    def __init__(self, path: Path, outputs: int, states: int):
+        self._simulate, self._cases = _load(path)
+        self._outputs = outputs
+        self._states = states
 
     @classmethod
-    def of(cls, layout: Layout, made: Mapping[str, bytes]) -> RecordLibrary:
+    def from_sources(cls, layout: Layout, sources: Mapping[str, bytes]) -> RecordLibrary:
         """Compile the sources of a graph with this layout."""
-        return cls(compiled(made), len(layout.outputs), len(layout.states) + len(layout.discretes))
+        states = len(layout.states) + len(layout.discretes)
+        return cls(compiled(sources), len(layout.outputs), states)
 
     def simulate(
         self,
@@ -62,14 +60,16 @@ class RecordLibrary:
         table: Array,
         linear: Array,
         parameters: Array,
+        *,
         tolerance: float,
         effort: float,
         ladder: Ladder | None,
     ) -> tuple[Array, Array]:
         """Run over a record, as :meth:`Interpreted.simulate`."""
-        outputs, states = (np.empty((len(time), size)) for size in (self._outputs, self._states))
+        outputs = np.empty((len(time), self._outputs))
+        states = np.empty((len(time), self._states))
         message = ctypes.create_string_buffer(1024)
-        given = ladder and _Ladder(
+        structure = ladder and _Ladder(
             ladder.levels,
             int(ladder.affine),
             ladder.largest,
@@ -77,7 +77,7 @@ class RecordLibrary:
             _pointer(ladder.matrix),
             _pointer(ladder.phi),
         )
-        failed = self._function(
+        failed = self._simulate(
             len(time),
             _pointer(time),
             _pointer(table),
@@ -85,7 +85,7 @@ class RecordLibrary:
             _pointer(parameters),
             tolerance,
             effort,
-            given and ctypes.byref(given),
+            structure and ctypes.byref(structure),
             _pointer(outputs),
             _pointer(states),
             message,
@@ -104,7 +104,7 @@ class RecordLibrary:
         effort: float,
         columns: Sequence[int],
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Run over a record with other parameters each time.
+        """Run over a record once for each row of parameters.
 
         Parameters
         ----------
@@ -115,25 +115,23 @@ class RecordLibrary:
         tolerance, effort : float
             As for `simulate`.
         columns : sequence of int
-            What is kept, m of outputs, then states and discrete states.
+            The m signals that are returned: numbers of outputs, then states and discrete states.
 
         Returns
         -------
         courses : ndarray, shape (k, n, m)
             In rows as those of an FMU.
         done : ndarray of bool, shape (k,)
-            Whether each could be run; else its course means nothing.
+            Whether each could be run; otherwise its course means nothing.
 
         Raises
         ------
         MemoryError
-            If there is too little.
+            If there is too little memory.
         """
         kept = np.array(columns, dtype=np.intc)
-        courses, done = (
-            np.empty((len(parameters), len(time), len(kept))),
-            np.zeros(len(parameters), bool),
-        )
+        courses = np.empty((len(parameters), len(time), len(kept)))
+        done = np.zeros(len(parameters), bool)
         failed = self._cases(
             len(parameters),
             len(time),
@@ -153,16 +151,8 @@ class RecordLibrary:
         return courses, done
 
 
-def sources(graph: Graph, states: int) -> dict[str, bytes]:
-    """C files of a graph, of whose states the first are those of the component."""
-    written = {p.name: p.read_bytes() for p in FOLDER.iterdir() if p.is_file()} | fmi_headers()
-    written |= {k: v.encode() for k, v in codegen.native_sources(graph, "", hosted=False).items()}
-    written["record.h"] = f"#define RECORD_STATES {states}\n".encode()
-    return written | {UNIT: unit("record.c", "native.c", "laws.c")}
-
-
-def compiled(made: Mapping[str, bytes]) -> Path:
-    """Compile sources, or find the library in the cache.
+def compiled(sources: Mapping[str, bytes]) -> Path:
+    """Compile sources for this machine, or return the library from the cache.
 
     Raises
     ------
@@ -170,18 +160,20 @@ def compiled(made: Mapping[str, bytes]) -> Path:
         If there is no compiler, or it fails.
     """
     target = toolchain.host_platform()
-    return library(made, UNIT, target, () if target == "win64" else ("m",))
+    return cached_library(sources, UNIT, target, () if target == "win64" else ("m",))
 
 
 def _pointer(array: Array) -> object:
+    """Return a pointer to the values of an array, which must outlive it."""
     return array.ctypes.data_as(_DOUBLES)
 
 
 def _load(path: Path) -> tuple[Any, Any]:
-    """Bind ``ppy_simulate`` and ``ppy_cases``."""
-    there = load(path)
-    one, many = there.ppy_simulate, there.ppy_cases
-    one.argtypes = [
+    """Load a library, and return its functions ``ppy_simulate`` and ``ppy_cases``."""
+    loaded = load_library(path)
+    simulate = loaded.ppy_simulate
+    cases = loaded.ppy_cases
+    simulate.argtypes = [
         ctypes.c_size_t,
         _DOUBLES,
         _DOUBLES,
@@ -195,7 +187,7 @@ def _load(path: Path) -> tuple[Any, Any]:
         ctypes.c_char_p,
         ctypes.c_size_t,
     ]
-    many.argtypes = [
+    cases.argtypes = [
         ctypes.c_size_t,
         ctypes.c_size_t,
         _DOUBLES,
@@ -209,5 +201,6 @@ def _load(path: Path) -> tuple[Any, Any]:
         _DOUBLES,
         ctypes.c_void_p,
     ]
-    one.restype = many.restype = ctypes.c_int
-    return one, many
+    simulate.restype = ctypes.c_int
+    cases.restype = ctypes.c_int
+    return simulate, cases

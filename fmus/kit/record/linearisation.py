@@ -1,15 +1,17 @@
-"""What makes a component stiff over a record, and the matrix functions with which its linear part is solved exactly.
+"""Linearisation of a component at the start of a record: its stiffness and its matrix functions.
 
-The rates are split into A x, where A is their Jacobian at the start of the record, and the rest. What is sampled has
-been updated by then, for that comes before the first step: a lag whose equilibrium is sampled once follows from there.
-Sensitivities are states too, and their part of A is as exact: below the Jacobian J of the states themselves stands, for
-each parameter, a block H with the derivatives of the sensitivities' rates by the states, and beside it J again. Such a
-matrix is kept as the stack of J and all H; a function of it is the same stack of that function and of its Frechet
-derivatives.
+The rates are split into A x, where A is their Jacobian at the start of the record, and a remainder;
+A x is solved exactly. Sampled states have been updated by then, because that comes before the first
+step: a lag whose equilibrium is sampled once follows from there. Sensitivities are states too, and
+their part of A is as exact: below the Jacobian J of the states themselves stands, for each
+parameter, a block H with the derivatives of the sensitivities' rates by the states, and on the
+diagonal J again. Such a matrix is stored as the stack of J and all H; a function of it is the same
+stack of that function and of its Frechet derivatives.
 
-The functions are phi_k(z) = sum of z^j / (j + k)! at z = h A for steps h that are halved again and again: a series for
-the shortest, then doubling (Hochbruck, Ostermann: Exponential integrators, Acta Numerica 2010, section 2.1; Skaflestad,
-Wright: The scaling and modified squaring method for matrix functions related to the exponential, 2009).
+The functions are phi_k(z) = sum of z^j / (j + k)! at z = h A for steps h that are halved again and
+again: a series for the shortest, then doubling (Hochbruck, Ostermann: Exponential integrators, Acta
+Numerica 2010, section 2.1; Skaflestad, Wright: The scaling and modified squaring method for matrix
+functions related to the exponential, 2009).
 """
 
 from __future__ import annotations
@@ -22,41 +24,49 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.symbolic.trace import Graph
+from fmus.kit.symbolic import Graph
 
 Array = NDArray[np.float64]
-# Of the largest eigenvalue and the time between samples, from which on a component is stiff: below, accuracy asks for
-# about as many steps of Runge and Kutta as stability does.
+# The first four are products of the largest eigenvalue and a time.
+# Of the time between samples from which a component is stiff: below it, accuracy needs about as
+# many Runge-Kutta steps as stability does.
 _STIFF = 2.0
-# An exact step costs less than any of Runge and Kutta. To make its matrix functions costs as much as so many of theirs.
-_SETTING_UP = 2000.0
-_ACCURATE = 0.05  # of the largest eigenvalue and a step of Runge and Kutta: longer ones are not accurate enough
-_UNEVEN = 50.0  # the same of the time between samples that are not equally spaced: a step is made of several there
-# Time constants that take Runge and Kutta about as long as one exponential step with a rest beside A x, which is made
-# three times over for its error and spends most of its time in products.
+# of a Runge-Kutta step: longer ones are not accurate enough
+_ACCURATE = 0.05
+# of the time between samples that are not equally spaced, where an exact step is made of several
+_UNEVEN = 50.0
+# Of the time in which Runge-Kutta steps cost as much as one exponential step with a remainder,
+# which is made three times for its error and spends most of its time in products.
 WORTH = 100.0
-_SHORTEST = 0.02  # product of the norm of A and the shortest step: the Runge-Kutta method takes what is left in one
-_TERMS = 8  # of the series, whose first that is left out is below rounding then
-ROUNDED = 1e-6  # relative: intervals between samples this close are the same but for the rounding of a clock
-_LOOKED_AT = 5  # samples with whose inputs the eigenvalues are looked at
+# Runge-Kutta steps that cost as much as the matrix functions of exact steps; an exact step itself
+# costs less than one of them
+_SETTING_UP = 2000.0
+# product of the norm of A and the shortest step: one Runge-Kutta step covers any shorter time
+_SHORTEST = 0.02
+_TERMS = 8  # of the series; the first term after them is below rounding
+# relative difference of intervals between samples that are equal but for the rounding of a clock
+ROUNDED = 1e-6
+_INSPECTED = 5  # samples with whose inputs the eigenvalues are computed
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """Matrix functions for steps of ``largest / 2**k``.
+    """The matrix functions for steps of ``largest / 2**k``.
 
     Attributes
     ----------
     largest : float
-        Seconds.
+        Longest step, s.
     affine : bool
-        Whether nothing is left beside A x that changes during a step, other than linearly with the time.
+        Whether the remainder beside A x is constant during a step, or linear in time.
     worth : float
-        Steps per second that cost no more than what Runge and Kutta need; infinite where steps are exact.
+        Steps per second that cost no more than those of the Runge-Kutta method; infinite where
+        steps are exact.
     matrix : ndarray, shape (1 + p, n, n)
         A, as the stack of its blocks.
     phi : ndarray, shape (levels + 2, 3, 1 + p, n, n)
-        phi_1, phi_2 and phi_3 of every step, the longest first; the last two serve as halves and quarters only.
+        phi_1, phi_2 and phi_3 of every step, the longest first; the last two steps serve as halves
+        and quarters only.
     """
 
     largest: float
@@ -67,12 +77,12 @@ class Ladder:
 
     @property
     def levels(self) -> int:
-        """Steps that may be taken."""
+        """Number of different steps that may be taken."""
         return len(self.phi) - 2
 
 
 class Linearisation:
-    """Jacobians of a component and of its sensitivities.
+    """The Jacobians of a component and of its sensitivities, as functions of the parameters.
 
     Parameters
     ----------
@@ -83,12 +93,13 @@ class Linearisation:
     """
 
     def __init__(self, base: Graph, extended: Graph):
-        self._base, self._extended = base, extended
+        self._base = base
+        self._extended = extended
         self._nominal = np.array([state.nominal for state in base.layout.states])
-        self._known: dict[tuple[bool, tuple[bool, ...]], bool] = {}  # see `_affine`
+        self._known_affine: dict[tuple[bool, tuple[bool, ...]], bool] = {}  # see `_affine`
 
     def ladder(self, time: Array, table: Array, linear: bool, parameters: Array) -> Ladder | None:
-        """Look at how stiff the component is over a record.
+        """Compute the matrix functions for a record over which the component is stiff.
 
         Parameters
         ----------
@@ -106,14 +117,13 @@ class Linearisation:
             None where it is not stiff, so that the Runge-Kutta method costs least.
         """
         steps = np.diff(time)
-        if not (
-            self._nominal.size and steps.size and np.isfinite(steps).all() and (steps > 0.0).all()
-        ):
+        if not self._nominal.size or not steps.size:
+            return None
+        if not (np.isfinite(steps).all() and (steps > 0.0).all()):
             return None
         step = float(np.median(steps))
-        even = np.mean(np.abs(steps - step) > ROUNDED * step) < 0.5
         affine = self._affine(linear, self._changing(float(time[-1] - time[0]), parameters))
-        limit = WORTH if not affine else self._worth_setting_up(len(steps)) if even else _UNEVEN
+        limit = self._stiffness_limit(steps, step, affine)
         fastest, inputs = self._stiffest(float(time[0]), table, parameters, limit / step)
         if inputs is None:
             return None
@@ -126,119 +136,141 @@ class Linearisation:
         largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - ROUNDED))
         halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
-        return Ladder(
-            largest, affine, worth, matrix, _phi(matrix * (largest * 0.5**halvings), halvings)
-        )
+        phi = _phi(matrix * (largest * 0.5**halvings), halvings)
+        return Ladder(largest, affine, worth, matrix, phi)
 
     @staticmethod
-    def _worth_setting_up(samples: int) -> float:
-        """Largest eigenvalue times the time between samples from which on exact steps cost less in all."""
+    def _stiffness_limit(steps: Array, step: float, affine: bool) -> float:
+        """Return the eigenvalue times the time between samples above which a ladder costs less."""
+        if not affine:
+            return WORTH
+        is_uneven = np.abs(steps - step) > ROUNDED * step
+        if not np.mean(is_uneven) < 0.5:
+            return _UNEVEN
+        samples = len(steps)
         return 0.0 if samples >= _SETTING_UP else min(_STIFF, _ACCURATE * _SETTING_UP / samples)
 
     def _stiffest(
         self, time: float, table: Array, parameters: Array, limit: float
     ) -> tuple[float, Array | None]:
-        """Largest eigenvalue at the start with the inputs of some samples, and those; None if all are below a limit."""
-        jacobian, of_inputs = self._jacobian
-        fastest, inputs = limit, None
+        """Return the largest eigenvalue at the start over some samples, and the inputs of that one.
+
+        None in place of the inputs if all eigenvalues are below the limit.
+        """
+        jacobian, depends_on_inputs = self._jacobian
+        samples = [0]
+        if depends_on_inputs:
+            samples = np.linspace(0, len(table) - 1, _INSPECTED).astype(int).tolist()
+        fastest = limit
+        inputs = None
         start = self._start(self._base, time, table[0], parameters)
-        for k in (
-            np.linspace(0, len(table) - 1, _LOOKED_AT).astype(int).tolist() if of_inputs else [0]
-        ):
+        for k in samples:
             start[2] = table[k]
-            found = jacobian(*start).full()
+            matrix = jacobian(*start).full()
             # no eigenvalue is larger than a norm, which costs less
-            if np.isfinite(found).all() and self._norm(found) > fastest:
-                speed = float(np.abs(np.linalg.eigvals(found)).max())
-                fastest, inputs = (speed, table[k]) if speed > fastest else (fastest, inputs)
+            if np.isfinite(matrix).all() and self._norm(matrix) > fastest:
+                speed = float(np.abs(np.linalg.eigvals(matrix)).max())
+                if speed > fastest:
+                    fastest = speed
+                    inputs = table[k]
         return fastest, inputs
 
     def _norm(self, jacobian: Array) -> float:
-        """Row sum norm with every state in units of its size."""
+        """Return the row sum norm with every state in units of its nominal value."""
         return float(np.abs(jacobian * self._nominal / self._nominal[:, None]).sum(1).max())
 
     def _start(
         self, graph: Graph, time: float, inputs: Array, parameters: Array
     ) -> list[Array | float]:
-        """Arguments of the laws of a graph as its first step begins, after the first updates of what is sampled."""
+        """Return the arguments of the laws at the first step, after the first sampled updates."""
         layout = graph.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
-        groups = layout.states, layout.discretes
-        x, z = (parameters[[index[layout.start_of[v.name]] for v in group]] for group in groups)
+        x = parameters[[index[layout.start_of[v.name]] for v in layout.states]]
+        z = parameters[[index[layout.start_of[v.name]] for v in layout.discretes]]
         arguments: list[Array | float] = [time, parameters[: len(index)], inputs, x, z]
         for update in self._updates[graph is self._extended]:
             arguments[4] = update(*arguments).full()[:, 0]
         return arguments
 
     def _changing(self, duration: float, parameters: Array) -> tuple[bool, ...]:
-        """Which discrete states are sampled again after the start of a record."""
+        """Return for each discrete state whether it is sampled again after the start."""
         layout = self._base.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
-        periods = (
-            parameters[index[d.period]] if isinstance(d.period, str) else d.period
-            for d in layout.discretes
-        )
-        return tuple(float(period) < duration for period in periods)
+        changing = []
+        for discrete in layout.discretes:
+            period = discrete.period
+            seconds = parameters[index[period]] if isinstance(period, str) else period
+            changing.append(float(seconds) < duration)
+        return tuple(changing)
 
     @cached_property
     def _updates(self) -> tuple[list[ca.Function], list[ca.Function]]:
-        """What happens at the sample instants, of the component and of the extended graph; none that no rate feels."""
-        jacobian = ca.jacobian(self._base.rates, self._base.states)
-        felt = self._base.discretes.numel() and ca.depends_on(jacobian, self._base.discretes)
-        base, extended = (
-            [_dense(graph, update) for update in graph.updates] if felt else []
-            for graph in (self._base, self._extended)
+        """Sampled updates of the component and of the extended graph; none if J depends on none."""
+        base = self._base
+        jacobian = ca.jacobian(base.rates, base.states)
+        if not (base.discretes.numel() and ca.depends_on(jacobian, base.discretes)):
+            return [], []
+        return (
+            [_dense(base, update) for update in base.updates],
+            [_dense(self._extended, update) for update in self._extended.updates],
         )
-        return base, extended
 
     @cached_property
     def _jacobian(self) -> tuple[ca.Function, bool]:
         """J, from the arguments of the component's laws, and whether it depends on the inputs."""
-        expression = ca.jacobian(self._base.rates, self._base.states)
-        of_inputs = self._base.inputs.numel() and ca.depends_on(expression, self._base.inputs)
-        return _dense(self._base, expression), bool(of_inputs)
+        base = self._base
+        expression = ca.jacobian(base.rates, base.states)
+        depends_on_inputs = base.inputs.numel() and ca.depends_on(expression, base.inputs)
+        return _dense(base, expression), bool(depends_on_inputs)
 
     @cached_property
     def _blocks(self) -> ca.Function:
         """J and all H below each other, from the arguments of the extended laws."""
-        return _dense(
-            self._extended,
-            ca.jacobian(self._extended.rates, self._extended.states[: self._nominal.size]),
-        )
+        own = self._extended.states[: self._nominal.size]
+        return _dense(self._extended, ca.jacobian(self._extended.rates, own))
 
     def _affine(self, linear: bool, changing: tuple[bool, ...]) -> bool:
-        """Whether the rates are affine in the states, or with interpolated inputs in both, and stay the same so.
+        """Return whether the rates are affine in the states, with the same coefficients throughout.
 
-        ``changing`` tells of each discrete state whether it changes after the start.
+        Parameters
+        ----------
+        linear : bool
+            Whether inputs are interpolated; then the rates must be affine in these too.
+        changing : tuple of bool
+            For each discrete state whether it changes after the start.
         """
+        key = (linear, changing)
+        if key not in self._known_affine:
+            self._known_affine[key] = self._is_affine(linear, changing)
+        return self._known_affine[key]
+
+    def _is_affine(self, linear: bool, changing: tuple[bool, ...]) -> bool:
+        """Find out; see `_affine`, which remembers the answer."""
         graph = self._base
-        if (linear, changing) not in self._known:
-            moving = ca.vertcat(
-                graph.time,
-                graph.inputs,
-                graph.states,
-                graph.discretes[[k for k, c in enumerate(changing) if c]],
-            )
-            known = ca.vertcat(graph.states, graph.inputs) if linear else graph.states
-            self._known[linear, changing] = not ca.depends_on(graph.rates, graph.time) and not (
-                known.numel() and ca.depends_on(ca.jacobian(graph.rates, known), moving)
-            )
-        return self._known[linear, changing]
+        if ca.depends_on(graph.rates, graph.time):
+            return False
+        discretes = graph.discretes[[k for k, changes in enumerate(changing) if changes]]
+        moving = ca.vertcat(graph.time, graph.inputs, graph.states, discretes)
+        arguments = ca.vertcat(graph.states, graph.inputs) if linear else graph.states
+        return not (
+            arguments.numel() and ca.depends_on(ca.jacobian(graph.rates, arguments), moving)
+        )
 
 
 def _dense(graph: Graph, expression: ca.SX) -> ca.Function:
+    """Make a function of a graph's arguments whose result is not sparse."""
     return ca.Function("jacobian", graph.arguments, ca.cse([ca.densify(expression)]))
 
 
 def _times(a: Array, b: Array) -> Array:
-    """Product of two matrices, each kept as the stack of its blocks."""
+    """Return the product of two matrices, each stored as the stack of its blocks."""
     product: Array = a[0] @ b
     product[1:] += a[1:] @ b[0]
     return product
 
 
 def _phi(z: Array, doublings: int) -> Array:
-    """phi_1, phi_2 and phi_3 at z and after doublings of z, the last first."""
+    """Return phi_1, phi_2 and phi_3 at z and after doublings of z, the last first."""
     one = np.zeros_like(z)
     one[0] = np.eye(z.shape[-1])
     third = one / math.factorial(_TERMS + 3)

@@ -1,8 +1,9 @@
-"""Smooth inputs between samples: straight lines, or a cubic spline where the course bends from sample to sample.
+"""Interpolation of smooth inputs between samples: lines, or a cubic spline where a course bends.
 
-A straight line under a curved course has another area, by a twelfth of the curvature; what integrates the input is off
-by as much. Simulations take inputs in straight pieces. Two of them between two samples, which meet where their area is
-that of the spline, move a state as the spline does but for what it forgets within the interval.
+The area under a straight line differs from that under a curved course by a twelfth of the
+curvature, and so does a state that integrates the input. Simulations take inputs in straight
+pieces. Two of them between two samples, which meet where their area is that of the spline, move a
+state as the spline does, except for the decay of the state within the interval.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 _STILL = 1e-9  # of the range, below which an input did not move
-# Error with which a cubic through two neighbours on either side predicts a sample, over that of a straight line through
-# one on either side, below which a course is curved. Noise makes it 1.14, straight lines as much by rounding; a sine
-# of 4 samples a period, 0.67.
+# Error with which a cubic through two neighbours on either side predicts a sample, over that of a
+# straight line through one on either side, below which a course is curved. Noise makes it 1.14,
+# straight lines as much by rounding; a sine of 4 samples a period, 0.67.
 _CURVED = 0.8
 
 
 def is_curved(time: Array, values: Array) -> bool:
-    """Whether a course bends from sample to sample, beyond noise and kinks.
+    """Return whether a course bends from sample to sample, beyond noise and kinks.
 
     Parameters
     ----------
@@ -35,21 +36,24 @@ def is_curved(time: Array, values: Array) -> bool:
     moving = np.abs(np.diff(values))[1:-2] > _STILL * np.ptp(values)
     if not moving.any():
         return False
-    # most samples decide, so that neither a kink nor a step does
-    straight, cubic = (
-        np.median(np.abs(_beside_neighbours(time, values, k))[moving]) for k in (1, 2)
-    )
+    # the median decides, so that neither a kink nor a step does
+    straight = np.median(np.abs(_prediction_errors(time, values, 1))[moving])
+    cubic = np.median(np.abs(_prediction_errors(time, values, 2))[moving])
     return bool(cubic < _CURVED * straight)
 
 
-def _beside_neighbours(time: Array, values: Array, near: int) -> Array:
-    """How far samples (n - 4,) are beside the polynomial through so many on either side of each (Lagrange)."""
+def _prediction_errors(time: Array, values: Array, near: int) -> Array:
+    """Return the errors (n - 4,) of predicting samples from neighbours.
+
+    Each is predicted by the polynomial through ``near`` samples on either side of it (Lagrange).
+    """
     places = [k for k in range(-near, near + 1) if k]
 
     def shifted(signal: Array, k: int) -> Array:
         return signal[2 + k : len(signal) - 2 + k]
 
-    at, error = shifted(time, 0), -shifted(values, 0)
+    at = shifted(time, 0)
+    error = -shifted(values, 0)
     for k in places:
         others = [shifted(time, j) for j in places if j != k]
         error = error + shifted(values, k) * np.prod(
@@ -61,7 +65,7 @@ def _beside_neighbours(time: Array, values: Array, near: int) -> Array:
 def with_knots(
     time: Array, inputs: Mapping[str, Array], linear: bool | Collection[str]
 ) -> tuple[Array, Mapping[str, Array], slice]:
-    """Give smooth inputs a knot between every two samples where their course is curved.
+    """Add a knot between every two samples of smooth inputs, where one of them is curved.
 
     Parameters
     ----------
@@ -76,15 +80,16 @@ def with_knots(
     time, inputs
         As given if nothing is curved, else (2n - 1,).
     samples : slice
-        Where what was given stands in them.
+        Positions of the given samples in them.
     """
     smooth = inputs if linear is True else linear or ()
-    full = {
-        n: np.broadcast_to(np.asarray(values, dtype=float), time.shape)
-        for n, values in inputs.items()
-    }
-    bends = {n: _bend(time.tobytes(), full[n].tobytes()) for n in inputs if n in smooth}
-    if not any(bend is not None for bend in bends.values()):
+    full = {}
+    bends = {}
+    for name, values in inputs.items():
+        full[name] = np.broadcast_to(np.asarray(values, dtype=float), time.shape)
+        if name in smooth:
+            bends[name] = _bend(time.tobytes(), full[name].tobytes())
+    if all(bend is None for bend in bends.values()):
         return time, inputs, slice(None)
     fed = {}
     for name, values in full.items():
@@ -96,16 +101,18 @@ def with_knots(
 
 @lru_cache(maxsize=16)  # a fit simulates the same record hundreds of times
 def _bend(time: bytes, values: bytes) -> Array | None:
-    """How far beside the straight lines the knots are (n - 1,); None where the course does not bend."""
-    instants, course = np.frombuffer(time), np.frombuffer(values)
+    """Return the distances of the knots from straight lines (n - 1,); None if nothing bends."""
+    instants = np.frombuffer(time)
+    course = np.frombuffer(values)
     if not is_curved(instants, course):
         return None
-    return np.asarray(
-        -np.diff(instants) * np.diff(CubicSpline(instants, course)(instants, 1)) / 6.0
-    )
+    slopes = CubicSpline(instants, course)(instants, 1)
+    return np.asarray(-np.diff(instants) * np.diff(slopes) / 6.0)
 
 
 def _alternating(samples: Array, between: Array) -> Array:
+    """Merge samples with the values between them."""
     result = np.empty(2 * len(samples) - 1)
-    result[::2], result[1::2] = samples, between
+    result[::2] = samples
+    result[1::2] = between
     return result

@@ -1,1 +1,5 @@
-"""What is on disk beside what a user asked for: a cache that is checked, and folders that go with their process."""
+"""Storage behind the scenes: a checked cache, and temporary folders that end with their process."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,6 @@
-"""A folder of things that can be made again.
+"""The cache: a folder of files that can be made again.
 
-Nothing is taken from it that is damaged, or that anybody but this user can have written.
+No file is taken from it that is damaged, or that anybody but this user can have written.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from fmus.kit.errors import UserError
 from fmus.kit.storage.lock import NO_LINK
 
 _DIGEST = ".sha256"  # beside each entry, as ``sha256sum`` writes it
-_AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe in place of a file is not waited for
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0)  # a pipe in place of a file is not waited for
 
 
 def folder() -> Path:
-    """Folder of the cache; ``PPY_CACHE`` in the environment moves it."""
+    """Return the folder of the cache; ``PPY_CACHE`` in the environment replaces it."""
     import platformdirs
 
     return Path(os.environ.get("PPY_CACHE") or platformdirs.user_cache_dir("ppy-rig"))
 
 
-def entry(name: str, make: Callable[[], bytes], place: Path | None = None) -> Path:
-    """Path of a file in the cache, which is made unless it is there and sound.
+def cached_file(name: str, make: Callable[[], bytes], place: Path | None = None) -> Path:
+    """Return the path of a file in the cache, making it unless it is there and sound.
 
     Parameters
     ----------
     name : str
-        Says all that goes into it; with a slash it is in a folder of the cache.
+        Identifies the contents completely; with a slash it is in a folder of the cache.
     make : callable
         Returns the contents.
     place : Path, optional
@@ -43,7 +43,8 @@ def entry(name: str, make: Callable[[], bytes], place: Path | None = None) -> Pa
     Returns
     -------
     Path
-        A regular file, whole, this user's, and writable by nobody else; so are the folders it is in.
+        A regular file, whole, this user's, and writable by nobody else; so are the folders it is
+        in.
 
     Raises
     ------
@@ -52,19 +53,22 @@ def entry(name: str, make: Callable[[], bytes], place: Path | None = None) -> Pa
     """
     root = place or folder()
     path = root / name
-    with _told(root):
-        for one in (root, *(parent for parent in reversed(path.parents) if root in parent.parents)):
-            _make_private(one)
+    with _write_errors(root):
+        _make_private(root)
+        for parent in reversed(path.parents):
+            if root in parent.parents:
+                _make_private(parent)
     if not is_sound(path):
         contents = make()
-        with _told(root):
-            _keep(path, contents)
+        with _write_errors(root):
+            _store(path, contents)
     return path
 
 
-def _keep(path: Path, contents: bytes) -> None:
+def _store(path: Path, contents: bytes) -> None:
+    """Write an entry and its digest."""
     try:
-        files.put(_beside(path), _line(path, contents), 0o600)
+        files.put(_digest_file(path), _digest_line(path, contents), 0o600)
         files.put(path, contents, 0o600)
     except OSError:
         if not is_sound(path):  # Windows does not replace a library that another process has loaded
@@ -72,7 +76,8 @@ def _keep(path: Path, contents: bytes) -> None:
 
 
 @contextlib.contextmanager
-def _told(root: Path) -> Iterator[None]:
+def _write_errors(root: Path) -> Iterator[None]:
+    """Replace errors of the file system by a message that says what to do."""
     try:
         yield
     except OSError as error:
@@ -83,15 +88,15 @@ def _told(root: Path) -> Iterator[None]:
 
 
 def is_sound(path: Path) -> bool:
-    """Whether an entry is there, is what was written, and can have been written by this user only."""
+    """Return whether an entry is there, is unchanged, and was written by this user."""
     try:
-        return _read(_beside(path)) == _line(path, _read(path))
+        return _read(_digest_file(path)) == _digest_line(path, _read(path))
     except OSError:
         return False
 
 
-def _make_private(one: Path) -> None:
-    """Make a folder for this user alone, or make it so.
+def _make_private(place: Path) -> None:
+    """Make a folder for this user alone, or withdraw the rights of others to an existing one.
 
     Raises
     ------
@@ -100,31 +105,33 @@ def _make_private(one: Path) -> None:
     UserError
         If it is another user's, or stays open to others.
     """
-    one.mkdir(mode=0o700, parents=True, exist_ok=True)
+    place.mkdir(mode=0o700, parents=True, exist_ok=True)
     if sys.platform == "win32":  # folders of a user are the user's, and there is no mode
         return
-    for about in (
-        one.lstat(),
-        one.stat(),
-    ):  # of a link both: where it leads may be changed by whoever has it
+    target = place.stat()
+    # the owner of a link may change its target
+    for about in (place.lstat(), target):
         if about.st_uid != os.geteuid():
-            raise _unusable(one, f"belongs to another user (number {about.st_uid})")
-    if stat.S_IMODE(about.st_mode) & 0o077:
+            raise _unusable(place, f"belongs to another user (number {about.st_uid})")
+    if stat.S_IMODE(target.st_mode) & 0o077:
         with contextlib.suppress(OSError):
-            one.chmod(0o700)
-        if one.stat().st_mode & 0o022:
-            raise _unusable(one, "can be written by other users, and its mode cannot be changed")
+            place.chmod(0o700)
+        if place.stat().st_mode & 0o022:
+            raise _unusable(place, "can be written by other users, and its mode cannot be changed")
 
 
-def _unusable(one: Path, why: str) -> UserError:
-    return UserError(f"{one}: the cache {why}; name a folder of your own in PPY_CACHE")
+def _unusable(place: Path, why: str) -> UserError:
+    """Return the error for a folder that is no cache of this user."""
+    return UserError(f"{place}: the cache {why}; name a folder of your own in PPY_CACHE")
 
 
 def _read(path: Path) -> bytes:
-    """Contents of a file that is this user's; OSError if it is anything else."""
-    with open(
-        path, "rb", opener=lambda name, flags: os.open(name, flags | NO_LINK | _AT_ONCE)
-    ) as file:
+    """Return the contents of a file of this user; OSError if it is anything else."""
+
+    def opened(name: str, flags: int) -> int:
+        return os.open(name, flags | NO_LINK | _NO_WAIT)
+
+    with open(path, "rb", opener=opened) as file:
         about = os.fstat(file.fileno())
         private = sys.platform == "win32" or (
             about.st_uid == os.geteuid() and not about.st_mode & 0o022
@@ -134,10 +141,11 @@ def _read(path: Path) -> bytes:
         return file.read()
 
 
-def _beside(path: Path) -> Path:
+def _digest_file(path: Path) -> Path:
+    """Return the path of the file with the digest of an entry."""
     return path.with_name(path.name + _DIGEST)
 
 
-def _line(path: Path, contents: bytes) -> bytes:
-    """What is beside an entry; its name too, so that no other can be put in its place."""
+def _digest_line(path: Path, contents: bytes) -> bytes:
+    """Return the digest and the name of an entry, so that no other can take its place."""
     return f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n".encode()

@@ -1,4 +1,4 @@
-"""A lock on a file that goes with the process that holds it, however that ends: the operating system keeps it."""
+"""File locks of the operating system, which end with the process that holds them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def take(path: Path) -> int | None:
     Parameters
     ----------
     path : Path
-        Whoever locks it may remove it, but only while it is locked.
+        The process that locks it may remove it, but only while it is locked.
 
     Returns
     -------
@@ -34,9 +34,8 @@ def take(path: Path) -> int | None:
             if not _locked(descriptor):
                 os.close(descriptor)
                 return None
-            if _is(
-                descriptor, path
-            ):  # whoever had it before may have removed it since it was opened
+            # the process that had it before may have removed it since it was opened
+            if _is_open(descriptor, path):
                 return descriptor
         except BaseException:
             os.close(descriptor)
@@ -45,19 +44,19 @@ def take(path: Path) -> int | None:
 
 
 def release(path: Path, descriptor: int) -> None:
-    """Remove a file that :func:`take` locked, and let go of it."""
-    if sys.platform != "win32":  # while it is locked: nobody can have taken it again
+    """Remove a file that :func:`take` locked, and release it."""
+    if sys.platform == "win32":
+        os.close(descriptor)  # an open file cannot be removed; another process may take it now
         with contextlib.suppress(OSError):
             path.unlink()
-    os.close(descriptor)
-    if (
-        sys.platform == "win32"
-    ):  # where what is open stays; if another has opened it, it is the other's
+    else:
         with contextlib.suppress(OSError):
-            path.unlink()
+            path.unlink()  # while it is locked: nobody can have taken it again
+        os.close(descriptor)
 
 
-def _is(descriptor: int, path: Path) -> bool:
+def _is_open(descriptor: int, path: Path) -> bool:
+    """Return whether a descriptor is of the file that has this path now."""
     try:
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     except FileNotFoundError:
@@ -65,6 +64,7 @@ def _is(descriptor: int, path: Path) -> bool:
 
 
 def _locked(descriptor: int) -> bool:
+    """Lock an open file; return False if another descriptor has the lock."""
     if sys.platform == "win32":
         import msvcrt
 

@@ -1,8 +1,8 @@
-"""Temporary folders that go with their process; of one that was killed, the next process removes them.
+"""Temporary folders that are removed with their process, or by the next one if it was killed.
 
-Beside each folder ``ppy-...`` is a file ``ppy-....lock``, locked for as long as the folder is in use. It is there
-before the folder and goes after it, so that there is no moment at which a folder in use could be taken for one that is
-not. The number of a process would not do: it is given again.
+Beside each folder ``ppy-...`` is a file ``ppy-....lock``, locked for as long as the folder is in
+use. It is made before the folder and removed after it, so that at no moment a folder in use could
+be taken for an abandoned one. The number of the process would not do, because numbers are reused.
 """
 
 from __future__ import annotations
@@ -23,27 +23,22 @@ from pathlib import Path
 from fmus.kit.errors import UserError
 from fmus.kit.storage import lock
 
-_PREFIX, _LOCK = "ppy-", ".lock"
-NO_ROOM = (
-    errno.ENOSPC,
-    errno.EFBIG,
-    getattr(errno, "EDQUOT", errno.ENOSPC),
-    errno.EROFS,
-)  # errors about a place
+_PREFIX = "ppy-"
+_LOCK = ".lock"
+# errors that are about a place, not about a file
+NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EROFS)
 _PROBE = bytes(2**20)
-_NONE = (
-    -1
-)  # in place of a descriptor, where a file system has no locks: nothing is swept there either
+_NO_LOCK = -1  # in place of a descriptor where the file system has no locks; nothing is swept there
 _ours: dict[Path, int] = {}  # folders of this process, and the descriptors of their locks
 
 
 def make(kind: str) -> Path:
-    """Make a folder, to be given to :func:`remove`, at the latest when the process ends.
+    """Make a folder; :func:`remove` removes it, or else the end of the process.
 
     Parameters
     ----------
     kind : str
-        What it is for, in its name.
+        Its purpose, a part of its name.
 
     Returns
     -------
@@ -57,16 +52,18 @@ def make(kind: str) -> Path:
     """
     try:
         place = tempfile.gettempdir()
-    except FileNotFoundError as error:  # it has tried several
-        told = f"no folder for temporary files can be written ({error.strerror})"
-        raise UserError(f"{told}; make room in one of them, or name another in TMPDIR") from error
+    except FileNotFoundError as error:  # several were tried
+        raise UserError(
+            f"no folder for temporary files can be written ({error.strerror}); make room in one of"
+            " them, or name another in TMPDIR"
+        ) from error
     _sweep(place)
     try:
         while True:
             folder = Path(place).absolute() / f"{_PREFIX}{kind}-{uuid.uuid4().hex[:12]}"
             descriptor = _locked(folder)
             if descriptor is None:
-                continue  # another process took it for left behind, between the file and its lock
+                continue  # another process took it for abandoned, between the file and its lock
             _ours[folder] = descriptor
             try:
                 folder.mkdir(mode=0o700)
@@ -87,7 +84,7 @@ def remove(folder: str | Path) -> None:
 
 @contextlib.contextmanager
 def folder(kind: str) -> Iterator[Path]:
-    """Have a folder while the context lasts; see `make`."""
+    """Make a folder that is removed at the end of the context; see `make`."""
     made = make(kind)
     try:
         yield made
@@ -97,7 +94,7 @@ def folder(kind: str) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def written(folder: str | Path) -> Iterator[None]:
-    """Tell in one line that something in a folder could not be written.
+    """Replace errors of writing into a folder by a message that says what to do.
 
     Raises
     ------
@@ -111,11 +108,12 @@ def written(folder: str | Path) -> Iterator[None]:
 
 
 def check_room(folder: str | Path) -> None:
-    """Refuse a folder that takes no more, of which programs of others say what they like.
+    """Check that a folder can still be written, which other programs do not report clearly.
 
     Raises
     ------
     UserError
+        If it cannot.
     """
     probe = Path(folder) / "probe"
     with written(folder):
@@ -127,7 +125,7 @@ def check_room(folder: str | Path) -> None:
 
 
 def no_room(place: Path, error: OSError) -> UserError:
-    """Say what to do about a folder for temporary files."""
+    """Return the error that says what to do about a folder for temporary files."""
     return UserError(
         f"{place}: temporary files cannot be written there ({error.strerror or error}); "
         "make room, or name another folder in TMPDIR"
@@ -136,50 +134,54 @@ def no_room(place: Path, error: OSError) -> UserError:
 
 @functools.cache
 def _sweep(place: str) -> None:
-    """Remove what processes that are gone left in a folder."""
+    """Remove the temporary folders of processes that have ended."""
     for path in Path(place).absolute().glob(f"{_PREFIX}*{_LOCK}"):
         with contextlib.suppress(OSError):
             folder = path.with_suffix("")
-            if _is_ours(path, stat.S_ISREG) and (
-                not folder.exists() or _is_ours(folder, stat.S_ISDIR)
-            ):
+            if not _is_ours(path, stat.S_ISREG):
+                continue
+            if not folder.exists() or _is_ours(folder, stat.S_ISDIR):
                 descriptor = lock.take(path)
                 if descriptor is not None:
                     _remove(folder, descriptor)
 
 
 def _is_ours(path: Path, is_kind: Callable[[int], bool]) -> bool:
+    """Return whether a path is of a kind, and belongs to this user."""
     about = path.lstat()
     return is_kind(about.st_mode) and (sys.platform == "win32" or about.st_uid == os.geteuid())
 
 
 def _remove(folder: Path, descriptor: int) -> None:
+    """Remove a folder, then its lock."""
     shutil.rmtree(folder, ignore_errors=True)
-    if descriptor == _NONE:
+    if descriptor == _NO_LOCK:
         return
-    if folder.exists():  # Windows keeps what is loaded; the next process removes it
+    if folder.exists():  # Windows keeps a loaded library; the next process removes it
         os.close(descriptor)
     else:
         lock.release(_lock_of(folder), descriptor)
 
 
 def _locked(folder: Path) -> int | None:
-    """Lock the file beside a folder that is still to be made; None if another process was faster."""
+    """Lock the file beside a folder that is made next; None if another process was faster."""
     path = _lock_of(folder)
     try:
         return lock.take(path)
     except OSError:
         with contextlib.suppress(OSError):
             path.unlink()
-        return _NONE
+        return _NO_LOCK
 
 
 def _lock_of(folder: Path) -> Path:
+    """Return the path of the lock of a folder."""
     return folder.with_name(f"{folder.name}{_LOCK}")
 
 
 @atexit.register
 def _remove_all() -> None:
+    """Remove all folders of this process."""
     for folder in list(_ours):
         remove(folder)
 

@@ -1,6 +1,7 @@
-"""C source of one component: its tables (``model.h``, ``tables.h``) and its laws (``laws.c``, from the CasADi graph).
+"""Generation of C source for one component: its tables and its laws.
 
-What each file must contain is written at the top of ``fmi2/engine.h``.
+The tables are ``model.h`` and ``tables.h``, the laws ``laws.c``, from the CasADi graph. The
+contents of each file are specified at the top of ``fmi2/engine.h``.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import json
 import math
 import os
 import re
+from collections.abc import Mapping
 
 import casadi as ca
 
@@ -19,8 +21,9 @@ from fmus.kit.declare import (
     ParameterDeclaration,
     StateDeclaration,
 )
+from fmus.kit.layout import Layout
 from fmus.kit.storage import scratch
-from fmus.kit.symbolic.trace import Graph
+from fmus.kit.symbolic.tracing import Graph
 
 _ROLES = {
     ParameterDeclaration: "ROLE_PARAMETER",
@@ -30,7 +33,7 @@ _ROLES = {
     OutputDeclaration: "ROLE_OUTPUT",
 }
 
-# CasADi writes functions that nobody calls, with arguments that nobody uses.
+# CasADi writes functions that are not called, with arguments that are not used.
 _LAWS = """\
 #define CASADI_SYMBOL_EXPORT static inline
 #ifdef __GNUC__
@@ -43,18 +46,19 @@ _LAWS = """\
 #endif
 """
 
-_HELPER = re.compile(
-    r"^(?=(?:const )?\w+\*? casadi_\w+\()", re.M
-)  # where CasADi defines one, such as casadi_sq
+# where CasADi defines a helper such as casadi_sq
+_HELPER = re.compile(r"^(?=(?:const )?\w+\*? casadi_\w+\()", re.M)
 
 
 def _c_double(value: float) -> str:
+    """Write a number in C."""
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return repr(float(value))
 
 
 def _c_string(text: str) -> str:
+    """Write a string literal in C."""
     return json.dumps(text)  # the escapes of JSON are those of C for printable ASCII
 
 
@@ -73,48 +77,30 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         ``model.h`` without the sizes of the laws, and ``tables.h``.
     """
     layout = graph.layout
-    groups = layout.sampled
     sizes = {
         "PARAMETERS": layout.parameters,
         "INPUTS": layout.inputs,
         "STATES": layout.states,
         "DISCRETES": layout.discretes,
         "OUTPUTS": layout.outputs,
-        "GROUPS": groups,
+        "GROUPS": layout.sampled,
         "TEXTS": layout.texts,
     }
     header = [
         "#ifndef MODEL_H",
         "#define MODEL_H",
-        *(f"#define MODEL_{k} {len(v)}" for k, v in sizes.items()),
+        *(f"#define MODEL_{name} {len(group)}" for name, group in sizes.items()),
     ]
-    rows = []
-    for v in layout.variables:
-        start = _c_double(float(getattr(v, "start", 0.0)))
-        numbers = ", ".join([start, *map(_c_double, (v.min, v.max, v.nominal))])
-        rows.append(
-            f"    {{{_c_string(v.name)}, {_c_string(v.unit)}, {_ROLES[type(v)]}, TYPE_{v.type.upper()}, {numbers}}},"
-        )
-    for (name, unit), state in zip(layout.derivatives, layout.states, strict=True):
-        numbers = f"0.0, -INFINITY, INFINITY, {_c_double(state.nominal)}"
-        rows.append(
-            f"    {{{_c_string(name)}, {_c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},"
-        )
     index = {p.name: i for i, p in enumerate(layout.parameters)}
     starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
-    periods = [
-        f"    {{0.0, {index[period]}}},"
-        if isinstance(period, str)
-        else f"    {{{_c_double(period)}, -1}},"
-        for period, _ in groups
-    ]
+    periods = [f"    {_period(period, index)}," for period, _ in layout.sampled]
     texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
     body = [
         f"static const char model_name[] = {_c_string(graph.name)};",
         f"static const char model_guid[] = {_c_string(guid)};",
         f"static const double model_tolerance = {_c_double(graph.tolerance)};",
         "static const Variable model_variables[] = {",
-        *rows,
+        *_variable_rows(layout),
         "};",
         f"static const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
         "static const Group model_groups[] = {",
@@ -128,6 +114,31 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     return {"model.h": "\n".join(header) + "\n", "tables.h": "\n".join(body) + "\n"}
 
 
+def _variable_rows(layout: Layout) -> list[str]:
+    """Write a row of the table of variables for each variable and each derivative."""
+    rows = []
+    for v in layout.variables:
+        start = float(getattr(v, "start", 0.0))
+        numbers = ", ".join(map(_c_double, (start, v.min, v.max, v.nominal)))
+        rows.append(
+            f"    {{{_c_string(v.name)}, {_c_string(v.unit)}, {_ROLES[type(v)]},"
+            f" TYPE_{v.type.upper()}, {numbers}}},"
+        )
+    for (name, unit), state in zip(layout.derivatives, layout.states, strict=True):
+        numbers = f"0.0, -INFINITY, INFINITY, {_c_double(state.nominal)}"
+        rows.append(
+            f"    {{{_c_string(name)}, {_c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},"
+        )
+    return rows
+
+
+def _period(period: str | float, index: Mapping[str, int]) -> str:
+    """Write a sample period: a number of seconds, or the position of a parameter."""
+    if isinstance(period, str):
+        return f"{{0.0, {index[period]}}}"
+    return f"{{{_c_double(period)}, -1}}"
+
+
 def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, str]:
     """Write every generated file of the native build.
 
@@ -137,7 +148,8 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, st
         The traced component.
     guid : str
     hosted : bool
-        Whether there will be an FMU, whose host may ask for directional derivatives and event indicators.
+        Whether there will be an FMU, whose host may ask for directional derivatives and event
+        indicators.
 
     Returns
     -------
@@ -168,7 +180,9 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, st
 
 
 def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
-    """Write every generated file of a build without laws in C: they stay in Python, or there are none.
+    """Write every generated file of a build without laws in C.
+
+    The laws stay in Python, or there are none.
 
     Parameters
     ----------
@@ -187,6 +201,7 @@ def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
 
 
 def _generate(functions: list[ca.Function]) -> str:
+    """Write functions in C, and check that CasADi could write all of it."""
     generator = ca.CodeGenerator("laws.c", {"with_header": False})
     for function in functions:
         generator.add(function)
@@ -194,9 +209,8 @@ def _generate(functions: list[ca.Function]) -> str:
         generator.generate(f"{folder}{os.sep}")
         with scratch.written(folder):
             text = (folder / "laws.c").read_text(encoding="utf-8")
-            if (
-                generator.dump() not in text
-            ):  # where there is no room CasADi writes a part, and says nothing
+            # on a full disk CasADi writes a part, and reports nothing
+            if generator.dump() not in text:
                 scratch.check_room(folder)
                 raise OSError("of the laws, a part was written")
             return _HELPER.sub("static inline ", text)

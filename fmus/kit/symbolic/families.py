@@ -1,7 +1,8 @@
-"""Which effects fit a model's laws: every law, each signal that it reads, and the shapes that go with their units.
+"""Families of effects that fit a model's laws: for every law, each signal it reads and its shapes.
 
-Nobody has to list them. The laws are called once on dimensioned numbers, which tells their units, and once on a
-component that writes down who reads what.
+Nobody has to list them. The laws are called once on dimensioned numbers, which gives their units,
+and once on a component that records which law reads which signal. The units of a law and a signal
+decide which shapes fit.
 """
 
 from __future__ import annotations
@@ -12,17 +13,20 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from fmus.kit import units
-from fmus.kit.arms import ARMS, arm
+from fmus.kit.arms import ARMS, lag_effect
 from fmus.kit.component import Component, Effect
-from fmus.kit.curves import SHAPES, curve, variable
+from fmus.kit.curves import SHAPES, EffectNames, curve, variable
+from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_EFFECTS
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 
-# Derived units that people write, the first of those of one dimension.
-_WRITTEN = (
+Array = NDArray[np.float64]
+# Derived units as people write them; of units of one dimension the first is preferred.
+_PREFERRED_UNITS = (
     "1",
     "N",
     "N*m",
@@ -53,23 +57,23 @@ _WRITTEN = (
     "s",
     "1/s",
 )
-_POINTS, _SAME = (
-    64,
-    1e-4,
-)  # at which a law is compared with a shape, and the share in which they may differ
-_TIME = 1.0  # s, where a search for a time constant starts if nothing is known of the record
+_POINTS = 64  # at which a law is compared with a shape
+_TOLERANCE = 1e-4  # share of its standard deviation by which a sum of slopes may miss the shape
+_TIME_CONSTANT = 1.0  # s, where a fit starts if the duration of the record is not known
+# ways until a loop gives, in typical magnitudes of its signal, where a fit starts
+_WAYS = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
 
 
 @dataclass(frozen=True)
 class LawOfModel:
-    """A law, as its model has it.
+    """A law of a model, with its unit and the signals it reads.
 
     Attributes
     ----------
     name : str
         The method.
     unit : str
-        SI; empty where its units do not fit together.
+        SI; empty where units in it do not fit together.
     reads : tuple of str
         Inputs and states that it reads itself, not through another law.
     is_rate, is_output : bool
@@ -103,7 +107,8 @@ _SPRING = {
     "play": "prandtl_play",
 }
 _OUTFLOW = {"linear": "laminar_outflow", "square_root": "square_root_outflow", "weir": "overflow"}
-# Units of a law (any where there is none) and of a signal, and what shapes of one over the other are called.
+# Unit of a law (empty for any), unit of a signal, and the names of the shapes of one over the
+# other.
 _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "m/s", _FRICTION),
     ("", "rad/s", _FRICTION),
@@ -179,8 +184,8 @@ _ANYTHING = {
 }
 
 
-def laws_of(cls: type[Component]) -> list[LawOfModel]:
-    """Laws of a component that its rates and outputs come to, in the order in which they are called.
+def list_laws(cls: type[Component]) -> list[LawOfModel]:
+    """Return the laws that the rates and outputs of a component call, in the order of the calls.
 
     Parameters
     ----------
@@ -191,29 +196,24 @@ def laws_of(cls: type[Component]) -> list[LawOfModel]:
     list of LawOfModel
     """
     layout = cls.layout
-    rates = {state.rate for state in layout.states}
-    outputs = {output.name for output in layout.outputs}
+    rates = [state.rate for state in layout.states]
+    outputs = [output.name for output in layout.outputs]
     signals = [v.name for v in (*layout.inputs, *layout.states) if v.type == "real"]
-    reads = _reads(
-        cls, [*(s.rate for s in layout.states), *(o.name for o in layout.outputs)], set(signals)
-    )
+    reads = _reads(cls, [*rates, *outputs], set(signals))
     units_of = _units(cls, list(reads))
-    return [
-        LawOfModel(
-            name,
-            units_of.get(name, ""),
-            tuple(s for s in signals if s in read),
-            name in rates,
-            name in outputs,
+    laws = []
+    for name, read in reads.items():
+        in_order = tuple(signal for signal in signals if signal in read)
+        laws.append(
+            LawOfModel(name, units_of.get(name, ""), in_order, name in rates, name in outputs)
         )
-        for name, read in reads.items()
-    ]
+    return laws
 
 
 def families_for(
     cls: type[Component], scales: Mapping[str, float] | None = None
 ) -> list[type[Effect]]:
-    """Effects that fit a component's laws by their units, beside those that its file lists.
+    """Make the effects that fit a component's laws by their units.
 
     Parameters
     ----------
@@ -224,142 +224,177 @@ def families_for(
     Returns
     -------
     list of type[Effect]
-        None of which is of the same law, signal and shape as another.
+        No two of the same law, signal and shape.
     """
     layout = cls.layout
-    scale = {v.name: v.nominal for v in (*layout.inputs, *layout.states, *layout.outputs)} | dict(
-        scales or {}
-    )
-    fed = [v.name for v in layout.inputs if v.type == "real"]
-    made: list[type[Effect]] = []
+    scale = {v.name: v.nominal for v in (*layout.inputs, *layout.states, *layout.outputs)}
+    scale |= dict(scales or {})
+    inputs = [v.name for v in layout.inputs if v.type == "real"]
     graph = trace(cls)
     rates = {s.rate: graph.rates[i] for i, s in enumerate(layout.states)}
-    for law in laws_of(cls):
-        if law.is_output or not law.unit or (law.is_rate and rates[law.name].is_symbolic()):
-            continue  # what is wrong with measuring is for the sensors, and a definition is not wrong
-        signals = [s for s in law.reads if not (law.is_rate and s in fed)]
-        signals += _free(cls, law, rates)
-        made += _of_law(cls, law, signals, scale)
-    forces = [
-        law
-        for law in laws_of(cls)
-        if not law.is_output and any(_alike(law.unit, u) for u in ("N", "N*m"))
-    ]
-    made += [force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)) for law in forces[:1]]
-    return made + [make(cls, name, scale[name]) for name in fed for make in INPUT_EFFECTS]
+    laws = list_laws(cls)
+    made: list[type[Effect]] = []
+    for law in laws:
+        is_definition = law.is_rate and rates[law.name].is_symbolic()
+        # errors of measurements are effects of the sensors, and a definition cannot be wrong
+        if law.is_output or not law.unit or is_definition:
+            continue
+        signals = [s for s in law.reads if not (law.is_rate and s in inputs)]
+        signals += _undamped_velocities(cls, law, rates)
+        made += _effects_of_law(cls, law, signals, scale)
+    for law in laws:
+        if not law.is_output and any(_same_dimension(law.unit, u) for u in ("N", "N*m")):
+            made.append(force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)))
+            break  # of the first force only
+    return made + [make(cls, name, scale[name]) for name in inputs for make in INPUT_EFFECTS]
 
 
-def _of_law(
+def _effects_of_law(
     cls: type[Component], law: LawOfModel, signals: list[str], scale: Mapping[str, float]
 ) -> Iterator[type[Effect]]:
+    """Yield the effects of a law over each signal: curves and memories."""
     unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
-    several, nominal = len(signals) > 1, scale.get(law.name, 1.0)
+    nominal = scale.get(law.name, 1.0)
     for signal in signals:
-        of = f"{law.name}, {signal}" if several else law.name
-        own = f"of_{signal}_" if several else ""
-        shapes = _shapes(law.unit, unit_of[signal])
-        for shape, name in shapes.items():
-            about = (law.unit, nominal, scale[signal], name)
-            if law.is_rate and shape in ARMS:
-                continue  # a rate is a memory itself
-            if shape in SHAPES and not SHAPES[shape].width and _has(cls, law.name, signal, shape):
-                continue  # it would be the same as a parameter
+        several = len(signals) > 1
+        qualifier = f"{law.name}, {signal}" if several else law.name
+        prefix = f"{law.name}_of_{signal}" if several else law.name
+        for shape, name in _shapes(law.unit, unit_of[signal]).items():
+            own = f"{prefix}_{name}"
             if shape in ARMS:
-                own_name = f"{law.name}_{own}{name}"
-                ends = own_name, f"{own_name}_constant", f"{own_name}_state"
-                ways = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
-                constant = (
-                    ways[shape] * scale[signal] if shape in ways else scale.get("time", _TIME)
+                if law.is_rate:
+                    continue  # a rate has a memory already, its state
+                yield lag_effect(
+                    cls,
+                    law.name,
+                    signal,
+                    shape,
+                    _first_constant(shape, signal, scale),
+                    law.unit,
+                    nominal=nominal,
+                    scale=scale[signal],
+                    names=EffectNames(name, (own, f"{own}_constant", f"{own}_state"), qualifier),
                 )
-                yield arm(cls, law.name, signal, shape, constant, *about, ends, of)
-            else:
-                suffixes = f"{own}{name}", f"{own}{name}_width"
-                yield curve(cls, law.name, signal, shape, *about, suffixes, of, law.is_rate)
+            elif SHAPES[shape].width or not _has(cls, law.name, signal, shape):
+                yield curve(
+                    cls,
+                    law.name,
+                    signal,
+                    shape,
+                    law.unit,
+                    nominal,
+                    scale=scale[signal],
+                    names=EffectNames(name, (own, f"{own}_width"), qualifier),
+                    either_way=law.is_rate,
+                )
 
 
-def _free(cls: type[Component], law: LawOfModel, rates: Mapping[str, Any]) -> list[str]:
-    """Velocity whose rate a law is and that nothing brakes: no law of a force or torque reads it."""
-    moving = [
-        s
+def _first_constant(kind: str, signal: str, scale: Mapping[str, float]) -> float:
+    """Return the constant of an arm where a fit starts: a way of a loop, else a time in s."""
+    if kind in _WAYS:
+        return _WAYS[kind] * scale[signal]
+    return scale.get("time", _TIME_CONSTANT)
+
+
+def _undamped_velocities(
+    cls: type[Component], law: LawOfModel, rates: Mapping[str, Any]
+) -> list[str]:
+    """Return the velocity whose rate a law is, if its rate does not depend on it."""
+    velocities = [
+        s.name
         for s in cls.layout.states
-        if s.rate == law.name and any(_alike(s.unit, u) for u in ("m/s", "rad/s"))
+        if s.rate == law.name and any(_same_dimension(s.unit, u) for u in ("m/s", "rad/s"))
     ]
-    named = {symbol.name() for symbol in ca.symvar(rates[law.name])} if moving else set()
-    return [s.name for s in moving if s.name not in named]
+    if not velocities:
+        return []
+    dependencies = {symbol.name() for symbol in ca.symvar(rates[law.name])}
+    return [name for name in velocities if name not in dependencies]
 
 
 def _has(cls: type[Component], law: str, signal: str, shape: str) -> bool:
-    """Whether the law's own parameters give a shape already: it is a sum of the slopes by them, at points drawn."""
-    rng, one = np.random.default_rng(0), cls()
+    """Return whether the law's own parameters give a shape already.
+
+    They do if the shape is a linear combination of the slopes of the law by its parameters, at
+    random points.
+    """
+    rng = np.random.default_rng(0)
+    one = cls()
     for v in (*cls.layout.inputs, *cls.layout.states):
         if v.type == "real":
             setattr(one, v.name, v.nominal * rng.normal(size=_POINTS))
     x = getattr(one, signal)
     wanted = SHAPES[shape].form(x, 1.0, variable(cls, signal).nominal)
-    slopes = []
-    for p in (p for p in cls.layout.parameters if p.type == "real"):
-        value, step = getattr(one, p.name), 1e-6 * p.nominal
-        ends = []
-        for moved in (value - step, value + step):
-            setattr(one, p.name, moved)
-            try:
-                ends.append(np.broadcast_to(np.asarray(getattr(one, law)(), dtype=float), x.shape))
-            except (
-                ArithmeticError,
-                TypeError,
-                ValueError,
-            ):  # of what cannot be computed nothing is known
-                return False
-        setattr(one, p.name, value)
-        slopes.append((ends[1] - ends[0]) / (2.0 * step))
-    known = [
-        slope / size
-        for slope in slopes
-        if np.isfinite(slope).all() and (size := np.abs(slope).max()) > 0.0
-    ]
-    if not known:
+    columns = []
+    for p in cls.layout.parameters:
+        if p.type != "real":
+            continue
+        slope = _slope(one, law, p)
+        if slope is None:
+            return False
+        if np.isfinite(slope).all():
+            size = np.abs(slope).max()
+            if size > 0.0:
+                columns.append(slope / size)
+    if not columns:
         return False
-    basis = np.column_stack(known)
-    left = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=1e-9)[0]
-    return bool(np.std(left) < _SAME * np.std(wanted))
+    basis = np.column_stack(columns)
+    residual = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=1e-9)[0]
+    return bool(np.std(residual) < _TOLERANCE * np.std(wanted))
+
+
+def _slope(one: Component, law: str, parameter: ParameterDeclaration) -> Array | None:
+    """Return the slope of a law by a parameter, by central differences; None if it has no value."""
+    value = getattr(one, parameter.name)
+    step = 1e-6 * parameter.nominal
+    ends = []
+    for moved in (value - step, value + step):
+        setattr(one, parameter.name, moved)
+        try:
+            result = np.asarray(getattr(one, law)(), dtype=float)
+            ends.append(np.broadcast_to(result, (_POINTS,)))
+        except (ArithmeticError, TypeError, ValueError):
+            return None
+    setattr(one, parameter.name, value)
+    slope: Array = (ends[1] - ends[0]) / (2.0 * step)
+    return slope
 
 
 def _shapes(law: str, signal: str) -> dict[str, str]:
-    """Shapes that are known of a law in one unit over a signal in another, with their names."""
+    """Return the shapes of a law in one unit over a signal in another, with their names."""
     for above, below, shapes in _KNOWN:
-        if (not above or _alike(law, above)) and _alike(signal, below):
+        if (not above or _same_dimension(law, above)) and _same_dimension(signal, below):
             return shapes
     return _ANYTHING
 
 
-def _alike(one: str, other: str) -> bool:
-    """Whether units are of one dimension, a radian counted."""
+def _same_dimension(one: str, other: str) -> bool:
+    """Return whether units are of one dimension, a radian counted."""
     return bool(one) and units.base_unit(one).exponents == units.base_unit(other).exponents
 
 
-def _written(unit: str) -> str:
-    """A unit in base units, as people write it if they do."""
-    return next((known for known in _WRITTEN if _alike(known, unit)), unit)
+def _preferred(unit: str) -> str:
+    """Return a unit in base units as people write it, if they do."""
+    return next((known for known in _PREFERRED_UNITS if _same_dimension(known, unit)), unit)
 
 
 def _reads(cls: type[Component], names: list[str], signals: set[str]) -> dict[str, set[str]]:
-    """Which signals every law reads by itself, by the name of the law, as it is called."""
+    """Return the signals that every law reads by itself, by law, in the order of the calls."""
     calls: list[str] = []
-    found: dict[str, set[str]] = {}
+    reads: dict[str, set[str]] = {}
 
     def get(self: Any, name: str) -> Any:
         value = object.__getattribute__(self, name)
         if name in signals:
             if calls:
-                found[calls[-1]].add(name)
+                reads[calls[-1]].add(name)
             return value
         is_law = callable(value) and not name.startswith("_") and not hasattr(Component, name)
-        return _watched(name, value) if is_law else value
+        return recorded(name, value) if is_law else value
 
-    def _watched(name: str, law: Callable[..., Any]) -> Callable[..., Any]:
+    def recorded(name: str, law: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
             calls.append(name)
-            found.setdefault(name, set())
+            reads.setdefault(name, set())
             try:
                 return law(*arguments)
             finally:
@@ -371,23 +406,25 @@ def _reads(cls: type[Component], names: list[str], signals: set[str]) -> dict[st
     one = spy()
     for name in names:
         getattr(one, name)()
-    return found
+    return reads
 
 
 def _units(cls: type[Component], laws: list[str]) -> dict[str, str]:
-    """SI unit of every law whose units fit together."""
-    registry, layout = units.registry(), cls.layout
+    """Return the SI unit of every law in which units fit together."""
+    registry = units.registry()
+    layout = cls.layout
     one = cls()
     for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
         if v.type == "real":
             size = getattr(v, "start", 0.0) or v.nominal
             one.__dict__[v.name] = registry.Quantity(float(size), units.parse(v.unit))
     one.time = registry.Quantity(1.0, "s")
-    found = {}
+    known = {}
     for law in laws:
         try:
             value = getattr(one, law)()
-            found[law] = _written(f"{value.to_base_units().units:~C}".replace("**", "^") or "1")
-        except Exception:  # whatever a law does to a number that has a unit, it is not told then
+            unit = f"{value.to_base_units().units:~C}".replace("**", "^") or "1"
+            known[law] = _preferred(unit)
+        except Exception:  # a law may do anything to a number that has a unit
             continue
-    return found
+    return known

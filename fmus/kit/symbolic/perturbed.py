@@ -1,7 +1,7 @@
-"""Something added to each law of a component, and what its rates and outputs make of that, to first order.
+"""First-order response of a component to additions to its laws, along a trajectory.
 
-Along a trajectory dS/dt = A S + b w and dy = C S + d w, where w is what is added to one law as a function of time: one
-simulation serves for whatever may be added.
+If w(t) is added to one law, the changes S of the states and dy of the outputs follow dS/dt = A S +
+b w and dy = C S + d w. One simulation serves for every addition.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
-from fmus.kit.symbolic.trace import Graph, trace
+from fmus.kit.symbolic.tracing import Graph, trace
 
 Array = NDArray[np.float64]
 _NUMBERS = ca.SX, float, int
@@ -25,20 +25,20 @@ _NUMBERS = ca.SX, float, int
 
 @dataclass(frozen=True)
 class Jacobians:
-    """Derivatives of a perturbed component at points of a trajectory, and the values of its laws there.
+    """The derivatives of a perturbed component at points of a trajectory, and values of its laws.
 
     Attributes
     ----------
     a : ndarray, shape (n, states, states)
         Of the rates by the states, SI.
     b : ndarray, shape (n, states, laws)
-        Of the rates by what is added to the laws, SI.
+        Of the rates by the additions to the laws, SI.
     c : ndarray, shape (n, outputs, states)
         Of the outputs by the states, SI.
     d : ndarray, shape (n, outputs, laws)
-        Of the outputs by what is added to the laws, SI.
+        Of the outputs by the additions to the laws, SI.
     values : ndarray, shape (n, laws)
-        Of the laws with nothing added, SI; of one with arguments as it is called first.
+        Of the laws without additions, SI; of a law with arguments at its first call.
     """
 
     a: Array
@@ -49,10 +49,10 @@ class Jacobians:
 
 
 class PerturbedLaws:
-    """A component with a symbol added to each of its laws, wherever one is called and with whatever arguments.
+    """A component with a symbol added to the value of each of its laws at every call.
 
-    What is added to a law that an effect overrides is added to what the effect makes of it. A law that gives several
-    numbers is none to which one could be added; it counts as a part of those that call it.
+    If an effect overrides a law, the addition is to the value of the effect. Nothing is added to a
+    law that gives several numbers; it counts as a part of those that call it.
 
     Parameters
     ----------
@@ -61,9 +61,9 @@ class PerturbedLaws:
     Attributes
     ----------
     names : list of str
-        Laws that its rates, outputs and updates come to, in the order in which they are called first.
+        Laws that its rates, outputs and updates call, in the order of the first calls.
     graph : Graph
-        The component as it is.
+        The component without additions.
     """
 
     def __init__(self, cls: type[Component]):
@@ -71,15 +71,15 @@ class PerturbedLaws:
         self._values: dict[str, ca.SX] = {}
         self._calling: list[str] = []
         self._read: dict[str, set[str]] = {}
-        self._signals = {
-            v.name for v in (*cls.layout.inputs, *cls.layout.states, *cls.layout.discretes)
-        } | {"time"}
-        self._perturbed = trace(self._spied(cls))
+        layout = cls.layout
+        variables = (*layout.inputs, *layout.states, *layout.discretes)
+        self._signals = {v.name for v in variables} | {"time"}
+        self._perturbed = trace(self._watched(cls))
         self.graph: Graph = trace(cls)
         self.names = list(self._added)
 
-    def _spied(self, cls: type[Component]) -> type[Component]:
-        """Make a class that tells which laws and signals are asked for, and adds to the laws."""
+    def _watched(self, cls: type[Component]) -> type[Component]:
+        """Make a class that records which laws and signals are read, and adds to the laws."""
         # an input that an effect changes stands in the class, and has no value there
         own = {
             name
@@ -101,13 +101,14 @@ class PerturbedLaws:
         )
 
     def _with_addition(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a law with its addition, which records its value and the signals it reads."""
+
         def perturbed(*arguments: Any, **named: Any) -> Any:
             added = self._added.setdefault(name, ca.SX.sym(name))
             caller = self._read[self._calling[-1]] if self._calling else set()
             read = self._read.setdefault(name, set())
-            read |= {
-                handed for one in (*arguments, *named.values()) for handed in self._handed(one)
-            }
+            for argument in (*arguments, *named.values()):
+                read |= set(self._sources(argument))
             self._calling.append(name)
             try:
                 value = law(*arguments, **named)
@@ -123,8 +124,8 @@ class PerturbedLaws:
 
         return perturbed
 
-    def _handed(self, argument: Any) -> list[str]:
-        """The signal or the laws that an argument is."""
+    def _sources(self, argument: Any) -> list[str]:
+        """Return the signal, or the laws, whose value an argument is."""
         if not isinstance(argument, ca.SX):
             return []
         if argument.is_symbolic() and argument.name() in self._signals:
@@ -136,7 +137,7 @@ class PerturbedLaws:
         ]
 
     def is_definition(self, law: str) -> bool:
-        """Whether nothing can be wrong with a law.
+        """Return whether a law is a definition, which cannot be wrong.
 
         Parameters
         ----------
@@ -146,8 +147,9 @@ class PerturbedLaws:
         Returns
         -------
         bool
-            It is a rate that is a state, as that of a position is the velocity; or an output that reads no input, no
-            state and not the time, whatever it computes from other laws and from parameters, or that is a state.
+            True for a rate that is a state, as the rate of a position is the velocity; and for an
+            output that is a state, or that is computed from other laws and parameters only, without
+            inputs, states and the time.
 
         Raises
         ------
@@ -155,33 +157,31 @@ class PerturbedLaws:
             If there is no such law.
         """
         layout = self.graph.layout
-        is_state = self._values[law].is_symbolic() and self._values[law].name() in {
-            s.name for s in layout.states
-        }
+        value = self._values[law]
+        is_state = value.is_symbolic() and value.name() in {s.name for s in layout.states}
         if law in {o.name for o in layout.outputs}:
             return is_state or not self._read[law] - set(self.names)
         return is_state and law in {s.rate for s in layout.states}
 
     def acts_beside(self, law: str) -> set[str]:
-        """Inputs and states that stand in the rates and outputs that a law acts on."""
-        graph, added = self._perturbed, self._added[law]
-        felt = [
-            e
-            for whole in (graph.rates, graph.outputs)
-            for e in ca.vertsplit(whole)
-            if ca.depends_on(e, added)
-        ]
-        return self._standing_in(ca.vertcat(ca.SX(0, 1), *felt))
+        """Return the inputs and states in the rates and outputs that depend on a law."""
+        graph = self._perturbed
+        elements = [*ca.vertsplit(graph.rates), *ca.vertsplit(graph.outputs)]
+        dependent = [e for e in elements if ca.depends_on(e, self._added[law])]
+        return self._signals_in(ca.vertcat(ca.SX(0, 1), *dependent))
 
     def computed_from(self, signal: str) -> set[str]:
-        """Inputs and states that a signal is, or that stand in a law that it is."""
-        return self._standing_in(self._values[signal]) if signal in self._values else {signal}
+        """Return the inputs and states that a law depends on; for another signal that itself."""
+        return self._signals_in(self._values[signal]) if signal in self._values else {signal}
 
-    def _standing_in(self, expression: ca.SX) -> set[str]:
+    def _signals_in(self, expression: ca.SX) -> set[str]:
+        """Return the inputs and states in an expression."""
         return {symbol.name() for symbol in ca.symvar(expression)} & self._signals
 
     def reads_itself(self, law: str, signal: str) -> bool:
-        """Whether a signal stands in a law itself, or is handed to it, rather than in a law that it calls.
+        """Return whether a law reads a signal itself, or gets it as an argument.
+
+        A signal that is read only by a law that it calls does not count.
 
         Parameters
         ----------
@@ -198,30 +198,32 @@ class PerturbedLaws:
         return signal in self._read[law]
 
     def calls(self, law: str, other: str) -> bool:
-        """Whether a law is computed from another, or from what that one gives to laws in between.
+        """Return whether a law is computed from another, directly or through laws in between.
 
         Parameters
         ----------
         law, other : str
-            Of what is none of the names, nothing is computed, nor is it from anything.
+            False if one of them is none of the names.
         """
-        known = law in self._values and other in self._added
-        return known and bool(ca.depends_on(self._values[law], self._added[other]))
+        if law not in self._values or other not in self._added:
+            return False
+        return bool(ca.depends_on(self._values[law], self._added[other]))
 
     @cached_property
     def _function(self) -> ca.Function:
-        """Jacobians and values, in the order of :class:`Jacobians`, as a function of what laws depend on."""
-        graph, added = self._perturbed, ca.vertcat(ca.SX(0, 1), *self._added.values())
+        """Jacobians and values, in the order of :class:`Jacobians`, from the arguments of laws."""
+        graph = self._perturbed
+        added = ca.vertcat(ca.SX(0, 1), *self._added.values())
         expressions = [
-            *(
-                ca.jacobian(e, s)
-                for e in (graph.rates, graph.outputs)
-                for s in (graph.states, added)
-            ),
+            ca.jacobian(graph.rates, graph.states),
+            ca.jacobian(graph.rates, added),
+            ca.jacobian(graph.outputs, graph.states),
+            ca.jacobian(graph.outputs, added),
             ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names)),
         ]
-        rest = [ca.densify(ca.substitute(e, added, ca.DM.zeros(added.shape))) for e in expressions]
-        return ca.Function("perturbed", graph.arguments, ca.cse(rest))
+        zero = ca.DM.zeros(added.shape)
+        unperturbed = [ca.densify(ca.substitute(e, added, zero)) for e in expressions]
+        return ca.Function("perturbed", graph.arguments, ca.cse(unperturbed))
 
     def along(
         self,
@@ -237,9 +239,10 @@ class PerturbedLaws:
         time : ndarray, shape (n,)
             Seconds.
         parameters : Mapping of str to float
-            SI; those that are not given have their defaults, and others than the component's are passed over.
+            SI; others have their defaults. Names that the component does not have are ignored.
         inputs, signals : Mapping of str to ndarray, shape (n,)
-            Inputs, and all states and discrete states, SI; an input that is not given has its start value.
+            Inputs, and all states and discrete states, SI; an input that is not given has its start
+            value.
 
         Returns
         -------
@@ -250,7 +253,8 @@ class PerturbedLaws:
         KeyError
             If a state is not given.
         """
-        layout, n = self.graph.layout, len(time)
+        layout = self.graph.layout
+        n = len(time)
 
         def rows(group: Sequence[Declaration], values: Mapping[str, Any]) -> Array:
             columns = [np.broadcast_to(np.asarray(values[v.name], dtype=float), n) for v in group]
@@ -265,16 +269,19 @@ class PerturbedLaws:
             rows(layout.states, signals),
             rows(layout.discretes, signals),
         ]
-        found = [np.asarray(part) for part in self._function.map(n)(*points)]
-        states, outputs, laws = len(layout.states), len(layout.outputs), len(self.names)
-        # CasADi lays the matrices of all points side by side
-        by_states, by_laws, c, d = (
-            part.reshape(height, n, width).transpose(1, 0, 2)
-            for part, height, width in zip(
-                found[:4],
-                (states, states, outputs, outputs),
-                (states, laws, states, laws),
-                strict=True,
-            )
+        a, b, c, d, values = (np.asarray(part) for part in self._function.map(n)(*points))
+        states = len(layout.states)
+        outputs = len(layout.outputs)
+        laws = len(self.names)
+        return Jacobians(
+            a=_by_point(a, n, states, states),
+            b=_by_point(b, n, states, laws),
+            c=_by_point(c, n, outputs, states),
+            d=_by_point(d, n, outputs, laws),
+            values=values.T,
         )
-        return Jacobians(by_states, by_laws, c, d, found[4].T)
+
+
+def _by_point(side_by_side: Array, n: int, height: int, width: int) -> Array:
+    """Stack the matrices of n points, which CasADi lays side by side."""
+    return side_by_side.reshape(height, n, width).transpose(1, 0, 2)

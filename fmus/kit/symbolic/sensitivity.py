@@ -1,22 +1,28 @@
-"""Forward sensitivities: a component's graph extended by the derivatives of its states with respect to parameters.
+"""Forward sensitivities: a graph extended by derivatives of its states by parameters.
 
-With S = dx/dtheta, dS/dt = (df/dx) S + df/dtheta and dy/dtheta = (dg/dx) S + dg/dtheta; discrete states likewise at
-their sample instants. The extended system is integrated like any other, so the sensitivities are as accurate as the
-states (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section I.14).
+With S = dx/dtheta, dS/dt = (df/dx) S + df/dtheta and dy/dtheta = (dg/dx) S + dg/dtheta; discrete
+states likewise at their sample instants. The extended system is integrated like any other, so the
+sensitivities are as accurate as the states (Hairer, Norsett, Wanner: Solving Ordinary Differential
+Equations I, section I.14).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import Declaration, ParameterDeclaration, named, starting
+from fmus.kit.declare import (
+    Declaration,
+    ParameterDeclaration,
+    make_start_parameter,
+    name_declaration,
+)
 from fmus.kit.errors import UserError
-from fmus.kit.symbolic.trace import Graph
+from fmus.kit.symbolic.tracing import Graph
 
 
 def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
@@ -31,74 +37,89 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     Returns
     -------
     Graph
-        Its states are followed by ``d(state)/d(parameter)``, parameter by parameter; outputs and discrete states too.
+        Its states are followed by ``d(state)/d(parameter)``, parameter by parameter; outputs and
+        discrete states too.
 
     Raises
     ------
     UserError
-        If a name is not a parameter, or one that holds a sample period: the sample instants would move with it, which
-        has no derivative here.
+        If a name is not a parameter, or one that holds a sample period: the sample instants would
+        move with it, which has no derivative here.
     """
     layout = graph.layout
-    index = {p.name: i for i, p in enumerate(layout.parameters)}
-    unknown = [name for name in names if name not in index]
-    if unknown:
-        raise UserError(
-            f"{graph.name}: no parameter named {unknown[0]!r}; there are: {', '.join(index)}"
-        )
-    periods = [name for name in names if name in {d.period for d in layout.discretes}]
-    if periods:
-        raise UserError(f"{graph.name}: no sensitivity to {periods[0]!r}, which is a sample period")
-    chosen = [layout.parameters[index[name]] for name in names]
-    theta = ca.vertcat(ca.SX(0, 1), *(graph.parameters[index[name]] for name in names))
-    count = theta.numel()
-    state, discrete = graph.states.numel(), graph.discretes.numel()
-    by_state, by_discrete = ca.SX.sym("S", state, count), ca.SX.sym("Z", discrete, count)
+    positions = _positions(graph, names)
+    chosen = [layout.parameters[k] for k in positions]
+    theta = ca.vertcat(ca.SX(0, 1), *(graph.parameters[k] for k in positions))
+    by_state = ca.SX.sym("S", graph.states.numel(), theta.numel())
+    by_discrete = ca.SX.sym("Z", graph.discretes.numel(), theta.numel())
 
     def total(expression: ca.SX) -> ca.SX:
-        """Total derivative with respect to theta."""
+        """Return the total derivative with respect to theta."""
         return (
             ca.jacobian(expression, theta)
             + ca.mtimes(ca.jacobian(expression, graph.states), by_state)
             + ca.mtimes(ca.jacobian(expression, graph.discretes), by_discrete)
         )
 
-    def extended(value: ca.SX, derivative: ca.SX) -> ca.SX:
-        return ca.densify(ca.vertcat(value, ca.vec(derivative)))
+    def with_total(expression: ca.SX) -> ca.SX:
+        return _extended(expression, total(expression))
 
-    def derivative(variable: Declaration, parameter: ParameterDeclaration) -> Any:
-        """Declare the derivative of a variable, as large as the variable over the size of the parameter."""
-        nominal = variable.nominal / (abs(float(parameter.start)) or parameter.nominal)
-        declared = replace(variable, unit="1", nominal=nominal, min=-inf, max=inf, type="real")
-        return named(declared, f"d({variable.name})/d({parameter.name})")
+    def declared(group: Sequence[Declaration]) -> list[Any]:
+        return [_derivative(variable, parameter) for parameter in chosen for variable in group]
 
-    def start(variable: Declaration, parameter: ParameterDeclaration) -> ParameterDeclaration:
-        """A state's derivative starts at 1 with respect to its own start value, else at 0."""
-        of = derivative(variable, parameter)
-        value = 1.0 if parameter.starts == variable.name else 0.0
-        return starting(ParameterDeclaration(start=value, unit="1", nominal=of.nominal), of.name)
-
-    def added(
-        what: Callable[[Any, ParameterDeclaration], Any], group: Sequence[Declaration]
-    ) -> list[Any]:
-        return [what(variable, parameter) for parameter in chosen for variable in group]
-
-    groups = layout.states, layout.discretes, layout.outputs
-    states, discretes, outputs = (added(derivative, group) for group in groups)
-    starts = [*added(start, layout.states), *added(start, layout.discretes)]
+    starts = [
+        _start(variable, parameter)
+        for group in (layout.states, layout.discretes)
+        for parameter in chosen
+        for variable in group
+    ]
     return replace(
         graph,
         layout=replace(
             layout,
             parameters=(*layout.parameters, *starts),
-            states=(*layout.states, *states),
-            discretes=(*layout.discretes, *discretes),
-            outputs=(*layout.outputs, *outputs),
+            states=(*layout.states, *declared(layout.states)),
+            discretes=(*layout.discretes, *declared(layout.discretes)),
+            outputs=(*layout.outputs, *declared(layout.outputs)),
         ),
         parameters=ca.vertcat(graph.parameters, *(ca.SX.sym(p.name) for p in starts)),
-        states=extended(graph.states, by_state),
-        discretes=extended(graph.discretes, by_discrete),
-        rates=extended(graph.rates, total(graph.rates)),
-        outputs=extended(graph.outputs, total(graph.outputs)),
-        updates=tuple(extended(update, total(update)) for update in graph.updates),
+        states=_extended(graph.states, by_state),
+        discretes=_extended(graph.discretes, by_discrete),
+        rates=with_total(graph.rates),
+        outputs=with_total(graph.outputs),
+        updates=tuple(with_total(update) for update in graph.updates),
     )
+
+
+def _positions(graph: Graph, names: Sequence[str]) -> list[int]:
+    """Return the positions of parameters, which must not hold a sample period."""
+    index = {p.name: i for i, p in enumerate(graph.layout.parameters)}
+    unknown = [name for name in names if name not in index]
+    if unknown:
+        raise UserError(
+            f"{graph.name}: no parameter named {unknown[0]!r}; there are: {', '.join(index)}"
+        )
+    periods = [name for name in names if name in {d.period for d in graph.layout.discretes}]
+    if periods:
+        raise UserError(f"{graph.name}: no sensitivity to {periods[0]!r}, which is a sample period")
+    return [index[name] for name in names]
+
+
+def _extended(value: ca.SX, derivative: ca.SX) -> ca.SX:
+    """Append the columns of a derivative to a column."""
+    return ca.densify(ca.vertcat(value, ca.vec(derivative)))
+
+
+def _derivative(variable: Declaration, parameter: ParameterDeclaration) -> Any:
+    """Declare the derivative of a variable; its nominal value is that of the quotient."""
+    nominal = variable.nominal / (abs(float(parameter.start)) or parameter.nominal)
+    declared = replace(variable, unit="1", nominal=nominal, min=-inf, max=inf, type="real")
+    return name_declaration(declared, f"d({variable.name})/d({parameter.name})")
+
+
+def _start(variable: Declaration, parameter: ParameterDeclaration) -> ParameterDeclaration:
+    """Declare the start of a state's derivative: 1 by its own start value, 0 by any other."""
+    derivative = _derivative(variable, parameter)
+    value = 1.0 if parameter.starts == variable.name else 0.0
+    declared = ParameterDeclaration(start=value, unit="1", nominal=derivative.nominal)
+    return make_start_parameter(declared, derivative.name)

@@ -1,15 +1,15 @@
 """Known ways the actuator model is wrong, each relaxing one assumption of the README.
 
-Every effect is a mixin that overrides laws (never an output) through ``super()``, so that it serves the force-driven
-and the length-driven actuator, and stacks with the others. At its neutral parameter value the laws give the bits of
-the base model whatever the effect's own state holds: what it adds is multiplied by zero. An id is that of a family;
-its further shapes have the same one, and a qualifier.
+Every effect is a mixin that overrides laws (never an output) through ``super()``, so that it serves
+the force-driven and the length-driven actuator, and stacks with the others. At its neutral
+parameter value the laws give the bits of the base model whatever the effect's own state holds: what
+it adds is multiplied by zero. An id is that of a family; its further shapes have the same one, and
+a qualifier.
 """
 
 from __future__ import annotations
 
-from ...kit import Effect
-from ...kit.component import by_name
+from ...kit import Effect, effects_by_name
 from .ageing import CapacitanceFade, ResistanceGrowth, SelfHeating
 from .coupling import (
     ChargeDependentStiffness,
@@ -39,7 +39,7 @@ from .mechanical import (
     YieldThreshold,
 )
 
-EFFECTS: dict[str, type[Effect]] = by_name(
+EFFECTS: dict[str, type[Effect]] = effects_by_name(
     DoubleLayer,
     Diffusion,
     NonlinearLeakage,
@@ -65,3 +65,5 @@ EFFECTS: dict[str, type[Effect]] = by_name(
     Slack,
     SmoothSlack,
 )
+
+__all__ = ["EFFECTS", "StrainLag", "StrainSaturation"]

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State
-from ...kit.component import Term
+from ...kit import Parameter, State, Term
 from .base import ActuatorEffect
 
 
 class ResistanceGrowth(ActuatorEffect):
     """Ageing: the series resistance grows with the charge moved into and out of the films.
 
-    ``R = R1 (1 + gamma q)`` with ``dq/dt = |dQ/dt|``. Relaxes assumption 6, that the parameters do not change with
-    use; ``gamma = 0`` is the base model.
+    ``R = R1 (1 + gamma q)`` with ``dq/dt = |dQ/dt|``. Relaxes assumption 6, that the parameters do
+    not change with use; ``gamma = 0`` is the base model.
     """
 
     id = "resistance_growth"
@@ -47,8 +46,9 @@ class ResistanceGrowth(ActuatorEffect):
 class CapacitanceFade(ActuatorEffect):
     """Ageing: the capacitance falls with the charge moved into and out of the films.
 
-    ``C / (1 + phi q)`` with ``dq/dt = |dQ/dt|``; the films keep their charge, so their voltage rises. Relaxes
-    assumption 6, that the parameters do not change with use; ``phi = 0`` is the base model.
+    ``C / (1 + phi q)`` with ``dq/dt = |dQ/dt|``; the films keep their charge, so their voltage
+    rises. Relaxes assumption 6, that the parameters do not change with use; ``phi = 0`` is the base
+    model.
     """
 
     id = "capacitance_fade"
@@ -85,10 +85,10 @@ class CapacitanceFade(ActuatorEffect):
 class SelfHeating(ActuatorEffect):
     """Dissipation warms the actuator, and the warm electrolyte conducts better.
 
-    ``R = R1 / (1 + kappa theta)``, where the rise ``theta`` over the ambient temperature, one for the whole actuator,
-    obeys ``tau dtheta/dt = R_th P - theta`` with the dissipation ``P = V i - V_films dQ/dt`` of
-    :meth:`dissipation`; the heat capacity is ``tau / R_th``. Relaxes assumption 7, that the actuator is isothermal;
-    ``kappa = 0`` is the base model.
+    ``R = R1 / (1 + kappa theta)``, where the rise ``theta`` over the ambient temperature, one for
+    the whole actuator, obeys ``tau dtheta/dt = R_th P - theta`` with the dissipation ``P = V i -
+    V_films dQ/dt`` of :meth:`dissipation`; the heat capacity is ``tau / R_th``. Relaxes assumption
+    7, that the actuator is isothermal; ``kappa = 0`` is the base model.
     """
 
     id = "self_heating"
@@ -133,7 +133,9 @@ class SelfHeating(ActuatorEffect):
     )
 
     def dissipation(self) -> Any:
-        """Power turned into heat: V i less what the films store; over the base model R1 (dQ/dt)^2 + V^2 / R2."""
+        """Power turned into heat: V i less what the films store; over the base model R1 (dQ/dt)^2 +
+        V^2 / R2.
+        """
         return (
             self.terminal_voltage() * self.current - self.film_voltage() * self.capacitor_current()
         )

@@ -1,4 +1,4 @@
-"""What every effect of the actuator stands on."""
+"""Base of the actuator's effects."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ if TYPE_CHECKING:
     from ..model import Actuator
 
     class ActuatorEffect(Effect, Actuator):
-        """What an effect can count on: the laws of the actuator that it is laid over."""
+        """Laws of the actuator that an effect overrides."""
 else:
     ActuatorEffect = Effect

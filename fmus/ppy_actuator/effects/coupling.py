@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State, absolute, exp, sqrt, tanh, where
-from ...kit.component import Term
+from ...kit import Parameter, State, Term, absolute, exp, sqrt, tanh, where
 from .base import ActuatorEffect
 
-# Time constant below which a lag is not resolved, in seconds. A lag of zero time would be infinitely stiff.
+# Time constant below which a lag is not resolved, in seconds. A lag of zero time would be
+# infinitely stiff.
 _SHORTEST_LAG = 0.05
-# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the slope below 1e-12.
+# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the
+# slope below 1e-12.
 _SMALL = 1e-6
 # Charge of both signs parts what is even in it from what is odd, so these are two causes.
 _EVEN, _ODD = (f"{part} part of charge_elongation over charge" for part in ("even", "odd"))
@@ -21,7 +22,8 @@ _SOFTNESS = "spring_elongation over charge"
 class ForceToVoltage(ActuatorEffect):
     """Load that changes the voltage of the films: ``V_C = Q/C + s F``.
 
-    Relaxes assumption 5, that the coupling is unidirectional (section 3.1.3, fig. 3-3); ``s = 0`` is the base model.
+    Relaxes assumption 5, that the coupling is unidirectional (section 3.1.3, fig. 3-3); ``s = 0``
+    is the base model.
     """
 
     id = "force_to_voltage"
@@ -47,7 +49,8 @@ class ForceToVoltage(ActuatorEffect):
 class QuadraticStrain(ActuatorEffect):
     """Elongation with a quadratic part: ``x_e = alpha Q + beta Q^2``.
 
-    Relaxes assumption 5, that elongation is proportional to charge (eq. 3.4); ``beta = 0`` is the base model.
+    Relaxes assumption 5, that elongation is proportional to charge (eq. 3.4); ``beta = 0`` is the
+    base model.
     """
 
     id = "quadratic_strain"
@@ -73,8 +76,9 @@ class QuadraticStrain(ActuatorEffect):
 class UnequalStrain(ActuatorEffect):
     """Elongation that differs between oxidation and reduction: ``x_e = alpha Q + beta_1 |Q|``.
 
-    Another shape of what depends on the charge: `QuadraticStrain` bends everywhere, this at zero only. Relaxes
-    assumption 5, that elongation is proportional to charge (eq. 3.4); ``beta_1 = 0`` is the base model.
+    Another shape of what depends on the charge: `QuadraticStrain` bends everywhere, this at zero
+    only. Relaxes assumption 5, that elongation is proportional to charge (eq. 3.4); ``beta_1 = 0``
+    is the base model.
     """
 
     id = "quadratic_strain"
@@ -98,11 +102,13 @@ class UnequalStrain(ActuatorEffect):
 
 
 class StrainSaturation(ActuatorEffect):
-    """Elongation that levels off: ``x_e = alpha Q_sat tanh(Q / Q_sat)``, written with ``c = 1 / Q_sat^2``.
+    """Elongation that levels off: ``x_e = alpha Q_sat tanh(Q / Q_sat)``, written with ``c = 1 /
+    Q_sat^2``.
 
-    The elongation of the layers below is multiplied by ``tanh(z) / z``, ``z = sqrt(c) Q``, which is 1 at ``c = 0``,
-    the base model. With ``1 / Q_sat`` itself for the parameter, its sensitivity there would be zero. Relaxes
-    assumption 5, the proportionality of eq. 3.4, at large charge (fig. 3-11).
+    The elongation of the layers below is multiplied by ``tanh(z) / z``, ``z = sqrt(c) Q``, which is
+    1 at ``c = 0``, the base model. With ``1 / Q_sat`` itself for the parameter, its sensitivity
+    there would be zero. Relaxes assumption 5, the proportionality of eq. 3.4, at large charge (fig.
+    3-11).
     """
 
     id = "strain_saturation"
@@ -120,7 +126,9 @@ class StrainSaturation(ActuatorEffect):
     )
 
     def charge_elongation(self, charge: Any) -> Any:
-        """Elongation due to charge, levelling off; alpha Q_sat tanh(Q / Q_sat) over the base model."""
+        """Elongation due to charge, levelling off; alpha Q_sat tanh(Q / Q_sat) over the
+        base model.
+        """
         square = self.strain_saturation_coefficient * (charge * charge)
         small = square < _SMALL
         z = sqrt(where(small, 1.0, square))  # at zero the root has no slope
@@ -131,8 +139,9 @@ class StrainSaturation(ActuatorEffect):
 class SlowStrainSaturation(ActuatorEffect):
     """Elongation that levels off from the first charge on: ``x_e = alpha Q / (1 + c_1 |Q|)``.
 
-    Where tanh (`StrainSaturation`) is straight until it bends, this bends most at zero; its limit is ``alpha / c_1``.
-    Relaxes assumption 5, the proportionality of eq. 3.4; ``c_1 = 0`` is the base model.
+    Where tanh (`StrainSaturation`) is straight until it bends, this bends most at zero; its limit
+    is ``alpha / c_1``. Relaxes assumption 5, the proportionality of eq. 3.4; ``c_1 = 0`` is the
+    base model.
     """
 
     id = "strain_saturation"
@@ -157,11 +166,12 @@ class SlowStrainSaturation(ActuatorEffect):
 class StrainLag(ActuatorEffect):
     """Elongation that follows the charge with a time constant ``T``.
 
-    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / (T + m)``; the elongation of the layers below
-    is that of the charge that has, ``Q - T / (T + m) q``. Over the base model this is
-    ``X_e / Q = alpha (m s + 1) / ((T + m) s + 1)``: a first-order lag of time T but for the fixed, short time
-    m = 0.05 s, which keeps the equations regular at ``T = 0``, the base model. Starting at zero, ``q`` means a start
-    at rest. Relaxes assumption 5, that elongation is proportional to charge at every instant (eq. 3.4, fig. 3-10).
+    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / (T + m)``; the elongation of
+    the layers below is that of the charge that has, ``Q - T / (T + m) q``. Over the base model this
+    is ``X_e / Q = alpha (m s + 1) / ((T + m) s + 1)``: a first-order lag of time T but for the
+    fixed, short time m = 0.05 s, which keeps the equations regular at ``T = 0``, the base model.
+    Starting at zero, ``q`` means a start at rest. Relaxes assumption 5, that elongation is
+    proportional to charge at every instant (eq. 3.4, fig. 3-10).
     """
 
     id = "strain_lag"
@@ -181,7 +191,9 @@ class StrainLag(ActuatorEffect):
         return self.capacitor_current() - self.pending_charge / (self.lag_time + _SHORTEST_LAG)
 
     def charge_elongation(self, charge: Any) -> Any:
-        """Elongation due to the charge that has acted, alpha (Q - T / (T + m) q) over the base model."""
+        """Elongation due to the charge that has acted, alpha (Q - T / (T + m) q) over the base
+        model.
+        """
         share = self.lag_time / (self.lag_time + _SHORTEST_LAG)
         return super().charge_elongation(charge - share * self.pending_charge)
 
@@ -189,11 +201,12 @@ class StrainLag(ActuatorEffect):
 class TwoStageStrainLag(ActuatorEffect):
     """Elongation that follows the charge in two equal stages of ``T / 2`` each.
 
-    The charge behind the first stage ``q_1`` and behind the second ``q_2`` obey ``dq_1/dt = dQ/dt - q_1 / D`` and
-    ``dq_2/dt = q_1 / D - q_2 / D`` with ``D = T/2 + m``; the elongation of the layers below is that of
-    ``Q - (T/2) / D (q_1 + q_2)``. Both start at rest; the short ``m`` is that of `StrainLag`, and so is the lag of a
-    ramp, ``T``, but it sets in without a corner. Relaxes assumption 5, that elongation is proportional to charge at
-    every instant (eq. 3.4, fig. 3-10); ``T = 0`` is the base model.
+    The charge behind the first stage ``q_1`` and behind the second ``q_2`` obey ``dq_1/dt = dQ/dt -
+    q_1 / D`` and ``dq_2/dt = q_1 / D - q_2 / D`` with ``D = T/2 + m``; the elongation of the layers
+    below is that of ``Q - (T/2) / D (q_1 + q_2)``. Both start at rest; the short ``m`` is that of
+    `StrainLag`, and so is the lag of a ramp, ``T``, but it sets in without a corner. Relaxes
+    assumption 5, that elongation is proportional to charge at every instant (eq. 3.4, fig. 3-10);
+    ``T = 0`` is the base model.
     """
 
     id = "strain_lag"
@@ -232,11 +245,12 @@ class TwoStageStrainLag(ActuatorEffect):
 class StrainHysteresis(ActuatorEffect):
     """Rate-independent hysteresis of the elongation over the charge, after Duhem and Dahl.
 
-    A charge ``z`` trails behind, ``dz/dt = dQ/dt - |dQ/dt| z / w``, and is held within ``-w`` and ``w`` whatever the
-    speed; the elongation of the layers below is that of ``Q - h z``. A large loop is ``2 h w`` wide; after a reversal
-    the elongation starts with the share ``1 - 2 h`` of its slope. Starting at zero, ``z`` means a start in the middle
-    of the loop. Relaxes assumption 5, that elongation is one function of charge (the loops of figs. 3-11 and 3-12);
-    ``h = 0`` is the base model.
+    A charge ``z`` trails behind, ``dz/dt = dQ/dt - |dQ/dt| z / w``, and is held within ``-w`` and
+    ``w`` whatever the speed; the elongation of the layers below is that of ``Q - h z``. A large
+    loop is ``2 h w`` wide; after a reversal the elongation starts with the share ``1 - 2 h`` of its
+    slope. Starting at zero, ``z`` means a start in the middle of the loop. Relaxes assumption 5,
+    that elongation is one function of charge (the loops of figs. 3-11 and 3-12); ``h = 0`` is the
+    base model.
     """
 
     id = "strain_hysteresis"
@@ -280,9 +294,11 @@ class StrainHysteresis(ActuatorEffect):
 
 
 class ChargeDependentStiffness(ActuatorEffect):
-    """Springs that soften as the films are charged: both compliances, ``1/k1`` and ``1/k2``, times ``exp(s Q)``.
+    """Springs that soften as the films are charged: both compliances, ``1/k1`` and ``1/k2``, times
+    ``exp(s Q)``.
 
-    Relaxes assumption 1, that charge and creep do not influence each other; ``s = 0`` is the base model.
+    Relaxes assumption 1, that charge and creep do not influence each other; ``s = 0`` is the base
+    model.
     """
 
     id = "charge_dependent_stiffness"

@@ -1,15 +1,17 @@
-"""Effects of the circuit: what the films, their surface and the paths to and past them do beyond R1, R2 and C."""
+"""Effects of the circuit: what the films, their surface and the paths to and past them do beyond
+R1, R2 and C.
+"""
 
 from __future__ import annotations
 
 from math import pi
 from typing import Any
 
-from ...kit import Parameter, State, absolute, exp, maximum, sign, sqrt, where
-from ...kit.component import Term
+from ...kit import Parameter, State, Term, absolute, exp, maximum, sign, sqrt, where
 from .base import ActuatorEffect
 
-# Sections that stand for a diffusion; what is left to the immediate resistance is 4 % of the diffusion's.
+# Sections that stand for a diffusion; what is left to the immediate resistance is 4 % of the
+# diffusion's.
 _SECTIONS = (1, 2, 3, 4, 5)
 # |z| below which (exp(z) - 1)/z is taken from its series; what is left out is below rounding.
 _SMALL = 1e-3
@@ -17,11 +19,13 @@ _CAPACITANCE = "film_voltage over charge"
 
 
 class DoubleLayer(ActuatorEffect):
-    """Double layer at the interface of electrolyte and polymer: a fast RC branch in series with R1 and C.
+    """Double layer at the interface of electrolyte and polymer: a fast RC branch in series with R1
+    and C.
 
-    ``V_C = Q/C + R_dl i_f`` and ``tau_dl di_f/dt = dQ/dt - i_f``, where ``i_f`` is the part of the charging current
-    that crosses the interface through ``R_dl`` and the rest charges ``C_dl = tau_dl / R_dl``. Relaxes assumption 4,
-    that the double layer charges too fast to be seen (section 3.1.1); ``R_dl = 0`` is the base model.
+    ``V_C = Q/C + R_dl i_f`` and ``tau_dl di_f/dt = dQ/dt - i_f``, where ``i_f`` is the part of the
+    charging current that crosses the interface through ``R_dl`` and the rest charges ``C_dl =
+    tau_dl / R_dl``. Relaxes assumption 4, that the double layer charges too fast to be seen
+    (section 3.1.1); ``R_dl = 0`` is the base model.
     """
 
     id = "double_layer"
@@ -78,13 +82,15 @@ def _diffusion_rate(section: int) -> Any:
 
 
 class Diffusion(ActuatorEffect):
-    """Finite-length diffusion: a share ``d`` of the series resistance builds up as ions diffuse to the films.
+    """Finite-length diffusion: a share ``d`` of the series resistance builds up as ions diffuse to
+    the films.
 
-    The thesis counts ion diffusion in R1 (section 3.1.1). Here ``d R1`` becomes the impedance of a layer of diffusion
-    time ``T`` (thickness squared over diffusivity), ``d R1 tanh(sqrt(s T)) / sqrt(s T)``; resistance at rest, total
-    capacitance and DC gain are those of the base model. Five RC sections in series stand for it, the first partial
-    fractions of tanh: ``tanh(z)/z = sum_k 2 / (z^2 + (k - 1/2)^2 pi^2)``; the 4 % of ``d R1`` that belong to the faster
-    ones answer at once. Relaxes assumption 8, that the circuit is one R1 and one C; ``d = 0`` is the base model.
+    The thesis counts ion diffusion in R1 (section 3.1.1). Here ``d R1`` becomes the impedance of a
+    layer of diffusion time ``T`` (thickness squared over diffusivity), ``d R1 tanh(sqrt(s T)) /
+    sqrt(s T)``; resistance at rest, total capacitance and DC gain are those of the base model. Five
+    RC sections in series stand for it, the first partial fractions of tanh: ``tanh(z)/z = sum_k 2 /
+    (z^2 + (k - 1/2)^2 pi^2)``; the 4 % of ``d R1`` that belong to the faster ones answer at once.
+    Relaxes assumption 8, that the circuit is one R1 and one C; ``d = 0`` is the base model.
     """
 
     id = "diffusion"
@@ -131,7 +137,9 @@ class Diffusion(ActuatorEffect):
         return super().immediate_resistance() * (1.0 - self.diffusion_share * resolved)
 
     def capacitor_voltage(self) -> Any:
-        """Voltage of the films and across the sections, d R1 times 2 / ((k - 1/2)^2 pi^2) times the current of each."""
+        """Voltage of the films and across the sections, d R1 times 2 / ((k - 1/2)^2 pi^2) times the
+        current of each.
+        """
         weighted = sum(
             2.0 / ((k - 0.5) * pi) ** 2 * getattr(self, f"diffusion_current_{k}") for k in _SECTIONS
         )
@@ -141,11 +149,13 @@ class Diffusion(ActuatorEffect):
 
 
 class NonlinearLeakage(ActuatorEffect):
-    """Leakage that grows above an onset voltage: a second path past the films that draws ``g (|V| - V_on)^2``.
+    """Leakage that grows above an onset voltage: a second path past the films that draws ``g (|V| -
+    V_on)^2``.
 
-    The terminal voltage then obeys a quadratic equation, solved here in closed form, and the current left for the
-    circuit of fig. 3-1 is ``i - sign(V) g (|V| - V_on)^2``. Relaxes assumption 8, that leakage is the resistance R2;
-    ``g = 0`` is the base model. It is seen only in a record whose voltage passes the onset.
+    The terminal voltage then obeys a quadratic equation, solved here in closed form, and the
+    current left for the circuit of fig. 3-1 is ``i - sign(V) g (|V| - V_on)^2``. Relaxes assumption
+    8, that leakage is the resistance R2; ``g = 0`` is the base model. It is seen only in a record
+    whose voltage passes the onset.
     """
 
     id = "nonlinear_leakage"
@@ -190,8 +200,9 @@ class NonlinearLeakage(ActuatorEffect):
 class ChargeDependentCapacitance(ActuatorEffect):
     """Capacitance that changes with the charge: ``dQ/dV = C exp(-a Q)``.
 
-    The voltage of the films is multiplied by ``(exp(z) - 1) / z``, ``z = a Q``; it rises with the charge whatever the
-    sign of ``a``. Relaxes assumption 8, that C is constant; ``a = 0`` is the base model.
+    The voltage of the films is multiplied by ``(exp(z) - 1) / z``, ``z = a Q``; it rises with the
+    charge whatever the sign of ``a``. Relaxes assumption 8, that C is constant; ``a = 0`` is the
+    base model.
     """
 
     id = "charge_dependent_capacitance"
@@ -214,10 +225,11 @@ class ChargeDependentCapacitance(ActuatorEffect):
 
 
 class CapacitanceOverModulus(ActuatorEffect):
-    """Capacitance that changes with the modulus of the charge: ``dQ/dV = C exp(-a |Q|)``; it rises where ``a < 0``.
+    """Capacitance that changes with the modulus of the charge: ``dQ/dV = C exp(-a |Q|)``; it rises
+    where ``a < 0``.
 
-    The even counterpart of `ChargeDependentCapacitance`, with a corner at zero. Relaxes assumption 8, that C is
-    constant; ``a = 0`` is the base model.
+    The even counterpart of `ChargeDependentCapacitance`, with a corner at zero. Relaxes assumption
+    8, that C is constant; ``a = 0`` is the base model.
     """
 
     id = "charge_dependent_capacitance"
@@ -242,11 +254,12 @@ class CapacitanceOverModulus(ActuatorEffect):
 
 
 class EvenCapacitance(ActuatorEffect):
-    """Capacitance that changes with the square of the charge: ``V_C = Q/C sqrt(1 + b Q^2)``, smooth and even.
+    """Capacitance that changes with the square of the charge: ``V_C = Q/C sqrt(1 + b Q^2)``, smooth
+    and even.
 
-    Where ``b`` is negative, ``V_C = Q/C / sqrt(1 - b Q^2)``: the capacitance rises, and the voltage with the charge
-    still. About zero, ``dQ/dV = C (1 - 3/2 b Q^2)`` of either sign. Relaxes assumption 8, that C is constant;
-    ``b = 0`` is the base model.
+    Where ``b`` is negative, ``V_C = Q/C / sqrt(1 - b Q^2)``: the capacitance rises, and the voltage
+    with the charge still. About zero, ``dQ/dV = C (1 - 3/2 b Q^2)`` of either sign. Relaxes
+    assumption 8, that C is constant; ``b = 0`` is the base model.
     """
 
     id = "charge_dependent_capacitance"

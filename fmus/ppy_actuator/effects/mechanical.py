@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State, absolute, minimum, sign, sqrt, where
-from ...kit.component import Term
+from ...kit import Parameter, State, Term, absolute, minimum, sign, sqrt, where
 from .base import ActuatorEffect
 
 _SPRING = "spring_elongation over force"
 
 
 class SecondKelvin(ActuatorEffect):
-    """One more Kelvin element in the chain: elongation ``J f``, where ``T df/dt = F - f`` is the force of its spring.
+    """One more Kelvin element in the chain: elongation ``J f``, where ``T df/dt = F - f`` is the
+    force of its spring.
 
-    Its transfer function from the load is ``J / (T s + 1)``. Relaxes assumption 9, that creep has one time constant
-    (eq. 3.1); ``J = 0`` is the base model.
+    Its transfer function from the load is ``J / (T s + 1)``. Relaxes assumption 9, that creep has
+    one time constant (eq. 3.1); ``J = 0`` is the base model.
     """
 
     id = "second_kelvin"
@@ -55,11 +55,12 @@ class SecondKelvin(ActuatorEffect):
 
 
 class NonlinearStiffness(ActuatorEffect):
-    """Instantaneous spring that softens or stiffens with load: ``x_0 = (F + n (sqrt(F^2 + S^2) - S)) / k1``.
+    """Instantaneous spring that softens or stiffens with load: ``x_0 = (F + n (sqrt(F^2 + S^2) -
+    S)) / k1``.
 
-    Its compliance goes from ``1/k1`` without load to ``(1 + n)/k1`` under one much larger than ``S``: it softens with
-    ``n`` above 0 and stiffens below. Relaxes assumption 9, that the springs are linear (eq. 3.2); ``n = 0`` is the
-    base model.
+    Its compliance goes from ``1/k1`` without load to ``(1 + n)/k1`` under one much larger than
+    ``S``: it softens with ``n`` above 0 and stiffens below. Relaxes assumption 9, that the springs
+    are linear (eq. 3.2); ``n = 0`` is the base model.
     """
 
     id = "nonlinear_stiffness"
@@ -100,10 +101,12 @@ class NonlinearStiffness(ActuatorEffect):
 
 
 class AsymmetricCreep(ActuatorEffect):
-    """Kelvin element that recovers slower than it creeps: while it shortens its rate is divided by ``1 + r``.
+    """Kelvin element that recovers slower than it creeps: while it shortens its rate is divided by
+    ``1 + r``.
 
-    Relaxes assumption 9, that the dashpots are linear; the thesis itself finds the response not completely symmetric
-    (section 3.2.1). ``r = 0`` is the base model. It is seen only in a record with unloading.
+    Relaxes assumption 9, that the dashpots are linear; the thesis itself finds the response not
+    completely symmetric (section 3.2.1). ``r = 0`` is the base model. It is seen only in a record
+    with unloading.
     """
 
     id = "asymmetric_creep"
@@ -129,10 +132,11 @@ class AsymmetricCreep(ActuatorEffect):
 
 
 class YieldThreshold(ActuatorEffect):
-    """Maxwell dashpot that flows above a yield force only, after Bingham: ``dx_b1/dt = (F - F_y) / b1`` beyond ``F_y``.
+    """Maxwell dashpot that flows above a yield force only, after Bingham: ``dx_b1/dt = (F - F_y) /
+    b1`` beyond ``F_y``.
 
-    Within ``-F_y`` and ``F_y`` it stands still. Relaxes assumption 9, that the dashpots are linear (eq. 3.3);
-    ``F_y = 0`` is the base model.
+    Within ``-F_y`` and ``F_y`` it stands still. Relaxes assumption 9, that the dashpots are linear
+    (eq. 3.3); ``F_y = 0`` is the base model.
     """
 
     id = "yield_threshold"
@@ -151,10 +155,11 @@ class YieldThreshold(ActuatorEffect):
 
 
 class Slack(ActuatorEffect):
-    """Catenary: more compliance, by ``m / k1``, below a preload ``P``: ``x_0 = (F + m min(F, P)) / k1``.
+    """Catenary: more compliance, by ``m / k1``, below a preload ``P``: ``x_0 = (F + m min(F, P)) /
+    k1``.
 
-    Relaxes assumption 3, that the actuator is taut; the thesis preloads it with 0.5 N to remove the catenary
-    (section 3.3.1). ``m = 0`` is the base model.
+    Relaxes assumption 3, that the actuator is taut; the thesis preloads it with 0.5 N to remove the
+    catenary (section 3.3.1). ``m = 0`` is the base model.
     """
 
     id = "slack"
@@ -190,10 +195,11 @@ class Slack(ActuatorEffect):
 
 
 class SmoothSlack(ActuatorEffect):
-    """Compliance that fades with the load: ``x_0 = (F + m F P / (P + |F|)) / k1``, more by ``m / k1`` without load.
+    """Compliance that fades with the load: ``x_0 = (F + m F P / (P + |F|)) / k1``, more by ``m /
+    k1`` without load.
 
-    A catenary that is pulled straight by and by, where `Slack` ends at once. Relaxes assumption 3, that the actuator
-    is taut; ``m = 0`` is the base model.
+    A catenary that is pulled straight by and by, where `Slack` ends at once. Relaxes assumption 3,
+    that the actuator is taut; ``m = 0`` is the base model.
     """
 
     id = "slack"
@@ -229,7 +235,9 @@ class SmoothSlack(ActuatorEffect):
         return super().spring_elongation(load + self.sagging(load))
 
     def spring_force(self, elongation: Any) -> Any:
-        """Inverse of :meth:`spring_elongation`, the positive root of a quadratic equation in |F|."""
+        """Inverse of :meth:`spring_elongation`, the positive root of a quadratic
+        equation in |F|.
+        """
         force, scale = super().spring_force(elongation), self.fading_load
         half = 0.5 * ((1.0 + self.fading_compliance) * scale - absolute(force))
         root = force * scale / (half + sqrt(half * half + absolute(force) * scale))

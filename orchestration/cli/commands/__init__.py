@@ -1,1 +1,5 @@
-"""What each command takes, a module a command; its heavy imports happen when it is called."""
+"""Commands of ``ppy``, a module each, which imports what is heavy when the command is called."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import DemoCommand
 from orchestration.cli.outputs import Outputs
 
 
-def demo(
-    out: Annotated[
-        Path, typer.Option(help="Folder for FMUs, pictures, the record and the report.")
-    ] = Path("demo-output"),
-) -> None:
-    """Do everything once: build, run the thesis's experiments, compare with an emulated rig, recalibrate, report."""
-    from orchestration.cli import demo as work
+@command(DemoCommand)
+def demo(options: DemoCommand) -> None:
+    """Do everything once: build, simulate, compare with an emulated rig, diagnose, report."""
+    from studies.demo import everything as work
 
-    Outputs(folders={"--out": out}).check()
-    work.run(out)
+    Outputs(folders={"--out": options["out"]}).check()
+    work.run(options["out"])

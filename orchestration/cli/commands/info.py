@@ -5,27 +5,32 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from orchestration.cli.options import Json, Model, With, comma_list
+from fmus.kit import summary
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import InfoCommand
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
 
 if TYPE_CHECKING:
     from fmus.kit import Component, Effect
-    from orchestration.fmu.signal import Signal
+    from orchestration.fmu import Signal
 
 
-def info(model: Model, effects: With = None, result: Json = None) -> None:
+@command(InfoCommand)
+def info(options: InfoCommand) -> None:
     """Show a model's variables, units, defaults, ranges, effects, and where they come from."""
     from orchestration.cli.models import model_file
 
-    Outputs({"the model": model_file(model)}, {"--json": result}, {"--json": JSON}).check()
-    known = _facts(model, comma_list(effects, "--with"))
-    with standard_output_for(result):
+    model = options["model"]
+    path = options["json"]
+    Outputs({"the model": model_file(model)}, {"--json": path}, {"--json": JSON}).check()
+    known = _facts(model, options["laid_over"])
+    with standard_output_for(path):
         _show(known)
-        write_json(result, _as_json(known))
+        write_json(path, _as_json(known))
 
 
 class _Facts(NamedTuple):
-    """What is known of a model; of an FMU without equations the first half."""
+    """Facts about a model; of an FMU without equations the first half."""
 
     name: str
     summary: str
@@ -42,9 +47,8 @@ class _Facts(NamedTuple):
 
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
     from fmus import MODELS
-    from orchestration.fmu.archive import read_description
-    from orchestration.fmu.model import find_class, find_model, names_class
-    from orchestration.reporting.console import note
+    from orchestration.fmu import find_class, find_model, names_class, read_description
+    from orchestration.reporting import note
 
     if effects or name in MODELS or names_class(name):
         return _of_class(name, find_class(name, effects))
@@ -61,9 +65,8 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
 
 
 def _of_class(name: str, cls: type[Component]) -> _Facts:
-    from fmus.kit.component import effect_name
-    from orchestration.fmu.effects import known_effects
-    from orchestration.fmu.signal import declared_signal
+    from fmus.kit import effect_name
+    from orchestration.fmu import declared_signal, known_effects
 
     layout = cls.layout
     groups = {
@@ -75,7 +78,7 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
     there = [effect_name(effect) for effect in stacked]
     return _Facts(
         name,
-        (cls.__doc__ or "").strip().splitlines()[0] if cls.__doc__ else "",
+        f"{summary(cls)}." if cls.__doc__ else "",
         {group: [declared_signal(v) for v in variables] for group, variables in groups.items()},
         cls.experiment[1],
         cls.remark.splitlines(),
@@ -94,7 +97,7 @@ def _relaxes(effect: type[Effect]) -> str:
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
-    from fmus.kit.component import effect_name
+    from fmus.kit import effect_name
 
     signals = {
         group: [
@@ -136,15 +139,15 @@ def _signal(signal: Signal) -> dict[str, Any]:
 
 
 def _first_line(effect: type[Effect]) -> str:
-    return (effect.__doc__ or "").strip().split("\n")[0].replace("``", "").rstrip(".")
+    return summary(effect).replace("``", "")
 
 
 def _show(known: _Facts) -> None:
     from rich.text import Text
 
-    from fmus.kit.units import allowed
-    from orchestration.fmu.signal import show
-    from orchestration.reporting.console import out, plain_table
+    from fmus.kit.units import format_range
+    from orchestration.fmu import show
+    from orchestration.reporting import out, plain_table
 
     out.print(known.name, style="bold", end="  ")
     out.print(f"{known.summary}\n")
@@ -161,7 +164,7 @@ def _show(known: _Facts) -> None:
     table = plain_table("parameters", "name", "default", "allowed", "meaning")
     for s in known.signals["parameters"]:
         table.add_row(
-            s.name, show(s.default, s), "any text" if s.type == "string" else allowed(s), s.doc
+            s.name, show(s.default, s), "any text" if s.type == "string" else format_range(s), s.doc
         )
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
@@ -178,9 +181,12 @@ def _show(known: _Facts) -> None:
 
 
 def _show_effects(effects: Sequence[type[Effect]]) -> None:
-    """Print what can be laid over a model; of measurements each kind once, with the outputs beneath."""
-    from fmus.kit.component import effect_name
-    from orchestration.reporting.console import out, plain_table
+    """Print the effects that can be laid over a model.
+
+    Of measurements each kind once, with the outputs beneath.
+    """
+    from fmus.kit import effect_name
+    from orchestration.reporting import out, plain_table
 
     table = plain_table(
         "effects that --with lays over it",
@@ -188,10 +194,13 @@ def _show_effects(effects: Sequence[type[Effect]]) -> None:
         "what it is (what it relaxes; what switches it)",
     )
     for effect in {(e.id, e.term.qualifier): e for e in effects}.values():
-        name, switch = effect_name(effect), effect.neutral
+        name = effect_name(effect)
+        switch = effect.neutral
         if effect.output:
-            name, switch = f"{effect.id}(OUTPUT)", switch.replace(effect.output, "OUTPUT")
+            name = f"{effect.id}(OUTPUT)"
+            switch = switch.replace(effect.output, "OUTPUT")
         table.add_row(name, f"{_first_line(effect)} ({_relaxes(effect)}; {switch})")
     out.print(table)
-    if outputs := dict.fromkeys(e.output for e in effects if e.output):
+    outputs = dict.fromkeys(effect.output for effect in effects if effect.output)
+    if outputs:
         out.print(f"  OUTPUT is one of {', '.join(outputs)}", style="dim")

@@ -1,4 +1,4 @@
-"""``ppy rig``: the other end of the cable. Each subcommand is a function in :mod:`orchestration.cli.rig`."""
+"""``ppy rig``: the other end of the cable; its commands are in :mod:`orchestration.cli.rig`."""
 
 from __future__ import annotations
 

@@ -2,111 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.kit.files import is_file
-from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, hearing_ctrl_c, limits
-from orchestration.cli.options import Json, complete_experiments, option, seconds
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import RunCommand
+from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
-from orchestration.cli.real_time import Options, keep, status_line
+from orchestration.cli.real_time import keep, live_run, status_line
 
 if TYPE_CHECKING:
     import xarray
 
-    from orchestration.experiment.live import Live
-    from orchestration.experiment.model import Experiment
-    from orchestration.fmu.isolation.limits import Limits
+    from orchestration.experiment import Experiment, Live
+    from orchestration.fmu.isolation import Limits
 
 
-def run(
-    experiment: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="NAME|FILE.toml|RESULT",
-            help="One of --list, a file, or a result to make again.",
-            autocompletion=complete_experiments,
-        ),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Over the file: duration=20s, R1=610mohm, inputs.current.value=1.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        option(
-            "--out", metavar="FILE", help="Result: .nc, .parquet (both can be run again) or .csv."
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        option("--plot", metavar="FILE", help="Picture (.png, .svg, .pdf) or page (.html)."),
-    ] = None,
-    result: Json = None,
-    runtime: Annotated[
-        str | None, option("--runtime", help="Which build of components to run: native, python.")
-    ] = None,
-    real_time: Annotated[
-        bool,
-        typer.Option(
-            "--real-time", help="Keep pace with the clock, as a rig does, and tell how well."
-        ),
-    ] = False,
-    missed: Annotated[
-        str | None,
-        option(
-            "--missed", metavar="WHAT", help="What a missed deadline does: warn (default) or stop."
-        ),
-    ] = None,
-    lag: Annotated[
-        float | None,
-        option(
-            "--lag",
-            metavar="TIME",
-            help="Lag beyond which the run stops in any case; default 1 s.",
-            parser=seconds,
-        ),
-    ] = None,
-    processor: Annotated[
-        int | None, option("--cpu", metavar="N", help="The only processor to run on.")
-    ] = None,
-    priority: Annotated[
-        bool, typer.Option("--priority", help="Ask for a higher priority.")
-    ] = False,
-    isolate: Isolate = None,
-    step_timeout: StepTimeout = None,
-    memory_limit: MemoryLimit = None,
-    show_list: Annotated[
-        bool, typer.Option("--list", help="List the experiments that ship.")
-    ] = False,
-) -> None:
-    """Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by bit."""
-    if show_list:
+@command(RunCommand)
+def run(options: RunCommand) -> None:
+    """Run an experiment: one that ships, a TOML file, or a result again, bit by bit."""
+    if options["show_list"]:
         _list()
         return
+    experiment = options["experiment"]
     if experiment is None:
         raise UserError(
-            "ppy run needs the name or the file of an experiment (ppy run --list shows what there is)"
+            "ppy run needs the name or the file of an experiment (ppy run --list shows what"
+            " there is)"
         )
-    live = Options(real_time, missed, lag, processor, priority).live(out)
-
-    def isolation(foreign: bool) -> Limits | None:
-        return limits(foreign and live is None, isolate, step_timeout, memory_limit)
-
-    heard = hearing_ctrl_c(None) if isolate is False and live is None else nullcontext()
-    with standard_output_for(result), heard:
-        data, reproduced = _run(
-            experiment, settings or [], runtime, out, plot, result, live, isolation
-        )
+    live = live_run(options, options["out"])
+    without_isolation = options["isolate"] is False and live is None
+    heard = hearing_ctrl_c(None) if without_isolation else nullcontext()
+    with standard_output_for(options["json"]), heard:
+        data, reproduced = _run(experiment, options, live)
     if "failure" in data.attrs:
         raise UserError(data.attrs["failure"])
     if not data.attrs["complete"]:
@@ -118,43 +52,36 @@ def run(
 def _list() -> None:
     import tomllib
 
-    from orchestration.experiment.library import shipped
+    from orchestration.experiment import shipped
 
     width = max(map(len, shipped()))
     for name, path in shipped().items():
         print(f"{name:{width}}  {tomllib.loads(path.read_text(encoding='utf-8'))['title']}")
 
 
-def _run(
-    name: str,
-    settings: Sequence[str],
-    runtime: str | None,
-    out: Path | None,
-    plot: Path | None,
-    result: Path | None,
-    live: Live | None,
-    isolation: Callable[[bool], Limits | None],
-) -> tuple[xarray.Dataset, bool]:
-    """Run an experiment; return what it delivered, and whether every bit is that of the result it was."""
-    from orchestration.experiment import result_page, results
-    from orchestration.experiment.reading import files, movable, read
-    from orchestration.reporting import pictures
-    from orchestration.reporting.console import note, wrote
+def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Dataset, bool]:
+    """Run an experiment; return its result, and whether every bit is that of an earlier result."""
+    from orchestration.experiment import files, movable, read, result_page, results
+    from orchestration.reporting import note, pictures, wrote
 
+    out = options["out"]
+    plot = options["plot"]
     source = Path(name)
     is_result = is_file(source) and source.suffix.lower() != ".toml"
-    chosen = [*settings, *([f"runtime={runtime}"] if runtime else [])]
-    wanted = read(name, chosen)
-    reads = {"result" if is_result else "experiment": source} | files(wanted)
+    chosen = [*options["settings"]]
+    if options["runtime"]:
+        chosen.append(f"runtime={options['runtime']}")
+    experiment = read(name, chosen)
+    reads = {"result" if is_result else "experiment": source} | files(experiment)
     Outputs(
-        {f"the {what}": path for what, path in reads.items()},
-        {"--out": out, "--plot": plot, "--json": result},
+        {f"the {role}": path for role, path in reads.items()},
+        {"--out": out, "--plot": plot, "--json": options["json"]},
         {"--out": SIGNALS, "--plot": (*pictures.FORMATS, ".html"), "--json": JSON},
     ).check()
     earlier = results.read(source) if is_result and not chosen else None
     if earlier is not None and not earlier.attrs["complete"]:
-        note(f"{name} is incomplete; it is repeated as far as it goes, {wanted.duration:g} s")
-    data = _make(wanted, name, out, live, isolation)
+        note(f"{name} is incomplete; it is repeated as far as it goes, {experiment.duration:g} s")
+    data = _make(experiment, name, options, live)
     _show(data)
     if out is not None:
         if live is None:
@@ -166,45 +93,47 @@ def _run(
         result_page.plot(data, plot)
         wrote(plot)
     differences = None if earlier is None else _compare(data, earlier, name)
-    write_json(result, _as_json(data, name if earlier is not None else None, differences))
+    write_json(options["json"], _as_json(data, name if earlier is not None else None, differences))
     return data, not differences
 
 
 def _make(
-    wanted: Experiment,
-    name: str,
-    out: Path | None,
-    live: Live | None,
-    isolation: Callable[[bool], Limits | None],
+    experiment: Experiment, name: str, options: RunCommand, live: Live | None
 ) -> xarray.Dataset:
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results
-    from orchestration.experiment.run import run as make
-    from orchestration.reporting.console import err, note, progress
+    from orchestration.experiment import run as make
+    from orchestration.reporting import err, note, progress
+
+    out = options["out"]
 
     def fits(sketch: xarray.Dataset) -> None:
         if out is not None:
             results.check(sketch, out)
 
-    if (
-        live is not None
-    ):  # no bar: what draws it is a thread, and takes its time when the next step should begin
-        err.print(
-            f"running {name} in real time (FMUs that are not in the cache are built first)",
-            soft_wrap=True,
-        )
-        until = f"until {out} is written, what is recorded goes to {live.journal}"
-        note("without --out nothing is kept" if out is None else until)
-        with status_line(live) as telling:
-            return make(wanted, name, note=note, fits=fits, live=telling, isolation=isolation)
-    with progress() as tell:
-        tell(f"running {name} (FMUs that are not in the cache are built first)")
-        return make(wanted, name, tell.done, note, fits, isolation=isolation)
+    def isolation(foreign: bool) -> Limits | None:
+        return limits(foreign and live is None, options)
+
+    if live is None:
+        with progress() as tell:
+            tell(f"running {name} (FMUs that are not in the cache are built first)")
+            return make(
+                experiment, name, progress=tell.done, note=note, fits=fits, isolation=isolation
+            )
+    # no bar: what draws it is a thread, and takes its time when the next step should begin
+    err.print(
+        f"running {name} in real time (FMUs that are not in the cache are built first)",
+        soft_wrap=True,
+    )
+    until = f"until {out} is written, what is recorded goes to {live.journal}"
+    note("without --out nothing is kept" if out is None else until)
+    with status_line(live) as telling:
+        return make(experiment, name, note=note, fits=fits, live=telling, isolation=isolation)
 
 
 def _show(data: xarray.Dataset) -> None:
     from orchestration.experiment import result_page
-    from orchestration.reporting.console import out, plain_table
+    from orchestration.reporting import out, plain_table
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "signal", *columns, right=columns)
@@ -217,17 +146,18 @@ def _show(data: xarray.Dataset) -> None:
 
 
 def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mapping[str, float]:
-    """Tell whether a result was made again bit by bit, and if not, how far it is off and why that may be."""
+    """Compare a result with an earlier one, and say how far it is off and why that may be."""
     import json
 
     from orchestration.experiment import results
-    from orchestration.reporting.console import note, out, warn
+    from orchestration.reporting import note, out, warn
 
     then, now = (json.loads(made.attrs["guids"]) for made in (earlier, data))
     for member in now:
         if then.get(member) != now[member]:
             warn(
-                f"{name} was made with another build of {member} ({then.get(member)}, now {now[member]})"
+                f"{name} was made with another build of {member} ({then.get(member)}, now"
+                f" {now[member]})"
             )
     differences = results.differences(data, earlier)
     if not differences:
@@ -264,7 +194,9 @@ def _as_json(
             }
             for name, signal in data.items()
         },
-        "again": None
-        if differences is None
-        else {"of": again, "same": not differences, "apart": dict(differences)},
+        "again": (
+            None
+            if differences is None
+            else {"of": again, "same": not differences, "apart": dict(differences)}
+        ),
     }

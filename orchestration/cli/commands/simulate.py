@@ -4,162 +4,136 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING
 
-from fmus.kit.errors import UserError
-from orchestration.cli.isolation import Isolate, MemoryLimit, StepTimeout, hearing_ctrl_c, limits
-from orchestration.cli.options import (
-    Map,
-    Model,
-    Picture,
-    Preset,
-    Runtime,
-    Set,
-    Step,
-    Stop,
-    With,
-    comma_list,
-    option,
-)
+from fmus.kit import UserError
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import SimulateCommand
+from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, Outputs
 
 if TYPE_CHECKING:
-    from orchestration.fmu.model import Model as FoundModel
-    from orchestration.fmu.signal import Value
-    from orchestration.fmu.simulate import Array
+    from orchestration.fmu import Array, Model, Value
 
 
-def simulate(
-    model: Model,
-    input_file: Annotated[
-        Path | None, option("--input", help="Record with the inputs, held between samples.")
-    ] = None,
-    effects: With = None,
-    settings: Set = None,
-    preset: Preset = None,
-    mapping: Map = None,
-    stop: Stop = None,
-    step: Step = None,
-    out: Annotated[
-        Path | None,
-        option(
-            "--out", metavar="FILE", help="Inputs and outputs, with units: .csv, .nc or .parquet."
-        ),
-    ] = None,
-    plot: Picture = None,
-    runtime: Runtime = "native",
-    isolate: Isolate = None,
-    step_timeout: StepTimeout = None,
-    memory_limit: MemoryLimit = None,
-) -> None:
+@command(SimulateCommand)
+def simulate(options: SimulateCommand) -> None:
     """Simulate a component or any FMU."""
+    from orchestration.api import values_of
     from orchestration.cli.models import model_file, open_model
-    from orchestration.fmu import simulate as work
-    from orchestration.reporting import pictures
-    from orchestration.reporting.console import note, progress, wrote
+    from orchestration.fmu import simulation as work
+    from orchestration.reporting import note, pictures, progress, wrote
 
-    if mapping and input_file is None:
+    out = options["out"]
+    plot = options["plot"]
+    if options["mapping"] and options["input_file"] is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
     Outputs(
-        {"the record": input_file, "the model": model_file(model)},
+        {"the record": options["input_file"], "the model": model_file(options["model"])},
         {"--out": out, "--plot": plot},
         {"--out": SIGNALS, "--plot": pictures.FORMATS},
     ).check()
-    opened = open_model(model, runtime, comma_list(effects, "--with"))
-    parameters = opened.settings(settings or [], preset)
-    isolation = limits(opened.foreign, isolate, step_timeout, memory_limit)
-    time, inputs = _stimulus(opened, input_file, mapping or [], parameters, stop, step)
+    model = open_model(options["model"], options["runtime"], options["laid_over"])
+    parameters = values_of(model, options["settings"], options["preset"])
+    isolation = limits(model.foreign, options)
+    time, inputs = _stimulus(model, parameters, options)
     try:
         with hearing_ctrl_c(isolation), progress() as tell:
-            tell(f"simulating {opened.title}")
+            tell(f"simulating {model.title}")
             outputs = work.simulate(
-                opened,
+                model,
                 time,
                 inputs,
                 parameters,
-                lambda done: tell.done(done, time.size),
-                note,
-                isolation,
+                progress=lambda done: tell.done(done, time.size),
+                note=note,
+                isolation=isolation,
             )
-    except work.Unfinished as stopped:
+    except work.UnfinishedSimulation as stopped:
         if out is None:
             raise
-        part, there = out.with_name(f"{out.stem}.part{out.suffix}"), len(stopped.time)
-        _write(
-            part,
-            opened,
-            stopped.time,
-            {name: values[:there] for name, values in inputs.items()},
-            stopped.outputs,
-        )
+        part = _write_part(out, model, stopped.time, inputs, stopped.outputs)
         raise UserError(
             f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}"
         ) from stopped
-    _show(opened, time, outputs)
+    _show(model, time, outputs)
     if out is not None:
-        _write(out, opened, time, inputs, outputs)
+        _write(out, model, time, inputs, outputs)
         wrote(out)
     if plot is not None:
-        work.plot(plot, opened, time, {**inputs, **outputs}, opened.title)
+        work.plot(plot, model, time, {**inputs, **outputs}, model.title)
         wrote(plot)
 
 
 def _stimulus(
-    model: FoundModel,
-    file: Path | None,
-    mapping: list[str],
-    parameters: Mapping[str, Value],
-    stop: float | None,
-    step: float | None,
+    model: Model, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> tuple[Array, dict[str, Array]]:
-    """Communication points, shape (n,) in s, and inputs over them: a record's, else constant ones as they are set."""
+    """Return communication points (n,) in s, and inputs over them.
+
+    Inputs are a record's, else constant ones as they are set.
+    """
     import numpy as np
 
+    from orchestration.api import points_of
     from orchestration.cli.models import check_inputs
-    from orchestration.fmu import simulate as work
-    from orchestration.fmu.archive import read_description
-    from orchestration.records import parse_mapping, read_record
-    from orchestration.reporting.console import tell_repairs
+    from orchestration.fmu import simulation as work
+    from orchestration.records import read_record
+    from orchestration.reporting import tell_repairs
 
+    file = options["input_file"]
     recorded: dict[str, Array] = {}
-    if file is not None:
-        units_of = {s.name: s.unit for s in model.inputs.values()}
-        record = read_record(file, units_of, mapping=parse_mapping(mapping), inputs=list(units_of))
+    if file is None:
+        time = points_of(model, None, options["stop"], options["step"])
+    else:
+        units = {signal.name: signal.unit for signal in model.inputs.values()}
+        record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
         tell_repairs(record.repairs)
         check_inputs(model, record.signals, parameters)
-        time = work.points(record.time, stop, step)
+        time = work.points(record.time, options["stop"], options["step"])
         recorded = {signal: work.held(record, signal, time) for signal in record.signals}
-    else:
-        usual: Any = read_description(model.path).defaultExperiment
-        last = stop if stop is not None else float(getattr(usual, "stopTime", None) or 10.0)
-        time = work.grid(0.0, last, step if step is not None else _step(usual, last))
     constant = {
-        n: np.full(time.size, value) for n, value in parameters.items() if n in model.inputs
+        name: np.full(time.size, value)
+        for name, value in parameters.items()
+        if name in model.inputs
     }
     return time, constant | recorded
 
 
-def _step(usual: Any, last: float) -> float:
-    return float(getattr(usual, "stepSize", None) or last / 1000)
-
-
-def _show(model: FoundModel, time: Array, outputs: Mapping[str, Array]) -> None:
-    from fmus.kit.units import shown
-    from orchestration.reporting.console import out, plain_table
+def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
+    from fmus.kit.units import format_value
+    from orchestration.reporting import out, plain_table
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)
     for name, values in outputs.items():
         table.add_row(
-            name, *(shown(v, model.outputs[name]) for v in (values.min(), values.max(), values[-1]))
+            name,
+            *(
+                format_value(v, model.outputs[name])
+                for v in (values.min(), values.max(), values[-1])
+            ),
         )
     out.print(f"{model.title}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
     out.print(table)
 
 
+def _write_part(
+    out: Path,
+    model: Model,
+    time: Array,
+    inputs: Mapping[str, Array],
+    outputs: Mapping[str, Array],
+) -> Path:
+    """Write what was computed of a run that ended early, beside where all of it was to be."""
+    part = out.with_name(f"{out.stem}.part{out.suffix}")
+    until_then = {name: values[: len(time)] for name, values in inputs.items()}
+    _write(part, model, time, until_then, outputs)
+    return part
+
+
 def _write(
     path: Path,
-    model: FoundModel,
+    model: Model,
     time: Array,
     inputs: Mapping[str, Array],
     outputs: Mapping[str, Array],

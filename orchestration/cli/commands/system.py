@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from fmus.kit.errors import UserError
-from orchestration.cli.options import Runtime, complete_systems, option
+from fmus.kit import UserError
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import (
+    CheckSystemCommand,
+    DrawSystemCommand,
+    ExportSystemCommand,
+    SystemArgument,
+)
 from orchestration.cli.outputs import Outputs
 
 if TYPE_CHECKING:
-    from orchestration.fmu.signal import Signal, Value
+    from orchestration.fmu import Signal, Value
     from orchestration.system import System
 
 systems = typer.Typer(
@@ -23,14 +29,6 @@ systems = typer.Typer(
     rich_markup_mode="rich",
     help="Systems of components: show, draw, check, and export as SSP.",
 )
-Name = Annotated[
-    str,
-    typer.Argument(
-        metavar="NAME_OR_SSP",
-        help="A system (see ppy system list) or its file.",
-        autocompletion=complete_systems,
-    ),
-]
 
 
 @systems.command("list")
@@ -43,13 +41,14 @@ def list_systems() -> None:
         print(f"{name:{width}}  {summary.rstrip('.')}")
 
 
-@systems.command()
-def show(name: Name) -> None:
+@systems.command("show")
+@command(SystemArgument)
+def show(options: SystemArgument) -> None:
     """Show a system's members, connections, inputs and outputs."""
-    from orchestration.reporting.console import out
-    from orchestration.system.check import check
+    from orchestration.reporting import out
+    from orchestration.system import check
 
-    with _opened(name) as system:
+    with _opened(options["name"]) as system:
         check(system)
         out.print(system.name, style="bold", end="  ")
         out.print(system.doc)
@@ -60,8 +59,8 @@ def show(name: Name) -> None:
 
 
 def _show_members(system: System) -> None:
-    from orchestration.reporting.console import out, plain_table
-    from orchestration.system.check import variable
+    from orchestration.reporting import out, plain_table
+    from orchestration.system import variable
 
     table = plain_table(None, "member", "FMU", "values given to it")
     for member in system.members:
@@ -79,8 +78,8 @@ def _given(value: Value, signal: Signal) -> str:
 
 
 def _show_connections(system: System) -> None:
-    from orchestration.reporting.console import out, plain_table
-    from orchestration.system.check import interface
+    from orchestration.reporting import out, plain_table
+    from orchestration.system import interface
 
     models = {member.name: interface(member) for member in system.members}
     table = plain_table(None, "connection", "", "", "unit")
@@ -102,21 +101,16 @@ def _show_connections(system: System) -> None:
     out.print(table)
 
 
-@systems.command()
-def draw(
-    name: Name,
-    out: Annotated[
-        Path | None,
-        option("--out", metavar="FILE", help="Picture (.png, .svg or .pdf); default NAME.png."),
-    ] = None,
-) -> None:
+@systems.command("draw")
+@command(DrawSystemCommand)
+def draw(options: DrawSystemCommand) -> None:
     """Draw a system: members as boxes, connections as arrows."""
-    from orchestration.reporting.console import wrote
-    from orchestration.reporting.pictures import FORMATS
-    from orchestration.system.check import check
-    from orchestration.system.draw import draw as work
+    from orchestration.reporting import FORMATS, wrote
+    from orchestration.system import check
+    from orchestration.system import draw as work
 
-    path = out or Path(f"{Path(name).stem}.png")
+    name = options["name"]
+    path = options["out"] or Path(f"{Path(name).stem}.png")
     Outputs({"the system": Path(name)}, {"--out": path}, {"--out": FORMATS}).check()
     with _opened(name) as system:
         check(system)
@@ -124,41 +118,30 @@ def draw(
     wrote(path)
 
 
-@systems.command()
-def export(
-    name: Name,
-    out: Annotated[
-        Path | None, option("--out", help="The .ssp, or a .ssd with resources/; default NAME.ssp.")
-    ] = None,
-    runtime: Runtime = "native",
-    connectors: Annotated[
-        bool,
-        typer.Option(
-            "--connectors",
-            help="Inputs and outputs as connectors of the system; not for libcosim, Ecos.",
-        ),
-    ] = False,
-) -> None:
+@systems.command("export")
+@command(ExportSystemCommand)
+def export(options: ExportSystemCommand) -> None:
     """Write a system with its FMUs as SSP 1.0, for any master that reads it."""
-    from orchestration.reporting.console import wrote
+    from orchestration.reporting import wrote
     from orchestration.system import ssp
-    from orchestration.system.ssp.vocabulary import ENDINGS
+    from orchestration.system.ssp import ENDINGS
 
-    path = out or Path(f"{Path(name).stem}.ssp")
+    name = options["name"]
+    path = options["out"] or Path(f"{Path(name).stem}.ssp")
     Outputs({"the system": Path(name)}, {"--out": path}, {"--out": ENDINGS}).check()
-    with _opened(name, runtime) as system:
-        ssp.write(system, path, connectors)
+    with _opened(name, options["runtime"]) as system:
+        ssp.write(system, path, options["connectors"])
     wrote(path)
 
 
 @systems.command("check")
-def check_file(
-    file: Annotated[Path, typer.Argument(metavar="FILE.ssp", help="System, ours or anybody's.")],
-) -> None:
+@command(CheckSystemCommand)
+def check_file(options: CheckSystemCommand) -> None:
     """Check a system: everything connected exists and fits, and every input has one source."""
-    from orchestration.reporting.console import out
-    from orchestration.system.check import check
+    from orchestration.reporting import out
+    from orchestration.system import check
 
+    file = options["file"]
     with _opened(str(file)) as system:
         check(system)
         count = _warn(system)
@@ -168,17 +151,18 @@ def check_file(
 
 @contextmanager
 def _opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
-    """Give a system that ships, or one from a file; the FMUs of an archive are there only for as long."""
+    """Open a system that ships, or one from a file; an archive's FMUs are there only meanwhile."""
     from fmus.kit.storage import scratch
-    from orchestration.reporting.console import progress
+    from orchestration.reporting import progress
     from orchestration.system import library, ssp
-    from orchestration.system.ssp.vocabulary import ENDINGS
+    from orchestration.system.ssp import ENDINGS
 
     path = Path(name_or_file)
     if path.suffix.lower() in ENDINGS or path.exists():
         if path.suffix.lower() not in ENDINGS:
             raise UserError(
-                f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of {', '.join(library.NAMES)}"
+                f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of"
+                f" {', '.join(library.NAMES)}"
             )
         with scratch.folder("ssp") as folder:
             yield ssp.read(path, folder)
@@ -191,8 +175,8 @@ def _opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
 
 
 def _warn(system: System) -> int:
-    from orchestration.reporting.console import warn
-    from orchestration.system.check import warnings
+    from orchestration.reporting import warn
+    from orchestration.system import warnings
 
     texts = warnings(system)
     for text in texts:

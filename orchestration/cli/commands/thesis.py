@@ -2,43 +2,35 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from orchestration.cli.options import Json
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import ThesisCommand
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
 
 if TYPE_CHECKING:
-    from orchestration.thesis.claim import Claim
+    from studies.thesis import Claim
 
 
-def thesis(
-    out: Annotated[
-        Path, typer.Option(metavar="FOLDER_OR_HTML", help="Where the page goes.")
-    ] = Path("thesis.html"),
-    result: Json = None,
-) -> None:
+@command(ThesisCommand)
+def thesis(options: ThesisCommand) -> None:
     """Recompute the thesis: every table and simulated figure, what holds, what does not and why."""
-    from orchestration.thesis import chapters, page
+    from studies.thesis import chapters, page
 
-    Outputs(writes={"--out": page.target(out), "--json": result}, endings={"--json": JSON}).check()
-    with standard_output_for(result):
+    out = options["out"]
+    path = options["json"]
+    Outputs(writes={"--out": page.target(out), "--json": path}, endings={"--json": JSON}).check()
+    with standard_output_for(path):
         page.run(out)
-        write_json(
-            result,
-            {
-                "chapters": [
-                    {"title": title, "claims": [_as_json(claim) for claim in claims]}
-                    for title, claims in chapters.claims().items()
-                ],
-                "errata": [
-                    {"number": e.number, "where": e.where, "printed": e.printed, "holds": e.holds}
-                    for e in chapters.errata()
-                ],
-            },
-        )
+        written = [
+            {"title": title, "claims": [_as_json(claim) for claim in claims]}
+            for title, claims in chapters.claims().items()
+        ]
+        errata = [
+            {"number": e.number, "where": e.where, "printed": e.printed, "holds": e.holds}
+            for e in chapters.errata()
+        ]
+        write_json(path, {"chapters": written, "errata": errata})
 
 
 def _as_json(claim: Claim) -> dict[str, Any]:

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from orchestration.cli.options import option
+from orchestration.cli.command import command
+from orchestration.cli.rig.options import KeysCommand
 
 
-def keys(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Where the key files go, or are.")
-    ],
-    client: Annotated[
-        str | None,
-        option(
-            "--client", metavar="NAME", help="Make keys for one more client of the server there."
-        ),
-    ] = None,
-) -> None:
-    """Make CURVE keys: rig-server.toml for the server, rig-client.toml for its client; nothing is overwritten."""
-    from orchestration.reporting.console import note, wrote
-    from orchestration.rig.keys import add_client, make_keys
+@command(KeysCommand)
+def keys(options: KeysCommand) -> None:
+    """Make CURVE keys: rig-server.toml for the server, rig-client.toml for its client.
 
+    Nothing is overwritten.
+    """
+    from orchestration.reporting import note, wrote
+    from orchestration.rig import add_client, make_keys
+
+    folder = options["folder"]
+    client = options["client"]
     if client is not None:
         wrote(add_client(folder, client), "keys of the client; let nobody else read it")
         note("a server that is running lets the client in when it has been started again")

@@ -3,69 +3,63 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fmus.rig_proxy.protocol import ENDPOINT
-from orchestration.cli.options import Credentials, Json, RigEndpoint, option
+from orchestration.cli.command import command
 from orchestration.cli.outputs import STANDARD_OUTPUT, write_json
-from orchestration.reporting.console import warn
+from orchestration.cli.rig.options import (
+    AcknowledgeCommand,
+    ServerOptions,
+    StatusCommand,
+    StopCommand,
+)
 
-Timeout = Annotated[
-    float,
-    typer.Option("--timeout", min=0.05, max=60.0, help="How long to wait for an answer, in s."),
-]
+if TYPE_CHECKING:
+    from orchestration.rig import Endpoint
 
 
-def stop(
-    endpoint: RigEndpoint = ENDPOINT,
-    credentials: Credentials = None,
-    timeout: Timeout = 2.0,
-    reason: Annotated[
-        str, option("--reason", metavar="TEXT", help="For the log.")
-    ] = "ppy rig stop",
-    result: Json = None,
-) -> None:
+@command(StopCommand)
+def stop(options: StopCommand) -> None:
     """Stop the rig at once: its safe state, until ppy rig acknowledge."""
-    from orchestration.rig.endpoint import read_endpoint
-    from orchestration.rig.operator import ask
+    from orchestration.rig import ask
 
-    _tell(ask(read_endpoint(endpoint, credentials, warn), "stop", timeout, reason=reason), result)
+    reason = options["reason"]
+    answer = ask(_server(options), "stop", options["timeout"], reason=reason)
+    _show(answer, options["json"])
 
 
-def acknowledge(
-    endpoint: RigEndpoint = ENDPOINT,
-    credentials: Credentials = None,
-    timeout: Timeout = 5.0,
-    result: Json = None,
-) -> None:
+@command(AcknowledgeCommand)
+def acknowledge(options: AcknowledgeCommand) -> None:
     """Let the rig be used again after a safe state; the client has to connect anew."""
     from orchestration.rig import operator
-    from orchestration.rig.endpoint import read_endpoint
 
-    answer = operator.acknowledge(read_endpoint(endpoint, credentials, warn), timeout)
-    _tell(answer, result)
+    answer = operator.acknowledge(_server(options), options["timeout"])
+    _show(answer, options["json"])
     if answer["state"] == "safe":
         raise typer.Exit(1)
 
 
-def status(
-    endpoint: RigEndpoint = ENDPOINT,
-    credentials: Credentials = None,
-    timeout: Timeout = 2.0,
-    result: Json = None,
-) -> None:
+@command(StatusCommand)
+def status(options: StatusCommand) -> None:
     """Say how the rig is: idle, running or safe, who commands it, and what was dropped."""
-    from orchestration.rig.endpoint import read_endpoint
-    from orchestration.rig.operator import ask
+    from orchestration.rig import ask
 
-    _tell(ask(read_endpoint(endpoint, credentials, warn), "status", timeout), result)
+    _show(ask(_server(options), "status", options["timeout"]), options["json"])
 
 
-def _tell(answer: Any, result: Path | None) -> None:
-    from orchestration.rig.operator import summary
+def _server(options: ServerOptions) -> Endpoint:
+    from orchestration.reporting import warn
+    from orchestration.rig import read_endpoint
 
-    if result != STANDARD_OUTPUT:
-        print(summary(answer))
-    write_json(result, answer)
+    return read_endpoint(options["endpoint"], options["credentials"], warn)
+
+
+def _show(answer: Any, path: Path | None) -> None:
+    """Print an answer of the server, and write it as JSON if wanted."""
+    from orchestration.rig import summarise_status
+
+    if path != STANDARD_OUTPUT:
+        print(summarise_status(answer))
+    write_json(path, answer)

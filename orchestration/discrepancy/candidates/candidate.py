@@ -1,18 +1,17 @@
-"""Candidates: what may be wrong with a model, each an effect laid over it."""
+"""Candidate models: a component with effects laid over it, each of which may be missing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fmus.kit import Component, Effect, stack
-from fmus.kit.component import effect_name as label
-from fmus.kit.sensors import measurement_effects
+from fmus.kit import Component, Effect, measurement_effects, stack
+from fmus.kit import effect_name as label
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model with effects, none for the base.
+    """A model with the effects laid over it, none for the base.
 
     Attributes
     ----------
@@ -34,16 +33,16 @@ class Candidate:
 
     @property
     def parameters(self) -> list[str]:
-        """Parameters that the effects bring, without start values; of each effect its switch first."""
+        """Parameters of the effects, without start values; of each effect its switch first."""
         return [name for effect in self.effects for name in own_parameters(effect)]
 
     def with_effect(self, effect: type[Effect]) -> Candidate:
-        """Lay one more effect over it."""
+        """Return the model with one more effect."""
         return Candidate((*self.effects, effect), stack(self.cls, effect), self.starts)
 
 
 def own_parameters(effect: type[Effect]) -> list[str]:
-    """Real parameters that an effect declares, its switch first."""
+    """Return the real parameters that an effect declares, its switch first."""
     names = [p.name for p in effect.layout.parameters if p.type == "real" and not p.starts]
     return sorted(names, key=lambda name: name != effect.neutral)
 
@@ -51,7 +50,7 @@ def own_parameters(effect: type[Effect]) -> list[str]:
 def catalogue(
     cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]
 ) -> list[type[Effect]]:
-    """Every effect that a record with these outputs can speak of, but those that are laid over already.
+    """Return the effects that a record of these outputs can show, without those already present.
 
     Parameters
     ----------
@@ -65,12 +64,8 @@ def catalogue(
     -------
     list of type[Effect]
     """
-    wanted, there = (
-        set(measured),
-        {label(effect) for effect in vars(cls).get("stacked", (cls, ()))[1]},
-    )
-    known = [
-        *physics.values(),
-        *(effect for effect in measurement_effects(cls) if effect.output in wanted),
-    ]
-    return [effect for effect in known if label(effect) not in there]
+    outputs = set(measured)
+    _, stacked = vars(cls).get("stacked", (cls, ()))
+    present = {label(effect) for effect in stacked}
+    of_sensors = [effect for effect in measurement_effects(cls) if effect.output in outputs]
+    return [effect for effect in (*physics.values(), *of_sensors) if label(effect) not in present]

@@ -1,4 +1,4 @@
-"""What a record says of a candidate: scored without a fit, screened, and fitted."""
+"""Evidence of a record for a candidate: scored without a fit, screened, or fitted."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from scipy.stats import chi2
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import Candidate, label, own_parameters
-from orchestration.discrepancy.candidates.outlook import PredictedImprovement
+from orchestration.discrepancy.candidates.linearised_model import PredictedImprovement
 from orchestration.discrepancy.candidates.score_test import ScoreDirection
-from orchestration.identify.prediction_error import FitResult
-from orchestration.identify.problem import Problem
+from orchestration.identify.fitting import FitResult, Problem
 
 
 @dataclass(frozen=True)
@@ -40,40 +39,40 @@ class FittedCandidate:
 
     @property
     def effect_name(self) -> str:
-        """Its name."""
+        """Name of that effect."""
         return label(self.effect)
 
     def delta_bic(self, base: FittedCandidate, tried: int) -> float:
-        """Fall of BIC against another, less what trying many costs: twice the logarithm of their number."""
+        """Return the fall of BIC, less twice the logarithm of how many effects were tried."""
         extra = len(self.candidate.effects) - len(base.candidate.effects)
         return base.fit.bic - self.fit.bic - 2.0 * extra * float(np.log(max(tried, 1)))
 
     def robust_fall(self, base: FittedCandidate, tried: int, beyond: float = 0.0) -> float:
-        """Return the same if noise is not of the level and the colour that a likelihood takes it to be.
+        """Return the fall of BIC, where the noise is not quite what the likelihood takes it to be.
 
-        The likelihood ratio is as much too large as the effect's strength scatters more, in variance, than the
-        likelihood says (Kent, Biometrika 69, 1982); that is told by White's covariance. ``beyond`` is evidence that
-        the likelihood of the base hides.
+        The likelihood ratio is as much too large as the effect's strength scatters more, in
+        variance, than the likelihood says (Kent, Biometrika 69, 1982); that is told by White's
+        covariance. ``beyond`` is evidence that the likelihood of the base hides.
         """
         excess = self.fit.excess_variance[self.problem.names.index(own_parameters(self.effect)[0])]
         ratio = base.fit.deviance - self.fit.deviance + beyond
         return self.delta_bic(base, tried) + beyond - ratio * (1.0 - 1.0 / excess)
 
     def is_nearer_than(self, base: FittedCandidate) -> bool:
-        """Whether its free run is nearer to the record, in the geometric mean over outputs; else mere noise fits.
+        """Return whether its free run is nearer to the record, in the geometric mean over outputs.
 
-        Samples count as they do in its fit.
+        Otherwise mere noise is fitted. Samples count as they do in its fit.
         """
-        ratios = [
-            float(np.sum(w * self.fit.residual[o] ** 2))
-            / float(np.sum(w * base.fit.residual[o] ** 2))
-            for o, w in self.fit.weights.items()
-            if base.fit.residual[o].any()
-        ]
+        ratios = []
+        for output, weights in self.fit.weights.items():
+            if base.fit.residual[output].any():
+                error = float(np.sum(weights * self.fit.residual[output] ** 2))
+                base_error = float(np.sum(weights * base.fit.residual[output] ** 2))
+                ratios.append(error / base_error)
         return float(np.prod(ratios)) < 1.0
 
     def p_value(self, base: FittedCandidate, tried: int, beyond: float = 0.0) -> float:
-        """Probability of such a likelihood ratio without the effect, times the number of candidates."""
+        """Return the p-value of the likelihood ratio, times the number of candidates tried."""
         ratio = base.fit.deviance - self.fit.deviance + beyond
         freedom = max(self.fit.parameters - base.fit.parameters, 1)
         return float(min(1.0, tried * chi2.sf(max(ratio, 0.0), freedom)))
@@ -81,7 +80,7 @@ class FittedCandidate:
 
 @dataclass(frozen=True)
 class ScoredModel:
-    """A fitted model, and where effects would move it.
+    """A fitted model with the directions in which effects would move it.
 
     Attributes
     ----------

@@ -1,8 +1,9 @@
-"""Score directions: where an effect would move the residual, found without fitting anything (Rao's score test).
+"""Score directions: how an effect would move the residual, without any fit (Rao's score test).
 
-At the fitted base model an effect is looked at at its neutral value, where the simulation gives the exact derivative
-by its switch, and, because some do nothing until they are large, at a few other values, where it gives a difference.
-Second parameters, such as time constants, are looked at on a small grid.
+At the fitted base model an effect is evaluated at its neutral value, where the simulation gives the
+exact derivative by its switch, and, because some do nothing until they are large, at a few other
+values, where it gives a difference. Second parameters, such as time constants, are taken on a
+small grid.
 """
 
 from __future__ import annotations
@@ -15,32 +16,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Effect
-from fmus.kit.errors import UserError
-from fmus.kit.sensors import transport_delay
+from fmus.kit import Effect, UserError, transport_delay
 from orchestration.discrepancy.candidates.candidate import own_parameters
-from orchestration.identify.problem import Problem
+from orchestration.identify.fitting import Problem
 
 Array = NDArray[np.float64]
 GRID = (0.2, 0.45, 1.0, 2.2, 5.0)  # times the default of a second parameter
 COARSE = (0.2, 1.0, 5.0)  # of two of them
 SWITCHED = (1.0, 4.0, 16.0)  # times the nominal value of a switch, where differences are taken
-_DELAYS = 16  # looked at: a delay shows a step of an input another sample later, which is no smooth function of it
-_TRUST = 1.0 / 3.0, 3.0  # times the difference that an effect may be for it to tell of it
+# Lengths of a delay: it shows a step of an input another sample later, which is no smooth function
+# of it.
+_DELAYS = 16
+_TRUST = 1.0 / 3.0, 3.0  # multiples of a difference that it still represents
 
 
 @dataclass(frozen=True)
 class ScoreDirection:
-    """What an effect would do to the residual of every output.
+    """Change of the residual of every output by an effect.
 
     Attributes
     ----------
     values : dict of str to float
-        Its parameters, SI; the switch is where the derivative was taken, or where the difference ends.
+        Its parameters, SI; the switch is where the derivative was taken, or where the difference
+        ends.
     gradient : dict of str to ndarray of float32, shape (m,)
-        Derivative by the searched coordinate of the switch, or difference; where the output was measured.
+        Derivative by the searched coordinate of the switch, or difference; where the output was
+        measured.
     least, most : float
-        How much of it there may be: bounds of the searched coordinate, or how far a difference can be trusted.
+        How much of it there may be: bounds of the searched coordinate, or how far a difference can
+        be trusted.
     """
 
     values: dict[str, float]
@@ -50,12 +54,13 @@ class ScoreDirection:
 
 
 def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirection]:
-    """Find where an effect would move the residual.
+    """Simulate how an effect would move the residual.
 
     Parameters
     ----------
     problem : Problem
-        Of the model with the effect, its start being the fitted base; searched is what the effect brings.
+        Of the model with the effect, its start being the fitted base; searched is what the effect
+        brings.
     effect : type[Effect]
 
     Returns
@@ -68,44 +73,48 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
         If it cannot be simulated, whatever its second parameters.
     """
     switch, *others = own_parameters(effect)
-    at, declared = problem.names.index(switch), problem.declared
-    neutral = declared[switch].start
-    low, high = (float(end[at]) for end in problem.bounds())
-    here = problem.scales[at].position(neutral)
-    bounds = low - here, high - here
-    directions, failed = list[ScoreDirection](), None
-    for second in _grid(others, declared):
+    directions: list[ScoreDirection] = []
+    failure = None
+    for second in _grid(others, problem.declared):
         try:
-            base, slopes = problem.evaluate(problem.position(problem.start | second))
+            directions += _directions_at(problem, effect, switch, second)
         except UserError as error:  # with such a shape it cannot be simulated, with another perhaps
-            failed = error
+            failure = error
+    if failure is not None and not directions:
+        raise failure
+    return directions
+
+
+def _directions_at(
+    problem: Problem, effect: type[Effect], switch: str, second: dict[str, float]
+) -> list[ScoreDirection]:
+    """Return the derivative by the switch, and differences, at values of the second parameters."""
+    base, slopes = problem.evaluate(problem.position(problem.start | second))
+    directions = []
+    column = problem.names.index(switch)
+    local = {output: slope[:, column].astype(np.float32) for output, slope in slopes.items()}
+    if any(derivative.any() for derivative in local.values()):
+        neutral = problem.declared[switch].start
+        here = problem.scales[column].position(neutral)
+        low, high = (float(end[column]) for end in problem.bounds())
+        values = second | {switch: neutral}
+        directions.append(ScoreDirection(values, local, low - here, high - here))
+    for value in _trials(effect, problem.declared[switch], problem.time):
+        values = second | {switch: value}
+        try:
+            moved, _ = problem.evaluate(problem.position(problem.start | values))
+        except UserError:  # too much of it for a simulation
             continue
-        local = {output: slope[:, at].astype(np.float32) for output, slope in slopes.items()}
-        if any(column.any() for column in local.values()):
-            directions.append(ScoreDirection(second | {switch: neutral}, local, *bounds))
-        for value in _trials(effect, declared[switch], problem.time):
-            try:
-                moved, _ = problem.evaluate(
-                    problem.position(problem.start | second | {switch: value})
-                )
-            except UserError:  # too much of it for a simulation
-                continue
-            directions.append(
-                ScoreDirection(
-                    second | {switch: value},
-                    {o: (moved[o] - base[o]).astype(np.float32) for o in base},
-                    *_TRUST,
-                )
-            )
-    if failed is not None and not directions:
-        raise failed
+        difference = {output: (moved[output] - base[output]).astype(np.float32) for output in base}
+        directions.append(ScoreDirection(values, difference, *_TRUST))
     return directions
 
 
 def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
-    """Values of a switch at which a difference is taken, within its range."""
+    """Return values of a switch at which a difference is taken, within its range."""
     if getattr(effect, "made_by", None) is transport_delay:
-        step, most = float(np.median(np.diff(time))), switch.max
+        step = float(np.median(np.diff(time)))
+        most = switch.max
         samples = np.unique(
             np.round(np.expm1(np.linspace(0.0, np.log1p(most / step - 0.5), _DELAYS)))
         )
@@ -118,26 +127,22 @@ def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
 
 
 def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:
-    """Points of the second parameters: each at some multiples of its default."""
+    """Return points of the second parameters, each at some multiples of its default."""
     factors = GRID if len(names) < 2 else COARSE
-    choices = [
-        sorted(
-            {
-                float(np.clip(declared[n].start * factor, declared[n].min, declared[n].max))
-                for factor in factors
-            }
-        )
-        for n in names
-    ]
+    choices = []
+    for name in names:
+        p = declared[name]
+        choices.append(sorted({float(np.clip(p.start * f, p.min, p.max)) for f in factors}))
     return [dict(zip(names, point, strict=True)) for point in product(*choices)]
 
 
 def start_values(
     direction: ScoreDirection, problem: Problem, switch: str, amount: float
 ) -> dict[str, float]:
-    """Parameters of the effect where a fit should start, if so much of it is wanted."""
+    """Return the parameters of the effect from which a fit starts, for an amount of it."""
     if direction.least > 0.0:
         return direction.values
-    declared, scale = problem.declared[switch], problem.scales[problem.names.index(switch)]
+    declared = problem.declared[switch]
+    scale = problem.scales[problem.names.index(switch)]
     value = scale.value(scale.position(declared.start) + amount)
     return direction.values | {switch: float(np.clip(value, declared.min, declared.max))}

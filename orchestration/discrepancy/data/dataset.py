@@ -1,4 +1,8 @@
-"""A measured record, or several as one, as every step of the diagnosis takes it; estimation data are such a dataset."""
+"""The dataset of a diagnosis: inputs and measured outputs of one model over time.
+
+A dataset is made of one record or of several, which are joined to one with gaps between them.
+Estimation data and validation data are datasets too.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +13,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.records.clock import gaps
-from orchestration.records.joined import Run, joined, sampled_alike
+from fmus.kit import UserError
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.fmu import Model
+from orchestration.records import MeasuredRun, Record, gaps, join_records, sampled_alike
 
 Array = NDArray[np.float64]
-# Samples between two runs at which nothing was measured: more than any filter remembers, and than the lags at which a
-# residual is held against signals, so that neither reaches across.
+# Samples between two runs at which nothing was measured: more than any filter remembers, and than
+# the lags at which a residual is compared with signals, so that neither reaches across.
 GAP = 32
-PIECE = 32  # samples, without which what is between two gaps tells little but where it starts
+PIECE = 32  # samples; a shorter piece between two gaps shows little but where it starts
+_ROUNDED = 1e-6  # of the spread of a signal, to which a file may have rounded it
 
 
 @dataclass(frozen=True)
@@ -29,48 +36,43 @@ class Dataset:
     inputs, measured : Mapping of str to ndarray, shape (n,)
         NaN in an output is a gap.
     linear : bool or collection of str, optional
-        Inputs that are smooth (`smooth_inputs`), all or those named; others are held until the next sample. None leaves
-        it to the diagnosis.
-    several : tuple of Run
-        Where it is made of several records, one after the other with a gap between them; empty for one record.
+        Inputs that are smooth (`smooth_inputs`), all or those named; others are held until the next
+        sample. None leaves it to the diagnosis.
+    several : tuple of MeasuredRun
+        The runs where it is made of several records, one after the other with a gap between them;
+        empty for one record.
     """
 
     time: Array
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
     linear: bool | Collection[str] | None = None
-    several: tuple[Run, ...] = ()
+    several: tuple[MeasuredRun, ...] = ()
 
     @classmethod
-    def joined(cls, records: Mapping[str, Dataset], of: Mapping[str, str] | None = None) -> Dataset:
-        """Join records to one, by what each is called; an output that one of them lacks has a gap there.
+    def joined(
+        cls, datasets: Mapping[str, Dataset], record_of: Mapping[str, str] | None = None
+    ) -> Dataset:
+        """Join datasets to one; an output that one of them lacks has a gap there.
 
         Parameters
         ----------
-        records : Mapping of str to Dataset
-        of : Mapping of str to str, optional
-            What records are called that some of these are pieces of.
+        datasets : Mapping of str to Dataset
+            By label, in their order.
+        record_of : Mapping of str to str, optional
+            By label, the record of which a dataset is a piece.
         """
-        parts = list(records.values())
+        parts = list(datasets.values())
         step = float(np.median(np.concatenate([np.diff(part.time) for part in parts])))
-        runs: list[Run] = []
-        for label, part in records.items():
-            first, ahead = 0, 0.0
-            if runs:
-                before, last = parts[len(runs) - 1], runs[-1]
-                first = last.last + GAP
-                ahead = before.time[-1] + last.ahead + (GAP + 1) * step - part.time[0]
-            runs.append(
-                Run(label, first, first + len(part.time), float(ahead), (of or {}).get(label, ""))
-            )
+        runs = _consecutive_runs(datasets, step, record_of or {})
         count = runs[-1].last
-        time = joined(
-            count, runs, [part.time + run.ahead for part, run in zip(parts, runs, strict=True)]
-        )
+        shifted = [part.time + run.ahead for part, run in zip(parts, runs, strict=True)]
+        time = join_records(count, runs, shifted)
         for run in runs[1:]:
             time[run.first - GAP : run.first] = time[run.first] - step * np.arange(GAP, 0, -1)
         inputs = {
-            n: joined(count, runs, [part.inputs[n] for part in parts]) for n in parts[0].inputs
+            name: join_records(count, runs, [part.inputs[name] for part in parts])
+            for name in parts[0].inputs
         }
         outputs = dict.fromkeys(name for part in parts for name in part.measured)
         measured = {name: np.full(count, np.nan) for name in outputs}
@@ -80,32 +82,38 @@ class Dataset:
         return cls(time, inputs, measured, parts[0].linear, tuple(runs))
 
     def pieces(self, label: str = "") -> dict[str, Dataset]:
-        """What of a record is between gaps in its time, where nobody knows what the inputs did; itself without any.
+        """Cut the record at gaps in its time, during which nobody knows what the inputs did.
 
-        Where samples come in short bursts, so that this would leave out most of them, the record stays as it is.
+        Where samples come in short bursts, so that this would leave out most of them, the record
+        stays as it is.
 
         Parameters
         ----------
         label : str
-            What the record is called; pieces are numbered after it.
+            Name of the record; pieces are numbered after it.
+
+        Returns
+        -------
+        dict of str to Dataset
+            By label; the whole record alone if it has no gaps.
         """
         ends = [0, *(gaps(self.time) + 1).tolist(), len(self.time)]
-        parts = [(a, b) for a, b in pairwise(ends) if b - a >= PIECE]
-        if len(ends) == 2 or 2 * sum(b - a for a, b in parts) < len(self.time):
+        spans = [(first, last) for first, last in pairwise(ends) if last - first >= PIECE]
+        if len(ends) == 2 or 2 * sum(last - first for first, last in spans) < len(self.time):
             return {label: self}
         return {
-            f"{label}.{k}" if label else str(k): self.part(a, b)
-            for k, (a, b) in enumerate(parts, 1)
+            f"{label}.{number}" if label else str(number): self.part(first, last)
+            for number, (first, last) in enumerate(spans, 1)
         }
 
     @property
-    def runs(self) -> tuple[Run, ...]:
-        """What it is made of; a record by itself is a run without a name."""
-        return self.several or (Run("", 0, len(self.time)),)
+    def runs(self) -> tuple[MeasuredRun, ...]:
+        """The runs that it is made of; a record by itself is a run without a name."""
+        return self.several or (MeasuredRun("", 0, len(self.time)),)
 
     @property
     def within(self) -> NDArray[np.bool_]:
-        """Samples (n,) of any of the runs."""
+        """Mask (n,) of the samples that belong to a run."""
         result = np.zeros(len(self.time), dtype=bool)
         for run in self.runs:
             result[run.samples] = True
@@ -113,43 +121,204 @@ class Dataset:
 
     @property
     def even(self) -> bool:
-        """Whether samples are equally spaced, in all runs alike."""
+        """True if samples are equally spaced, and as far from each other in all runs."""
         return sampled_alike(self.time, self.runs)
 
     def only(self, outputs: Collection[str]) -> Dataset:
-        """Some of the outputs."""
+        """Return the dataset with some of its outputs."""
         return replace(self, measured={o: y for o, y in self.measured.items() if o in outputs})
 
     def apart(self) -> dict[str, Dataset]:
-        """Every run by itself, by its own clock."""
+        """Return every run as a dataset of its own, by its own clock."""
         parts = {}
         for run in self.runs:
-            inputs, measured = self._picked(run.samples)
             parts[run.label] = Dataset(
-                self.time[run.samples] - run.ahead, inputs, measured, self.linear
+                self.time[run.samples] - run.ahead,
+                _select(self.inputs, run.samples),
+                _select(self.measured, run.samples),
+                self.linear,
             )
         return parts
 
     def runs_of(self, labels: Sequence[str]) -> Dataset:
-        """Some of the runs, joined anew."""
-        parts, of = self.apart(), {run.label: run.record for run in self.runs}
-        return Dataset.joined({label: parts[label] for label in labels}, of)
+        """Join some of the runs anew."""
+        parts = self.apart()
+        record_of = {run.label: run.record for run in self.runs}
+        return Dataset.joined({label: parts[label] for label in labels}, record_of)
 
     def part(self, first: int, last: int) -> Dataset:
-        """Samples from one to before another."""
+        """Return the samples from one to before another."""
         return self.where(slice(first, last))
 
     def where(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Dataset:
-        """Some of the samples, in their order; runs of which none is left are gone."""
-        inputs, measured = self._picked(cut)
+        """Return some of the samples, in their order; runs that lose all samples are dropped."""
         kept = np.arange(len(self.time))[cut]
-        ends = [np.searchsorted(kept, [run.first, run.last]).tolist() for run in self.several]
-        several = tuple(
-            replace(run, first=a, last=b)
-            for run, (a, b) in zip(self.several, ends, strict=True)
-            if b > a
+        several = []
+        for run in self.several:
+            first, last = np.searchsorted(kept, [run.first, run.last]).tolist()
+            if last > first:
+                several.append(replace(run, first=first, last=last))
+        return replace(
+            self,
+            time=self.time[cut],
+            inputs=_select(self.inputs, cut),
+            measured=_select(self.measured, cut),
+            several=tuple(several),
         )
-        return replace(self, time=self.time[cut], inputs=inputs, measured=measured, several=several)
 
-    def _picked(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> list[dict[str, Array]]:
-        return [{n: v[cut] for n, v in group.items()} for group in (self.inputs, self.measured)]
+
+def _consecutive_runs(
+    datasets: Mapping[str, Dataset], step: float, record_of: Mapping[str, str]
+) -> list[MeasuredRun]:
+    """Place datasets one after the other, with `GAP` samples of a step between them."""
+    runs: list[MeasuredRun] = []
+    end = 0.0  # of the run before, by the joined clock
+    for label, dataset in datasets.items():
+        first = 0
+        shift = 0.0
+        if runs:
+            first = runs[-1].last + GAP
+            shift = float(end + (GAP + 1) * step - dataset.time[0])
+        record = record_of.get(label, "")
+        runs.append(MeasuredRun(label, first, first + len(dataset.time), shift, record))
+        end = dataset.time[-1] + shift
+    return runs
+
+
+def _select(
+    signals: Mapping[str, Array], cut: slice | NDArray[np.bool_] | NDArray[np.intp]
+) -> dict[str, Array]:
+    return {name: values[cut] for name, values in signals.items()}
+
+
+def dataset_of(
+    record: Record, model: Model, given: Mapping[str, float], interpolate: bool | None = None
+) -> Dataset:
+    """Take the inputs and real outputs of a model from a record.
+
+    Parameters
+    ----------
+    record : Record
+    model : Model
+    given : Mapping of str to float
+        Values of inputs, SI, which go before what was recorded. An input that is neither given nor
+        recorded stays at its start value.
+    interpolate : bool, optional
+        True if inputs go smoothly between samples, False if they are held; None leaves it to the
+        diagnosis.
+    """
+    given_inputs = {name: value for name, value in given.items() if name in model.inputs}
+    constant = {
+        name: signal.start for name, signal in model.inputs.items() if signal.type == "real"
+    } | given_inputs
+    inputs = {name: np.full(record.time.size, value) for name, value in constant.items()}
+    inputs |= {
+        name: values
+        for name, values in record.signals.items()
+        if name in model.inputs and name not in given_inputs
+    }
+    real = {name for name, signal in model.outputs.items() if signal.type == "real"}
+    measured = {name: values for name, values in record.signals.items() if name in real}
+    return Dataset(record.time, inputs, measured, interpolate)
+
+
+def joined_dataset(
+    records: Mapping[str, Record],
+    model: Model,
+    given: Mapping[str, float],
+    interpolate: bool | None = None,
+) -> Dataset:
+    """Make one dataset of records, which are cut at gaps in time and joined.
+
+    A single record without a gap and without a label is taken as it is.
+
+    Parameters
+    ----------
+    records : Mapping of str to Record
+        By label.
+    model, given, interpolate
+        See :func:`dataset_of`.
+    """
+    pieces = dict[str, Dataset]()
+    record_of = dict[str, str]()
+    for label, record in records.items():
+        cut = dataset_of(record, model, given, interpolate).pieces(label)
+        pieces |= cut
+        if len(cut) > 1:
+            record_of |= dict.fromkeys(cut, label or "the record")
+    if [*pieces] == [""]:
+        return pieces[""]
+    return Dataset.joined(pieces, record_of)
+
+
+def refuse_same(records: Sequence[Record], outputs: Collection[str], option: str = "") -> None:
+    """Refuse records that hold the same samples: one says nothing that the other does not.
+
+    Figures may be rounded, in another unit or otherwise ordered, and the clock may be another;
+    noise is never the same.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    outputs : collection of str
+        Outputs of the model; records that have none of them in common are two, however similar
+        their inputs are.
+    option : str
+        Command-line option that gave the last record.
+
+    Raises
+    ------
+    UserError
+        Naming the first two that are the same.
+    """
+    for number, record in enumerate(records):
+        for other in records[:number]:
+            if _same_samples(record, other, outputs):
+                name = f"{option} {record.source}".strip()
+                raise UserError(
+                    f"{name}: this is the same record as {other.source}; it tells nothing more"
+                )
+
+
+def _same_samples(one: Record, other: Record, outputs: Collection[str]) -> bool:
+    """Return True if two records have an output in common and all common signals are the same."""
+    common = one.signals.keys() & other.signals.keys()
+    if one.time.size != other.time.size or common.isdisjoint(outputs):
+        return False
+    pairs = [(one.signals[name], other.signals[name]) for name in common]
+    pairs.append((one.time - one.time[0], other.time - other.time[0]))
+    return all(_equal_but_for_rounding(a, b) for a, b in pairs)
+
+
+def _equal_but_for_rounding(a: Array, b: Array) -> bool:
+    """Return True if two signals are the same but for rounding."""
+    finite = np.isfinite(a)
+    spread = float(np.ptp(a[finite])) if finite.any() else 0.0
+    return bool(np.allclose(a, b, rtol=_ROUNDED, atol=_ROUNDED * spread, equal_nan=True))
+
+
+def gap_notes(records: Sequence[Record]) -> list[Note]:
+    """Return a note for every record that has gaps in its time."""
+    notes = []
+    for record in records:
+        pieces = Dataset(record.time, {}, {}).pieces().values()
+        if len(pieces) > 1:
+            facts = {
+                "record": record.source.name,
+                "longest": float(np.diff(record.time).max()),
+                "pieces": len(pieces),
+                "lost": record.time.size - sum(piece.time.size for piece in pieces),
+            }
+            notes.append(Note(NoteCode.GAPS, record.label, facts))
+    return notes
+
+
+def record_labels(records: Sequence[Record]) -> list[str]:
+    """Return different names for records: of the run, the file, both, or numbers from 1 on."""
+    files = [record.source.stem for record in records]
+    runs = [record.label for record in records]
+    both = [f"{file}:{run}" if run else file for file, run in zip(files, runs, strict=True)]
+    for names in (runs, files, both):
+        if all(names) and len(set(names)) == len(names):
+            return names
+    return [str(number) for number in range(1, len(records) + 1)]

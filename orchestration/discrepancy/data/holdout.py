@@ -1,4 +1,4 @@
-"""Dividing a record into estimation data, which are fitted to, and validation data, which no fit sees."""
+"""Division of a record into estimation data, which are fitted to, and validation data, held out."""
 
 from __future__ import annotations
 
@@ -9,26 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.discrepancy.data.dataset import PIECE, Dataset
-from orchestration.identify.metrics import normalised_rms
-from orchestration.identify.noise.model import noise_std
+from orchestration.identify import normalised_rms
+from orchestration.identify.noise import noise_std
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 HELD_OUT = 1.0 / 3.0  # of a record, its end
-_RUN_IN = (
-    1.0 / 6.0
-)  # of a record of its own: there what is its own is estimated, and nothing is judged
-_BLOCKS = (
-    15  # of a record whose end is at rest, from the second on every third of which is held out
-)
-_STILL = (
-    0.1  # of how much a signal moves in all of a record, below which it is at rest in a part of it
-)
-_STRETCHES, _LEAST_STRETCH = 10, 30  # of a record with other values of its own; samples in each
+# of a record of its own: there what is its own is estimated, and nothing is judged
+_RUN_IN = 1.0 / 6.0
+# of a record whose end is at rest, from the second on every third of which is held out
+_BLOCKS = 15
+# of how much a signal moves in all of a record, below which it is at rest in a part of it
+_STILL = 0.1
+_STRETCHES = 10  # of a record with other values of its own
+_LEAST_STRETCH = 30  # samples in each
 
 
 @dataclass(frozen=True)
 class ValidationData:
-    """Data to judge by, and what a simulation of them begins with.
+    """Data to judge by, which no fit sees.
 
     Attributes
     ----------
@@ -37,21 +36,23 @@ class ValidationData:
     judged : ndarray of bool, shape (n,)
         Samples to judge by: nothing was fitted to them.
     continued : bool
-        Whether they continue the estimation data, or are records of their own: what is each record's own, as its
-        starting states are, is estimated on the samples of it that are not judged.
+        Whether they continue the estimation data, or are records of their own: what is each
+        record's own, as its starting states are, is estimated on the samples of it that are not
+        judged.
     """
 
     data: Dataset
-    judged: NDArray[np.bool_]
+    judged: Mask
     continued: bool
 
     @classmethod
     def split(cls, data: Dataset, each: bool = False) -> tuple[Dataset, ValidationData]:
         """Divide a record into estimation and validation data.
 
-        Of several records the last third is held out. Of one it is its end; where nothing moves there, which tells
-        nothing of any effect, it is every third of blocks spread over the record; and where that is sampled unevenly,
-        and no stretch of it is like another, every third sample. The end of one with gaps begins anew.
+        Of several records the last third is held out. Of one it is its end; where nothing moves
+        there, so that no effect would show, it is every third of blocks spread over the
+        record; and where that is sampled unevenly, and no stretch of it is like another, every
+        third sample. The end of one with gaps begins anew.
         """
         records = list(dict.fromkeys(run.record or run.label for run in data.several))
         if len(records) > 1:
@@ -60,7 +61,7 @@ class ValidationData:
             other = [run.label for run in data.runs if run.label not in kept_labels]
             return data.runs_of(kept_labels), cls.separate_record(data.runs_of(other), each)
         if len(data.several) > 1:
-            cut = _cut(data)
+            cut = _end_of_estimation(data)
             return data.part(0, cut), cls.separate_record(data.part(cut, len(data.time)), each)
         number = np.arange(len(data.time))
         if data.even:
@@ -69,13 +70,9 @@ class ValidationData:
                 return data.part(0, validation.first), validation
             number = number * _BLOCKS // len(number)
         out = number % round(1.0 / HELD_OUT) == 1
-        fitted, judged = (
-            {o: np.where(which, y, np.nan) for o, y in data.measured.items()}
-            for which in (~out, out)
-        )
-        return replace(data, measured=fitted), cls(
-            replace(data, measured=judged), np.ones(len(out), dtype=bool), True
-        )
+        estimation = replace(data, measured=_only_at(data.measured, ~out))
+        validation_data = replace(data, measured=_only_at(data.measured, out))
+        return estimation, cls(validation_data, np.ones(len(out), dtype=bool), True)
 
     @classmethod
     def tail(cls, data: Dataset) -> ValidationData:
@@ -87,8 +84,9 @@ class ValidationData:
     def separate_record(cls, data: Dataset, each: bool = False) -> ValidationData:
         """Hold out records of their own.
 
-        Where a record starts is known from its first sixth. What else differs from record to record, where anything
-        does (``each``), may show itself anywhere in it, so then the first sixth of every tenth of it tells both.
+        Where a record starts is known from its first sixth. What else differs from record to
+        record, where anything does (``each``), may show itself anywhere in it, so then the first
+        sixth of every tenth of it is used for both.
         """
         judged = np.zeros(len(data.time), dtype=bool)
         for run in data.runs:
@@ -105,23 +103,25 @@ class ValidationData:
 
     @property
     def run_in(self) -> Dataset:
-        """The data as far as what is each record's own is estimated on them: to the last sample that is not judged."""
+        """The data to the last sample that is not judged, for estimates of each record's own."""
         fitted = self.data.within & ~self.judged
-        measured = {o: np.where(fitted, y, np.nan) for o, y in self.data.measured.items()}
         reached = np.zeros(len(fitted), dtype=bool)
         for run in self.data.runs:
-            reached[run.first : run.first + 1 + int(np.flatnonzero(fitted[run.samples])[-1])] = True
+            last = run.first + int(np.flatnonzero(fitted[run.samples])[-1])
+            reached[run.first : last + 1] = True
+        measured = _only_at(self.data.measured, fitted)
         return replace(self.data, measured=measured).where(reached)
 
     @property
-    def held_out(self) -> NDArray[np.bool_]:
-        """Samples of what was held out: of a record of its own also those that tell where it starts."""
+    def held_out(self) -> Mask:
+        """Mask of all samples held out, also of those that show where a record starts."""
         return self.judged if self.continued else self.data.within
 
     def nrmse(self, simulated: Mapping[str, Array], part: slice = slice(None)) -> dict[str, float]:
-        """Error of every output where nothing was fitted, over the spread of what was held out.
+        """Return the error of every output where nothing was fitted, over its spread.
 
-        The spread is the signal's, whatever is taken of a record to tell where it starts.
+        The spread is that of the signal in all that was held out, also in samples of a record that
+        show where it starts.
 
         Parameters
         ----------
@@ -130,35 +130,49 @@ class ValidationData:
         part : slice
             Of the data that is looked at, such as one run; all by default.
         """
-        at, counted = self.held_out[part], self.judged[part][self.held_out[part]]
+        at = self.held_out[part]
+        counted = self.judged[part][at]
         return {
             o: normalised_rms(y[part][at], simulated[o][part][at], counted)
             for o, y in self.data.measured.items()
         }
 
 
-def is_at_rest(data: Dataset, part: NDArray[np.bool_]) -> bool:
-    """Whether nothing moves in a part of a record: no input, and no output by more than its noise there.
+def is_at_rest(data: Dataset, part: Mask) -> bool:
+    """Return True if no input moves in a part of a record, and no output by more than its noise.
 
-    An input that does not move in the record tells nothing of rest.
+    Inputs that do not move anywhere in the record do not count.
     """
     moving = [v for v in data.inputs.values() if np.ptp(v[data.within]) > 0.0]
     ratios = [float(np.std(v[part]) / np.std(v[data.within])) for v in moving]
     for y in data.measured.values():
-        there, everywhere = y[part & np.isfinite(y)], float(np.nanvar(y))
-        moves = max(float(np.var(there)) - noise_std(there, 3) ** 2, 0.0) if there.size else 0.0
-        ratios.append((moves / everywhere) ** 0.5 if everywhere > 0.0 else 0.0)
+        values = y[part & np.isfinite(y)]
+        variance = 0.0  # beyond that of the noise
+        if values.size:
+            variance = max(float(np.var(values)) - noise_std(values, 3) ** 2, 0.0)
+        whole = float(np.nanvar(y))
+        ratios.append((variance / whole) ** 0.5 if whole > 0.0 else 0.0)
     return max(ratios) < _STILL
 
 
-def _cut(data: Dataset) -> int:
-    """First sample of the last third of a record with gaps, or of what is between two gaps where too little is left."""
-    left = round(sum(run.last - run.first for run in data.runs) * (1.0 - HELD_OUT))
+def _only_at(measured: Mapping[str, Array], mask: Mask) -> dict[str, Array]:
+    """Return outputs with gaps everywhere but at some samples."""
+    return {o: np.where(mask, y, np.nan) for o, y in measured.items()}
+
+
+def _end_of_estimation(data: Dataset) -> int:
+    """Return the first sample of the last third of a record with gaps.
+
+    Where that would leave too little of what is between two gaps, the cut is at the gap.
+    """
+    remaining = round(sum(run.last - run.first for run in data.runs) * (1.0 - HELD_OUT))
     for run in data.runs:
         count = run.last - run.first
-        if left < count:
+        if remaining < count:
             break
-        left -= count
-    if left < PIECE and run is not data.runs[0]:
+        remaining -= count
+    if remaining < PIECE and run is not data.runs[0]:
         return run.first
-    return run.last if count - left < PIECE and run is not data.runs[-1] else run.first + left
+    if count - remaining < PIECE and run is not data.runs[-1]:
+        return run.last
+    return run.first + remaining

@@ -1,14 +1,16 @@
-"""Whether the data can be trusted, before any model is blamed: clipped, stuck and dead outputs, still inputs, outliers.
+"""Assessment of the quality of data before any model is blamed: faults of every channel.
 
-No simulation is needed. A measurement with noise never repeats a value for long, so that a run of equal samples is made
-by what records it: at an end of the range it is clipped, elsewhere the sensor is stuck. Without noise to tell, rest is
-no fault; then only a signal that is cut while it moves counts as clipped, and one that stops while inputs move as dead.
+Looked for are clipped, stuck and dead outputs, inputs that do not move, outliers and coarse steps
+of the recorder. No simulation is needed. A measurement with noise never repeats a value for long,
+so that a run of equal samples is made by what records it: at an end of the range it is clipped,
+elsewhere the sensor is stuck. Without noise to judge by, rest is no fault; then only a signal that
+is cut while it moves counts as clipped, and one that stops while inputs move as dead.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,37 +18,51 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.faults import (
-    RUN,
-    Symptom,
-    any_moved,
-    equal_runs,
-    faults_in_noise,
-    faults_without_noise,
-)
-from orchestration.discrepancy.data.resolution import SAME, resolution_of
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.records import true_runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-_CALM = 30  # samples without movement of the inputs that it takes to know the noise
-_COARSE = 0.4  # share of repeated samples above which the noise is too small for the steps of the recorder
-_LEVELS = 4  # different values at which a channel with noise may stand still: both ends, and where a sensor hangs
+Span = tuple[int, int]  # first sample, and the one after the last
+_SAME = 1e-9  # of the range: what unit conversion may split one value into
+_RUN = 5  # equal samples that are looked at
+_USABLE = 0.1  # share of the samples below which an output is not used
+_EVIDENCE = ("quantised", "standing")  # reported, and used all the same
+
+# Noise
+_QUIET = 30  # samples without movement of the inputs that it takes to know the noise
+# share of repeated samples above which the noise is too small for the steps of the recorder
+_COARSE = 0.4
+# different values at which a channel with noise may stand still: both ends, and where a sensor
+# hangs
+_LEVELS = 4
+_ALARM = 1e-6  # probability, for a whole channel, of so long a run of equal samples in noise
+_COLOURED = 1.5  # times as long as if noise forgot from sample to sample
+
+# Runs of equal samples
+# samples between masked ones that are masked too: those that noise spared are no fair sample
+_CLOSED = 5
+_BESIDE = 3.5  # steps of the recorder that are beside an end
+_JUMP = 2.0  # times the largest change from sample to sample elsewhere: so a sensor comes back
+_SLOW = 0.3  # of the usual change from sample to sample, below which something comes to rest
+_DEAD = 0.05  # share of a record for which an output without noise must stand still to be dead
+
+# Outliers
 _SPIKE = 12.0  # standard deviations by which a single sample must leave its neighbours
 _SPIKES = 0.02  # share of the samples above which they are no outliers
-_EVIDENCE = ("quantised", "standing")  # told, and used all the same
-_USABLE = 0.1  # share of the samples below which an output is not used
 
 
 @dataclass(frozen=True)
 class DataFault:
-    """One thing that is wrong with the data.
+    """One fault of the data.
 
     Attributes
     ----------
     channel : str
         Empty if it is about all of them.
-    kind : {"clipped", "stuck", "dead", "standing", "outlier", "quantised", "unusable", "still", "nothing"}
+    kind : str
+        "clipped", "stuck", "dead", "standing", "outlier", "quantised", "unusable", "still" or
+        "nothing".
     code : NoteCode
         How it was recognised.
     facts : Mapping of str to Any
@@ -74,21 +90,42 @@ class DataFault:
 
     @property
     def note(self) -> Note:
-        """It as a remark of the diagnosis."""
+        """The fault as a remark of the diagnosis."""
         return Note(self.code, self.channel, {**self.facts, "share": self.share})
+
+
+@dataclass(frozen=True)
+class Symptom:
+    """A fault of one output as its samples show it.
+
+    Attributes
+    ----------
+    kind : str
+        See `DataFault`.
+    code : NoteCode
+    mask : ndarray of bool, shape (n,)
+        The samples.
+    facts : Mapping of str to Any
+        Figures that its sentence needs.
+    """
+
+    kind: str
+    code: NoteCode
+    mask: Mask
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 def assess(
     data: Dataset, simulated: Mapping[str, Array] | None = None
 ) -> tuple[Dataset, list[DataFault]]:
-    """Look for what is wrong with the data.
+    """Look for faults of the data.
 
     Parameters
     ----------
     data : Dataset
     simulated : Mapping of str to ndarray, shape (n,), optional
-        Outputs as a model shows them under the same inputs. What they do themselves, such as resting at a limit or not
-        moving at all, is no fault of the data.
+        Outputs as a model shows them under the same inputs. What they do themselves, such as
+        resting at a limit or not moving at all, is no fault of the data.
 
     Returns
     -------
@@ -97,172 +134,442 @@ def assess(
     list of DataFault
         In the order of the channels, inputs first.
     """
-    faults = list(_excitation(data))
-    moves = {name: _changes(values) for name, values in data.inputs.items()}
-    usable, modelled = {}, simulated or {}
+    faults = list(_still_inputs(data))
+    moved = {name: _changes(values) for name, values in data.inputs.items()}
+    modelled = simulated or {}
+    usable = {}
     for name, values in data.measured.items():
+        kinds_of_model = set()
+        if name in modelled:
+            kinds_of_model = {symptom.kind for symptom in _symptoms(modelled[name], moved)}
         bad = np.zeros(len(values), dtype=bool)
-        own = (
-            {symptom.kind for symptom in _symptoms(modelled[name], moves)}
-            if name in modelled
-            else set()
-        )
-        for symptom in _symptoms(values, moves):
-            if symptom.kind in own:
+        for symptom in _symptoms(values, moved):
+            if symptom.kind in kinds_of_model:
                 continue
             left_out = symptom.kind not in _EVIDENCE
             faults.append(_fault(data, name, symptom, values, left_out))
-            bad |= symptom.mask if left_out else False
+            if left_out:
+                bad |= symptom.mask
         present = np.isfinite(values)
         share = float((present & ~bad).sum() / max(present.sum(), 1))
         if share >= _USABLE:
             usable[name] = np.where(bad, np.nan, values)
         elif share > 0.0:
-            symptom = Symptom("unusable", NoteCode.UNUSABLE, present, {"usable": share})
-            faults.append(_fault(data, name, symptom, values, True))
+            unusable = Symptom("unusable", NoteCode.UNUSABLE, present, {"usable": share})
+            faults.append(_fault(data, name, unusable, values, True))
     if not usable:
-        everything = np.ones(len(data.time), dtype=bool)
-        faults.append(
-            _fault(
-                data, "", Symptom("nothing", NoteCode.NOTHING_USABLE, everything), data.time, False
-            )
-        )
+        nothing = Symptom("nothing", NoteCode.NOTHING_USABLE, _everywhere(data.time))
+        faults.append(_fault(data, "", nothing, data.time, False))
     return replace(data, measured=usable), faults
+
+
+def resolution_of(values: Array) -> float:
+    """Return the resolution of a channel: the least step between different values.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Any unit; NaN is a gap.
+
+    Returns
+    -------
+    float
+        In the same unit; 0 for a constant.
+    """
+    known = values[np.isfinite(values)]
+    spread = float(np.ptp(known)) if known.size else 0.0
+    steps = np.diff(np.unique(known))
+    steps = steps[steps > _SAME * spread]
+    return float(steps.min()) if len(steps) else 0.0
 
 
 def _fault(
     data: Dataset, channel: str, symptom: Symptom, values: Array, left_out: bool
 ) -> DataFault:
-    where = np.flatnonzero(symptom.mask)
-    first, last = int(where[0]), int(where[-1])
-    start, end = float(data.time[first]), float(data.time[last])
-    share = float(symptom.mask.sum() / max(np.isfinite(values).sum(), 1))
+    samples = np.flatnonzero(symptom.mask)
+    first = int(samples[0])
+    last = int(samples[-1])
     return DataFault(
-        channel, symptom.kind, symptom.code, symptom.facts, first, last, start, end, share, left_out
+        channel,
+        symptom.kind,
+        symptom.code,
+        symptom.facts,
+        first,
+        last,
+        start=float(data.time[first]),
+        end=float(data.time[last]),
+        share=float(symptom.mask.sum() / max(np.isfinite(values).sum(), 1)),
+        left_out=left_out,
     )
 
 
-def _excitation(data: Dataset) -> Iterator[DataFault]:
-    """Inputs that do not move, and what that means."""
-    everything = np.ones(len(data.time), dtype=bool)
+def _still_inputs(data: Dataset) -> Iterator[DataFault]:
+    """Yield a fault for every input that does not move, and one more if none does."""
+    everywhere = _everywhere(data.time)
     still = {name: values for name, values in data.inputs.items() if not _changes(values).any()}
     for name, values in still.items():
-        constant = Symptom(
-            "still", NoteCode.CONSTANT_INPUT, everything, {"value": float(values[0])}
-        )
+        facts = {"value": float(values[0])}
+        constant = Symptom("still", NoteCode.CONSTANT_INPUT, everywhere, facts)
         yield _fault(data, name, constant, values, False)
     if len(still) == len(data.inputs):
-        yield _fault(
-            data, "", Symptom("still", NoteCode.NO_EXCITATION, everything), data.time, False
-        )
+        unexcited = Symptom("still", NoteCode.NO_EXCITATION, everywhere)
+        yield _fault(data, "", unexcited, data.time, False)
 
 
-def _symptoms(values: Array, moves: Mapping[str, Mask]) -> Iterator[Symptom]:
-    """What is wrong with one output."""
-    where = np.flatnonzero(np.isfinite(values))
-    y = values[where]
+def _symptoms(values: Array, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
+    """Yield the faults of one output (n,), given where each input moves."""
+    present = np.flatnonzero(np.isfinite(values))
+    inputs_moved = {name: mask[present] for name, mask in moved.items()}
+    for symptom in _symptoms_without_gaps(values[present], inputs_moved):
+        whole = np.zeros(len(values), dtype=bool)
+        whole[present[symptom.mask]] = True
+        yield replace(symptom, mask=whole)
+
+
+def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
     n = len(y)
-    if n < 2 * RUN:
+    if n < 2 * _RUN:
         return
-    moved = {name: mask[where] for name, mask in moves.items()}
-
-    def whole(symptom: Symptom) -> Symptom:
-        result = np.zeros(len(values), dtype=bool)
-        result[where[symptom.mask]] = True
-        return replace(symptom, mask=result)
-
     resolution = resolution_of(y)
     dead = _dead_throughout(y, resolution, moved)
     if dead:
-        yield whole(dead)
+        yield dead
         return
     ties = _tie_probability(y, resolution, moved)
-    symptoms = (
-        faults_without_noise(y, resolution, moved)
-        if ties is None
-        else faults_in_noise(y, resolution, ties)
-    )
     bad = np.zeros(n, dtype=bool)
-    for symptom in symptoms:
+    for symptom in _repeats(y, resolution, ties, moved):
         bad |= symptom.mask
-        yield whole(symptom)
+        yield symptom
     coarse = ties is None and 4 * len(np.unique(y)) <= n and _on_grid(y, resolution)
     spikes = _outliers(y, resolution, bad, moved)
     if (coarse or ties is not None) and 0 < spikes.sum() <= max(1, _SPIKES * n):
-        yield whole(Symptom("outlier", NoteCode.OUTLIERS, spikes, {"count": int(spikes.sum())}))
+        yield Symptom("outlier", NoteCode.OUTLIERS, spikes, {"count": int(spikes.sum())})
     if coarse:
-        everything = np.ones(n, dtype=bool)
-        yield whole(
-            Symptom("quantised", NoteCode.QUANTISED, everything, {"resolution": resolution})
-        )
+        yield Symptom("quantised", NoteCode.QUANTISED, _everywhere(y), {"resolution": resolution})
 
 
-def _changes(values: Array) -> Mask:
-    """Where a channel has another value than one sample before."""
-    change = np.abs(np.diff(values, prepend=values[:1]))
-    return np.asarray(change > SAME * np.abs(values).max(initial=0.0))
-
-
-def _on_grid(y: Array, resolution: float) -> bool:
-    steps = np.diff(np.unique(y)) / resolution
-    return bool(np.abs(steps - np.round(steps)).max(initial=0.0) < 0.01)
+def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> Symptom | None:
+    """Return the symptom of an output that says nothing at all while inputs move, if it is one."""
+    inputs = _any_moved(moved, len(y))
+    if not inputs.any():
+        return None
+    if resolution == 0.0:
+        return Symptom("dead", NoteCode.DEAD_CONSTANT, _everywhere(y), {"level": float(y[0])})
+    changes = np.flatnonzero(np.diff(y)) + 1
+    near_move = inputs | np.roll(inputs, 1) | np.roll(inputs, -1)
+    if (
+        np.ptp(y) < 2.5 * resolution
+        and len(changes)
+        and not near_move.all()
+        and near_move[changes].mean() < 0.5
+    ):
+        return Symptom("dead", NoteCode.DEAD_TOGGLING, _everywhere(y), {"resolution": resolution})
+    return None
 
 
 def _tie_probability(y: Array, resolution: float, moved: Mapping[str, Mask]) -> float | None:
-    """Probability that noise repeats a sample, seen where no input moves; None if there is no noise to tell by.
+    """Return the probability that noise repeats a sample, seen where no input moves.
 
-    The third differences of noise alternate, those of a smooth signal do not.
+    The third differences of noise alternate, those of a smooth signal do not. None if there is no
+    noise to judge by.
     """
-    calm, equal = ~any_moved(moved, len(y)), equal_runs(y)
-    if len({float(y[a]) for a, b in equal if b - a >= 4 * RUN}) > _LEVELS:
+    equal = _equal_runs(y)
+    if len({float(y[first]) for first, last in equal if last - first >= 4 * _RUN}) > _LEVELS:
         return None
-    for a, b in equal:
-        calm[a:b] &= b - a < RUN  # may be the very fault that is looked for
-    calm = calm[1:-2] & calm[2:-1] & calm[3:]
-    third = np.diff(y, 3)[calm]
+    still = ~_any_moved(moved, len(y))
+    for first, last in equal:
+        still[first:last] &= last - first < _RUN  # may be the very fault that is looked for
+    quiet = still[1:-2] & still[2:-1] & still[3:]
+    third = np.diff(y, 3)[quiet]
     signs = np.sign(third[third != 0.0])
     if (
-        len(signs) < _CALM
+        len(signs) < _QUIET
         or np.mean(signs[1:] != signs[:-1]) < 0.6
         or np.median(np.abs(third)) < 2.0 * resolution
     ):
         return None
-    ties = float(np.mean(np.diff(y)[2:][calm] == 0.0))
+    ties = float(np.mean(np.diff(y)[2:][quiet] == 0.0))
     return max(ties, 1.0 / len(y)) if ties < _COARSE else None
 
 
-def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> Symptom | None:
-    """Tell if an output says nothing at all while inputs move."""
-    inputs = any_moved(moved, len(y))
-    if not inputs.any():
-        return None
-    everything = np.ones(len(y), dtype=bool)
-    if resolution == 0.0:
-        return Symptom("dead", NoteCode.DEAD_CONSTANT, everything, {"level": float(y[0])})
-    changes = np.flatnonzero(np.diff(y)) + 1
-    near = inputs | np.roll(inputs, 1) | np.roll(inputs, -1)
-    if (
-        np.ptp(y) < 2.5 * resolution
-        and len(changes)
-        and not near.all()
-        and near[changes].mean() < 0.5
-    ):
-        return Symptom("dead", NoteCode.DEAD_TOGGLING, everything, {"resolution": resolution})
+def _repeats(
+    y: Array, resolution: float, ties: float | None, moved: Mapping[str, Mask]
+) -> Iterator[Symptom]:
+    """Find repeated values that are faults, by the noise of an output or without any."""
+    if ties is None:
+        return _repeats_without_noise(y, resolution, moved)
+    return _repeats_in_noise(y, resolution, ties)
+
+
+def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> Iterator[Symptom]:
+    """Find values that noise could not have repeated.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        An output, any unit, without gaps.
+    resolution : float
+        Least step between different values, in its unit.
+    tie_probability : float
+        Probability that its noise repeats a sample.
+
+    Yields
+    ------
+    Symptom
+    """
+    same = _SAME * float(np.ptp(y))
+    longest = 1.0 + _COLOURED * np.log(_ALARM / len(y)) / np.log(tie_probability)
+    frozen = [(first, last) for first, last in _equal_runs(y) if last - first >= max(_RUN, longest)]
+    tail = _dead_tail(y, frozen, same)
+    if tail:
+        mask = _mask(len(y), [tail])
+        yield Symptom("dead", NoteCode.DEAD_TO_THE_END, mask, {"level": float(y[-1])})
+        frozen.remove(tail)
+    for end, level in (("maximum", float(y.max())), ("minimum", float(y.min()))):
+        facts = {"end": end, "level": level}
+        distance = np.abs(y - level)
+        at_level = distance <= same
+        beside = int(((distance > same) & (distance < _BESIDE * resolution)).sum())
+        dead_there = tail is not None and abs(y[-1] - level) <= same
+        # at the end of what noise reaches there are fewer samples than beside it
+        if at_level.sum() > _RUN + _BESIDE * beside and not dead_there:
+            yield Symptom("clipped", NoteCode.CLIPPED, _closed(at_level), facts)
+            frozen = [span for span in frozen if not at_level[span[0]]]
+    yield from _stuck_or_standing(y, frozen, same)
+
+
+def _dead_tail(y: Array, frozen: Sequence[Span], same: float) -> Span | None:
+    """Return the run of equal samples with which a record ends, if it stood there only then."""
+    n = len(y)
+    for first, last in frozen:
+        if last == n and last - first >= _DEAD * n:
+            stood_before = any(abs(y[start] - y[-1]) <= same for start, _ in frozen[:-1])
+            return None if stood_before else (first, last)
     return None
 
 
-def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask]) -> Mask:
-    """Single samples far from both neighbours, which agree, where no input moves."""
-    aside = y[1:-1] - 0.5 * (y[:-2] + y[2:])
-    deviation = max(
-        float(np.median(np.abs(aside[~bad[1:-1]]))) / float(norm.ppf(0.75))
-        if (~bad).any()
-        else 0.0,
-        resolution,
+def _stuck_or_standing(y: Array, frozen: Sequence[Span], same: float) -> Iterator[Symptom]:
+    """Yield the runs of a stuck sensor, and those of a plant that stands.
+
+    A plant stands where it has stood before; a sensor hangs anywhere.
+    """
+    stuck = []
+    standing = []
+    for first, last in frozen:
+        stood_before = any(
+            abs(y[other] - y[first]) <= same for other, _ in frozen if other != first
+        )
+        if stood_before:
+            standing.append((first, last))
+        else:
+            stuck.append((first, last))
+    if stuck:
+        samples = _mask(len(y), stuck)
+        first, last = _longest(true_runs(samples))
+        yield Symptom("stuck", NoteCode.STUCK, samples, {"samples": last - first})
+    if standing:
+        samples = _mask(len(y), standing)
+        first, last = _longest(true_runs(samples))
+        facts = {"level": float(y[first]), "samples": last - first}
+        yield Symptom("standing", NoteCode.STANDS_STILL, samples, facts)
+
+
+def _repeats_without_noise(
+    y: Array, resolution: float, moved: Mapping[str, Mask]
+) -> Iterator[Symptom]:
+    """Find cuts and standstills of an output that has no noise to judge by.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        An output, any unit, without gaps.
+    resolution : float
+        Least step between different values, in its unit.
+    moved : Mapping of str to ndarray of bool, shape (n,)
+        Where each input has changed.
+
+    Yields
+    ------
+    Symptom
+    """
+    equal = _equal_runs(y)
+    if not equal:
+        return
+    longest = _longest(equal)
+    if _stops_while_driven(longest, equal, moved, len(y)):
+        yield _standstill(y, longest, longest in _spans_at_rest(y, equal))
+        equal.remove(longest)
+    same = _SAME * np.ptp(y)
+    low = np.abs(y - y.min()) <= same
+    high = np.abs(y - y.max()) <= same
+    at_end = low | high
+    between = max((last - first for first, last in equal if not at_end[first]), default=_RUN)
+    varied = len(np.unique(y)) > 10 and at_end.mean() < 0.5
+    for end, at_level, sign in (("maximum", high, 1.0), ("minimum", low, -1.0)):
+        spans = [(first, last) for first, last in equal if last - first >= _RUN and at_level[first]]
+        level = float(y[at_level][0])
+        cuts = sum(_is_cut(sign * y, sign * level, span, resolution, moved) for span in spans)
+        long = sum(last - first > 1.5 * between for first, last in spans) if varied else 0
+        if (cuts >= 2 and 2 * cuts >= len(spans)) or long >= 3:
+            facts = {"end": end, "level": level, "times": len(spans)}
+            yield Symptom("clipped", NoteCode.CLIPPED_REPEATEDLY, _closed(at_level), facts)
+
+
+def _stops_while_driven(
+    span: Span, equal: Sequence[Span], moved: Mapping[str, Mask], n: int
+) -> bool:
+    """Return True if a standstill is far longer than others under inputs that move as elsewhere."""
+    first, last = span
+    if last - first < max(_DEAD * n, 4 * _RUN):
+        return False
+    elsewhere = [mask for mask in moved.values() if mask[:first].any() or mask[last:].any()]
+    if not elsewhere or not all(mask[first + 1 : last].sum() > 1 for mask in elsewhere):
+        return False
+    inputs = _any_moved(moved, n)
+    others = [
+        end - start for start, end in equal if start != first and inputs[start + 1 : end].any()
+    ]
+    return last - first > 3 * max(others, default=0)
+
+
+def _standstill(y: Array, span: Span, at_rest: bool) -> Symptom:
+    """Return the symptom of a standstill: of a plant at rest, or of a dead or stuck sensor."""
+    first, last = span
+    mask = _mask(len(y), [span])
+    facts = {"level": float(y[first]), "samples": last - first}
+    if at_rest:
+        return Symptom("standing", NoteCode.STANDS_STILL, mask, facts)
+    if last == len(y):
+        return Symptom("dead", NoteCode.DEAD_WHILE_DRIVEN, mask, facts)
+    return Symptom("stuck", NoteCode.STUCK_WHILE_DRIVEN, mask, facts)
+
+
+def _is_cut(
+    y: Array, level: float, span: Span, resolution: float, moved: Mapping[str, Mask]
+) -> bool:
+    """Return True if a signal was on its way beyond its maximum, and no input explains its stop.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+    level : float
+        Its maximum.
+    span : tuple of int
+        Samples at that maximum.
+    resolution : float
+        Least step between different values.
+    moved : Mapping of str to ndarray of bool, shape (n,)
+        Where each input has changed.
+    """
+    first, last = span
+    if first < 2 or 2.0 * y[first - 1] - y[first - 2] - level <= resolution:
+        return False
+    return not any(
+        mask[first - 1 : first + 1].any() and not mask[first + 2 : last].any()
+        for mask in moved.values()
     )
-    alone = (np.abs(aside) > _SPIKE * deviation) & (np.abs(y[2:] - y[:-2]) < 0.25 * np.abs(aside))
-    quiet = ~any_moved(moved, len(y))
-    near = quiet[:-2] & quiet[1:-1] & quiet[2:]
+
+
+def _spans_at_rest(y: Array, equal: Sequence[Span]) -> set[Span]:
+    """Return the runs of equal samples at which a plant may stand.
+
+    A plant stands in a dead zone, held by dry friction, or at a stop. It comes to rest where it has
+    been at rest before, at an end of its way, or more and more slowly; and it goes on from there. A
+    sensor that hangs or dies stops anywhere, and when it is back, it jumps to where the plant is.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        An output, any unit, without gaps.
+    equal : sequence of tuple of int
+        Its runs of equal samples, as :func:`_equal_runs` has them.
+    """
+    change = np.abs(np.diff(y))
+    same = _SAME * float(np.ptp(y))
+    spans = [(first, last) for first, last in equal if last - first >= _RUN]
+    at_edge = np.zeros(change.size, dtype=bool)
+    for span in spans:
+        at_edge[_edges(span, change.size)] = True
+    usual = change[~at_edge & (change > same)]
+    largest = float(usual.max()) if usual.size else 0.0
+    typical = float(np.median(usual)) if usual.size else 0.0
+    at_rest = set()
+    for first, last in spans:
+        jumps = [float(change[k]) for k in _edges((first, last), change.size)]
+        if usual.size and max(jumps, default=0.0) > _JUMP * largest:
+            continue
+        stood_before = any(abs(y[start] - y[first]) <= same for start, _ in spans if start != first)
+        at_end = min(y[first] - y.min(), y.max() - y[first]) <= same
+        slowly = first > 0 and float(change[max(first - _RUN, 0) : first].mean()) < _SLOW * typical
+        if first == 0 or stood_before or at_end or slowly:
+            at_rest.add((first, last))
+    return at_rest
+
+
+def _edges(span: Span, changes: int) -> list[int]:
+    """Return the changes from sample to sample, of so many, by which a run is entered and left."""
+    return [k for k in (span[0] - 1, span[1] - 1) if 0 <= k < changes]
+
+
+def _longest(spans: Sequence[Span]) -> Span:
+    return max(spans, key=lambda span: span[1] - span[0])
+
+
+def _equal_runs(y: Array) -> list[Span]:
+    """Return the runs of equal samples of a signal (n,)."""
+    same = np.abs(np.diff(y)) <= _SAME * np.ptp(y)
+    return [(first, last + 1) for first, last in true_runs(same)]
+
+
+def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask]) -> Mask:
+    """Find single samples far from both neighbours, which agree, where no input moves."""
+    distance = y[1:-1] - 0.5 * (y[:-2] + y[2:])
+    deviation = 0.0
+    if (~bad).any():
+        deviation = float(np.median(np.abs(distance[~bad[1:-1]]))) / float(norm.ppf(0.75))
+    deviation = max(deviation, resolution)
+    alone = (np.abs(distance) > _SPIKE * deviation) & (
+        np.abs(y[2:] - y[:-2]) < 0.25 * np.abs(distance)
+    )
+    still = ~_any_moved(moved, len(y))
     result = np.zeros(len(y), dtype=bool)
-    result[1:-1] = alone & near
+    result[1:-1] = alone & still[:-2] & still[1:-1] & still[2:]
     return result & ~bad
+
+
+def _on_grid(y: Array, resolution: float) -> bool:
+    """Return True if all values are whole multiples of a resolution apart."""
+    steps = np.diff(np.unique(y)) / resolution
+    return bool(np.abs(steps - np.round(steps)).max(initial=0.0) < 0.01)
+
+
+def _changes(values: Array) -> Mask:
+    """Find where a channel has another value than one sample before."""
+    change = np.abs(np.diff(values, prepend=values[:1]))
+    return np.asarray(change > _SAME * np.abs(values).max(initial=0.0))
+
+
+def _any_moved(moved: Mapping[str, Mask], n: int) -> Mask:
+    """Return the samples, of n, at which any input moves."""
+    return np.any(list(moved.values()), axis=0) if moved else np.zeros(n, dtype=bool)
+
+
+def _everywhere(values: Array) -> Mask:
+    return np.ones(len(values), dtype=bool)
+
+
+def _mask(n: int, spans: Sequence[Span]) -> Mask:
+    """Return the samples, of n, that are in any of some spans."""
+    result = np.zeros(n, dtype=bool)
+    for first, last in spans:
+        result[first:last] = True
+    return result
+
+
+def _closed(mask: Mask) -> Mask:
+    """Fill short holes of a mask."""
+    result = mask.copy()
+    for first, last in true_runs(~mask):
+        if first > 0 and last < len(mask) and last - first <= _CLOSED:
+            result[first:last] = True
+    return result

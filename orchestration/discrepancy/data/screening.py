@@ -1,4 +1,4 @@
-"""Which data a diagnosis may rest on, decided before any model is blamed, and how they are divided."""
+"""Screening of the data that a diagnosis rests on, and their division by :mod:`holdout`."""
 
 from __future__ import annotations
 
@@ -8,21 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component
-from fmus.kit.errors import UserError
+from fmus.kit import Component, UserError
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.data.quality import assess
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
-from orchestration.identify.noise.autoregression import ORDER, segments
-from orchestration.identify.noise.model import noise_std
-from orchestration.identify.problem import ModelOverRuns
+from orchestration.identify.fitting import ModelOverRuns
+from orchestration.identify.noise import ORDER, noise_std, segments
 
 Array = NDArray[np.float64]
 _SHORTEST = 150  # samples to fit to
 _LASTING = 0.5  # of the record, before which an output ends too early
-_FEWEST = 20  # samples without which an output tells nothing
-_LOST = 0.05  # of the noise, below which thousands of samples tell nothing of a response
+_FEWEST = 20  # samples that an output must have
+_LOST = 0.05  # of the noise, below which a response is lost even in thousands of samples
 _HUGE = 1e30  # no measurement is that large, and its square is still a number
 
 
@@ -33,12 +31,13 @@ class DividedData:
     Attributes
     ----------
     usable : Dataset
-        All that the model is fitted to once its gain is known: the estimation data, and what was held out of a record.
+        All that the model is fitted to once its gain is known: the estimation data, and what was
+        held out of a record.
     estimation : Dataset
-        What of it is fitted to.
+        The part of it that is fitted to.
     validation : ValidationData
     notes : list of Note
-        What was left out of either, and why.
+        On what was left out of either, and why.
     """
 
     usable: Dataset
@@ -47,17 +46,16 @@ class DividedData:
     notes: list[Note]
 
     def taken(self, how: Callable[[Dataset], Dataset]) -> DividedData:
-        """The same with all parts as a function of them makes them: with other smooth inputs, or by another clock."""
-        usable, estimation, judged = map(how, (self.usable, self.estimation, self.validation.data))
+        """Apply a function to all parts, such as one that takes inputs as smooth."""
         return replace(
             self,
-            usable=usable,
-            estimation=estimation,
-            validation=replace(self.validation, data=judged),
+            usable=how(self.usable),
+            estimation=how(self.estimation),
+            validation=replace(self.validation, data=how(self.validation.data)),
         )
 
 
-def divided(
+def screen_and_divide(
     cls: type[Component],
     data: Dataset,
     holdout: Dataset | None,
@@ -71,7 +69,8 @@ def divided(
     cls : type[Component]
     data : Dataset
     holdout : Dataset, optional
-        Other records to judge by; without them the end of the record is held out, or the last third of several.
+        Other records to judge by; without them the end of the record is held out, or the last third
+        of several.
     fixed : Mapping of str to float
         Parameters of the model.
     each : bool
@@ -83,22 +82,20 @@ def divided(
         If the record is too short, or no output can be both fitted and judged.
     """
     least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
-    if (samples := int(data.within.sum())) < least:
+    samples = int(data.within.sum())
+    if samples < least:
         raise UserError(f"{samples} samples are too few for a diagnosis; {least} are the least")
-    data, notes = screened(cls, data, fixed)
+    usable, notes = screened(cls, data, fixed)
+    judged = None
     if holdout is not None:
-        try:
-            holdout, others = screened(cls, holdout, fixed)
-        except (
-            UnusableRecordError
-        ) as error:  # it is not the record fitted to of which nothing is usable
-            raise UnusableRecordError([note.of_holdout() for note in error.notes]) from error
+        judged, others = _screened_holdout(cls, holdout, fixed)
         notes += [note.of_holdout() for note in others if note not in notes]
-    data, early = drop_truncated(data)
-    if holdout is None:
-        estimation, validation = ValidationData.split(data, each)
+    usable, early = drop_truncated(usable)
+    if judged is None:
+        estimation, validation = ValidationData.split(usable, each)
     else:
-        estimation, validation = data, ValidationData.separate_record(holdout, each)
+        estimation = usable
+        validation = ValidationData.separate_record(judged, each)
     kept = sufficient(estimation)
     notes += early + [Note(NoteCode.MANY_GAPS, o) for o in estimation.measured if o not in kept]
     validation = replace(validation, data=validation.data.only(kept))
@@ -108,14 +105,25 @@ def divided(
         Note(NoteCode.NOT_IN_VALIDATION_DATA, o) for o in kept if o not in validation.data.measured
     ]
     estimation = estimation.only(kept)
-    usable = estimation if holdout is not None else data.only(kept)
-    return DividedData(usable, estimation, validation, notes)
+    return DividedData(
+        usable.only(kept) if judged is None else estimation, estimation, validation, notes
+    )
+
+
+def _screened_holdout(
+    cls: type[Component], holdout: Dataset, fixed: Mapping[str, float]
+) -> tuple[Dataset, list[Note]]:
+    """Screen records to judge by, of which an error says so."""
+    try:
+        return screened(cls, holdout, fixed)
+    except UnusableRecordError as error:
+        raise UnusableRecordError([note.of_holdout() for note in error.notes]) from error
 
 
 def screened(
     cls: type[Component], data: Dataset, fixed: Mapping[str, float]
 ) -> tuple[Dataset, list[Note]]:
-    """Leave out what cannot be trusted before a model is blamed; what the model does too is no fault of the data.
+    """Leave out what cannot be trusted; what the model does too is no fault of the data.
 
     Raises
     ------
@@ -139,9 +147,10 @@ def screened(
 
 
 def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
-    """Leave out outputs that end long before the others: the part held out is the end of what all of them have.
+    """Leave out outputs that end long before the others.
 
-    Of several records whole ones are held out, and an output may be missing in any of them.
+    The part held out is the end of what all of them have. Of several records whole ones are held
+    out, and an output may be missing in any of them.
     """
     if data.several:
         return data, []
@@ -152,27 +161,29 @@ def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
 
 
 def sufficient(data: Dataset) -> list[str]:
-    """Outputs with enough samples behind each other to know their noise."""
+    """Return the outputs with enough consecutive samples to estimate their noise."""
     memory = ORDER if data.even else 0
-    lengths = {
-        o: [b - a - memory for a, b in segments(np.isfinite(y))] for o, y in data.measured.items()
-    }
-    return [o for o, length in lengths.items() if sum(n for n in length if n > 0) >= _FEWEST]
+    kept = []
+    for output, y in data.measured.items():
+        lengths = [last - first - memory for first, last in segments(np.isfinite(y))]
+        if sum(length for length in lengths if length > 0) >= _FEWEST:
+            kept.append(output)
+    return kept
 
 
 def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> bool:
-    """Whether the inputs move any output by more than is lost in its noise, as far as the model can tell.
+    """Return True if the inputs move any output by more than is lost in its noise.
 
-    Held against each other are simulations with the inputs as they are and with their means; the noise is what third
-    differences of the measurement show.
+    Simulations with the inputs as they are and with their means are compared; the noise is what
+    third differences of the measurement show. If the model cannot be simulated, nothing speaks
+    against excitation.
     """
     if not any(np.ptp(values) > 0.0 for values in data.inputs.values()):
         return False
     means = {name: np.full_like(values, values.mean()) for name, values in data.inputs.items()}
     try:
-        moved, still = (
-            _simulated(cls, replace(data, inputs=inputs), fixed) for inputs in (data.inputs, means)
-        )
+        moved = _simulated(cls, data, fixed)
+        still = _simulated(cls, replace(data, inputs=means), fixed)
     except UserError:
         return True
     for output, y in data.measured.items():
@@ -182,10 +193,7 @@ def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
 
 
 def _simulated(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> dict[str, Array]:
-    """Outputs and states of a model as it comes."""
+    """Simulate a model with its start values; return outputs and states."""
     values = {p.name: float(p.start) for p in cls.layout.parameters} | dict(fixed)
-    return (
-        ModelOverRuns(cls, (), data.linear or (), data.runs)
-        .run(data.time, data.inputs, values, runs=data.runs)
-        .signals
-    )
+    model = ModelOverRuns(cls, (), data.linear or (), data.runs)
+    return model.run(data.time, data.inputs, values, runs=data.runs).signals

@@ -1,26 +1,23 @@
-"""What an input of an experiment may get: its limits, and a menu of shapes between them."""
+"""Stimuli for the inputs of an experiment: shapes between the limits of a rig."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
+from fmus.kit import UserError
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.data import Dataset
 from orchestration.experiment import waveforms
 
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
-_STAYS = (
-    600.0,
-    120.0,
-    25.0,
-)  # shortest stays, as shares of the duration: what answers at once, what creeps
+# shortest stays, as parts of the duration: for responses at once, and for creep
+_STAYS = (600.0, 120.0, 25.0)
 _SHAPES: dict[str, Callable[..., Array]] = {
     "constant": lambda time, value: np.full(time.size, value),
     "multilevel": lambda time, levels, dwell, seed: waveforms.multilevel(time, levels, dwell, seed),
@@ -31,7 +28,7 @@ _SHAPES: dict[str, Callable[..., Array]] = {
 
 @dataclass(frozen=True)
 class Stimulus:
-    """What one input gets, as the table of an experiment says it.
+    """Stimulus of one input, as in the table of an experiment.
 
     Attributes
     ----------
@@ -44,14 +41,14 @@ class Stimulus:
     keys: dict[str, Any]
 
     def values(self, time: Array) -> Array:
-        """Signal over time (n,), SI."""
+        """Return the signal over time (n,), SI."""
         return _SHAPES[self.kind](time, **self.keys)
 
 
 def limits_of_inputs(
     base: FittedCandidate, data: Dataset, limits: Limits
 ) -> dict[str, tuple[float, float]]:
-    """Limits of every real input: given and declared ones, else what the record shows.
+    """Return the limits of every real input: those given or declared, else of the record.
 
     Parameters
     ----------
@@ -78,28 +75,38 @@ def limits_of_inputs(
                 f"limits of {name}: there is no such input; there are {', '.join(declared)}"
             )
     limits_by_input = {}
-    for name, v in declared.items():
-        if v.type != "real":
+    for name, variable in declared.items():
+        if variable.type != "real":
             continue
-        shown = np.asarray(data.inputs.get(name, v.start), dtype=float)
-        given = limits.get(name, (v.min, v.max))
-        low, high = max(given[0], v.min), min(given[1], v.max)
-        low = low if np.isfinite(low) else float(shown.min())
-        high = high if np.isfinite(high) else float(shown.max())
+        given_low, given_high = limits.get(name, (variable.min, variable.max))
+        recorded = np.asarray(data.inputs.get(name, variable.start), dtype=float)
+        low = max(given_low, variable.min)
+        high = min(given_high, variable.max)
+        if not np.isfinite(low):
+            low = float(recorded.min())
+        if not np.isfinite(high):
+            high = float(recorded.max())
         if low > high:
-            raise UserError(f"limits of {name}: {low:g} to {high:g} {v.unit} leaves nothing")
+            raise UserError(f"limits of {name}: {low:g} to {high:g} {variable.unit} leaves nothing")
         limits_by_input[name] = (low, high)
     return limits_by_input
 
 
 def shapes_between(
-    low: float, high: float, rest: float, duration: float, step: float, shortest: float, seed: int
+    low: float,
+    high: float,
+    resting: float,
+    *,
+    duration: float,
+    step: float,
+    shortest: float,
+    seed: int,
 ) -> list[Stimulus]:
-    """Shapes between two limits, the broadest excitation first.
+    """Return shapes between two limits, the broadest excitation first.
 
     Parameters
     ----------
-    low, high, rest : float
+    low, high, resting : float
         Limits and the value at rest, SI.
     duration, step, shortest : float
         Of the experiment, of its samples, and the shortest stay at a level, s.
@@ -113,34 +120,62 @@ def shapes_between(
     if low == high:
         return [Stimulus("constant", {"value": low})]
 
-    def levels(a: float, b: float, count: int = 5) -> list[float]:
-        return [float(np.clip(float(f"{x:.4g}"), low, high)) for x in np.linspace(a, b, count)]
-
-    def grid(*shares: float) -> list[float]:
+    def grid(shares: Array) -> list[float]:
         return [round(float(round(share * duration / step) * step), 9) for share in shares]
 
     stays = [round(max(shortest, duration / share), 6) for share in _STAYS]
-    fast, medium, slow = ([stay, 4.0 * stay] for stay in stays)
-    middle, quarter = 0.5 * (low + high), 0.25 * (high - low)
-    ends = np.clip([rest - quarter, rest + quarter], low, high)
-    kinds = [
-        *({"levels": levels(low, high), "dwell": dwell} for dwell in (medium, fast, slow)),
-        *(
-            {"levels": levels(middle, high, 4), "dwell": dwell} for dwell in (medium, slow)
-        ),  # about a bias
-        *({"levels": levels(*ends), "dwell": dwell} for dwell in (medium,)),  # small
-    ]
-    ramp = grid(*np.linspace(0.0, 1.0, 9))
-    pulse = grid(*np.linspace(0.02, 0.98, 17)[:-1])
-    active = [
-        (low, high)[k % 2] if k // 4 % 2 == 0 else rest for k in range(len(pulse))
-    ]  # with pauses
+    ramp_times = grid(np.linspace(0.0, 1.0, 9))
+    ramp_levels = [(resting, high, resting, low)[k % 4] for k in range(len(ramp_times))]
+    pulse_times = grid(np.linspace(0.02, 0.98, 17)[:-1])
+    pulse_levels = []
+    for k in range(len(pulse_times)):
+        pause = k // 4 % 2 == 1
+        pulse_levels.append(resting if pause else (low, high)[k % 2])
+    middle = 0.5 * (low + high)
     return [
-        *(Stimulus("multilevel", {**kind, "seed": seed}) for kind in kinds),
-        Stimulus(
-            "ramps",
-            {"times": ramp, "levels": [(rest, high, rest, low)[k % 4] for k in range(len(ramp))]},
+        *_multilevel_shapes(low, high, resting, stays, seed),
+        Stimulus("ramps", {"times": ramp_times, "levels": ramp_levels}),
+        Stimulus("steps", {"times": pulse_times, "levels": pulse_levels, "initial": resting}),
+        *(
+            Stimulus("constant", {"value": value})
+            for value in dict.fromkeys((resting, middle, high))
         ),
-        Stimulus("steps", {"times": pulse, "levels": active, "initial": rest}),
-        *(Stimulus("constant", {"value": value}) for value in dict.fromkeys((rest, middle, high))),
+    ]
+
+
+def _multilevel_shapes(
+    low: float, high: float, resting: float, stays: Sequence[float], seed: int
+) -> list[Stimulus]:
+    """Return random levels over all of the range, about a bias, and about the value at rest.
+
+    Parameters
+    ----------
+    low, high, resting : float
+        Limits and the value at rest, SI.
+    stays : sequence of float
+        Three shortest stays at a level, s, in rising order.
+    seed : int
+    """
+
+    def levels(first: float, last: float, count: int = 5) -> list[float]:
+        rounded = [float(f"{x:.4g}") for x in np.linspace(first, last, count)]
+        return [float(np.clip(x, low, high)) for x in rounded]
+
+    fast, medium, slow = [[stay, 4.0 * stay] for stay in stays]
+    middle = 0.5 * (low + high)
+    quarter = 0.25 * (high - low)
+    everywhere = levels(low, high)
+    biased = levels(middle, high, 4)
+    small = levels(*np.clip([resting - quarter, resting + quarter], low, high))
+    shapes = [
+        (everywhere, medium),
+        (everywhere, fast),
+        (everywhere, slow),
+        (biased, medium),
+        (biased, slow),
+        (small, medium),
+    ]
+    return [
+        Stimulus("multilevel", {"levels": list(values), "dwell": dwell, "seed": seed})
+        for values, dwell in shapes
     ]

@@ -1,1 +1,5 @@
-"""FMUs without equations, diagnosed from outside: what their outputs lack, as a component that stands behind them."""
+"""Diagnosis of FMUs without equations: each is wrapped in corrections that have some."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

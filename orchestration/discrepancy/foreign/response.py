@@ -1,39 +1,39 @@
-"""What a small change of an input does to an output of an FMU: a linear model, identified from runs of the FMU itself.
+"""Identification of the linear response of the outputs of an FMU to small changes of its inputs.
 
-The FMU runs over a record with an input moved a little to either side, at random; half the difference of its outputs is
-their response, without what is even in the change. Where a linear model of low order does not follow it, as where the
-FMU is far from linear, there is none.
+The FMU runs over a record with an input moved a little to either side, at random; half the
+difference of its outputs is their response, without what is even in the change. Where a linear
+model of low order does not follow it, as where the FMU is far from linear, there is none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, logm
 from scipy.signal import cont2discrete, dlsim
 
-from fmus.kit.errors import UserError
-from orchestration.identify.any_fmu import FmuWithDifferences
-from orchestration.identify.black_box import PolynomialModel, input_output_data, output_error
-from orchestration.records.clock import evenly_sampled
+from fmus.kit import UserError
+from orchestration.identify.black_box import input_output_data, output_error
+from orchestration.identify.black_box.models import PolynomialModel
+from orchestration.identify.fitting import FmuWithDifferences
+from orchestration.records import evenly_sampled
 
 Array = NDArray[np.float64]
 _CHANGE = 0.02  # of how much an input moves
 _DWELL = 20  # samples that the change stays at most
-_HIGHEST, _GOOD, _ENOUGH = (
-    4,
-    99.0,
-    90.0,
-)  # order; fits in percent, at which no higher order is tried, and to be used
+_HIGHEST = 4  # order
+_GOOD = 99.0  # fit in percent, at which no higher order is tried
+_ENOUGH = 90.0  # fit in percent, to be used
 _MOVES = 1e-9  # of an output's spread, below which a change does nothing to it
 _SEED = 20
 
 
 @dataclass(frozen=True)
-class Response:
+class FmuResponse:
     """A linear model of one output by one input: ``dz/dt = A z + B du``, ``dy = C z + D du``.
 
     Attributes
@@ -52,14 +52,14 @@ class Response:
     fit: float
 
 
-def responses(
+def identify_responses(
     fmu: FmuWithDifferences,
     time: Array,
     inputs: Mapping[str, Array],
     parameters: Mapping[str, float],
     outputs: Sequence[str],
-    of: Sequence[str],
-) -> dict[tuple[str, str], Response]:
+    moved: Sequence[str],
+) -> dict[tuple[str, str], FmuResponse]:
     """Identify the responses of outputs to inputs.
 
     Parameters
@@ -71,48 +71,58 @@ def responses(
     inputs : Mapping of str to ndarray, shape (n,)
         About which the FMU is moved.
     parameters : Mapping of str to float
-    outputs, of : sequence of str
+    outputs, moved : sequence of str
         Outputs, and inputs that are moved.
 
     Returns
     -------
-    dict of tuple of str to Response
+    dict of tuple of str to FmuResponse
         By output and input; without those that are not there, or not linear enough.
     """
     if not evenly_sampled(time):
         return {}
     step = float(time[-1] - time[0]) / (len(time) - 1)
-    found = {}
-    for name in of:
-        change = _random(len(time))
+    responses = {}
+    for name in moved:
+        change = _random_signs(len(time))
         size = float(np.std(inputs[name])) or 1.0
-        moved = [
-            {**inputs, name: inputs[name] + sign * _CHANGE * size * change} for sign in (1.0, -1.0)
-        ]
+        shift = _CHANGE * size * change
         try:
-            above, below = (fmu.run(time, fed, parameters).signals for fed in moved)
+            above = fmu.run(time, {**inputs, name: inputs[name] + shift}, parameters).signals
+            below = fmu.run(time, {**inputs, name: inputs[name] - shift}, parameters).signals
         except UserError:  # it cannot be moved there
             continue
         for output in outputs:
             answer = (above[output] - below[output]) / (2.0 * _CHANGE * size)
-            if np.ptp(answer) > _MOVES * (float(np.std(above[output])) or 1.0) / size:
-                best = max(
-                    _models(change, answer, step, size), key=lambda one: one.fit, default=None
-                )
-                if best is not None and best.fit >= _ENOUGH:
-                    found[output, name] = best
-    return found
+            least = _MOVES * (float(np.std(above[output])) or 1.0) / size
+            if not np.ptp(answer) > least:
+                continue
+            models = _models(change, answer, step, size)
+            best = max(models, key=lambda model: model.fit, default=None)
+            if best is not None and best.fit >= _ENOUGH:
+                responses[output, name] = best
+    return responses
 
 
-def _random(count: int) -> Array:
-    """Minus one and one, each for up to some samples."""
+def _random_signs(count: int) -> Array:
+    """Return minus one and one, each for up to some samples."""
     rng = np.random.default_rng(_SEED)
     levels = np.repeat(rng.choice([-1.0, 1.0], count), rng.integers(1, _DWELL + 1, count))
     return np.asarray(levels[:count], dtype=np.float64)
 
 
-def _models(change: Array, answer: Array, step: float, size: float) -> Iterator[Response]:
-    """Models of one order after the other, until one is good."""
+def _models(change: Array, answer: Array, step: float, size: float) -> Iterator[FmuResponse]:
+    """Yield models of one order after the other, until one is good.
+
+    Parameters
+    ----------
+    change, answer : ndarray, shape (n,)
+        Of the input, of size one, and of the output.
+    step : float
+        Seconds between samples.
+    size : float
+        By which the input is divided.
+    """
     half = len(change) // 2
     data = input_output_data(change[:half], answer[:half], step)
     for order in range(1, _HIGHEST + 1):
@@ -121,35 +131,49 @@ def _models(change: Array, answer: Array, step: float, size: float) -> Iterator[
         except (UserError, np.linalg.LinAlgError):
             return
         assert isinstance(model, PolynomialModel)
-        a, b, c, d = _companion(model.b[0], model.f[0])
-        continuous = _continuous(a, b, c, d, step)
+        discrete = _companion(model.b[0], model.f[0])
+        continuous = _continuous(discrete, step)
         if continuous is None:
             continue
-        simulated = dlsim((a, b, c, d, step), change)[1][:, 0]
-        error = (answer - simulated)[half:]
-        fit = 100.0 * (
-            1.0
-            - float(np.linalg.norm(error) / np.linalg.norm(answer[half:] - answer[half:].mean()))
-        )
-        yield _scaled(*continuous, fit, step, change * size)
-        if fit >= _GOOD:
+        simulated = dlsim((*discrete, step), change)[1][:, 0]
+        response = _scaled(continuous, _fit_percent(answer, simulated, half), step, change * size)
+        yield response
+        if response.fit >= _GOOD:
             return
 
 
-def _companion(numerator: Array, denominator: Array) -> tuple[Array, Array, Array, Array]:
-    """State-space form of a ratio of polynomials of q^-1, the second monic; of what is nothing but for rounding too."""
+def _fit_percent(answer: Array, simulated: Array, first: int) -> float:
+    """Return the fit of a simulation from a sample on, in percent."""
+    error = (answer - simulated)[first:]
+    spread = np.linalg.norm(answer[first:] - answer[first:].mean())
+    return 100.0 * (1.0 - float(np.linalg.norm(error) / spread))
+
+
+class _StateSpace(NamedTuple):
+    """A linear system with one input and one output."""
+
+    a: Array  # (n, n)
+    b: Array  # (n, 1)
+    c: Array  # (1, n)
+    d: Array  # (1, 1)
+
+
+def _companion(numerator: Array, denominator: Array) -> _StateSpace:
+    """Return the state-space form of a ratio of polynomials of q^-1, the second monic.
+
+    Of coefficients that are zero but for rounding, too.
+    """
     n = len(denominator) - 1
     a = np.vstack([-denominator[1:], np.eye(n - 1, n)])
     c = numerator[1:] - numerator[0] * denominator[1:]
-    return a, np.eye(n, 1), c[np.newaxis], numerator[:1, np.newaxis]
+    return _StateSpace(a, np.eye(n, 1), c[np.newaxis], numerator[:1, np.newaxis])
 
 
-def _continuous(
-    a: Array, b: Array, c: Array, d: Array, step: float
-) -> tuple[Array, Array, Array, float] | None:
-    """The system of which this is one with a held input; None if there is none."""
+def _continuous(discrete: _StateSpace, step: float) -> _StateSpace | None:
+    """Return the continuous system that is this one with a held input; None if there is none."""
+    a = discrete.a
     n = len(a)
-    whole = np.block([[a, b], [np.zeros((1, n)), np.ones((1, 1))]])
+    whole = np.block([[a, discrete.b], [np.zeros((1, n)), np.ones((1, 1))]])
     if np.linalg.matrix_rank(a) < n:  # delays
         return None
     root = logm(whole)
@@ -158,15 +182,20 @@ def _continuous(
     ):
         return None  # a pole on the negative real axis
     rates = np.real(root) / step
-    return rates[:n, :n], rates[:n, n], c[0], float(d[0, 0])
+    return _StateSpace(rates[:n, :n], rates[:n, n:], discrete.c, discrete.d)
 
 
-def _scaled(
-    a: Array, b: Array, c: Array, d: float, fit: float, step: float, moved: Array
-) -> Response:
-    """The same in coordinates of about unit size."""
-    n = len(a)
-    held = cont2discrete((a, b[:, np.newaxis], np.eye(n), np.zeros((n, 1))), step)
+def _scaled(model: _StateSpace, fit: float, step: float, moved: Array) -> FmuResponse:
+    """Return a model in coordinates of about unit size under an input (n,)."""
+    n = len(model.a)
+    held = cont2discrete((model.a, model.b, np.eye(n), np.zeros((n, 1))), step)
     states = dlsim((held[0], held[1], held[2], held[3], step), moved)[1]
-    size = np.where(np.abs(states).max(axis=0) > 0.0, np.abs(states).max(axis=0), 1.0)
-    return Response(a * size / size[:, np.newaxis], b / size, c * size, d, fit)
+    largest = np.abs(states).max(axis=0)
+    size = np.where(largest > 0.0, largest, 1.0)
+    return FmuResponse(
+        model.a * size / size[:, np.newaxis],
+        model.b[:, 0] / size,
+        model.c[0] * size,
+        float(model.d[0, 0]),
+        fit,
+    )

@@ -1,19 +1,19 @@
-"""What laws are asked of: the searches and the data of a diagnosed model."""
+"""Search and data of a diagnosed model, on which corrections of its laws are fitted."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.selection.search import Search
-from orchestration.records.joined import base_name
+from orchestration.discrepancy.conclude import Diagnosis
+from orchestration.discrepancy.selection import Search
+from orchestration.records import base_name
 
 
 def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> Search:
-    """Fits of models over the estimation data of a diagnosis, that search what its base was searched for."""
-    problem, base = diagnosis.selection.base.problem, diagnosis.selection.base
+    """Return a search over the estimation data of a diagnosis, for the parameters of its base."""
+    base = diagnosis.selection.base
+    problem = base.problem
     names = list(dict.fromkeys(map(base_name, problem.names)))
     known = {p.name for p in base.candidate.cls.layout.parameters}
     fixed = {n: v for n, v in problem.start.items() if n in known and n not in names}
@@ -23,12 +23,3 @@ def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda tex
     )
     search = Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, progress)
     return replace(search, each=list(dict.fromkeys(several)))
-
-
-def usable(diagnosis: Diagnosis) -> Dataset:
-    """All that was measured and the final model of a diagnosis was fitted to."""
-    problem = diagnosis.final.problem
-    several = problem.runs if len(problem.runs) > 1 else ()
-    return Dataset(
-        problem.time, problem.inputs, problem.measured, diagnosis.estimation.linear, several
-    )

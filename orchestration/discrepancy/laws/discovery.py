@@ -1,8 +1,8 @@
-"""Which law of a model lacks what: the map, its best entries as curves, and what they look like."""
+"""Discovery of corrections: the law map, its best entries fitted as curves, and their shapes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,56 +10,59 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit import Component
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.holdout import ValidationData, is_at_rest
-from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.laws.band import Band
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.conclude import Diagnosis
+from orchestration.discrepancy.data import ValidationData, is_at_rest
 from orchestration.discrepancy.laws.base import search_of
-from orchestration.discrepancy.laws.entry import Entry, alike
+from orchestration.discrepancy.laws.entry import Entry, indistinguishable
+from orchestration.discrepancy.laws.evidence import Band
 from orchestration.discrepancy.laws.fitting import RELAXATIONS, FittedEntry, Fitting
 from orchestration.discrepancy.laws.map import LawMap
-from orchestration.discrepancy.parallel import side_by_side
-from orchestration.discrepancy.selection.search import FAILURES
-from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome, score
-from orchestration.discrepancy.validation.prediction import predict
-from orchestration.fmu.effects import catalogue, families
+from orchestration.discrepancy.parallel import parallel_map
+from orchestration.discrepancy.selection import FAILURES
+from orchestration.discrepancy.validation import Confirmation, Outcome, predict, score
+from orchestration.fmu import catalogue, families
 
 Array = NDArray[np.float64]
-_TOLD, _MAPPED = 6, 3  # curves that are fitted to the end: by their first fits, and by the map
-_PLAIN, _MUCH = (
-    40,
-    1.5,
-)  # more signals as they are, likely or not where so many widths of noise are left
-_NEAR = 0.5  # of the fall of the best, which a correction that is told must have
+# curves that are fitted to the end: by their first fits, and by the map
+_BEST = 6
+_MAPPED = 3
+_PLAIN = 40  # more signals as they are that are fitted, unlikely ones too
+_FAR = 1.5  # widths of noise in the residual, above which they are
+_NEAR = 0.5  # of the fall of the best, which a correction must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
-# of what the best gains, likewise: no curve, and no lag, is quite the plant's; to first order, and fitted
-_ABOUT, _FITTED = 0.02, 0.03
-_SIMPLE = 0.01  # of what a curve gains, by which a shape may be behind it: that much, it bends after the rest
-_OTHERWISE = (
-    0.1  # the same of a law of one signal, to which something is added or which is multiplied
-)
+# of the gain of the best, likewise: no curve, and no lag, is quite the plant's; to first order, and
+# fitted
+_ABOUT = 0.02
+_FITTED = 0.03
+# of the gain of a curve, by which a shape may be behind it: that much, it bends after the rest
+_SIMPLE = 0.01
+# the same of a law of one signal, to which something is added or which is multiplied
+_OTHERWISE = 0.1
 
 
 @dataclass(frozen=True)
 class Correction:
-    """A law that hangs on a signal in another way than the model says.
+    """A law that depends on a signal in another way than in the model.
 
     Attributes
     ----------
     fitted : FittedEntry
         An entry of the map, with all parameters of the model.
     gain : float
-        Fall of the criterion of Bayes against the model without it, less what looking at so many costs.
+        Fall of the criterion of Bayes against the model without it, less what looking at so many
+        costs.
     shape : str
-        What it looks like; empty where no simple shape is as good as the curve.
+        Name of the shape; empty where no simple one is as good as the curve.
     shapes : tuple of tuple of str and float
-        Shapes that were fitted in the model, the nearest first, and by how much their criterion is above the curve's.
+        Shapes that were fitted in the model, the nearest first, and by how much their criterion is
+        above the curve's.
     alike : tuple of Entry
         Other entries that the record cannot tell it from, those nearest to the model first.
     model : FittedCandidate
         With the shape, or with the curve as a table.
     confirmation : Confirmation or None
-        What data that no fit has seen say of it.
+        By data that no fit has seen.
     errors : tuple of dict of str to float
         Normalised RMS errors on those, without and with it.
     """
@@ -75,19 +78,20 @@ class Correction:
 
     @property
     def entry(self) -> Entry:
-        """Of the map."""
+        """Entry of the map."""
         return self.fitted.entry
 
     @property
     def relaxation(self) -> bool:
-        """Whether a law follows a signal behind a lag, in proportion."""
+        """True if the law depends on a lagged signal in proportion."""
         return self.shape == "linear" and self.entry.signal.memory in RELAXATIONS
 
     @property
     def confirmed(self) -> bool:
-        """Whether unseen data are surely likelier with it, and simulated no worse on the whole.
+        """True if unseen data confirm it, and are simulated no worse on the whole.
 
-        A simulation may be worse and likelier at once, where noise is taken to wander and the correction does too.
+        A simulation may be worse and likelier at once, where noise is taken to wander and the
+        correction does too.
         """
         sure = self.confirmation is not None and self.confirmation.outcome is Outcome.CONFIRMED
         before, after = (
@@ -101,7 +105,7 @@ class Correction:
         return self.band_at(self.entry.basis.knots)
 
     def band_at(self, x: Array) -> tuple[Array, Array, Array]:
-        """Curve, and the ends of its 95 % band, at values (v,) of the signal, in the unit of the law."""
+        """Return the curve, and the ends of its 95 % band, at values (v,) of the signal."""
         return self._band(x)
 
     @cached_property
@@ -111,16 +115,17 @@ class Correction:
 
 @dataclass(frozen=True)
 class LawMapResult:
-    """What was found of a model's laws.
+    """The law map of a model, and corrections that were fitted.
 
     Attributes
     ----------
     base : FittedCandidate
-        The model that it was looked for in.
+        The model whose laws were scored.
     entries : list of Entry
-        Every law over every signal that would explain anything, to first order, the most telling first.
+        Every law over every signal that would explain anything, to first order, the most telling
+        first.
     chance : float
-        What the best of all gains where nothing is hidden, in 19 records of 20.
+        Gain that the best of all stays below in 19 of 20 records without anything hidden.
     corrections : list of Correction
         The best, as curves fitted in the model, the best first.
     """
@@ -136,7 +141,7 @@ def discover(
     progress: Callable[[str], None] = lambda text: None,
     again: Entry | None = None,
 ) -> LawMapResult:
-    """Ask every law of a diagnosed model, with the causes that were named, what it lacks.
+    """Find corrections of every law of a diagnosed model, with the causes that were named.
 
     Parameters
     ----------
@@ -144,69 +149,78 @@ def discover(
     progress : callable
         Told what is being done.
     again : Entry, optional
-        A law over a signal and its memory; nothing else is asked then.
+        A law over a signal and its memory; nothing else is tried then.
     """
     base = diagnosis.selection.best
     search = search_of(diagnosis, progress)
     progress("asking every law what it lacks")
-    found = LawMap(search, base, _families(base.candidate.cls))
-    entries = [e for e in found.entries() if again is None or e.what == again.what]
-    telling = [e for e in entries if e.curve.gain > found.chance]
-    chosen = found.plausible.worth_a_fit(telling) if again is None else telling
+    law_map = LawMap(search, base, _families(base.candidate.cls))
+    entries = [e for e in law_map.entries() if again is None or e.key == again.key]
+    telling = [e for e in entries if e.curve.gain > law_map.chance]
+    chosen = law_map.plausible.worth_a_fit(telling) if again is None else telling
     progress(f"fitting {len(chosen)} corrections of laws")
-    fitting, below = (
-        Fitting(search, base, found),
-        base.fit.bic - 2.0 * float(np.log(max(len(entries), 1))),
-    )
+    fitting = Fitting(search, base, law_map)
+    below = base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
     fitted = _fitted(fitting, chosen, below)
-    best = next(iter(fitted), None)
-    far = found.widths(best.residual if best else base.fit.residual) > _MUCH
-    near = [e for e in telling if far or (best and not found.plausible.far_fetched(e)[0])]
-    more = _second_look(best, near, chosen, telling)
+    more = _second_look(law_map, base, fitted, chosen, telling)
     if more:
         progress(f"fitting {len(more)} more")
-        chosen = [*chosen, *more]
         fitted = _telling([*fitted, *_fitted(fitting, more, below)], below)
-    as_good = _as_good(found, fitted, below)
-    good = [one.entry for one in as_good]
-    worse = [entry for entry in chosen if entry.what not in {other.what for other in good}]
+    as_good = _as_good(law_map, fitted, below)
+    corrections = _corrections(fitting, [*as_good, *fitted[len(as_good) :]], below)
+    if corrections:
+        best = corrections[0]
+        good = [one.entry for one in as_good]
+        others = _indistinguishable(law_map, best.entry, good, [*chosen, *more], entries)
+        corrections[0] = _judged(replace(best, alike=others), base, diagnosis.validation)
+    return LawMapResult(base, entries, law_map.chance, corrections)
+
+
+def _corrections(fitting: Fitting, fitted: Sequence[FittedEntry], below: float) -> list[Correction]:
+    """Return entries as corrections: the first with the shape that it may have, others as curves.
+
+    Parameters
+    ----------
+    fitting : Fitting
+    fitted : sequence of FittedEntry
+        The best first.
+    below : float
+        Criterion of the model without them, less the price of looking at so many.
+    """
     corrections: list[Correction] = []
-    for one in [*as_good, *fitted[len(as_good) :]]:
+    for one in fitted:
         curved = one if corrections else fitting.bent(one)
         shapes = [] if corrections else fitting.shapes(curved)
         shape, model = _nearest(shapes, curved, below) or ("", fitting.tabulated(curved))
-        if model is None or any(one.entry.what == other.entry.what for other in corrections):
+        if model is None or any(one.entry.key == other.entry.key for other in corrections):
             continue
         gain = below - (model.fit.bic if shape else curved.criterion)
         above = tuple((name, shaped.fit.bic - curved.criterion) for name, shaped in shapes)
-        of = () if corrections else _not_told_apart(found, one.entry, good, worse, entries)
-        correction = Correction(curved, gain, shape, model, above, of)
-        if not corrections:
-            correction = _judged(correction, base, diagnosis.validation)
-        corrections.append(correction)
-    return LawMapResult(base, entries, found.chance, corrections)
+        corrections.append(Correction(curved, gain, shape, model, above))
+    return corrections
 
 
 def _families(cls: type[Component]) -> set[str]:
+    """Return the families of all effects that are known for a component."""
     known = (*catalogue(cls).values(), *families(cls).values())
     return {effect.term.family for effect in known if effect.term.family}
 
 
 def _fitted(fitting: Fitting, chosen: Sequence[Entry], below: float) -> list[FittedEntry]:
-    """Entries that make a record likelier than it is below, the best first; only curves that come near are settled."""
-    first = sorted(filter(None, side_by_side(fitting.first, chosen)), key=lambda one: one.criterion)
+    """Return entries that make a record likelier, the best first and fitted to the end."""
+    first = sorted(filter(None, parallel_map(fitting.first, chosen)), key=lambda one: one.criterion)
     curves = [one for one in first if one.table is not None]
     # a fit from afar may need more than its first steps, and the map knows
-    mapped = sorted(curves[_TOLD:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
+    mapped = sorted(curves[_BEST:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
     ended = [
         *(one for one in first if one.table is None),
-        *side_by_side(fitting.settled, [*curves[:_TOLD], *mapped]),
+        *parallel_map(fitting.settled, [*curves[:_BEST], *mapped]),
     ]
     return _telling(ended, below)
 
 
 def _telling(fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
-    """Those that come near the best, the best first."""
+    """Return those that come near the best, the best first."""
     ordered = sorted(fitted, key=lambda one: one.criterion)
     return [
         one
@@ -216,98 +230,130 @@ def _telling(fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
 
 
 def _second_look(
-    best: FittedEntry | None, near: Sequence[Entry], done: Sequence[Entry], entries: Sequence[Entry]
+    law_map: LawMap,
+    base: FittedCandidate,
+    fitted: Sequence[FittedEntry],
+    done: Sequence[Entry],
+    telling: Sequence[Entry],
 ) -> list[Entry]:
-    """What does the same as the best to first order, signals as they are before what remembers; and those near the law.
+    """Return more entries to fit: with the same effect as the best to first order, or likely ones.
 
-    The first order tells little of what a fit gains: far from a record, all signals as they are are near enough.
+    The first order tells little of what a fit gains: far from a record, all signals as they are are
+    near enough.
+
+    Parameters
+    ----------
+    law_map : LawMap
+    base : FittedCandidate
+    fitted : sequence of FittedEntry
+        The best first.
+    done : sequence of Entry
+        All that were fitted.
+    telling : sequence of Entry
+        All that gain more than by chance.
     """
-    tried = {e.what for e in done}
-
-    def first(several: Sequence[Entry]) -> list[Entry]:
-        rest: dict[tuple[str, ...], Entry] = {}
-        for entry in several:
-            if entry.what not in tried:
-                rest.setdefault(entry.what, entry)
-        return sorted(rest.values(), key=lambda e: e.signal.memory != "")
-
-    like = [e for e in first(entries) if best and alike(e, best.entry)][:_TOLD]
-    plain = [e for e in first(near) if not e.signal.memory][:_PLAIN]
-    return list({e.what: e for e in (*like, *plain)}.values())
+    best = next(iter(fitted), None)
+    is_far = law_map.widths(best.residual if best else base.fit.residual) > _FAR
+    near = [e for e in telling if is_far or (best and not law_map.plausible.prior_rank(e)[0])]
+    tried = {e.key for e in done}
+    same_effect = [
+        e for e in _first_of_each(telling, tried) if best and indistinguishable(e, best.entry)
+    ]
+    current = [e for e in _first_of_each(near, tried) if not e.signal.memory]
+    return list({e.key: e for e in (*same_effect[:_BEST], *current[:_PLAIN])}.values())
 
 
-def _as_good(found: LawMap, fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
-    """Those about as good as the best of several, what is nearest to the model first."""
+def _first_of_each(
+    entries: Sequence[Entry], tried: Collection[tuple[str, str, str, str]]
+) -> list[Entry]:
+    """Return the first entry of every key that was not tried, signals as they are first."""
+    remaining: dict[tuple[str, str, str, str], Entry] = {}
+    for entry in entries:
+        if entry.key not in tried:
+            remaining.setdefault(entry.key, entry)
+    return sorted(remaining.values(), key=lambda e: e.signal.memory != "")
+
+
+def _as_good(law_map: LawMap, fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
+    """Return those about as good as the best of several, the nearest to the model first."""
     if not fitted:
         return []
-    best, most = fitted[0], below - fitted[0].criterion
+    best = fitted[0]
+    most = below - best.criterion
+    plausible = law_map.plausible
 
-    def behind(one: FittedEntry) -> float:
-        # what is added to a law of one signal and what multiplies it are one function, on other knots
-        same = one.entry.what[:3] == best.entry.what[:3] and found.plausible.hangs_on_one_signal(
-            one.entry.law
-        )
-        return max(_AS_GOOD, (_OTHERWISE if same else _FITTED) * most)
+    def tolerance(one: FittedEntry) -> float:
+        # what is added to a law of one signal and what multiplies it are one function, on other
+        # knots
+        is_same = one.entry.key[:3] == best.entry.key[:3]
+        is_same = is_same and plausible.depends_on_one_signal(one.entry.law)
+        return max(_AS_GOOD, (_OTHERWISE if is_same else _FITTED) * most)
 
-    return sorted(
-        (one for one in fitted if one.criterion <= best.criterion + behind(one)),
-        key=lambda one: found.plausible.far_fetched(one.entry),
-    )
-
-
-def _within(gain: float) -> float:
-    """By how much a gain may be less than the best, and as good."""
-    return max(_AS_GOOD, _ABOUT * gain)
+    as_good = [one for one in fitted if one.criterion <= best.criterion + tolerance(one)]
+    return sorted(as_good, key=lambda one: plausible.prior_rank(one.entry))
 
 
-def _not_told_apart(
-    found: LawMap,
+def _indistinguishable(
+    law_map: LawMap,
     entry: Entry,
     as_good: Sequence[Entry],
-    others: Sequence[Entry],
+    fitted: Sequence[Entry],
     entries: Sequence[Entry],
 ) -> tuple[Entry, ...]:
-    """Entries fitted about as well, and those that do the same to the outputs to first order, one for each signal.
+    """Return entries with the same effect to first order, or fitted as well, one for each signal.
 
-    What couples things that the model keeps apart is not among them, unless the entry does too, nor what does rather
-    the same as another that was fitted and is worse.
+    What couples things that the model keeps apart is not among them, unless the entry does too, nor
+    what does rather the same as another that was fitted and is worse.
+
+    Parameters
+    ----------
+    law_map : LawMap
+    entry : Entry
+    as_good : sequence of Entry
+        Fitted about as well.
+    fitted : sequence of Entry
+        All that were fitted.
+    entries : sequence of Entry
+        All of the map.
     """
-    least, far = entry.curve.gain - _within(entry.curve.gain), found.plausible.far_fetched(entry)[0]
+    good_keys = {good.key for good in as_good}
+    worse = [other for other in fitted if other.key not in good_keys]
+    least = entry.curve.gain - max(_AS_GOOD, _ABOUT * entry.curve.gain)
+    is_far = law_map.plausible.prior_rank(entry)[0]
     same = [
         e
         for e in entries
-        if alike(e, entry)
+        if indistinguishable(e, entry)
         and e.curve.gain >= least
-        and found.plausible.far_fetched(e)[0] <= far
-        and not any(_nearer(e, other, entry) for other in others)
+        and law_map.plausible.prior_rank(e)[0] <= is_far
+        and not any(_is_nearer(e, other, entry) for other in worse)
     ]
-    several = {e.what[:3]: e for e in (*same[::-1], *as_good[::-1])}
-    several.pop(entry.what[:3], None)
+    several = {e.key[:3]: e for e in (*same[::-1], *as_good[::-1])}
+    several.pop(entry.key[:3], None)
     return tuple(list(several.values())[::-1])
 
 
-def _nearer(entry: Entry, one: Entry, other: Entry) -> bool:
-    """Whether an entry does rather what one does than what another does."""
-    return abs(float(entry.direction @ one.direction)) > abs(
-        float(entry.direction @ other.direction)
-    )
+def _is_nearer(entry: Entry, one: Entry, other: Entry) -> bool:
+    """Return whether the effect of an entry is nearer to that of one than to that of another."""
+    to_one = abs(float(entry.direction @ one.direction))
+    return to_one > abs(float(entry.direction @ other.direction))
 
 
 def _nearest(
     shapes: Sequence[tuple[str, FittedCandidate]], one: FittedEntry, below: float
 ) -> tuple[str, FittedCandidate] | None:
-    """The best shape, if it is about as good as the curve."""
-    behind = max(_AS_GOOD, _SIMPLE * (below - one.criterion))
-    return shapes[0] if shapes and shapes[0][1].fit.bic <= one.criterion + behind else None
+    """Return the best shape, if it is about as good as the curve."""
+    tolerance = max(_AS_GOOD, _SIMPLE * (below - one.criterion))
+    return shapes[0] if shapes and shapes[0][1].fit.bic <= one.criterion + tolerance else None
 
 
 def _judged(one: Correction, base: FittedCandidate, validation: ValidationData) -> Correction:
-    """Hold a correction against unseen data."""
+    """Return a correction with its confirmation and its errors on unseen data."""
     try:
-        before, after = predict(validation, base), predict(validation, one.model)
-        found = Confirmation(
-            score(validation, before, after), is_at_rest(validation.data, validation.judged)
-        )
+        before = predict(validation, base)
+        after = predict(validation, one.model)
+        at_rest = is_at_rest(validation.data, validation.judged)
+        confirmation = Confirmation(score(validation, before, after), at_rest)
     except FAILURES:
         return one
-    return replace(one, confirmation=found, errors=(before.errors, after.errors))
+    return replace(one, confirmation=confirmation, errors=(before.errors, after.errors))

@@ -1,4 +1,4 @@
-"""Entries of the map of what a model's laws lack: a law over a signal, with the curve that would explain most."""
+"""Entries of the law map: a law over a signal, with the curve that would explain most."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.corrections import family
+from fmus.kit import effect_family
 from orchestration.discrepancy.laws.evidence import Basis, Curve
-from orchestration.discrepancy.laws.signals import Signal
+from orchestration.discrepancy.laws.signals import LawSignal
 
 Array = NDArray[np.float64]
-SAME = 1.0 - 1e-6  # correlation of what two corrections do, above which they are one
-ALIKE = 0.99  # correlation of what two corrections do, above which a record cannot tell them apart
+# correlation of the effects of two corrections, above which they are one
+IDENTICAL = 1.0 - 1e-6
+# the same, above which a record cannot tell them apart
+INDISTINGUISHABLE = 0.99
 
 
 @dataclass(frozen=True)
@@ -23,23 +25,23 @@ class Entry:
     Attributes
     ----------
     driven : str
-        Law whose free course it was found along, which does the same to the outputs.
+        Law along whose unknown input it was scored, which does the same to the outputs.
     law : str
-    signal : Signal
+    signal : LawSignal
     kind : {"add", "multiply"}
     basis : Basis
     curve : Curve
     direction : ndarray, shape (m,)
-        What it does to the whitened outputs, of unit length.
+        Its effect on the whitened outputs, of unit length.
     step : ndarray, shape (p,)
-        Of the model's own searched coordinates, beside the free course.
+        Of the model's own searched coordinates, beside the unknown input.
     visited : ndarray, shape (v,)
         Quantiles of the signal, evenly spaced: where the record has been.
     """
 
     driven: str
     law: str
-    signal: Signal
+    signal: LawSignal
     kind: str
     basis: Basis
     curve: Curve
@@ -48,26 +50,26 @@ class Entry:
     visited: Array
 
     @property
-    def what(self) -> tuple[str, str, str, str]:
+    def key(self) -> tuple[str, str, str, str]:
         """Law, signal, memory and kind, whatever the lag, which a fit finds."""
         return self.law, self.signal.name, self.signal.memory, self.kind
 
     @property
     def family(self) -> str:
-        """The same as that of an effect of this law and signal."""
-        return family(self.law, self.signal.name, self.signal.memory)
+        """Family of the effects of this law and signal."""
+        return effect_family(self.law, self.signal.name, self.signal.memory)
 
     @property
     def label(self) -> str:
-        """For people."""
+        """Name for people."""
         return f"{self.law}{' x' if self.kind == 'multiply' else ''} over {self.signal.label}"
 
 
-def alike(one: Entry, other: Entry) -> bool:
-    """Whether a record cannot tell two corrections apart: they do the same to the outputs."""
-    return abs(float(one.direction @ other.direction)) >= ALIKE
+def indistinguishable(one: Entry, other: Entry) -> bool:
+    """Return whether a record cannot tell two corrections apart, by their effect on the outputs."""
+    return abs(float(one.direction @ other.direction)) >= INDISTINGUISHABLE
 
 
-def same(one: Entry, other: Entry) -> bool:
-    """Whether two corrections are one in this record, and not only as far as it is known what they do."""
-    return abs(float(one.direction @ other.direction)) >= SAME
+def identical(one: Entry, other: Entry) -> bool:
+    """Return whether two corrections have the same effect in this record, but for rounding."""
+    return abs(float(one.direction @ other.direction)) >= IDENTICAL

@@ -1,8 +1,9 @@
-"""Evidence for a curve in a model that is linear in it: a Gaussian process over the signal, integrated out.
+"""Evidence for a curve in a model that is linear in it, by a Gaussian process over the signal.
 
-The straight part of a curve, and a step at zero, may be anything and have the price of BIC, the logarithm of the
-samples; what bends is an integrated Wiener process (Wahba, JRSS B 40, 1978), whose size is the likeliest one (Kass,
-Raftery, JASA 90, 1995). What the parameters of the model can do is no part of a curve.
+The straight part of a curve, and a step at zero, may be anything and have the price of BIC, the
+logarithm of the samples; the bending part is an integrated Wiener process (Wahba, JRSS B 40, 1978),
+whose size is the likeliest one (Kass, Raftery, JASA 90, 1995). What the parameters of the model can
+do is no part of a curve.
 """
 
 from __future__ import annotations
@@ -14,24 +15,36 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from fmus.kit.functions import slopes
+from fmus.kit import slopes
 
 Array = NDArray[np.float64]
-KNOTS, FEW = 16, 6  # of a curve of what is, and of what is remembered
+KNOTS = 16  # of a curve of a signal as it is
+FEW = 6  # of a curve of what is remembered
 _NEAR = 0.005  # of the range, within which a curve may step at zero
-_SIZES = np.geomspace(
-    1e-2, 1e8, 11
-)  # of the bending part, as precision of the data over that of the prior
-_OWN = 1e-3  # share that the model's parameters leave of a constant, slope or step, below which it is theirs
+# of the bending part, as precision of the data over that of the prior
+_SIZES = np.geomspace(1e-2, 1e8, 11)
+# share that the model's parameters leave of a constant, slope or step, below which it is theirs
+_OWN = 1e-3
 _FEWEST = 4  # knots, above which there may be a step
-_FLAT = 1e4  # times that of one sample, the variance of what may be anything: a strong effect costs no more than a weak
+# times that of one sample, the variance of what may be anything: a strong effect costs no more than
+# a weak
+_FLAT = 1e4
+
+
+# of the band of a curve: share of curves that it holds, deviations where all points go together,
+# curves that are drawn, and points that are evaluated from one knot to the next
+_CURVES = 0.95
+_LEAST_DEVIATIONS = 1.96
+_DRAWS = 2000
+_POINTS_BETWEEN = 4
 
 
 @dataclass(frozen=True)
 class Basis:
     """A curve through values at knots: cubic in between, and straight on beyond the ends.
 
-    It is that of :func:`~fmus.kit.functions.smooth_table`, whose corners would cost a simulation many steps.
+    It is that of :func:`~fmus.kit.functions.smooth_table`, whose corners would cost a simulation
+    many steps.
 
     Attributes
     ----------
@@ -43,7 +56,7 @@ class Basis:
 
     @classmethod
     def over(cls, values: Array, count: int = KNOTS, stepped: bool = True) -> Basis:
-        """Place knots between the extremes, denser where a signal has been more often; few where it takes few values.
+        """Place knots between the extremes, denser where a signal has been more often.
 
         Parameters
         ----------
@@ -52,7 +65,8 @@ class Basis:
         count : int
             Of knots.
         stepped : bool
-            Whether knots near zero come to these where the signal goes through it, so that there may be a step.
+            Whether knots near zero come to these where the signal goes through it, so that there
+            may be a step.
 
         Returns
         -------
@@ -83,12 +97,14 @@ class Basis:
         ndarray, shape (n, k)
             Whose product with values at the knots is the curve.
         """
-        knots, unit = self.knots, np.eye(len(self.knots))
+        knots = self.knots
+        unit = np.eye(len(knots))
         if len(knots) < 2:
             return np.ones((len(values), 1))
         rise, fall = self._slopes
         k = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
-        width, inside = (knots[k + 1] - knots[k])[:, None], np.clip(values, knots[0], knots[-1])
+        width = (knots[k + 1] - knots[k])[:, None]
+        inside = np.clip(values, knots[0], knots[-1])
         s = (inside - knots[k])[:, None] / width
         more = (values - inside)[:, None] * np.where(values[:, None] < knots[0], rise[0], fall[-1])
         bend = s * s * (3.0 - 2.0 * s)
@@ -97,13 +113,13 @@ class Basis:
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:
-        """Slopes (k - 1, k) at the beginning and at the end of each interval, by values at the knots."""
+        """Slopes (k - 1, k) at both ends of each interval, per value at the knots."""
         ends = slopes([float(x) for x in self.knots], list(np.eye(len(self.knots))))
         return np.array([rise for rise, _ in ends]), np.array([fall for _, fall in ends])
 
     @cached_property
     def plain(self) -> list[Array]:
-        """Constant and slope, (k, 2), and where the signal goes through zero the same with a step there, (k, 3)."""
+        """Constant and slope, (k, 2), and the same with a step at an inner zero, (k, 3)."""
         straight = np.column_stack([np.ones(len(self.knots)), self._unit - 0.5])
         if not (self.knots[0] < 0.0 < self.knots[-1] and len(self.knots) > _FEWEST):
             return [straight]
@@ -111,11 +127,11 @@ class Basis:
 
     @cached_property
     def bending(self) -> Array:
-        """Covariance (k, k) of an integrated Wiener process, less its straight part, with a mean variance of 1."""
+        """Covariance (k, k) of an integrated Wiener process without its straight part."""
         return np.asarray(self._process / self._power)
 
     def left_between(self, values: Array) -> Array:
-        """Covariance of what such a process does beside the curve through its values at the knots.
+        """Return the covariance of such a process given its values at the knots.
 
         Parameters
         ----------
@@ -127,12 +143,13 @@ class Basis:
         ndarray, shape (v, v)
             Beside that of `bending`.
         """
-        knots, there, columns = self._unit, self._relative(values), self(values)
-        across = columns @ _wiener(knots, there)
-        left = (
-            _wiener(there, there) - across - across.T + columns @ _wiener(knots, knots) @ columns.T
-        )
-        return np.asarray(left / self._power)
+        knots = self._unit
+        places = self._relative(values)
+        columns = self(values)
+        across = columns @ _wiener(knots, places)
+        of_knots = columns @ _wiener(knots, knots) @ columns.T
+        remaining = _wiener(places, places) - across - across.T + of_knots
+        return np.asarray(remaining / self._power)
 
     @cached_property
     def _process(self) -> Array:
@@ -150,26 +167,27 @@ class Basis:
         return self._relative(self.knots)
 
     def _relative(self, values: Array) -> Array:
-        """Where values are between the ends; beyond these a curve is straight."""
+        """Return values relative to the ends, from 0 to 1; beyond these a curve is straight."""
         first, last = self.knots[0], self.knots[-1]
         return np.asarray((np.clip(values, first, last) - first) / (last - first))
 
 
 def _wiener(one: Array, other: Array) -> Array:
-    """Covariance (a, b) of an integrated Wiener process between times (a,) and (b,)."""
-    low, high = np.minimum(one[:, None], other), np.maximum(one[:, None], other)
+    """Return the covariance (a, b) of an integrated Wiener process at times (a,) and (b,)."""
+    low = np.minimum(one[:, None], other)
+    high = np.maximum(one[:, None], other)
     return np.asarray(low**2 * (3.0 * high - low) / 6.0)
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve at its knots, from what a linear model says of it.
+    """A curve at its knots, as a linear model estimates it.
 
     Attributes
     ----------
     gain : float
-        Twice the logarithm of the evidence against none, less the logarithm of the samples for a size of the bending
-        part that was chosen: a fall of BIC, as far as that is one.
+        Twice the logarithm of the evidence against none, less the logarithm of the samples for a
+        size of the bending part that was chosen: a fall of BIC, as far as that is one.
     values : ndarray, shape (k,)
         Likeliest values, in the unit of the law.
     covariance : ndarray, shape (k, k)
@@ -177,9 +195,10 @@ class Curve:
     prior : ndarray, shape (k, k)
         Covariance that the values were expected to have.
     complexity : float
-        By how much the gain is less than what the curve explains: the price of being able to bend so far.
+        By how much the gain is less than what the curve explains: the price of being able to bend
+        so far.
     bending : float
-        Mean variance at the knots that what bends was expected to have.
+        Mean variance at the knots that the bending part was expected to have.
     """
 
     gain: float
@@ -191,8 +210,8 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Columns:
-    """What the knots of a curve do to the whitened outputs, as products of these columns.
+class RegressorColumns:
+    """Effect of the knots of a curve on the whitened outputs, as products of these columns.
 
     Attributes
     ----------
@@ -232,7 +251,7 @@ class Columns:
         )
 
     def by_chance(self, scores: Array) -> Array:
-        """Tell what the likeliest curves gain where there is mere noise.
+        """Return the gains of the likeliest curves in mere noise.
 
         Parameters
         ----------
@@ -249,7 +268,7 @@ class Columns:
 
     @cached_property
     def _choices(self) -> tuple[Array, Array, Array, Array]:
-        """Covariances after and before (c, k, k), prices, and sizes of what bends, without and with a step."""
+        """Covariances after and before (c, k, k), prices, and sizes of the bending part."""
         bending = self.basis.bending
         power = float(np.trace(self.free @ bending)) / len(bending)
         sizes = np.append(0.0, _SIZES / power if len(bending) > 2 and power > 0.0 else ())
@@ -262,10 +281,58 @@ class Columns:
         return covariances, priors, np.linalg.slogdet(inner)[1] + paid, np.tile(sizes, len(plain))
 
     def _prior(self, part: Array) -> tuple[Array, int]:
-        """Covariance (k, k) with next to no information, along what is not the model's own, and how much that is."""
+        """Return a vague prior covariance (k, k), outside the model's own space, and its rank."""
         free, alone = (part.T @ each @ part for each in (self.free, self.alone))
         alone += (1e-12 * np.trace(alone) + 1e-300) * np.eye(len(alone))
         share, axes = eigh(free, alone)
         seen = share > _OWN
         root = (part @ axes[:, seen]) * np.sqrt(_FLAT * self.samples / share[seen])
         return np.asarray(root @ root.T), int(seen.sum())
+
+
+class Band:
+    """A curve with its 95 % band, in the unit of the law.
+
+    The band holds the whole curve in 19 records of 20, rather than each of its points (Krivobokova,
+    Kneib, Claeskens, JASA 105, 2010): its width is a multiple of the standard deviation that is
+    drawn for all points at once.
+
+    Parameters
+    ----------
+    basis : Basis
+    curve : Curve
+    """
+
+    def __init__(self, basis: Basis, curve: Curve):
+        self._basis = basis
+        self._curve = curve
+        knots = basis.knots
+        shares = np.arange(_POINTS_BETWEEN) / _POINTS_BETWEEN
+        points = np.append((knots[:-1, None] + shares * np.diff(knots)[:, None]).ravel(), knots[-1])
+        self._deviations = _deviations(self._covariance(points))
+
+    def __call__(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return the curve, and the ends of its band, at values (v,) of the signal."""
+        values = self._basis(x) @ self._curve.values
+        spread = self._deviations * np.sqrt(np.clip(np.diag(self._covariance(x)), 0.0, None))
+        return values, values - spread, values + spread
+
+    def _covariance(self, x: Array) -> Array:
+        columns = self._basis(x)
+        return np.asarray(
+            columns @ self._curve.covariance @ columns.T
+            + self._curve.bending * self._basis.left_between(x)
+        )
+
+
+def _deviations(covariance: Array) -> float:
+    """Return the number of standard deviations that hold all points of 19 curves of 20."""
+    variance, axes = np.linalg.eigh(covariance)
+    size = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+    is_open = size > 0.0
+    if not is_open.any():
+        return _LEAST_DEVIATIONS
+    draws = np.random.default_rng(0).standard_normal((len(size), _DRAWS))
+    curves = (axes * np.sqrt(np.clip(variance, 0.0, None))) @ draws
+    furthest = np.abs(curves[is_open] / size[is_open, None]).max(axis=0)
+    return float(max(np.quantile(furthest, _CURVES), _LEAST_DEVIATIONS))

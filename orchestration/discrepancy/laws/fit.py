@@ -1,4 +1,4 @@
-"""A correction fitted in its model, with all parameters: a curve as rough as its evidence asks for."""
+"""Fits of a curve in its model, with all parameters, as rough as the evidence asks for."""
 
 from __future__ import annotations
 
@@ -9,24 +9,21 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Effect
-from fmus.kit.errors import UserError
-from orchestration.discrepancy.candidates.candidate import Candidate
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.laws.evidence import Basis, Columns, Curve
-from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.least_squares import minimise
-from orchestration.identify.noise.model import Noise, Whitening
-from orchestration.identify.problem import Problem
+from fmus.kit import Effect, UserError
+from orchestration.discrepancy.candidates import Candidate, FittedCandidate
+from orchestration.discrepancy.laws.evidence import Basis, Curve, RegressorColumns
+from orchestration.discrepancy.selection import Search
+from orchestration.identify.fitting import Problem, minimise
+from orchestration.identify.noise import Noise, Whitening
 
 Array = NDArray[np.float64]
-_SHARES = 1.0, 0.3, 0.0  # of what the map says of a curve, from which a fit may begin
-_ROUNDS, _FALL = (
-    8,
-    2.0,
-)  # of choosing noise and roughness anew and fitting on, while the criterion falls by so much
+_SHARES = 1.0, 0.3, 0.0  # of the curve in the map, from which a fit may start
+# of choosing noise and roughness anew and fitting on, while the criterion falls by so much
+_ROUNDS = 8
+_FALL = 2.0
 # fall of the cost, relative, that ends a fit, and points that it tries at most
-_ROUGHLY, _SETTLED = (1e-3, 20), (1e-6, 200)
+_ROUGHLY = (1e-3, 20)
+_SETTLED = (1e-6, 200)
 
 
 @dataclass(frozen=True)
@@ -74,8 +71,9 @@ class CurveFit:
     """
 
     def __init__(self, search: Search, base: FittedCandidate, effect: type[Effect], basis: Basis):
-        self.basis, self._base = basis, base
-        candidate = base.candidate.with_effect(effect)
+        self.basis = basis
+        self._base = base
+        self.candidate = base.candidate.with_effect(effect)
         tables = [n for n in effect.declared if "_at_" in n and n.startswith(effect.neutral)]
         fixed = {**search.fixed, **base.fit.values, effect.neutral: 1.0}
         constants = [n for n in effect.declared if n.endswith("_memory_constant")]
@@ -85,10 +83,7 @@ class CurveFit:
             *base.candidate.starts,
             *constants,
         ]
-        self.candidate, self.problem = (
-            candidate,
-            search.problem(candidate, [*parameters, *tables], fixed),
-        )
+        self.problem = search.problem(self.candidate, [*parameters, *tables], fixed)
         self._own = len(base.problem.names) + len(constants)
         self._precision = np.append(base.fit.prior_precision, np.zeros(len(constants)))
         self._size = np.array([s.size for s in self.problem.scales[self._own :]])
@@ -96,9 +91,10 @@ class CurveFit:
     def first(
         self, starts: Sequence[Mapping[str, float]], curve: Curve, floor: Mapping[str, Noise]
     ) -> FittedCurve:
-        """Fit once from a curve, beside values of the model's own parameters; from the nearest of several.
+        """Fit once from a curve, beside those of several parameter values that come nearest.
 
-        In white noise of the size that is left at best: what a start leaves has the colour of its own faults.
+        In white noise of the least size that any fit leaves: the residual of a start has the colour
+        of its own faults.
 
         Parameters
         ----------
@@ -108,10 +104,10 @@ class CurveFit:
             As the map has it.
         floor : Mapping of str to Noise
         """
-        problem, base = self.problem, self._base
+        problem = self.problem
         tried = []
         for own, share in product(starts, _SHARES):
-            q = problem.position(problem.start | base.fit.values | dict(own))
+            q = problem.position(problem.start | self._base.fit.values | dict(own))
             q[self._own :] = share * curve.values / self._size
             try:
                 error, _ = problem.evaluate(problem.inside(q))
@@ -120,14 +116,15 @@ class CurveFit:
             with np.errstate(over="ignore"):  # a simulation that runs away is far off
                 size = sum(float(np.log(e @ e)) for e in error.values())
             tried.append((size, problem.inside(q)))
-        q = min(tried, key=lambda t: t[0])[1]
-        error, _ = problem.evaluate(q)
-        found = self._fitted(q, Whitening.of(floor, error, problem.present), curve, _ROUGHLY)
+        _, nearest = min(tried, key=lambda start: start[0])
+        error, _ = problem.evaluate(nearest)
+        whitening = Whitening.of(floor, error, problem.present)
+        fitted = self._fitted(nearest, whitening, curve, _ROUGHLY)
         problem.forget()
-        return found
+        return fitted
 
     def settled(self, fitted: FittedCurve) -> FittedCurve:
-        """Fit on from there, in the noise and with the roughness that the fit itself asks for."""
+        """Continue a fit, in the noise and with the roughness that the fit itself asks for."""
         for _ in range(_ROUNDS):
             before = fitted
             whitening = Whitening.of(before.noise, before.residual, self.problem.present)
@@ -144,14 +141,14 @@ class CurveFit:
     def _fitted(
         self, q: Array, whitening: Whitening, curve: Curve, effort: tuple[float, int]
     ) -> FittedCurve:
-        """Fit from a point, with the roughness that a curve expects."""
+        """Fit from a point, with the roughness of a curve's prior."""
         problem = self.problem
         q, rough = self._minimised(q, whitening, _root(curve.prior), effort)
         error, jacobian = problem.evaluate(q)
         noise = dict(problem.noise(error))
         now = Whitening.of(noise, error, problem.present)
         again = self._weighed(now(error), now(jacobian), q)
-        found = replace(
+        fitted_curve = replace(
             curve, values=q[self._own :] * self._size, covariance=again.covariance, gain=again.gain
         )
         deviance = sum(
@@ -164,67 +161,75 @@ class CurveFit:
         )
         deviance += float(np.sum(np.where(weight > 0.0, weight * moved**2, 0.0)))
         order = sum(n.parameters for n in noise.values()) + self._own
-        criterion = deviance + rough + found.complexity + order * np.log(problem.samples)
+        criterion = deviance + rough + fitted_curve.complexity + order * np.log(problem.samples)
         return FittedCurve(
-            self.candidate, problem, q, self.basis, found, noise, dict(error), float(criterion)
+            self.candidate,
+            problem,
+            q,
+            self.basis,
+            fitted_curve,
+            noise,
+            dict(error),
+            float(criterion),
         )
 
     def _free(self, slopes: Array) -> Array:
-        """What the model's own parameters can do, as an orthonormal basis."""
+        """Return an orthonormal basis of the space of the model's own parameters."""
         own = slopes[:, : self._own]
         sizes = np.linalg.norm(own, axis=0)
         prior = np.diag(np.sqrt(self._precision))
         whole = np.vstack([own, prior])[:, sizes > 0.0] / sizes[sizes > 0.0]
-        left, strength, _ = np.linalg.svd(whole, full_matrices=False)
-        return np.asarray(left[:, strength > 1e-7 * strength.max()][: len(own)])
+        u, strength, _ = np.linalg.svd(whole, full_matrices=False)
+        return np.asarray(u[:, strength > 1e-7 * strength.max()][: len(own)])
 
     def _weighed(self, error: Array, slopes: Array, q: Array) -> Curve:
-        """Evidence of the curve about a point."""
+        """Return the curve with its evidence, linearised about a point."""
         own = self._free(slopes)
         columns = -slopes[:, self._own :] / self._size
-        alone, columns = columns, columns - own @ (own.T @ columns)
-        wanted = error - own @ (own.T @ error) + columns @ (q[self._own :] * self._size)
-        products = Columns(self.basis, columns.T @ columns, alone.T @ alone, len(error))
+        free = columns - own @ (own.T @ columns)
+        wanted = error - own @ (own.T @ error) + free @ (q[self._own :] * self._size)
+        products = RegressorColumns(self.basis, free.T @ free, columns.T @ columns, len(error))
         if not np.isfinite(products.alone).all():
             raise UserError(
                 "the model runs away: the square of what the curve does to it is no number"
             )
-        return products.best(columns.T @ wanted)
+        return products.best(free.T @ wanted)
 
     def _minimised(
         self, q: Array, whitening: Whitening, root: Array, effort: tuple[float, int]
     ) -> tuple[Array, float]:
-        """Least squares with the prior, the curve being the root times as many coordinates of unit size."""
-        problem, own, base = self.problem, self._own, self._base
+        """Solve least squares, the curve being the root times coordinates of unit size."""
+        problem = self.problem
+        own = self._own
         weight = np.sqrt(self._precision)
-        centre = problem.position(problem.start | base.problem.start)[:own]
-        centre = np.where(weight > 0.0, centre, 0.0)
+        prior_mean = problem.position(problem.start | self._base.problem.start)[:own]
+        centre = np.where(weight > 0.0, prior_mean, 0.0)
         low, high = problem.bounds()
 
         def whole(z: Array) -> Array:
             return np.concatenate([z[:own], root @ z[own:] / self._size])
 
         def residual(z: Array) -> Array:
-            return np.concatenate(
-                [whitening(problem.evaluate(whole(z))[0]), weight * (z[:own] - centre), z[own:]]
-            )
+            error, _ = problem.evaluate(whole(z))
+            return np.concatenate([whitening(error), weight * (z[:own] - centre), z[own:]])
 
         def jacobian(z: Array) -> Array:
-            slopes = whitening(problem.evaluate(whole(z))[1])
+            _, derivatives = problem.evaluate(whole(z))
+            slopes = whitening(derivatives)
             top = np.hstack([slopes[:, :own], slopes[:, own:] @ (root / self._size[:, None])])
             return np.vstack([top, np.diag(np.concatenate([weight, np.ones(root.shape[1])]))])
 
-        begin = np.concatenate(
-            [q[:own], np.linalg.lstsq(root, q[own:] * self._size, rcond=None)[0]]
-        )
+        coordinates, *_ = np.linalg.lstsq(root, q[own:] * self._size, rcond=None)
+        begin = np.concatenate([q[:own], coordinates])
         far = np.full(root.shape[1], np.inf)
         bounds = np.append(low[:own], -far), np.append(high[:own], far)
-        end = minimise(residual, jacobian, begin, *bounds, *effort)
+        tolerance, trials = effort
+        end = minimise(residual, jacobian, begin, *bounds, tolerance, trials=trials)
         return whole(end.q), float(end.q[own:] @ end.q[own:])
 
 
 def _root(covariance: Array) -> Array:
-    """Columns whose outer products add up to a covariance, without directions in which there is none."""
+    """Return a root of a covariance, without columns for directions in which there is none."""
     values, axes = np.linalg.eigh(covariance)
     kept = values > 1e-12 * values.max()
     return np.asarray(axes[:, kept] * np.sqrt(values[kept]))

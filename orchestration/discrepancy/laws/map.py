@@ -1,32 +1,42 @@
-"""The map of what a model's laws lack: every law over every signal, and how much a curve there would explain."""
+"""The law map: every law of a model over every signal, with the evidence for a curve there."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.corrections import MEMORIES, correction, family
-from fmus.kit.symbolic.perturbed import PerturbedLaws
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from fmus.kit import MEMORIES, correction, effect_family
+from fmus.kit.symbolic import PerturbedLaws
+from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.laws.entry import Entry
-from orchestration.discrepancy.laws.evidence import FEW, Basis, Columns
-from orchestration.discrepancy.laws.linear.course import FreeCourse, follow
-from orchestration.discrepancy.laws.linear.linearised import LinearisedRecord
-from orchestration.discrepancy.laws.linear.powers import moved, powers, reach
-from orchestration.discrepancy.laws.linear.response import (
-    Course,
+from orchestration.discrepancy.laws.evidence import FEW, Basis, Curve, RegressorColumns
+from orchestration.discrepancy.laws.linear import (
+    LinearisedRecord,
     LinearResponse,
     Sides,
+    SimulatedCourse,
+    UnknownInput,
+    affine_powers,
+    estimate_unknown_input,
+    moved,
+    reach,
     responses_of_runs,
 )
-from orchestration.discrepancy.laws.plausible import Plausible
-from orchestration.discrepancy.laws.signals import Signal, is_new, of, plain, remembered
-from orchestration.discrepancy.parallel import side_by_side
-from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.noise.model import Noise, estimate
-from orchestration.records.joined import Run
+from orchestration.discrepancy.laws.plausible import Plausibility
+from orchestration.discrepancy.laws.signals import (
+    LawSignal,
+    current_signals,
+    is_new,
+    remembered_signals,
+    signal_along,
+)
+from orchestration.discrepancy.parallel import parallel_map
+from orchestration.discrepancy.selection import Search
+from orchestration.identify.noise import Noise, estimate_noise
+from orchestration.records import MeasuredRun
 
 Array = NDArray[np.float64]
 # of signals, by kind of correction: a factor that leads is one that lags, and the signal as it is
@@ -41,13 +51,15 @@ def _is_constant(values: Array) -> bool:
     return float(np.ptp(values)) <= _STILL * float(np.abs(values).max())
 
 
-def _basis(signal: Signal, values: Array) -> Basis:
-    """Few knots for what is remembered: there are many of these, and they are mostly in proportion."""
+def _basis(signal: LawSignal, values: Array) -> Basis:
+    """Return a basis over a signal; few knots for the many that are remembered."""
     return Basis.over(values, FEW, stepped=False) if signal.memory else Basis.over(values)
 
 
-def _other_names(parts: Sequence[tuple[Run, Course, LinearResponse]]) -> dict[str, list[str]]:
-    """Inputs and states, and laws that only hand them on."""
+def _other_names(
+    parts: Sequence[tuple[MeasuredRun, SimulatedCourse, LinearResponse]],
+) -> dict[str, list[str]]:
+    """Return inputs and states, each with the laws that only hand it on."""
     _, course, response = parts[0]
     signals = {**course.inputs, **course.states}
     same = {
@@ -69,7 +81,8 @@ class LawMap:
     """
 
     def __init__(self, search: Search, fitted: FittedCandidate, families: Collection[str] = ()):
-        self._search, self._fitted, problem = search, fitted, fitted.problem
+        problem = fitted.problem
+        self._fitted = fitted
         self._families = set(families)
         # of corrections that the model has already: what they remember, and what they are curves of
         corrections = [
@@ -85,7 +98,8 @@ class LawMap:
         values = problem.start | problem.values(fitted.fit.q)
         ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
         self.laws = PerturbedLaws(fitted.candidate.cls)
-        self._outputs, self._present = list(problem.measured), problem.present
+        self._outputs = list(problem.measured)
+        self._present = problem.present
         self._n = len(problem.time)
         parts = responses_of_runs(
             self.laws,
@@ -93,35 +107,35 @@ class LawMap:
             problem.inputs,
             ran.signals,
             values,
-            search.data.linear or (),
-            problem.runs,
-            self._outputs,
+            linear=search.data.linear or (),
+            runs=problem.runs,
+            outputs=self._outputs,
         )
         self.candidates = self._different_laws(parts)
-        self._powers = powers(self.laws, parts[0][1], parts[0][0].values(values), problem.names)
+        first_run, first_course, _ = parts[0]
+        self._powers = affine_powers(
+            self.laws, first_course, first_run.values(values), problem.names
+        )
         others = _other_names(parts)
         self._constants = {
             law
             for law in self.laws.names
             if all(_is_constant(r.values[law].begin) for _, _, r in parts)
         }
-        self.plausible = Plausible(self.laws, self._constants, others, self._families)
+        self.plausible = Plausibility(self.laws, self._constants, others, self._families)
         rates = {state.rate for state in self.laws.graph.layout.states}
         self._rates = rates | {s for s, names in others.items() if rates & {*names}}
         laws = list(self.candidates)
-        self.courses = dict(
-            zip(
-                laws,
-                side_by_side(lambda law: follow(search, fitted, self.laws, law), laws),
-                strict=True,
-            )
+        unknown_inputs = parallel_map(
+            lambda law: estimate_unknown_input(search, fitted, self.laws, law), laws
         )
+        self.courses = dict(zip(laws, unknown_inputs, strict=True))
 
     def _different_laws(
-        self, parts: Sequence[tuple[Run, Course, LinearResponse]]
+        self, parts: Sequence[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]
     ) -> dict[str, list[str]]:
-        """Laws that do different things to the outputs, each with others that do the same."""
-        found: dict[str, list[str]] = {}
+        """Group laws with identical effect on the outputs, by the first of each group."""
+        groups: dict[str, list[str]] = {}
         shapes: dict[str, Array] = {}
         for law in self.laws.names:
             if self.laws.is_definition(law) or law in self._memories:
@@ -135,83 +149,97 @@ class LawMap:
                 (n for n, other in shapes.items() if abs(float(other @ whole)) > 1.0 - 1e-12), None
             )
             if same is None:
-                shapes[law], found[law] = whole, [law]
+                shapes[law] = whole
+                groups[law] = [law]
             else:
-                found[same].append(law)
+                groups[same].append(law)
         outputs = {o.name for o in self.laws.graph.layout.outputs}
-        return {
-            names[0]: names
-            for several in found.values()
-            if (names := [n for n in several if n not in outputs] or several)
-        }
+        different = {}
+        for several in groups.values():
+            names = [name for name in several if name not in outputs] or several
+            different[names[0]] = names
+        return different
 
-    def signals_of(self, course: FreeCourse) -> dict[Signal, list[Sides]]:
-        """What moves in the longest run, and of what is remembered of it what tells something else, by runs.
+    def signals_of(self, course: UnknownInput) -> dict[LawSignal, list[Sides]]:
+        """Return signals that move in the longest run, and remembered ones that differ, by runs.
 
-        Signals that run in proportion in this record are all kept: a law is likelier to hang on one than on another.
+        Signals that run in proportion in this record are all kept: a law is likelier to depend on
+        one than on another.
         """
         _, longest, response = max(course.parts, key=lambda part: len(part[1].time))
         outputs = {o.name for o in self.laws.graph.layout.outputs}
-        # what is computed from one signal alone tells what that one tells
+        # a law that is computed from one signal alone is a function of that
         passed_over = (
             outputs
             | self._memories
             | {law for law in response.values if len(self.laws.computed_from(law)) == 1}
         )
-        kept = plain(longest, response.values, passed_over)
-        told: list[Array] = []
-        different = {signal: sides for signal, sides in kept.items() if is_new(sides, told)}
-        memories = remembered(longest, different, self._rates)
-        kept |= {signal: sides for signal, sides in memories if is_new(sides, told)}
-        return {signal: [of(signal, c, r.values) for _, c, r in course.parts] for signal in kept}
+        kept = current_signals(longest, response.values, passed_over)
+        shapes: list[Array] = []
+        different = {signal: sides for signal, sides in kept.items() if is_new(sides, shapes)}
+        memories = remembered_signals(longest, different, self._rates)
+        kept |= {signal: sides for signal, sides in memories if is_new(sides, shapes)}
+        return {
+            signal: [signal_along(signal, c, r.values) for _, c, r in course.parts]
+            for signal in kept
+        }
 
     def entries(self, noise: Mapping[str, Noise] | None = None) -> list[Entry]:
-        """Score everything, in one noise."""
+        """Score every law over every signal in one noise; return entries that gain, best first."""
+        floor = self._noise_floor() if noise is None else noise
+        self.floor = floor
+        self._chance: list[Array] = []
+        several = parallel_map(lambda law: list(self._of_law(law, floor)), list(self.candidates))
+        scored = [entry for entries in several for entry in entries]
+        self.chance = 0.0
+        if self._chance:
+            self.chance = float(np.quantile(np.max(self._chance, axis=0), _SURE))
+        return sorted(scored, key=lambda e: -e.curve.gain)
+
+    def _noise_floor(self) -> Mapping[str, Noise]:
+        """Estimate the noise from the least residual that any unknown input leaves."""
         nearest = min(
-            self.courses.values(), key=lambda c: sum(np.log(np.sum(e**2)) for e in c.left.values())
+            self.courses.values(),
+            key=lambda course: sum(np.log(np.sum(e**2)) for e in course.unexplained.values()),
         )
         problem = self._fitted.problem
-        if noise is None:
-            noise = {
-                o: estimate(e, problem.present[o], 0, problem.calm[o])
-                for o, e in nearest.left.items()
-            }
-        self.floor = noise
-        self._chance: list[Array] = []
-        several = side_by_side(lambda law: list(self._of_law(law, noise)), list(self.candidates))
-        found = [entry for entries in several for entry in entries]
-        self.chance = (
-            float(np.quantile(np.max(self._chance, axis=0), _SURE)) if self._chance else 0.0
-        )
-        return sorted(found, key=lambda e: -e.curve.gain)
+        return {
+            o: estimate_noise(e, problem.present[o], 0, problem.calm[o])
+            for o, e in nearest.unexplained.items()
+        }
 
     def _of_law(self, law: str, noise: Mapping[str, Noise]) -> Iterator[Entry]:
+        """Score a law, and others with the same effect, over every signal."""
         course = self.courses[law]
         record = LinearisedRecord(
             course, self._fitted.fit.prior_precision, self._present, noise, reach(self._powers)
         )
         signals = self.signals_of(course)
-        for name, kind, mine in self._asked(course, list(signals)):
+        for name, kind, mine in self._corrections_to_score(course, list(signals)):
             for at in range(0, len(mine), _AT_ONCE):
-                yield from self._of_signals(
-                    course, name, {s: signals[s] for s in mine[at : at + _AT_ONCE]}, kind, record
-                )
+                some = {s: signals[s] for s in mine[at : at + _AT_ONCE]}
+                yield from self._of_signals(course, name, some, kind, record)
 
-    def _asked(
-        self, course: FreeCourse, signals: Sequence[Signal]
-    ) -> Iterator[tuple[str, str, list[Signal]]]:
-        """Laws, kinds of corrections, and their signals.
+    def _corrections_to_score(
+        self, course: UnknownInput, signals: Sequence[LawSignal]
+    ) -> Iterator[tuple[str, str, list[LawSignal]]]:
+        """Yield laws, kinds of corrections, and their signals.
 
-        Of laws that do the same one is enough to be added to; but what is multiplied is each of them.
+        Of laws with identical effect on the outputs a correction is added to only one, but
+        multiplies each of them.
         """
-        laws, told = self.candidates[course.law], list[Array]()
+        laws = self.candidates[course.law]
+        shapes: list[Array] = []
         _, _, response = max(course.parts, key=lambda part: len(part[1].time))
         factors = [
-            law for law in laws if law not in self._constants and is_new(response.values[law], told)
+            law
+            for law in laws
+            if law not in self._constants and is_new(response.values[law], shapes)
         ]
-        add = {s: self._name(course.law, s) for s in signals}
-        names = [(law, "add", [s for s in signals if add[s] == law]) for law in laws]
-        for law, kind, mine in (*names, *((law, "multiply", [*signals]) for law in factors)):
+        law_of = {s: self._law_for(course.law, s) for s in signals}
+        added = [(law, "add", [s for s in signals if law_of[s] == law]) for law in laws]
+        multiplied = [(law, "multiply", [*signals]) for law in factors]
+        for law, kind, mine in (*added, *multiplied):
             known = [
                 s
                 for s in mine
@@ -223,90 +251,138 @@ class LawMap:
                 yield law, kind, known
 
     def widths(self, residual: Mapping[str, Array]) -> float:
-        """What is left of an output, in widths of the noise that is left at best, at most."""
+        """Return the largest residual of any output, in widths of the least noise."""
         return max(
             float(np.sqrt(np.mean(e**2))) / self.floor[o].deviation for o, e in residual.items()
         )
 
     def begins(self, entry: Entry) -> float:
-        """What a lag remembers at first: the signal, as it is then."""
+        """Return the start value of a lag: the signal at the start."""
         if entry.signal.memory not in ("lagged", "leading"):
             return 0.0
         _, course, response = self.courses[entry.driven].parts[0]
-        return float(of(Signal(entry.signal.name), course, response.values).begin[0])
+        return float(signal_along(LawSignal(entry.signal.name), course, response.values).begin[0])
 
     def beside(self, entry: Entry) -> dict[str, float]:
-        """Values of the model's own parameters that go with a correction, if all is linear."""
+        """Return values of the model's own parameters beside a correction, to first order."""
         problem = self._fitted.problem
         q = problem.position(problem.start | self.courses[entry.driven].values)
         logarithmic = np.array([scale.logarithmic for scale in problem.scales], dtype=bool)
-        return problem.values(
-            np.clip(q + moved(entry.step, self._powers, logarithmic), *problem.bounds())
-        )
+        shifted = q + moved(entry.step, self._powers, logarithmic)
+        return problem.values(np.clip(shifted, *problem.bounds()))
 
-    def _is_loop(self, signal: Signal, law: str) -> bool:
-        """Whether a signal is computed from the law at the same time, other than being that law without more."""
+    def _is_loop(self, signal: LawSignal, law: str) -> bool:
+        """Return whether a signal is computed from the law at the same time, and is another."""
         return (
             signal.name != law
             and signal.memory in ("", "leading")
             and self.laws.calls(signal.name, law)
         )
 
-    def _name(self, law: str, signal: Signal) -> str:
-        """Of laws that do the same, the one that is known to hang on the signal, or in which it stands itself."""
+    def _law_for(self, law: str, signal: LawSignal) -> str:
+        """Return the law, of those with the same effect, that is nearest to a signal."""
         if signal.name in self.candidates[law]:
             return signal.name
         same = self.candidates[law]
-        known = (n for n in same if family(n, signal.name, signal.memory) in self._families)
+        known = (n for n in same if effect_family(n, signal.name, signal.memory) in self._families)
         reading = (n for n in same if self.plausible.reads(n, signal.name))
         return next(known, next(reading, law))
 
     def _of_signals(
         self,
-        course: FreeCourse,
+        course: UnknownInput,
         law: str,
-        signals: Mapping[Signal, Sequence[Sides]],
+        signals: Mapping[LawSignal, Sequence[Sides]],
         kind: str,
         record: LinearisedRecord,
     ) -> Iterator[Entry]:
-        parts = course.parts
-        value = [response.values[law] for _, _, response in parts]
+        """Score corrections of one law over several signals.
+
+        Parameters
+        ----------
+        course : UnknownInput
+        law : str
+        signals : Mapping of LawSignal to sequence of Sides
+            By runs.
+        kind : {"add", "multiply"}
+        record : LinearisedRecord
+        """
         bases = {
-            s: _basis(s, np.concatenate([one.begin for one in several]))
-            for s, several in signals.items()
+            signal: _basis(signal, np.concatenate([sides.begin for sides in several]))
+            for signal, several in signals.items()
         }
-        whole = {
-            o: np.zeros((self._n, sum(len(b.knots) for b in bases.values()))) for o in self._outputs
-        }
-        for r, (run, _, response) in enumerate(parts):
-            begin = np.hstack([b(signals[s][r].begin) for s, b in bases.items()])
-            end = np.hstack([b(signals[s][r].end) for s, b in bases.items()])
-            if kind == "multiply":
-                begin, end = begin * value[r].begin[:, None], end * value[r].end[:, None]
-            for o, rows in response(law, Sides(begin, end)).items():
-                whole[o][run.samples] = rows
+        whole = self._responses(course, law, signals, kind, bases)
         alone = record({o: columns[self._present[o]] for o, columns in whole.items()})
-        free, own = record.free(alone), record.own(alone)
+        free = record.free(alone)
+        own = record.own(alone)
         first = 0
         for signal, basis in bases.items():
-            block, raw, held = (
-                part[:, first : first + len(basis.knots)] for part in (free, alone, own)
-            )
+            block = slice(first, first + len(basis.knots))
             first += len(basis.knots)
             if len(basis.knots) < 2:
                 continue
-            products = Columns(
-                basis, block.T @ block, block.T @ block + held.T @ held, record.samples
-            )
-            self._chance.append(products.by_chance(block.T @ record.noise))
-            found = products.best(block.T @ record.residual)
-            if found.gain <= 0.0:
-                continue
-            found, step = record.within_reach(found, raw)
-            if found.gain > 0.0:
-                effect = block @ found.values
-                direction = effect / max(float(np.linalg.norm(effect)), 1e-300)
-                visited = np.quantile(
-                    np.concatenate([one.begin for one in signals[signal]]), _QUANTILES
-                )
-                yield Entry(course.law, law, signal, kind, basis, found, direction, step, visited)
+            columns = _SignalColumns(alone[:, block], free[:, block], own[:, block])
+            scored = self._scored(record, basis, columns)
+            if scored is not None:
+                curve, direction, step = scored
+                values = np.concatenate([sides.begin for sides in signals[signal]])
+                visited = np.quantile(values, _QUANTILES)
+                yield Entry(course.law, law, signal, kind, basis, curve, direction, step, visited)
+
+    def _responses(
+        self,
+        course: UnknownInput,
+        law: str,
+        signals: Mapping[LawSignal, Sequence[Sides]],
+        kind: str,
+        bases: Mapping[LawSignal, Basis],
+    ) -> dict[str, Array]:
+        """Return the responses (n, k) of every output to the curves of all bases."""
+        count = sum(len(basis.knots) for basis in bases.values())
+        whole = {output: np.zeros((self._n, count)) for output in self._outputs}
+        for r, (run, _, response) in enumerate(course.parts):
+            begin = np.hstack([basis(signals[s][r].begin) for s, basis in bases.items()])
+            end = np.hstack([basis(signals[s][r].end) for s, basis in bases.items()])
+            if kind == "multiply":
+                value = response.values[law]
+                begin = begin * value.begin[:, None]
+                end = end * value.end[:, None]
+            for output, rows in response(law, Sides(begin, end)).items():
+                whole[output][run.samples] = rows
+        return whole
+
+    def _scored(
+        self, record: LinearisedRecord, basis: Basis, columns: _SignalColumns
+    ) -> tuple[Curve, Array, Array] | None:
+        """Return curve, direction and step of the likeliest correction; None if none gains."""
+        free = columns.free
+        products = RegressorColumns(
+            basis, free.T @ free, free.T @ free + columns.own.T @ columns.own, record.samples
+        )
+        self._chance.append(products.by_chance(free.T @ record.noise))
+        likeliest = products.best(free.T @ record.residual)
+        if likeliest.gain <= 0.0:
+            return None
+        curve, step = record.within_reach(likeliest, columns.alone)
+        if not curve.gain > 0.0:
+            return None
+        effect = free @ curve.values
+        return curve, effect / max(float(np.linalg.norm(effect)), 1e-300), step
+
+
+class _SignalColumns(NamedTuple):
+    """Whitened responses to the knots of one curve.
+
+    Attributes
+    ----------
+    alone : ndarray, shape (m, k)
+        As they are.
+    free : ndarray, shape (m, k)
+        Free of what the model's own parameters can do.
+    own : ndarray, shape (p, k)
+        What those can do, in coordinates of its own.
+    """
+
+    alone: Array
+    free: Array
+    own: Array

@@ -1,4 +1,4 @@
-"""Which of several corrections is the likelier one before a record is asked, and which are worth a fit."""
+"""Prior ranking of corrections by the model alone, and the choice of those worth a fit."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from itertools import chain, zip_longest
 
 import numpy as np
 
-from fmus.kit.symbolic.perturbed import PerturbedLaws
-from orchestration.discrepancy.laws.entry import ALIKE, SAME, Entry, same
+from fmus.kit.symbolic import PerturbedLaws
+from orchestration.discrepancy.laws.entry import IDENTICAL, INDISTINGUISHABLE, Entry, identical
 
 _MEMORY = ("", "leading", "lagged", "integrated", "throughput", "heat")  # the plainest first
-_NATURAL, _REMEMBERING, _OTHERS = (
-    8,
-    8,
-    24,
-)  # entries that are fitted: of signals that the law hangs on, and others
-_NEARLY = 0.95  # of the gain of the best of its like, which a correction that is nearer to the model must have
+# entries that are fitted: of signals that the law depends on, as they are and remembered, and
+# others
+_EXPECTED = 8
+_REMEMBERING = 8
+_OTHERS = 24
+# of the gain of the best of its like, which a correction that is nearer to the model must have
+_NEARLY = 0.95
 
 
-class Plausible:
-    """How near corrections are to what a model says.
+class Plausibility:
+    """Prior plausibility of corrections: how near they are to a model.
 
     Parameters
     ----------
@@ -41,41 +42,42 @@ class Plausible:
         other_names: Mapping[str, Sequence[str]],
         families: Collection[str],
     ):
-        self._laws, self._constants, self._other_names, self._families = (
-            laws,
-            constants,
-            other_names,
-            families,
-        )
+        self._laws = laws
+        self._constants = constants
+        self._other_names = other_names
+        self._families = families
         self._beside = cache(laws.acts_beside)
         self._computed_from = cache(laws.computed_from)
 
-    def is_natural(self, entry: Entry) -> bool:
-        """Whether the law hangs on the signal already, or is known to: its shape is the likeliest to be wrong.
+    def is_expected(self, entry: Entry) -> bool:
+        """Return whether the law depends on the signal already, or is known to.
 
-        What is a constant in the model hangs on nothing, and may hang on all that it acts beside.
+        The shape of such a law is the likeliest to be wrong. A constant of the model depends on
+        nothing, and may depend on all that it acts beside.
         """
         if entry.kind == "add" and entry.family in self._families:
             return True
         if entry.law in self._constants:
             return self._is_near(entry)
         # a law of one signal that is multiplied is one that is added to
-        several = entry.kind == "add" or not self.hangs_on_one_signal(entry.law)
+        several = entry.kind == "add" or not self.depends_on_one_signal(entry.law)
         return several and self.reads(entry.law, entry.signal.name)
 
-    def hangs_on_one_signal(self, law: str) -> bool:
-        """Whether a law is computed from one input or state, or from none."""
+    def depends_on_one_signal(self, law: str) -> bool:
+        """Return whether a law is computed from one input or state, or from none."""
         return len(self._computed_from(law)) <= 1
 
-    def far_fetched(self, entry: Entry) -> tuple[bool, bool, bool, bool, int, int]:
-        """How far a correction is from what the model says, for an order: what is near it is the likelier one.
+    def prior_rank(self, entry: Entry) -> tuple[bool, bool, bool, bool, int, int]:
+        """Return a key that sorts corrections by their distance from the model, nearest first.
 
-        A signal is near where it stands in what the law acts on; to couple what the model keeps apart is a claim.
+        A signal is near where it stands in what the law acts on; to couple parts of the model that
+        are separate is a claim.
         """
-        # what is added over time is what nothing else is known of; a coefficient is likelier to drift than to remember
+        # what is added over time is what nothing else is known of; a coefficient is likelier to
+        # drift than to remember
         drifts = entry.signal.name == "time" and entry.kind == "add"
         remembers = len(_MEMORY) if drifts else _MEMORY.index(entry.signal.memory)
-        natural = self.is_natural(entry)
+        natural = self.is_expected(entry)
         known = entry.family in self._families
         odd = (entry.kind != "add") + (entry.signal.name == entry.law)
         return not self._is_near(entry), remembers > 0, not known, not natural, odd, remembers
@@ -84,25 +86,26 @@ class Plausible:
         return self._computed_from(entry.signal.name) <= {*self._beside(entry.law), "time"}
 
     def reads(self, law: str, signal: str) -> bool:
-        """Whether a signal, under any of its names, stands in a law itself."""
+        """Return whether a signal, under any of its names, stands in a law itself."""
         names = {signal, *self._other_names.get(signal, ())}
         return law in names or any(self._laws.reads_itself(law, name) for name in names)
 
     def worth_a_fit(self, entries: Sequence[Entry]) -> list[Entry]:
-        """Entries that are fitted: natural ones that tell anything, and the best of the others that do other things.
+        """Return the entries that are fitted: expected ones, and the best others that differ.
 
         Parameters
         ----------
         entries : sequence of Entry
-            The most telling first. Of what is remembered in one way with several constants one is taken.
+            The most telling first. Of what is remembered in one way with several constants one is
+            taken.
         """
         natural: dict[tuple[str, str, str, str], Entry] = {}
         for e in sorted(entries, key=lambda e: e.family not in self._families):
-            if self.is_natural(e):
-                natural.setdefault(e.what, e)
-        plain = [e for e in natural.values() if not e.signal.memory][:_NATURAL]
+            if self.is_expected(e):
+                natural.setdefault(e.key, e)
+        plain = [e for e in natural.values() if not e.signal.memory][:_EXPECTED]
         memory = [e for e in natural.values() if e.signal.memory][:_REMEMBERING]
-        chosen = {e.what: e for e in (*plain, *memory)}
+        chosen = {e.key: e for e in (*plain, *memory)}
         most = len(chosen) + _OTHERS
         # gains along different courses do not compare, so that they take turns
         courses = dict.fromkeys(e.driven for e in entries)
@@ -111,20 +114,20 @@ class Plausible:
             if len(chosen) >= most:  # to look further takes long where there are thousands
                 break
             for e in chain(*several):
-                if len(chosen) < most and not any(same(e, c) for c in chosen.values()):
-                    chosen.setdefault(e.what, e)
+                if len(chosen) < most and not any(identical(e, c) for c in chosen.values()):
+                    chosen.setdefault(e.key, e)
         return list(chosen.values())
 
     def _leaders(self, mine: Sequence[Entry]) -> Iterator[tuple[Entry, ...]]:
-        """Of entries along one course those that do different things: the best, and what is nearest to the model."""
+        """Yield of each group of like entries along an unknown input those nearest to the model."""
         directions = np.array([entry.direction for entry in mine])
         led = np.zeros(len(mine), dtype=bool)
         for k, entry in enumerate(mine):
             if led[k]:
                 continue
             overlap = np.abs(directions @ entry.direction)
-            led |= overlap >= ALIKE
-            one = [mine[i] for i in np.flatnonzero(overlap >= SAME).tolist()]
-            like = [mine[i] for i in np.flatnonzero(overlap >= ALIKE).tolist()]
+            led |= overlap >= INDISTINGUISHABLE
+            one = [mine[i] for i in np.flatnonzero(overlap >= IDENTICAL).tolist()]
+            like = [mine[i] for i in np.flatnonzero(overlap >= INDISTINGUISHABLE).tolist()]
             best = [e for e in like if e.curve.gain > _NEARLY * entry.curve.gain]
-            yield min(one, key=self.far_fetched), min(best, key=self.far_fetched)
+            yield min(one, key=self.prior_rank), min(best, key=self.prior_rank)

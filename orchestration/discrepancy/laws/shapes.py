@@ -1,4 +1,4 @@
-"""What a curve looks like: shapes that engineers know by a name, held against it."""
+"""Named shapes that engineers know, and their distance from a curve."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.curves import SHAPES
+from fmus.kit import SHAPES
 from orchestration.discrepancy.laws.evidence import Basis, Curve
 
 Array = NDArray[np.float64]
 _WIDTHS = np.geomspace(0.01, 3.0, 12)  # of a bend, in sizes of the signal
 _ABRUPT = 0.05  # of the size of the signal, up to which a bend is a step
-# one formula, which is called after its width
+# one formula, whose name depends on its width
 _STEPS: dict[str, Callable[[float], bool]] = {
     "sign": lambda w: w <= _ABRUPT,
     "saturating": lambda w: w > _ABRUPT,
@@ -29,13 +29,14 @@ _KNOWN = 1e-12  # of the largest variance, below which none is but for rounding
 
 @dataclass(frozen=True)
 class Likeness:
-    """How near a shape comes to a curve.
+    """A shape where it comes nearest to a curve.
 
     Attributes
     ----------
     shape : str
     amount, width, beside : float
-        Of the shape where it comes nearest, SI; the width is 0 where there is none, as is the constant beside it.
+        Of the shape where it comes nearest, SI; the width is 0 where there is none, as is the
+        constant beside it.
     distance : float
         Squared, in units of what is known of the curve.
     """
@@ -48,15 +49,15 @@ class Likeness:
 
 
 def zero_of(basis: Basis) -> float:
-    """From where a signal is counted: where it never comes near nothing, about the middle of where it has been."""
+    """Return the value a signal is counted from: zero, or about its middle if it is far from it."""
     low, high = float(basis.knots[0]), float(basis.knots[-1])
     if min(abs(low), abs(high)) <= _FAR * max(abs(low), abs(high)) or low * high <= 0.0:
         return 0.0
     return float(np.round(0.5 * (low + high), 1 - math.floor(math.log10(high - low))))
 
 
-def called(shape: str, width: float, size: float) -> str:
-    """Name of a shape of some width, over a signal of some size: a saturation that is abrupt is a step."""
+def shape_name(shape: str, width: float, size: float) -> str:
+    """Return the name of a shape of some width: over a large signal a saturation is a step."""
     if shape not in _STEPS:
         return shape
     relative = width / size
@@ -66,7 +67,9 @@ def called(shape: str, width: float, size: float) -> str:
 def likenesses(
     basis: Basis, curve: Curve, scale: float, names: Sequence[str] = (), zero: float = 0.0
 ) -> list[Likeness]:
-    """Shapes, the nearest first: where each comes nearest to a curve, its own parts of the model left out.
+    """Return shapes where each comes nearest to a curve, the nearest first.
+
+    Parts of the curve that the model's own parameters can make do not count.
 
     Parameters
     ----------
@@ -81,50 +84,66 @@ def likenesses(
     """
     x = basis.knots - zero
     size = float(np.abs(x).max())
-    strength, axes = np.linalg.eigh(curve.prior)
-    seen = strength > max(_SEEN * strength.max(), 0.0)
-    if not seen.any():  # all of it is the model's own
+    into = _whitening(curve)
+    if into is None:
         return []
-    into = (axes[:, seen] / np.sqrt(strength[seen])).T  # from values to coordinates of unit size
-    spread, turned = np.linalg.eigh(into @ curve.covariance @ into.T)
-    into = (
-        turned / np.sqrt(np.maximum(spread, _KNOWN * spread.max()))
-    ).T @ into  # in units of what is not known
     wanted = into @ curve.values
     constant = into @ np.ones(len(x))
-    found = []
+    nearest = []
     for name in names or SHAPES:
         shape = SHAPES[name]
-        widths = (
-            [w * size for w in _WIDTHS if name not in _STEPS or _STEPS[name](w)]
-            if shape.width
-            else [0.0]
-        )
         tried = []
-        for width in widths:
-            column = into @ np.array(
-                [float(shape.form(float(one), width or 1.0, scale)) for one in x]
-            )
+        for width in _widths(name, size):
+            values = [float(shape.form(float(one), width or 1.0, scale)) for one in x]
+            column = into @ np.array(values)
             for columns in (column[:, None], np.column_stack([column, constant])):
-                amounts, left = _nearest(columns, wanted)
-                if amounts is not None:
-                    price = 2.0 * np.log(2.0) * bool(shape.width) + _CONSTANT * (len(amounts) - 1)
-                    beside = float(amounts[1] / amounts[0]) if len(amounts) > 1 else 0.0
-                    tried.append(
-                        Likeness(name, float(amounts[0]), float(width), beside, left + price)
-                    )
+                likeness = _likeness(name, width, columns, wanted)
+                if likeness is not None:
+                    tried.append(likeness)
         if tried:
-            found.append(min(tried, key=lambda one: one.distance))
-    return sorted(found, key=lambda one: one.distance)
+            nearest.append(min(tried, key=lambda one: one.distance))
+    return sorted(nearest, key=lambda one: one.distance)
+
+
+def _whitening(curve: Curve) -> Array | None:
+    """Return the matrix that takes values of a curve to units of what is not known of it.
+
+    None where all of the curve is what the model's own parameters can make.
+    """
+    strength, axes = np.linalg.eigh(curve.prior)
+    seen = strength > max(_SEEN * strength.max(), 0.0)
+    if not seen.any():
+        return None
+    into_unit_size = (axes[:, seen] / np.sqrt(strength[seen])).T
+    spread, turned = np.linalg.eigh(into_unit_size @ curve.covariance @ into_unit_size.T)
+    scaled = turned / np.sqrt(np.maximum(spread, _KNOWN * spread.max()))
+    return np.asarray(scaled.T @ into_unit_size)
+
+
+def _widths(name: str, size: float) -> list[float]:
+    """Return the widths of a shape that are tried over a signal of some size; 0 if it has none."""
+    if not SHAPES[name].width:
+        return [0.0]
+    return [w * size for w in _WIDTHS if name not in _STEPS or _STEPS[name](w)]
+
+
+def _likeness(name: str, width: float, columns: Array, wanted: Array) -> Likeness | None:
+    """Return a shape, and the constant beside it if there is a second column, as they fit best."""
+    amounts, distance = _nearest(columns, wanted)
+    if amounts is None:
+        return None
+    price = 2.0 * np.log(2.0) * bool(SHAPES[name].width) + _CONSTANT * (len(amounts) - 1)
+    beside = float(amounts[1] / amounts[0]) if len(amounts) > 1 else 0.0
+    return Likeness(name, float(amounts[0]), float(width), beside, distance + price)
 
 
 def _nearest(columns: Array, wanted: Array) -> tuple[Array | None, float]:
-    """Amounts of columns (m, c) that come nearest, and how far these are; None where they are one or no numbers."""
+    """Return amounts of columns (m, c) that come nearest, if there are any, and their distance."""
     if not np.isfinite(columns).all() or not columns.any(axis=0).all():
         return None, np.inf
     sizes = np.linalg.norm(columns, axis=0)
     amounts, _, rank, _ = np.linalg.lstsq(columns / sizes, wanted, rcond=_ONE)
     if rank < columns.shape[1] or not amounts[0]:
         return None, np.inf
-    left = wanted - columns / sizes @ amounts
-    return amounts / sizes, float(left @ left)
+    remaining = wanted - columns / sizes @ amounts
+    return amounts / sizes, float(remaining @ remaining)

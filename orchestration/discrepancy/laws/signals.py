@@ -1,4 +1,4 @@
-"""Signals that a law may hang on: all that a simulation knows, and what is remembered of it."""
+"""Signals that a law may depend on: all that a simulation knows, and what is remembered of it."""
 
 from __future__ import annotations
 
@@ -9,28 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from fmus.kit.corrections import Of
-from orchestration.discrepancy.laws.linear.response import Course, Sides, continuous
+from fmus.kit import SignalTerm
+from orchestration.discrepancy.laws.linear import Sides, SimulatedCourse, continuous
 
 Array = NDArray[np.float64]
-LAGS = 4  # time constants that are looked at, from a few samples to a fraction of the record
-_SHORTEST, _LONGEST = 4.0, 0.25  # samples, and of the record
+LAGS = 4  # time constants that are tried, from a few samples to a fraction of the record
+_SHORTEST = 4.0  # samples
+_LONGEST = 0.25  # of the record
 _SAME = 1.0 - 1e-5  # correlation, above which a signal tells what another one tells
 _STILL = 1e-9  # of its size, below which a signal does not move
 _EVEN = 1e-9  # difference of decays, below which steps are the same
 
 
 @dataclass(frozen=True)
-class Signal:
-    """A function of time that a law may hang on.
+class LawSignal:
+    """A function of time that a law may depend on.
 
     Attributes
     ----------
     name : str
         Input, state or law; ``time``.
     memory : {"", "lagged", "leading", "heat", "integrated", "throughput"}
-        What is remembered of it: behind a lag of first order, itself less that, its square behind a lag, which begins
-        at zero, integrated, or integrated in modulus.
+        What is remembered of it: behind a lag of first order, itself less that, its square behind a
+        lag, which begins at zero, integrated, or integrated in modulus.
     constant : float
         Time constant of a lag, s.
     """
@@ -41,18 +42,18 @@ class Signal:
 
     @property
     def label(self) -> str:
-        """For people."""
-        return Of(self.name, self.memory, self.constant).label
+        """Name for people."""
+        return SignalTerm(self.name, self.memory, self.constant).label
 
 
-def plain(
-    course: Course, values: Mapping[str, Sides], passed_over: Collection[str]
-) -> dict[Signal, Sides]:
-    """List what moves: inputs, states, values of laws, and the time.
+def current_signals(
+    course: SimulatedCourse, values: Mapping[str, Sides], passed_over: Collection[str]
+) -> dict[LawSignal, Sides]:
+    """Return the signals that move: inputs, states, values of laws, and the time.
 
     Parameters
     ----------
-    course : Course
+    course : SimulatedCourse
         Of n samples.
     values : Mapping of str to Sides, of shape (n,)
         Of the laws, SI.
@@ -67,26 +68,26 @@ def plain(
     laws = {name: sides for name, sides in values.items() if name not in passed_over}
     states = {name: sides for name, sides in course.states.items() if name not in passed_over}
     known = {**course.inputs, **states, **laws, "time": continuous(course.time)}
-    return {Signal(name): sides for name, sides in known.items() if _moves(sides.begin)}
+    return {LawSignal(name): sides for name, sides in known.items() if _moves(sides.begin)}
 
 
-def is_new(sides: Sides, told: list[Array]) -> bool:
-    """Whether a signal tells what none before it does: one that moves, and other than in proportion to one of those.
+def is_new(sides: Sides, shapes: list[Array]) -> bool:
+    """Return whether a signal moves, and other than in proportion to one before it.
 
     Parameters
     ----------
     sides : Sides, of shape (n,)
-    told : list of ndarray, shape (n,)
-        What was told so far, without mean and of unit length; if the signal is new, it is added.
+    shapes : list of ndarray, shape (n,)
+        Those before, without mean and of unit length; if the signal is new, it is added.
     """
     values = sides.begin
     if not _moves(values):
         return False
     shape = values - values.mean()
     shape = shape / np.linalg.norm(shape)
-    if any(abs(float(shape @ other)) > _SAME for other in told):
+    if any(abs(float(shape @ other)) > _SAME for other in shapes):
         return False
-    told.append(shape)
+    shapes.append(shape)
     return True
 
 
@@ -96,20 +97,20 @@ def _moves(values: Array) -> bool:
     )
 
 
-def remembered(
-    course: Course, signals: Mapping[Signal, Sides], rates: Collection[str] = ()
-) -> Iterator[tuple[Signal, Sides]]:
-    """Remember signals in all ways, lags with several time constants.
+def remembered_signals(
+    course: SimulatedCourse, signals: Mapping[LawSignal, Sides], rates: Collection[str] = ()
+) -> Iterator[tuple[LawSignal, Sides]]:
+    """Yield signals remembered in all ways, lags with several time constants.
 
     Parameters
     ----------
-    course : Course
+    course : SimulatedCourse
         Of n samples.
     signals : Mapping of Signal to Sides, of shape (n,)
         SI; the time among them is passed over.
     rates : collection of str
-        Signals among them that are rates of states, of which nothing is remembered: a lag of one is what its state is
-        ahead of its own lag, and its integral the state.
+        Signals among them that are rates of states, of which nothing is remembered: a lag of one is
+        what its state is ahead of its own lag, and its integral the state.
 
     Yields
     ------
@@ -117,10 +118,8 @@ def remembered(
         SI, integrals in the unit of the signal times s.
     """
     steps = np.diff(course.time)
-    shortest, longest = (
-        _SHORTEST * float(np.median(steps)),
-        _LONGEST * float(course.time[-1] - course.time[0]),
-    )
+    shortest = _SHORTEST * float(np.median(steps))
+    longest = _LONGEST * float(course.time[-1] - course.time[0])
     constants = [float(constant) for constant in np.geomspace(shortest, longest, LAGS)]
     memories = [
         (memory, constant) for memory in ("lagged", "leading", "heat") for constant in constants
@@ -129,17 +128,17 @@ def remembered(
         if signal.name == "time" or signal.name in rates:
             continue
         for memory, constant in (*memories, ("integrated", 0.0), ("throughput", 0.0)):
-            one = Signal(signal.name, memory, constant)
+            one = LawSignal(signal.name, memory, constant)
             yield one, _memory(one, sides, steps)
 
 
-def of(signal: Signal, course: Course, laws: Mapping[str, Sides]) -> Sides:
-    """Follow a signal over a run.
+def signal_along(signal: LawSignal, course: SimulatedCourse, laws: Mapping[str, Sides]) -> Sides:
+    """Return a signal over a run.
 
     Parameters
     ----------
-    signal : Signal
-    course : Course
+    signal : LawSignal
+    course : SimulatedCourse
         Of n samples.
     laws : Mapping of str to Sides, of shape (n,)
         Values of laws, SI; an input or a state of the same name goes before.
@@ -158,7 +157,7 @@ def of(signal: Signal, course: Course, laws: Mapping[str, Sides]) -> Sides:
     return _memory(signal, known[signal.name], np.diff(course.time))
 
 
-def _memory(signal: Signal, sides: Sides, steps: Array) -> Sides:
+def _memory(signal: LawSignal, sides: Sides, steps: Array) -> Sides:
     if signal.memory == "lagged":
         return lagged(sides, steps, signal.constant)
     if signal.memory == "leading":
@@ -174,7 +173,7 @@ def _memory(signal: Signal, sides: Sides, steps: Array) -> Sides:
 
 
 def lagged(sides: Sides, steps: Array, constant: float, start: float | None = None) -> Sides:
-    """First-order lag of a signal that is straight within each step.
+    """Return the first-order lag of a signal that is straight within each step.
 
     Parameters
     ----------
@@ -184,7 +183,7 @@ def lagged(sides: Sides, steps: Array, constant: float, start: float | None = No
     constant : float
         Its time constant, s.
     start : float, optional
-        What it is at the start; in equilibrium unless given.
+        Its value at the start; in equilibrium unless given.
 
     Returns
     -------
@@ -193,7 +192,8 @@ def lagged(sides: Sides, steps: Array, constant: float, start: float | None = No
     """
     first = sides.begin[0] if start is None else start
     z = steps / constant
-    decay, settled = np.exp(-z), -np.expm1(-z)
+    decay = np.exp(-z)
+    settled = -np.expm1(-z)
     late = 1.0 - settled / z  # weight of what the signal is at the end of a step
     drive = (settled - late) * sides.begin[:-1] + late * sides.end[:-1]
     if len(steps) and np.ptp(decay) < _EVEN:
@@ -206,7 +206,7 @@ def lagged(sides: Sides, steps: Array, constant: float, start: float | None = No
 
 
 def integrated(sides: Sides, steps: Array) -> Sides:
-    """Integral from the start of a signal that is straight within each step.
+    """Return the integral from the start of a signal that is straight within each step.
 
     Parameters
     ----------

@@ -1,14 +1,15 @@
-"""The figures of a report: a record and its simulations over time, and what the residual looks like.
+"""Interactive figures of a report: a record with its simulations over time, and residuals.
 
-The spectrum is of the residual itself, beside the estimated noise; the autocorrelation is of what remains once the
-colour of that noise is taken off. Both have the band in which 99 % of noise would be.
+The spectrum is of the residual itself, beside the estimated noise; the autocorrelation is of what
+remains once the colour of that noise is taken off. Both have the band in which 99 % of noise would
+be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,42 +17,41 @@ from scipy.signal import welch
 from scipy.stats import chi2, norm
 
 from fmus.kit import units
-from fmus.kit.units import shown, unit_of_differences
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.report.typography import pretty
-from orchestration.discrepancy.residuals.spectrum import (
-    flattening_gain,
-    flattening_pole,
-    local_level,
-)
-from orchestration.fmu.model import Model
-from orchestration.identify.metrics import rms
-from orchestration.identify.noise.model import Noise
-from orchestration.reporting import pictures
-from orchestration.reporting.page import Markup, escaped
-from orchestration.reporting.plots import MOST, Boundary, Panel, Trace, stacked
+from fmus.kit.units import format_value, unit_of_differences
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.data import Dataset
+from orchestration.discrepancy.report.html_elements import format_quantities
+from orchestration.discrepancy.residuals import flattening_gain, flattening_pole, spectral_level
+from orchestration.fmu import Model
+from orchestration.identify import rms
+from orchestration.identify.noise import Noise
+from orchestration.reporting import MOST, Boundary, Markup, Panel, Trace, escaped, pictures, stacked
 
 Array = NDArray[np.float64]
+Simulated = Mapping[str, Mapping[str, Array]]  # outputs, SI, by label of the model and name
 NOMINAL, REFITTED, EXTENDED = "nominal", "refitted", "extended"
 COLOURS = {NOMINAL: "#7fb0d0", REFITTED: pictures.MODEL, EXTENDED: pictures.FITTED}
-_HOURS = 7200.0  # seconds beyond which time is told in hours
-_SPREAD = (
-    1000.0  # longest over shortest step from which on time is drawn logarithmic, as in creep tests
-)
-_OVER, _RESIDUAL, _INPUT, _SIDE = 190, 110, 56, 210  # heights of panels, pixels
+_HOURS = 7200.0  # seconds from which on time is shown in hours
+# ratio of the longest to the shortest step from which on time is drawn logarithmic, as in creep
+# tests
+_SPREAD = 1000.0
+_OUTPUT_HEIGHT = 190  # pixels, as all heights
+_RESIDUAL_HEIGHT = 110
+_INPUT_HEIGHT = 56
+_NOISE_HEIGHT = 210  # of spectrum and autocorrelation
 _PIECES = 8  # into which a residual is cut for its spectrum, half overlapping; more if it is long
 _LONGEST_PIECE = 4096
-_OVERLAP = (
-    1.0 / 36.0
-)  # squared correlation of two neighbouring pieces, half overlapping, under Hann's window
+# squared correlation of two neighbouring pieces, half overlapping, under Hann's window
+_OVERLAP = 1.0 / 36.0
 _NEIGHBOURS = 41  # frequencies that tell how strong the noise is about one of them
 _LAGS = 40
-_LEAST = 0.25  # autocorrelation that is always shown, so that small ones look small
-_LONGEST = 36  # characters of a name above a panel, which must fit on a phone
-_TAIL = 0.005  # on either side of a band
+_LEAST_SPAN = 0.25  # autocorrelation that is always shown, so that small ones look small
+_LONGEST_TITLE = 36  # characters of a name above a panel, which must fit on a phone
+_TAIL = 0.005  # probability on either side of a band
 _FAR = 10.0  # times the residual of the best model, beyond which one hides what matters
 _CLOSER = 8  # part of what is held out that is looked at closely
+_HIDDEN = {"visible": "legendonly"}
+_SILENT = {"hoverinfo": "skip"}
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,8 @@ class ShownModel:
     Attributes
     ----------
     label : {"nominal", "refitted", "extended"}
-        With the values it came with; with all of them fitted; with the named effects laid over it too.
+        With the values it came with; with all of them fitted; with the named effects laid over it
+        too.
     model : FittedCandidate
     """
 
@@ -70,208 +71,325 @@ class ShownModel:
 
     @property
     def colour(self) -> str:
-        """That of all its lines."""
+        """Colour of all its lines."""
         return COLOURS[self.label]
 
 
-def over_time(
+class Parts(NamedTuple):
+    """The two parts of a record.
+
+    Attributes
+    ----------
+    boundary : int
+        Sample at which the second begins.
+    before, after : str
+        What they are.
+    """
+
+    boundary: int
+    before: str
+    after: str
+
+
+class TimePlot(NamedTuple):
+    """A figure over time.
+
+    Attributes
+    ----------
+    figure : dict
+        For Plotly.
+    caption : str
+    views : dict of str to range of the time axis
+        By the text of the button that shows it; None is all.
+    """
+
+    figure: dict[str, Any]
+    caption: str
+    views: dict[str, list[float] | None]
+
+
+def plot_over_time(
     model: Model,
     data: Dataset,
-    runs: Sequence[ShownModel],
-    simulated: Mapping[str, Mapping[str, Array]],
-    parts: tuple[int, str, str] | None,
-) -> tuple[dict[str, Any], str, dict[str, list[float] | None]]:
-    """Measured and simulated outputs, what is between them, and the inputs, above one time axis.
+    models: Sequence[ShownModel],
+    simulated: Simulated,
+    parts: Parts | None = None,
+) -> TimePlot:
+    """Draw measured and simulated outputs, their difference, and the inputs above one time axis.
 
     Parameters
     ----------
     model : Model
         For units.
     data : Dataset
-    runs : sequence of ShownModel
+    models : sequence of ShownModel
     simulated : Mapping
-        Outputs, SI, by the label of the run and the name.
-    parts : tuple of int, str and str, or None
-        The sample at which a second part begins, and what the two are.
-
-    Returns
-    -------
-    figure : dict
-    caption : str
-    views : dict of str to range of the time axis
+        Their outputs.
+    parts : Parts, optional
     """
-    time, unit = readable(data.time)
-    between = ~data.within  # runs, where nothing is drawn
+    time, unit = readable_time(data.time)
     steps = np.diff(time)
-    logarithmic = bool(steps.max() > _SPREAD * steps.min())
-    panels, held = [], []
-    for output, y in data.measured.items():
-        signal = model.outputs[output]
-        over, residuals = (
-            [
-                Trace(
-                    "measured",
-                    time,
-                    _display(y, signal),
-                    {"color": pictures.MEASURED, "width": 3.5},
-                )
-            ],
-            [],
-        )
-        for run in runs:
-            values = np.where(between, np.nan, simulated[run.label][output])
-            style = {"color": run.colour, "width": 1.5}
-            nominal = run.label == NOMINAL
-            residual = y - values
-            style |= {"dash": "dot"} if nominal else {}
-            # beside an effect the nominal model is there to be switched on: it may be far off, and hides what matters
-            hidden = {"visible": "legendonly"}
-            over.append(
-                Trace(
-                    run.label,
-                    time,
-                    _display(values, signal),
-                    style,
-                    hidden if nominal and len(runs) > 2 else {},
-                )
-            )
-            far = nominal and (
-                len(runs) > 2 or rms(residual) > _FAR * rms(y - simulated[runs[-1].label][output])
-            )
-            residual = units.convert(residual, signal.unit, unit_of_differences(signal))
-            residuals.append(
-                Trace(
-                    run.label,
-                    time,
-                    residual,
-                    {"color": run.colour, "width": 1},
-                    hidden if far else {},
-                )
-            )
-        panels += [Panel(_titled(output, signal.display), _OVER, over)]
-        panels += [
-            Panel(
-                _titled("measured − simulated", unit_of_differences(signal)), _RESIDUAL, residuals
-            )
-        ]
-    for name, values in data.inputs.items():
-        signal = model.inputs[name]
-        line = Trace(
-            "",
-            time,
-            _display(np.where(between, np.nan, values), signal),
-            {"color": "#4a5763", "width": 1, "shape": "hv"},
-        )
-        if np.ptp(values) > 0.0:
-            panels.append(Panel(_titled(name, signal.display), _INPUT, [line]))
-        else:
-            held.append(f"{name} stays at {shown(values[0], signal)}")
-    caption = "Drag to zoom, double-click to see all again; click a name to hide it or to show it."
-    caption += f" {'; '.join(held)}." if held else ""
-    caption += (
-        " Records are drawn one after the other; each begins at its mark." if data.several else ""
-    )
-    if len(time) > MOST:
-        caption += f" Of {-(-2 * len(time) // MOST)} samples in a row, the smallest and the largest are drawn."
-    views: dict[str, list[float] | None] = {}
+    is_logarithmic = bool(steps.max() > _SPREAD * steps.min())
+    panels = []
+    for output in data.measured:
+        panels.append(_output_panel(model, data, models, simulated, output))
+        panels.append(_residual_panel(model, data, models, simulated, output))
+    panels += _input_panels(model, data)
     boundary = None
-    if parts:
-        first, before, after = parts
-        boundary = Boundary(float(time[first]), before, after)
-        views["whole record"] = None
-        for text, last in (
-            (after, len(time) - 1),
-            (f"{after}, closer", first + (len(time) - first) // _CLOSER),
-        ):
-            ends = time[[first, last]]
-            views[text] = (np.log10(ends) if logarithmic else ends).tolist()
+    if parts is not None:
+        boundary = Boundary(float(time[parts.boundary]), parts.before, parts.after)
     starts = [(float(time[run.first]), run.label) for run in data.several]
-    return stacked(panels, f"time [{unit}]", logarithmic, boundary, starts), caption, views
+    figure = stacked(panels, f"time [{unit}]", is_logarithmic, boundary, starts)
+    views = {} if parts is None else _views(time, parts, is_logarithmic)
+    return TimePlot(figure, _caption(model, data), views)
 
 
-def of_residual(
-    unit: tuple[str, str],
-    step: float,
-    present: NDArray[np.bool_],
-    noise: Noise,
-    runs: Sequence[ShownModel],
+def _output_panel(
+    model: Model,
+    data: Dataset,
+    models: Sequence[ShownModel],
+    simulated: Simulated,
     output: str,
-    lines: Sequence[float],
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Spectra of residuals, and autocorrelations of what the noise leaves of them.
+) -> Panel:
+    """Draw an output as it was measured, and as every model simulates it."""
+    time, _ = readable_time(data.time)
+    signal = model.outputs[output]
+    measured = in_display_unit(data.measured[output], signal)
+    traces = [Trace("measured", time, measured, {"color": pictures.MEASURED, "width": 3.5})]
+    for shown_model in models:
+        values = _within_runs(data, simulated[shown_model.label][output])
+        style = {"color": shown_model.colour, "width": 1.5}
+        is_nominal = shown_model.label == NOMINAL
+        if is_nominal:
+            style |= {"dash": "dot"}
+        # beside an effect the nominal model is there to be switched on: it may be far off, and
+        # hides what matters
+        more = _HIDDEN if is_nominal and len(models) > 2 else {}
+        traces.append(Trace(shown_model.label, time, in_display_unit(values, signal), style, more))
+    return Panel(_panel_title(output, signal.display), _OUTPUT_HEIGHT, traces)
+
+
+def _residual_panel(
+    model: Model,
+    data: Dataset,
+    models: Sequence[ShownModel],
+    simulated: Simulated,
+    output: str,
+) -> Panel:
+    """Draw the difference between the measurement and every model."""
+    time, _ = readable_time(data.time)
+    signal = model.outputs[output]
+    unit = unit_of_differences(signal)
+    y = data.measured[output]
+    traces = []
+    for shown_model in models:
+        residual = y - _within_runs(data, simulated[shown_model.label][output])
+        is_hidden = False
+        if shown_model.label == NOMINAL:
+            best = simulated[models[-1].label][output]
+            is_hidden = len(models) > 2 or rms(residual) > _FAR * rms(y - best)
+        values = units.convert(residual, signal.unit, unit)
+        style = {"color": shown_model.colour, "width": 1}
+        traces.append(Trace(shown_model.label, time, values, style, _HIDDEN if is_hidden else {}))
+    return Panel(_panel_title("measured − simulated", unit), _RESIDUAL_HEIGHT, traces)
+
+
+def _input_panels(model: Model, data: Dataset) -> list[Panel]:
+    """Draw every input that moves."""
+    time, _ = readable_time(data.time)
+    style = {"color": "#4a5763", "width": 1, "shape": "hv"}
+    panels = []
+    for name, values in data.inputs.items():
+        if np.ptp(values) > 0.0:
+            signal = model.inputs[name]
+            line = Trace("", time, in_display_unit(_within_runs(data, values), signal), style)
+            panels.append(Panel(_panel_title(name, signal.display), _INPUT_HEIGHT, [line]))
+    return panels
+
+
+def _within_runs(data: Dataset, values: Array) -> Array:
+    """Return values with NaN between runs, where nothing is drawn."""
+    return np.where(~data.within, np.nan, values)
+
+
+def _caption(model: Model, data: Dataset) -> str:
+    """Return how the figure is used, which inputs stay constant, and how it was thinned out."""
+    caption = "Drag to zoom, double-click to see all again; click a name to hide it or to show it."
+    constant = [
+        f"{name} stays at {format_value(values[0], model.inputs[name])}"
+        for name, values in data.inputs.items()
+        if not np.ptp(values) > 0.0
+    ]
+    if constant:
+        caption += f" {'; '.join(constant)}."
+    if data.several:
+        caption += " Records are drawn one after the other; each begins at its mark."
+    samples = len(data.time)
+    if samples > MOST:
+        caption += (
+            f" Of {-(-2 * samples // MOST)} samples in a row, the smallest and the largest are"
+            " drawn."
+        )
+    return caption
+
+
+def _views(time: Array, parts: Parts, is_logarithmic: bool) -> dict[str, list[float] | None]:
+    """Return ranges of the time axis that buttons show: all, the second part, its beginning."""
+    first = parts.boundary
+    last = len(time) - 1
+    closer = first + (len(time) - first) // _CLOSER
+    return {
+        "whole record": None,
+        parts.after: _axis_range(time[[first, last]], is_logarithmic),
+        f"{parts.after}, closer": _axis_range(time[[first, closer]], is_logarithmic),
+    }
+
+
+def _axis_range(ends: Array, is_logarithmic: bool) -> list[float]:
+    """Return a range as Plotly takes it, which wants the logarithms on a logarithmic axis."""
+    positions: list[float] = (np.log10(ends) if is_logarithmic else ends).tolist()
+    return positions
+
+
+@dataclass(frozen=True)
+class ShownResidual:
+    """The residual of an output under one model.
+
+    Attributes
+    ----------
+    label, colour : str
+        Of the model.
+    values : ndarray, shape (n,)
+        In the unit it is shown in.
+    """
+
+    label: str
+    colour: str
+    values: Array
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """Style of the lines that are drawn of it."""
+        return {"color": self.colour, "width": 1.5}
+
+
+def shown_residuals(
+    models: Sequence[ShownModel], output: str, unit: str, display: str
+) -> list[ShownResidual]:
+    """Return the residuals of an output, where the models were fitted.
 
     Parameters
     ----------
-    unit : tuple of str
-        Of the residuals, and the one to show.
+    models : sequence of ShownModel
+    output : str
+    unit, display : str
+        Unit of the residuals, and the one to show.
+    """
+    residuals = []
+    for shown_model in models:
+        values = units.convert(shown_model.model.fit.residual[output], unit, display)
+        residuals.append(ShownResidual(shown_model.label, shown_model.colour, values))
+    return residuals
+
+
+def plot_spectra(
+    residuals: Sequence[ShownResidual], step: float, unit: str, lines: Sequence[float]
+) -> dict[str, Any]:
+    """Draw amplitude spectra of residuals.
+
+    Parameters
+    ----------
+    residuals : sequence of ShownResidual
+        That of the best model last; its spectrum tells the noise.
     step : float
         Seconds between samples.
-    present : ndarray of bool, shape (n,)
-        Where something was measured; m of them.
-    noise : Noise
-        Of the best model.
-    runs : sequence of ShownModel
-        The best one last.
-    output : str
+    unit : str
+        Of the residuals.
     lines : sequence of float
         Frequencies to be marked, Hz.
+    """
+    traces = []
+    for residual in residuals:
+        frequency, density = amplitude_spectrum(residual.values, step)
+        traces.append(Trace(residual.label, frequency, density, residual.line))
+    best, best_spectrum = residuals[-1], traces[-1]
+    low, high = noise_band(best.values, best_spectrum.x, best_spectrum.y, step)
+    edge = {"width": 0, "color": "#9aa5af"}
+    filled = {"fill": "tonexty", "fillcolor": "rgba(154,165,175,0.3)", **_SILENT}
+    band = [
+        Trace("", best_spectrum.x, low, edge, _SILENT),
+        Trace("99 % of such noise", best_spectrum.x, high, edge, filled),
+    ]
+    title = _panel_title("density", f"{unit}/√Hz")
+    panel = Panel(title, _NOISE_HEIGHT, band + traces, logarithmic=True)
+    marks = [(frequency, f"{frequency:.3g} Hz") for frequency in lines]
+    return stacked([panel], "frequency [Hz]", True, marks=marks)
+
+
+def plot_autocorrelations(
+    residuals: Sequence[ShownResidual], present: NDArray[np.bool_], noise: Noise
+) -> dict[str, Any]:
+    """Draw autocorrelations of residuals, once the colour of the noise is taken off.
+
+    Parameters
+    ----------
+    residuals : sequence of ShownResidual
+        That of the best model last.
+    present : ndarray of bool, shape (n,)
+        Where something was measured.
+    noise : Noise
+        Of the best model.
+    """
+    traces = []
+    count = 1
+    for residual in residuals:
+        white = noise.whiten(residual.values, present)
+        count = len(white)
+        values = autocorrelation(white)
+        dots = {"mode": "lines+markers", "marker": {"size": 4, "color": residual.colour}}
+        lags = np.arange(1.0, 1.0 + len(values))
+        traces.append(Trace(residual.label, lags, values, residual.line, dots))
+    extremes = [1.1 * float(pick(trace.y)) for trace in traces for pick in (np.min, np.max)]
+    span = (min(*extremes, -_LEAST_SPAN), max(*extremes, _LEAST_SPAN))
+    within = float(norm.ppf(1.0 - _TAIL)) / np.sqrt(count)
+    panel = Panel(
+        "autocorrelation, whitened", _NOISE_HEIGHT, traces, band=(-within, within), span=span
+    )
+    return stacked([panel], "lag [samples]")
+
+
+def amplitude_spectrum(residual: Array, step: float) -> tuple[Array, Array]:
+    """Estimate the amplitude density of a residual by Welch's method, without the mean.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    step : float
+        Seconds between samples.
 
     Returns
     -------
-    spectra, correlations : dict
-        Figures.
+    frequency : ndarray, shape (m,)
+        Hz.
+    density : ndarray, shape (m,)
+        Unit of the residual per root Hz.
     """
-    across, along = [], []
-    count = 1
-    for run in runs:
-        residual = units.convert(run.model.fit.residual[output], *unit)
-        line = {"color": run.colour, "width": 1.5}
-        frequency, density = spectrum(residual, step)
-        across.append(Trace(run.label, frequency, density, line))
-        white = noise.whiten(residual, present)
-        count = len(white)
-        values = autocorrelation(white)
-        dots = {"mode": "lines+markers", "marker": {"size": 4, "color": run.colour}}
-        along.append(Trace(run.label, np.arange(1.0, 1.0 + len(values)), values, line, dots))
-    # the last one is the best; its spectrum tells the noise
-    ends = band(residual, frequency, density, step)
-    filled = {"fill": "tonexty", "fillcolor": "rgba(154,165,175,0.3)", "hoverinfo": "skip"}
-    none = {"width": 0, "color": "#9aa5af"}
-    noisy = [
-        Trace("", frequency, ends[0], none, {"hoverinfo": "skip"}),
-        Trace("99 % of such noise", frequency, ends[1], none, filled),
-    ]
-    extremes = [1.1 * float(pick(trace.y)) for trace in along for pick in (np.min, np.max)]
-    span = (min(*extremes, -_LEAST), max(*extremes, _LEAST))
-    within = float(norm.ppf(1.0 - _TAIL)) / np.sqrt(count)
-    marks = [(frequency, f"{frequency:.3g} Hz") for frequency in lines]
-    density_panel = Panel(
-        _titled("density", f"{unit[1]}/√Hz"), _SIDE, noisy + across, logarithmic=True
-    )
-    correlation = Panel(
-        "autocorrelation, whitened", _SIDE, along, band=(-within, within), span=span
-    )
-    return stacked([density_panel], "frequency [Hz]", True, marks=marks), stacked(
-        [correlation], "lag [samples]"
-    )
-
-
-def spectrum(residual: Array, step: float) -> tuple[Array, Array]:
-    """Frequency (Hz) and amplitude density (unit of the residual per root Hz), each (m,); without the mean."""
-    frequency, power = welch(residual, 1.0 / step, nperseg=_piece(len(residual)))
+    frequency, power = welch(residual, 1.0 / step, nperseg=_piece_length(len(residual)))
     return frequency[1:-1], np.sqrt(power[1:-1])
 
 
-def _piece(samples: int) -> int:
-    """Length of the pieces into which a residual is cut for its spectrum."""
+def _piece_length(samples: int) -> int:
+    """Return the length of the pieces into which a residual is cut for its spectrum."""
     return min(2 * samples // (_PIECES + 1), _LONGEST_PIECE)
 
 
-def band(residual: Array, frequency: Array, density: Array, step: float) -> tuple[Array, Array]:
-    """Range in which 99 % of the spectra of noise like this are, at each frequency by itself.
+def noise_band(
+    residual: Array, frequency: Array, density: Array, step: float
+) -> tuple[Array, Array]:
+    """Estimate the range in which 99 % of the spectra of such noise are, at each frequency.
 
-    How strong the noise is, a running median of the spectrum tells, which a line does not move; one real pole levels
-    red noise before.
+    How strong the noise is, a running median of the spectrum tells, which a line does not move; one
+    real pole levels red noise before.
 
     Parameters
     ----------
@@ -279,40 +397,60 @@ def band(residual: Array, frequency: Array, density: Array, step: float) -> tupl
     frequency, density : ndarray, shape (m,)
         Its spectrum.
     step : float
+        Seconds between samples.
 
     Returns
     -------
     low, high : ndarray, shape (m,)
     """
     gain = flattening_gain(flattening_pole(residual), frequency, step) ** 2
-    half = _piece(len(residual)) // 2
+    half = _piece_length(len(residual)) // 2
     pieces = len(residual) // half - 1
     freedom = 2.0 * pieces / (1.0 + 2.0 * (1.0 - 1.0 / pieces) * _OVERLAP)
     low, middle, high = (float(chi2.ppf(share, freedom)) for share in (_TAIL, 0.5, 1.0 - _TAIL))
-    level = local_level(density**2 * gain, _NEIGHBOURS) / gain
+    level = spectral_level(density**2 * gain, _NEIGHBOURS) / gain
     return np.sqrt(level * low / middle), np.sqrt(level * high / middle)
 
 
 def autocorrelation(innovation: Array) -> Array:
-    """Autocorrelation at lags from 1 to 40, or to a quarter of the samples if that is less."""
+    """Return the autocorrelation at lags from 1 to 40, or to a quarter of the samples if less.
+
+    Parameters
+    ----------
+    innovation : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Zero throughout if the innovation is constant.
+    """
     centred = innovation - innovation.mean()
     lags = range(1, min(_LAGS, len(innovation) // 4) + 1)
     return np.array([centred[k:] @ centred[:-k] for k in lags]) / (float(centred @ centred) or 1.0)
 
 
-def readable(time: Array) -> tuple[Array, str]:
-    """Time in hours if it is long, and the unit."""
+def readable_time(time: Array) -> tuple[Array, str]:
+    """Return time in hours if it is long, and its unit.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    """
     unit = "h" if time[-1] - time[0] > _HOURS else "s"
     return units.convert(time, "s", unit), unit
 
 
-def _display(values: Array, signal: Any) -> Array:
-    shown_values: Array = units.convert(values, signal.unit, signal.display)
-    return shown_values
+def in_display_unit(values: Array, signal: Any) -> Array:
+    """Return values of a signal in the unit it is shown in."""
+    converted: Array = units.convert(values, signal.unit, signal.display)
+    return converted
 
 
-def _titled(name: str, unit: str) -> Markup:
-    half = (_LONGEST - 1) // 2
+def _panel_title(name: str, unit: str) -> Markup:
+    """Return a name, shortened in its middle if it is long, with its unit."""
     text = name.replace("_", " ")
-    text = text if len(text) <= _LONGEST else f"{text[:half]}…{text[-half:]}"
-    return escaped(text) if unit == "1" else Markup(f"{escaped(text)} [{pretty(unit)}]")
+    if len(text) > _LONGEST_TITLE:
+        half = (_LONGEST_TITLE - 1) // 2
+        text = f"{text[:half]}…{text[-half:]}"
+    return escaped(text) if unit == "1" else Markup(f"{escaped(text)} [{format_quantities(unit)}]")

@@ -1,263 +1,438 @@
-"""Sections of the report: errors, curves, parameters and residuals."""
+"""Sections of the page of a diagnosis, each added below what is there."""
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from fmus.kit.units import shown_difference, unit_of_differences
-from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
+from fmus.kit import UserError
+from fmus.kit.units import format_difference, unit_of_differences
+from orchestration.discrepancy.candidates import FittedCandidate, label
+from orchestration.discrepancy.changes import Change
+from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result, file_names
-from orchestration.discrepancy.report import elements, figures, typography, wording
-from orchestration.discrepancy.report.errors import error_rows
-from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED, ShownModel
-from orchestration.discrepancy.validation.prediction import predict
-from orchestration.identify.metrics import rms
-from orchestration.records.joined import base_name, shown_name
-from orchestration.reporting.page import Markup, Page, escaped
+from orchestration.discrepancy.report import figures, html_elements, wording
+from orchestration.discrepancy.report.figures import (
+    EXTENDED,
+    NOMINAL,
+    REFITTED,
+    Parts,
+    ShownModel,
+    Simulated,
+)
+from orchestration.discrepancy.report.html_elements import AxisScale, Bar, format_estimate
+from orchestration.discrepancy.report.tables import (
+    CHANGE_HEAD,
+    change_verdict,
+    error_table,
+    format_gain,
+    tried_effects,
+)
+from orchestration.discrepancy.residuals import ResidualAnalysis
+from orchestration.discrepancy.validation import predict
+from orchestration.identify import rms
+from orchestration.identify.uncertainty import Estimate
+from orchestration.records import Record, base_name, shown_name
+from orchestration.reporting import Markup, Page, escaped
 
 Array = NDArray[np.float64]
-Simulated = dict[str, dict[str, Array]]  # outputs by the label of the model and the name, SI
 _LISTED = 5  # lines, jumps, and what a residual correlates with
 
 
 def shown_models(result: Result) -> tuple[list[ShownModel], Simulated]:
-    """Return the models that are shown beside the measurement, and their outputs over the validation data.
+    """Return the models that are shown, and their outputs over the validation data.
 
-    Those of the FMUs are taken where they were run.
+    Outputs of the FMUs are taken where these were run. A nominal model that cannot be simulated is
+    left out.
     """
     validation = result.diagnosis.validation
-    models, simulated = _simulated(
+    models, simulated = _simulate_each(
         _models(result.diagnosis), lambda model: predict(validation, model).simulated
     )
     if result.gain:
-        own = {REFITTED: result.gain.base, EXTENDED: result.gain.extended}
-        simulated |= {name: outputs for name, outputs in own.items() if name in simulated}
+        outputs_of_fmus = {REFITTED: result.gain.base, EXTENDED: result.gain.extended}
+        for name, outputs in outputs_of_fmus.items():
+            if name in simulated:
+                simulated[name] = outputs
     return models, simulated
 
 
 def _models(diagnosis: Diagnosis) -> list[ShownModel]:
-    base = diagnosis.selection.base
-    models = [
-        ShownModel(NOMINAL, replace(base, fit=replace(base.fit, values={}))),
-        ShownModel(REFITTED, base),
-    ]
-    best = diagnosis.selection.best
-    return [*models, ShownModel(EXTENDED, best)] if diagnosis.selection.steps else models
+    selection = diagnosis.selection
+    nominal = replace(selection.base, fit=replace(selection.base.fit, values={}))
+    models = [ShownModel(NOMINAL, nominal), ShownModel(REFITTED, selection.base)]
+    if selection.steps:
+        models.append(ShownModel(EXTENDED, selection.best))
+    return models
 
 
-def _simulated(
-    models: Sequence[ShownModel], simulate: Callable[[FittedCandidate], dict[str, Array]]
-) -> tuple[list[ShownModel], Simulated]:
-    """Simulate every model; one that cannot be, as the nominal one may not, is left out."""
-    done: Simulated = {}
+def _simulate_each(
+    models: Sequence[ShownModel], simulate: Callable[[FittedCandidate], Mapping[str, Array]]
+) -> tuple[list[ShownModel], dict[str, Mapping[str, Array]]]:
+    """Simulate every model; the nominal one is left out where it cannot be."""
+    simulated: dict[str, Mapping[str, Array]] = {}
     for shown in models:
         try:
-            done[shown.label] = simulate(shown.model)
+            simulated[shown.label] = simulate(shown.model)
         except UserError:
             if shown.label != NOMINAL:
                 raise
-    return [shown for shown in models if shown.label in done], done
+    return [shown for shown in models if shown.label in simulated], simulated
 
 
-def _measured(data: Dataset) -> Dataset:
-    """Data without outputs of which nothing was measured."""
-    return replace(data, measured={o: y for o, y in data.measured.items() if np.isfinite(y).any()})
+def _without_unmeasured(data: Dataset) -> Dataset:
+    """Return data without the outputs of which nothing was measured."""
+    measured = {output: y for output, y in data.measured.items() if np.isfinite(y).any()}
+    return replace(data, measured=measured)
 
 
-def anywhere(data: Dataset) -> NDArray[np.bool_]:
-    """Samples at which anything was measured."""
+def measured_anywhere(data: Dataset) -> NDArray[np.bool_]:
+    """Return the samples at which anything was measured, a mask of shape (n,)."""
     return np.any([np.isfinite(y) for y in data.measured.values()], axis=0)
 
 
-def _at(signals: Mapping[str, Array], there: NDArray[np.bool_]) -> dict[str, Array]:
-    return {name: values[there] for name, values in signals.items()}
-
-
-def gain(made: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated) -> None:
-    """How far off every model is where nothing was fitted."""
+def add_errors(
+    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated
+) -> None:
+    """Add how far off every model is on data that no fit has seen."""
     diagnosis = result.diagnosis
-    made.heading("Error on data that no fit has seen")
-    validation = diagnosis.validation
-    for output, y in _measured(diagnosis.validation.data).measured.items():
-        rows = []
-        for shown in models:
-            values = simulated[shown.label][output]
-            misses = (y - values)[validation.judged]
-            share = 100.0 * validation.nrmse({**validation.data.measured, output: values})[output]
-            size = typography.pretty(shown_difference(rms(misses), result.model.outputs[output], 3))
-            percent = f"{share:.3g} %" if share < 100.0 else f"{share:.0f} %"
-            text = Markup(f"{percent} · {size}") if np.isfinite(share) else size
-            rows.append((shown.label, shown.colour, share, text))
-        made.parts.append(elements.bars(output, rows))
-    made.parts.append(
-        elements.aside(
-            "Root mean square of measured minus simulated: in percent of that of the measurement about its mean, and in "
-            f"its unit. {NOMINAL.capitalize()}: the model as it came; {REFITTED}: with all parameters fitted"
-            + (
-                f"; {EXTENDED}: with {diagnosis.selection.best.candidate.name} as well"
-                if diagnosis.selection.steps
-                else ""
-            )
-            + (
-                ". Simulated by the exported FMU and that of the base model."
-                if result.gain
-                else "."
-            )
-        )
-    )
-    head, body = error_rows(diagnosis)
-    made.table(head, body)
-    made.parts.append(
-        elements.aside(
-            "Errors over the spread of the measurement, also where it was fitted. Least squares fits the free run of the "
-            "model without effects, from several starts; what is refitted stays within 2 % of it."
+    page.heading("Error on data that no fit has seen")
+    for output in _without_unmeasured(diagnosis.validation.data).measured:
+        bars = [_error_bar(result, shown, simulated[shown.label], output) for shown in models]
+        page.parts.append(html_elements.bar_chart(output, bars))
+    page.parts.append(html_elements.muted_paragraph(_explanation_of_errors(result)))
+    head, rows = error_table(diagnosis)
+    page.table(head, rows)
+    page.parts.append(
+        html_elements.muted_paragraph(
+            "Errors over the spread of the measurement, also where it was fitted. Least squares"
+            " fits the free run of the model without effects, from several starts; what is refitted"
+            " stays within 2 % of it."
         )
     )
 
 
-def curves(made: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated) -> None:
-    """Measured and simulated over time, and what is between them."""
-    diagnosis, model = result.diagnosis, result.model
-    validation = diagnosis.validation
-    several = bool(diagnosis.estimation.several or validation.data.several)
-    if result.holdout is None and not validation.data.several:
-        made.heading("The record and the model")
-        if validation.first == 0:
-            made.parts.append(elements.aside("Only samples that were held out are shown."))
-            there = anywhere(validation.data)
-            data = _measured(validation.data).where(there)
-            made.plot(
-                *figures.over_time(
-                    model, data, models, {n: _at(s, there) for n, s in simulated.items()}, None
-                )
-            )
-            return
-        made.plot(
-            *figures.over_time(
-                model,
-                _measured(validation.data),
-                models,
-                simulated,
-                (validation.first, "fitted", "held out"),
-            )
-        )
+def _error_bar(
+    result: Result, shown: ShownModel, simulated: Mapping[str, Array], output: str
+) -> Bar:
+    """Return the error of a model in an output as a bar, in percent and in its unit."""
+    validation = result.diagnosis.validation
+    values = simulated[output]
+    errors = (validation.data.measured[output] - values)[validation.judged]
+    share = 100.0 * validation.nrmse({**validation.data.measured, output: values})[output]
+    size = html_elements.format_quantities(
+        format_difference(rms(errors), result.model.outputs[output], 3)
+    )
+    percent = f"{share:.3g} %" if share < 100.0 else f"{share:.0f} %"
+    text = Markup(f"{percent} · {size}") if np.isfinite(share) else size
+    return Bar(shown.label, shown.colour, share, text)
+
+
+def _explanation_of_errors(result: Result) -> str:
+    selection = result.diagnosis.selection
+    text = (
+        "Root mean square of measured minus simulated: in percent of that of the measurement"
+        f" about its mean, and in its unit. {NOMINAL.capitalize()}: the model as it came;"
+        f" {REFITTED}: with all parameters fitted"
+    )
+    if selection.steps:
+        text += f"; {EXTENDED}: with {selection.best.candidate.name} as well"
+    if result.gain:
+        return f"{text}. Simulated by the exported FMU and that of the base model."
+    return f"{text}."
+
+
+def add_curves(
+    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated
+) -> None:
+    """Add measured and simulated outputs over time, of what was held out and what was fitted to."""
+    validation = result.diagnosis.validation
+    if result.holdout is not None or validation.data.several:
+        _add_curves_of_records(page, result, models, simulated)
         return
-    made.heading("The records held out" if several else "The record held out")
-    made.parts.append(elements.aside(file_names(result.holdouts or result.records)))
-    parts = None if validation.data.several else (validation.first, "start fitted", "judged")
-    made.plot(*figures.over_time(model, _measured(validation.data), models, simulated, parts))
-    made.heading("The records fitted to" if several else "The record fitted to")
-    made.parts.append(elements.aside(result.files))
-    data = _measured(diagnosis.estimation)
-
-    def over(e: FittedCandidate) -> dict[str, Array]:
-        values = e.problem.start | e.fit.values
-        signals = e.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
-        return {output: signals[output] for output in data.measured}
-
-    made.plot(*figures.over_time(model, data, *_simulated(models, over), None))
-
-
-def parameters(made: Page, diagnosis: Diagnosis) -> None:
-    """Values with intervals beside nominal."""
-    best = diagnosis.selection.best
-    declared, estimates = diagnosis.final.problem.declared, diagnosis.estimates
-    owner = {name: label(effect) for effect in best.candidate.effects for name in effect.declared}
-    starts = [name for name in estimates if declared[name].starts]
-    scale = elements.Scale.of(
-        [e for name, e in estimates.items() if name not in owner and name not in starts]
-    )
-    rows = []
-    for name, e in estimates.items():
-        if name in starts:
-            continue
-        value, interval, nominal = typography.estimate(e, declared[name])
-        note: str = (
-            elements.chip("differs", typography.change(e))
-            if name in diagnosis.changed
-            else typography.change(e)
-        )
-        if name in owner:
-            note = f"without {owner[name]}" if e.nominal == declared[name].start else ""
-        drawn = "" if name in owner else scale.drawn(e, name in diagnosis.changed)
-        rows.append(
-            [
-                elements.two(shown_name(name), declared[name].doc),
-                elements.two(value, interval),
-                elements.two(nominal, note),
-                drawn,
-            ]
-        )
-    made.heading("Parameters")
-    made.table(["parameter", "value (95 %)", "nominal", scale.title], rows)
-    marked = (
-        "Marked are those that surely and noticeably differ from nominal."
-        if diagnosis.changed
-        else ""
-    )
-    made.parts.append(elements.aside(f"Of {best.candidate.cls.name}, fitted. {marked}"))
-    if starts:
-        values = [
-            (_state(name, declared), *typography.estimate(estimates[name], declared[name]))
-            for name in starts
-        ]
-        texts = [f"{escaped(name)} {value} ({interval})" for name, value, interval, _ in values]
-        made.text(Markup(f"Where the states start: {'; '.join(texts)}."))
+    page.heading("The record and the model")
+    data = _without_unmeasured(validation.data)
+    if validation.first > 0:
+        parts = Parts(validation.first, "fitted", "held out")
+        page.plot(*figures.plot_over_time(result.model, data, models, simulated, parts))
+        return
+    page.parts.append(html_elements.muted_paragraph("Only samples that were held out are shown."))
+    mask = measured_anywhere(validation.data)
+    masked = {
+        name: {output: values[mask] for output, values in outputs.items()}
+        for name, outputs in simulated.items()
+    }
+    page.plot(*figures.plot_over_time(result.model, data.where(mask), models, masked))
 
 
-def _state(name: str, declared: Mapping[str, Any]) -> str:
-    """Name of the state that a parameter is the start value of, with the run that starts there."""
-    return shown_name(name.replace(base_name(name), declared[name].starts, 1))
+def _add_curves_of_records(
+    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated
+) -> None:
+    """Add the curves of the records held out, and then of those fitted to."""
+    validation = result.diagnosis.validation
+    estimation = result.diagnosis.estimation
+    several = bool(estimation.several or validation.data.several)
+    page.heading("The records held out" if several else "The record held out")
+    page.parts.append(html_elements.muted_paragraph(file_names(result.holdouts or result.records)))
+    held_out = _without_unmeasured(validation.data)
+    parts = None
+    if not validation.data.several:
+        parts = Parts(validation.first, "start fitted", "judged")
+    page.plot(*figures.plot_over_time(result.model, held_out, models, simulated, parts))
+
+    page.heading("The records fitted to" if several else "The record fitted to")
+    page.parts.append(html_elements.muted_paragraph(result.files))
+    fitted = _without_unmeasured(estimation)
+    models_run, over_fitted = _simulate_each(models, lambda model: _simulate(model, fitted))
+    page.plot(*figures.plot_over_time(result.model, fitted, models_run, over_fitted))
 
 
-def residuals(made: Page, result: Result) -> None:
-    """What no model explains, before and after."""
+def _simulate(model: FittedCandidate, data: Dataset) -> dict[str, Array]:
+    """Return the outputs of a free run of a model over data, SI."""
+    values = model.problem.start | model.fit.values
+    signals = model.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
+    return {output: signals[output] for output in data.measured}
+
+
+def add_evidence(page: Page, result: Result) -> None:
+    """Add what speaks for every effect that was tried, and why it was named or not."""
     diagnosis = result.diagnosis
-    made.heading("What is left")
-    models = [shown for shown in _models(diagnosis) if shown.label != NOMINAL]
-    best, step = diagnosis.selection.best, np.median(np.diff(diagnosis.estimation.time))
+    page.heading("Evidence: what was tried")
+    tried = tried_effects(diagnosis)
+    if tried:
+        largest = max(row.gain for row in tried)
+        rows = [
+            [
+                html_elements.two_lines(
+                    row.candidate.effect_name, html_elements.effect_summary(row.candidate.effect)
+                ),
+                html_elements.number_above_bar(row.gain, largest),
+                html_elements.format_probability(row.p_value),
+                html_elements.two_lines(html_elements.chip(row.verdict, row.verdict), row.reason),
+            ]
+            for row in tried
+        ]
+        page.table(["effect", "fall of BIC", "p-value", "verdict"], rows)
+        page.parts.append(
+            html_elements.muted_paragraph(
+                "BIC weighs how likely a model makes the record against the number of its"
+                f" parameters. Its fall is less the price of looking at {diagnosis.selection.tried}"
+                " effects, and p-values are corrected for that. Every candidate refits all"
+                " parameters and the colour of the noise."
+            )
+        )
+    fitted = {row.candidate.effect_name for row in tried}
+    others = [label(effect) for effect in result.effects if label(effect) not in fitted]
+    if not others:
+        return
+    if tried:
+        reason = "Less promising, and so not fitted"
+    elif diagnosis.selection.tried:
+        reason = "Looked at; none was promising enough to be fitted"
+    else:
+        reason = "Not tried"
+    page.text(f"{reason}: {', '.join(others)}.")
+
+
+def add_parameters(page: Page, diagnosis: Diagnosis) -> None:
+    """Add the parameters with intervals, beside their nominal values."""
+    best = diagnosis.selection.best
+    declared = diagnosis.final.problem.declared
+    owners = {name: label(effect) for effect in best.candidate.effects for name in effect.declared}
+    estimates: dict[str, Estimate] = {}
+    starts: dict[str, Estimate] = {}
+    for name, e in diagnosis.estimates.items():
+        group = starts if declared[name].starts else estimates
+        group[name] = e
+    scale = AxisScale.covering([e for name, e in estimates.items() if name not in owners])
+    rows = [_parameter_row(diagnosis, name, owners.get(name, ""), scale) for name in estimates]
+    page.heading("Parameters")
+    page.table(["parameter", "value (95 %)", "nominal", scale.header], rows)
+    marked = ""
+    if diagnosis.changed:
+        marked = "Marked are those that surely and noticeably differ from nominal."
+    page.parts.append(
+        html_elements.muted_paragraph(f"Of {best.candidate.cls.name}, fitted. {marked}")
+    )
+    if starts:
+        texts = "; ".join(_start_text(name, e, declared) for name, e in starts.items())
+        page.text(Markup(f"Where the states start: {texts}."))
+
+
+def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale) -> list[str]:
+    """Return the cells of a parameter: its meaning, its value, nominal, and its interval drawn.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    name : str
+    owner : str
+        Effect that it belongs to; empty for a parameter of the model.
+    scale : AxisScale
+    """
+    e = diagnosis.estimates[name]
+    declared = diagnosis.final.problem.declared[name]
+    differs = name in diagnosis.changed
+    formatted = format_estimate(e, declared)
+    interval = ""
+    if owner:
+        remark = f"without {owner}" if e.nominal == declared.start else ""
+    else:
+        remark = html_elements.format_change(e)
+        interval = scale.draw_interval(e, differs)
+        if differs:
+            remark = html_elements.chip("differs", remark)
+    return [
+        html_elements.two_lines(shown_name(name), declared.doc),
+        html_elements.two_lines(formatted.value, formatted.interval),
+        html_elements.two_lines(formatted.nominal, remark),
+        interval,
+    ]
+
+
+def _start_text(name: str, e: Estimate, declared: Mapping[str, Any]) -> str:
+    """Return the state that a parameter is the start value of, with the run, and its estimate."""
+    state = shown_name(name.replace(base_name(name), declared[name].starts, 1))
+    formatted = format_estimate(e, declared[name])
+    return f"{escaped(state)} {formatted.value} ({formatted.interval})"
+
+
+def add_residuals(page: Page, result: Result) -> None:
+    """Add what the best model leaves unexplained of every output."""
+    diagnosis = result.diagnosis
+    page.heading("What is left")
     for output, analysis in diagnosis.residuals.items():
-        signal = result.model.outputs[output]
-        texts: list[str] = [
-            f"Once the colour of the noise is taken off: {analysis.whiteness.summary()}."
-        ]
-        for line in analysis.lines[:_LISTED]:
-            size = typography.pretty(shown_difference(line.amplitude, signal, 3))
-            texts.append(Markup(f"A line at {line.frequency:.4g} Hz with an amplitude of {size}."))
-        for jump in analysis.level_shifts[:_LISTED]:
-            size = typography.pretty(shown_difference(jump.size, signal, 3))
-            texts.append(Markup(f"A jump of {size} at {jump.time:.6g} s."))
-        for what, many in (("lines", len(analysis.lines)), ("jumps", len(analysis.level_shifts))):
-            texts += [f"{many - _LISTED} more {what}."] if many > _LISTED else []
-        dependences = [wording.correlation(c) for c in analysis.correlations if c.significant][
-            :_LISTED
-        ]
-        dependences += [wording.mean(m) for m in analysis.means if m.significant][:_LISTED]
-        dependences += [wording.region(r) for r in analysis.regions if r.significant][:_LISTED]
-        texts += [line[:1].upper() + line[1:] + "." for line in dependences]
-        made.parts.append(f"<h3>{escaped(output)}</h3>")
-        made.items(texts)
-        if not diagnosis.estimation.even:
-            made.text("Sampling is uneven, so there is no spectrum and no autocorrelation to show.")
-            continue
-        unit, lines = (
-            (signal.unit, unit_of_differences(signal)),
-            [line.frequency for line in analysis.lines[:_LISTED]],
+        page.parts.append(f"<h3>{escaped(output)}</h3>")
+        page.items(_residual_findings(result, output, analysis))
+        if diagnosis.estimation.even:
+            _add_residual_figures(page, result, output, analysis)
+        else:
+            page.text("Sampling is uneven, so there is no spectrum and no autocorrelation to show.")
+
+
+def _residual_findings(result: Result, output: str, analysis: ResidualAnalysis) -> list[str]:
+    """Return what the tests say of a residual, a sentence each."""
+    signal = result.model.outputs[output]
+    texts: list[str] = [
+        f"Once the colour of the noise is taken off: {analysis.whiteness.summary()}."
+    ]
+    for line in analysis.lines[:_LISTED]:
+        size = html_elements.format_quantities(format_difference(line.amplitude, signal, 3))
+        texts.append(Markup(f"A line at {line.frequency:.4g} Hz with an amplitude of {size}."))
+    for jump in analysis.level_shifts[:_LISTED]:
+        size = html_elements.format_quantities(format_difference(jump.size, signal, 3))
+        texts.append(Markup(f"A jump of {size} at {jump.time:.6g} s."))
+    for kind, items in (("lines", analysis.lines), ("jumps", analysis.level_shifts)):
+        if len(items) > _LISTED:
+            texts.append(f"{len(items) - _LISTED} more {kind}.")
+    correlations = [c for c in analysis.correlations if c.significant][:_LISTED]
+    means = [m for m in analysis.means if m.significant][:_LISTED]
+    regions = [r for r in analysis.regions if r.significant][:_LISTED]
+    dependences = [
+        *map(wording.describe_correlation, correlations),
+        *map(wording.describe_mean, means),
+        *map(wording.describe_region, regions),
+    ]
+    return texts + [f"{text[:1].upper()}{text[1:]}." for text in dependences]
+
+
+def _add_residual_figures(
+    page: Page, result: Result, output: str, analysis: ResidualAnalysis
+) -> None:
+    """Add spectrum and autocorrelation of a residual that is sampled evenly."""
+    diagnosis = result.diagnosis
+    signal = result.model.outputs[output]
+    unit = unit_of_differences(signal)
+    models = [shown for shown in _models(diagnosis) if shown.label != NOMINAL]
+    residuals = figures.shown_residuals(models, output, signal.unit, unit)
+    step = float(np.median(np.diff(diagnosis.estimation.time)))
+    lines = [line.frequency for line in analysis.lines[:_LISTED]]
+    best = diagnosis.selection.best
+    spectra = figures.plot_spectra(residuals, step, unit, lines)
+    correlations = figures.plot_autocorrelations(
+        residuals, best.problem.present[output], best.fit.noise[output]
+    )
+    page.parts.append('<div class="pair">')
+    page.plot(spectra, "Spectrum of measured minus simulated, where the model was fitted.")
+    page.plot(correlations, "Autocorrelation, once the colour of the noise is taken off.")
+    page.parts.append("</div>")
+
+
+def add_changes(page: Page, changes: Sequence[Change]) -> None:
+    """Add a table of what changed in a later record, with intervals."""
+    page.text(wording.describe_changes(changes))
+    page.table(CHANGE_HEAD, [_change_row(change) for change in changes])
+    page.parts.append(
+        html_elements.muted_paragraph(
+            "Claimed is what is surely another in the noise of both records, and about which ten"
+            " stretches of each agree. Gain is the share of the squared error that letting go of"
+            " this parameter alone in the later record takes off; what gains and is uncertain may"
+            " stand in for an error of the model."
         )
-        present, noise = best.problem.present[output], best.fit.noise[output]
-        spectra, correlations = figures.of_residual(
-            unit, float(step), present, noise, models, output, lines
-        )
-        made.parts.append('<div class="pair">')
-        made.plot(spectra, "Spectrum of measured minus simulated, where the model was fitted.")
-        made.plot(correlations, "Autocorrelation, once the colour of the noise is taken off.")
-        made.parts.append("</div>")
+    )
+
+
+def _change_row(change: Change) -> list[str]:
+    verdict = change_verdict(change)
+    return [
+        html_elements.two_lines(change.name, change.effect or change.declaration.doc),
+        _changed_value(change, change.before, change.before_interval),
+        _changed_value(change, change.after, change.after_interval),
+        format_gain(change),
+        html_elements.chip("differs", verdict) if change.changed else verdict,
+    ]
+
+
+def _changed_value(change: Change, value: float, interval: tuple[float, float]) -> Markup:
+    declared = change.declaration
+    formatted = format_estimate(Estimate(value, value, interval, declared.unit), declared)
+    return html_elements.two_lines(formatted.value, formatted.interval)
+
+
+def add_notes(page: Page, result: Result) -> None:
+    """Add what could not be judged, if there is anything."""
+    if result.notes:
+        page.heading("What could not be judged")
+        page.items([wording.message(note) for note in result.notes])
+
+
+def add_data(page: Page, records: Sequence[Record]) -> None:
+    """Add what was repaired in the files."""
+    page.heading("The data")
+    for record in records:
+        repairs = [
+            f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in record.repairs
+        ]
+        run = f", run {record.label}" if record.label else ""
+        outcome = "as follows." if repairs else "nothing had to be repaired."
+        page.text(f"{record.source.name}{run}: {outcome}")
+        page.items(repairs)
+
+
+def add_reproduction(page: Page, records: Sequence[Record], command: str) -> None:
+    """Add the command that made the page, versions, and digests of the files it was given."""
+    page.heading("How to reproduce")
+    page.code([command])
+    facts = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
+    for record in records:
+        facts[f"SHA-256 of {record.source.name}"] = _digest(record.source)
+    page.items(
+        [Markup(f"{escaped(name)}: <code>{escaped(text)}</code>") for name, text in facts.items()]
+    )
+    page.text("Nothing is drawn at random: the same files give the same page.")
+
+
+def _digest(path: Path) -> str:
+    try:
+        return sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return "cannot be read again"

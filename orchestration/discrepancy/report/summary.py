@@ -1,123 +1,149 @@
-"""A diagnosis as a dictionary, ready for JSON: the form of the design, section 8, and what the project adds to it."""
+"""A diagnosis as a dictionary, ready for JSON."""
 
 from __future__ import annotations
 
 from inspect import isfunction
 from typing import Any
 
-from fmus.kit import Component, Effect
-from fmus.kit.component import effect_name
-from fmus.kit.corrections import correction
-from orchestration.discrepancy.candidates.paired_score import PairedScore
+from fmus.kit import Component, Effect, correction, effect_name
+from orchestration.discrepancy.candidates import PairedScore
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.errors import run_errors
-from orchestration.discrepancy.report.laws.asked import Asked
-from orchestration.discrepancy.report.laws.headline import headline
-from orchestration.discrepancy.report.laws.summary import law_map
-from orchestration.discrepancy.validation.side_by_side import Errors
-from orchestration.identify.metrics import number
+from orchestration.discrepancy.report.laws import LawReport, headline, law_map
+from orchestration.discrepancy.report.tables import run_errors
+from orchestration.discrepancy.selection import Step
+from orchestration.discrepancy.validation import Errors
+from orchestration.identify import finite_or_none
 
 
-def summary(result: Result) -> dict[str, Any]:
-    """Gather the figures of a diagnosis; numbers SI, no NaN nor infinity (null instead).
+def diagnosis_summary(result: Result) -> dict[str, Any]:
+    """Return the figures of a diagnosis.
 
-    The errors are those of the FMUs where they were run, else those of the simulation.
+    Parameters
+    ----------
+    result : Result
+
+    Returns
+    -------
+    dict
+        SI, no NaN nor infinity (null instead). The errors are those of the FMUs where they were
+        run, else those of the simulation. `docs/reference/diagnosis.md` has every field.
     """
-    diagnosis, errors = result.diagnosis, result.gain or result.diagnosis
+    diagnosis = result.diagnosis
+    errors = result.gain or diagnosis
+    fit_percent = {
+        o: finite_or_none(100.0 * (1.0 - error)) for o, error in diagnosis.before.items()
+    }
+    is_white = all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values())
     figures = {
         "verdict": str(diagnosis.verdict),
         "headline": headline(result),
-        "baseline": {
-            "holdout_fit_percent": {
-                o: number(100.0 * (1.0 - e)) for o, e in diagnosis.before.items()
-            },
-        },
+        "baseline": {"holdout_fit_percent": fit_percent},
         "parameters": {name: e.to_dict() for name, e in diagnosis.estimates.items()},
         "changed": diagnosis.changed,
-        "causes": _causes(diagnosis),
+        "causes": [_cause(diagnosis, step) for step in diagnosis.selection.steps],
         "alternatives": _alternatives(diagnosis),
-        "law_map": law_map(Asked(result, result.laws)),
+        "law_map": law_map(LawReport(result, result.laws)),
         "gain": {
-            "holdout_nrmse_before": {o: number(e) for o, e in errors.before.items()},
-            "holdout_nrmse_after": {o: number(e) for o, e in errors.after.items()},
-            "residual_white_after": all(
-                analysis.whiteness.is_white for analysis in diagnosis.residuals.values()
-            ),
+            "holdout_nrmse_before": _numbers(errors.before),
+            "holdout_nrmse_after": _numbers(errors.after),
+            "residual_white_after": is_white,
         },
         "errors": {
-            "estimation": _numbers(diagnosis.fitted_errors),
-            "validation": _numbers(diagnosis.judged_errors),
+            "estimation": _errors_by_model(diagnosis.fitted_errors),
+            "validation": _errors_by_model(diagnosis.judged_errors),
         },
-        "inputs": {
-            name: {
-                "between_samples": "linear" if choice.linear else "held",
-                "basis": str(choice.basis),
-                "delta_bic": None if choice.margin is None else number(choice.margin),
-            }
-            for name, choice in diagnosis.intersample.items()
-        },
+        "inputs": _inputs(diagnosis),
         "notes": [
             {"code": str(note.code), "subject": note.subject, "message": wording.message(note)}
             for note in result.notes
         ],
-        "residuals": {
-            output: {
-                "lines_hz": [line.frequency for line in analysis.lines],
-                "level_shifts_s": [shift.time for shift in analysis.level_shifts],
-                "structure": [wording.structure(item, output) for item in analysis.structure],
-            }
-            for output, analysis in diagnosis.residuals.items()
-        },
+        "residuals": _residuals(diagnosis),
     }
-    if runs := run_errors(result):
+    runs = run_errors(result)
+    if runs:
         figures["runs"] = [run.to_dict() for run in runs]
-    return figures | ({"experiment": result.experiment.as_json()} if result.experiment else {})
+    if result.experiment:
+        figures["experiment"] = result.experiment.as_json()
+    return figures
 
 
-def _numbers(errors: Errors) -> dict[str, dict[str, float | None]]:
-    return {model: {o: number(e) for o, e in of.items()} for model, of in errors.items()}
+def _numbers(values: dict[str, float]) -> dict[str, float | None]:
+    return {name: finite_or_none(value) for name, value in values.items()}
 
 
-def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    best, causes = diagnosis.selection.best, []
-    for step in diagnosis.selection.steps:
-        effect, found = step.chosen.effect, diagnosis.confirmations.get(step.chosen.effect_name)
-        own = [name for name in best.candidate.parameters if name in effect.declared]
-        causes.append(
-            {
-                "effect": _id(effect),
-                "component": diagnosis.selection.base.candidate.cls.name,
-                **({"output": effect.output} if effect.output else {}),
-                "law": effect.term.law or ", ".join(_overridden(effect, best.candidate.cls)),
-                "signal": effect.term.signal,
-                "shape": effect.term.shape,
-                "parameters": {name: diagnosis.estimates[name].to_dict() for name in own},
-                **({"confirmation": str(found.outcome)} if found else {}),
-                "evidence": {"delta_bic": step.gain, "p_value": step.p_value}
-                | (_score(found.score) if found else {}),
-            }
-        )
-    return causes
+def _errors_by_model(errors: Errors) -> dict[str, dict[str, float | None]]:
+    return {model: _numbers(by_output) for model, by_output in errors.items()}
 
 
-def _id(effect: type[Effect]) -> str:
-    """Id of an effect; one that no catalogue has is only known by what it is of."""
-    return effect_name(effect) if getattr(effect, "made_by", None) is correction else effect.id
+def _inputs(diagnosis: Diagnosis) -> dict[str, dict[str, Any]]:
+    """Return what every input is taken to do between samples, and by which evidence."""
+    return {
+        name: {
+            "between_samples": "linear" if choice.linear else "held",
+            "basis": str(choice.basis),
+            "delta_bic": None if choice.margin is None else finite_or_none(choice.margin),
+        }
+        for name, choice in diagnosis.intersample.items()
+    }
 
 
-def _overridden(effect: type[Effect], cls: type[Component]) -> list[str]:
-    """Laws of the base model that an effect of the physics overrides, where it does not tell what it adds to which."""
+def _residuals(diagnosis: Diagnosis) -> dict[str, dict[str, Any]]:
+    """Return what the tests find in the residual of every output."""
+    return {
+        output: {
+            "lines_hz": [line.frequency for line in analysis.lines],
+            "level_shifts_s": [shift.time for shift in analysis.level_shifts],
+            "structure": [wording.describe_structure(item, output) for item in analysis.structure],
+        }
+        for output, analysis in diagnosis.residuals.items()
+    }
+
+
+def _cause(diagnosis: Diagnosis, step: Step) -> dict[str, Any]:
+    """Return an effect that was named, with its parameters and its evidence."""
+    selection = diagnosis.selection
+    best = selection.best.candidate
+    effect = step.chosen.effect
+    confirmation = diagnosis.confirmations.get(step.chosen.effect_name)
+    own_parameters = [name for name in best.parameters if name in effect.declared]
+    cause: dict[str, Any] = {
+        "effect": _effect_id(effect),
+        "component": selection.base.candidate.cls.name,
+    }
+    if effect.output:
+        cause["output"] = effect.output
+    cause |= {
+        "law": effect.term.law or ", ".join(_overridden_laws(effect, best.cls)),
+        "signal": effect.term.signal,
+        "shape": effect.term.shape,
+        "parameters": {name: diagnosis.estimates[name].to_dict() for name in own_parameters},
+    }
+    evidence = {"delta_bic": step.gain, "p_value": step.p_value}
+    if confirmation:
+        cause["confirmation"] = str(confirmation.outcome)
+        evidence |= _holdout_score(confirmation.score)
+    cause["evidence"] = evidence
+    return cause
+
+
+def _effect_id(effect: type[Effect]) -> str:
+    """Return the id of an effect; one in no catalogue is known by its law and its signal."""
+    if getattr(effect, "made_by", None) is correction:
+        return effect_name(effect)
+    return effect.id
+
+
+def _overridden_laws(effect: type[Effect], cls: type[Component]) -> list[str]:
+    """Return the laws of the base model that an effect overrides without declaring which."""
+    if effect.output:
+        return []
     base = vars(cls).get("stacked", (cls, ()))[0]
-    return (
-        []
-        if effect.output
-        else [n for n, law in vars(effect).items() if isfunction(law) and hasattr(base, n)]
-    )
+    return [name for name, law in vars(effect).items() if isfunction(law) and hasattr(base, name)]
 
 
-def _score(score: PairedScore) -> dict[str, float]:
+def _holdout_score(score: PairedScore) -> dict[str, float]:
     return {
         "holdout_score": score.gain,
         "holdout_score_error": score.standard_error,
@@ -126,6 +152,7 @@ def _score(score: PairedScore) -> dict[str, float]:
 
 
 def _alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Return the effects that the record cannot tell from those named."""
     return [
         {
             "effect": alternative.effect_name,

@@ -1,17 +1,17 @@
-"""What the residual of a fitted model holds that noise does not."""
+"""Analysis of the residual of a fitted model by every test for structure beyond noise."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.resolution import resolution_of
-from orchestration.discrepancy.residuals.conditional_mean import ConditionalMean, conditional_means
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.data import Dataset, resolution_of
+from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals.correlation import (
     CrossCorrelation,
     Feedback,
@@ -21,21 +21,47 @@ from orchestration.discrepancy.residuals.excess_variance import (
     ExcessVariance,
     excess_variance_at_input_steps,
 )
-from orchestration.discrepancy.residuals.innovations import innovations_of, local_level
-from orchestration.discrepancy.residuals.jumps import LevelShift, level_shifts
+from orchestration.discrepancy.residuals.innovations import (
+    Innovations,
+    local_level,
+    score_innovations,
+)
 from orchestration.discrepancy.residuals.lines import SpectralLine, spectral_lines
-from orchestration.discrepancy.residuals.operating_regions import OperatingRegion, operating_regions
-from orchestration.discrepancy.residuals.outliers import outlying, without
-from orchestration.discrepancy.residuals.quantisation import systematic_error
+from orchestration.discrepancy.residuals.operating_regions import (
+    ConditionalMean,
+    OperatingRegion,
+    conditional_means,
+    find_operating_regions,
+)
+from orchestration.discrepancy.residuals.outliers import (
+    LevelShift,
+    find_outliers,
+    interpolate_over,
+    level_shifts,
+)
 from orchestration.discrepancy.residuals.random_walk import RandomWalkTest, random_walk_test
-from orchestration.discrepancy.residuals.regressors import Regressor, regressors_of
-from orchestration.identify.metrics import Whiteness, whiteness
-from orchestration.identify.noise.autoregression import ORDER, segments
-from orchestration.identify.noise.model import Noise, estimate
+from orchestration.discrepancy.residuals.regression import ResidualRegression, regress
+from orchestration.discrepancy.residuals.regressors import (
+    Regressor,
+    RegressorKind,
+    make_regressors,
+    simulate_regressors,
+)
+from orchestration.identify.noise import (
+    ORDER,
+    Noise,
+    Whiteness,
+    estimate_noise,
+    segments,
+    whiteness,
+)
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 ALPHA = 1e-4  # probability of what counts as structure of a residual
 Structure = RandomWalkTest | ExcessVariance | ConditionalMean | CrossCorrelation
+_NOTED = 1.5  # times the level elsewhere, below which noise is as good as even
+_ENOUGH = 10.0  # squared steps of noise, of which nothing is left of the error of rounding
 
 
 @dataclass(frozen=True)
@@ -55,7 +81,8 @@ class ResidualAnalysis:
     correlations : list of CrossCorrelation
         The strongest first.
     even : bool
-        Whether samples are equally spaced; else only operating regions and means in them can be told.
+        Whether samples are equally spaced; else only operating regions and means in them are
+        judged.
     means : list of ConditionalMean
         The most telling first.
     feedback : list of Feedback
@@ -63,7 +90,8 @@ class ResidualAnalysis:
     samples, outliers : int
         Samples that were judged, and how many of them lie far from all others.
     rounding : float
-        Largest mean error that the steps of a converter can leave, in the unit of the output: less is no structure.
+        Largest mean error that the steps of a converter can leave, in the unit of the output: less
+        is no structure.
     """
 
     lines: list[SpectralLine]
@@ -82,48 +110,52 @@ class ResidualAnalysis:
 
     @property
     def structure(self) -> list[Structure]:
-        """What cannot be noise, beside lines and level shifts, the most telling first."""
+        """Significant tests beside lines and level shifts, the most telling first."""
         means = [m for m in self.means if m.significant and abs(m.mean) > self.rounding]
         if not self.even:
             return [*means]
-        walk = (
-            [self.random_walk]
-            if self.random_walk.significant and self.random_walk.rms > self.rounding
-            else []
-        )
-        steps = [self.input_steps] if self.input_steps.significant else []
-        return [*walk, *steps, *means, *(c for c in self.correlations if c.p_value < ALPHA)]
+        result: list[Structure] = []
+        if self.random_walk.significant and self.random_walk.rms > self.rounding:
+            result.append(self.random_walk)
+        if self.input_steps.significant:
+            result.append(self.input_steps)
+        return [*result, *means, *(c for c in self.correlations if c.p_value < ALPHA)]
 
 
 def analyse_residuals(model: FittedCandidate, data: Dataset) -> dict[str, ResidualAnalysis]:
-    """Analyse the residual of every output.
+    """Analyse the residual of every output of a fitted model.
 
     Parameters
     ----------
     model : FittedCandidate
     data : Dataset
-        What it was fitted to.
+        The data that it was fitted to.
 
     Returns
     -------
     dict of str to ResidualAnalysis
         By output.
     """
-    signals = regressors_of(model, data)
-    return {output: _analyse(model, output, data, signals) for output in model.fit.residual}
+    signals = simulate_regressors(model, data)
+    fit = model.fit
+    return {
+        output: analyse(output, residual, fit.noise[output], data, signals, model.problem.even)
+        for output, residual in fit.residual.items()
+    }
 
 
 def has_structure(model: FittedCandidate, data: Dataset) -> bool:
-    """Whether a model leaves in some output what noise does not; parameters are those of :func:`analyse_residuals`."""
-    left = analyse_residuals(model, data).values()
-    return any(analysis.structure or analysis.lines or analysis.level_shifts for analysis in left)
+    """Return True if the residual of any output has structure, a line or a level shift.
 
-
-def _analyse(
-    model: FittedCandidate, output: str, data: Dataset, signals: list[Regressor]
-) -> ResidualAnalysis:
-    residual, noise, even = model.fit.residual[output], model.fit.noise[output], model.problem.even
-    return analyse(output, residual, noise, data, signals, even)
+    Parameters
+    ----------
+    model, data
+        As in :func:`analyse_residuals`.
+    """
+    return any(
+        analysis.structure or analysis.lines or analysis.level_shifts
+        for analysis in analyse_residuals(model, data).values()
+    )
 
 
 def analyse(
@@ -146,7 +178,7 @@ def analyse(
     data : Dataset
         The record.
     signals : sequence of Regressor
-        What the residual may depend on.
+        Signals that the residual may depend on.
     even : bool
         Whether samples are equally spaced.
 
@@ -155,62 +187,262 @@ def analyse(
     ResidualAnalysis
     """
     measured = data.measured[output]
+    whole = _residual_of(measured, residual, noise)
+    inputs = {name: values[whole.present] for name, values in data.inputs.items()}
+    cleaned = whole
+    outliers = np.zeros(residual.size, dtype=bool)
+    if even:
+        outliers = find_outliers(residual, inputs, whole.resolution)
+    if outliers.any():  # they hide the colour of the noise
+        cleaned = _interpolated(whole, outliers)
+    lines: list[SpectralLine] = []
+    shifts: list[LevelShift] = []
+    step = float(np.median(np.diff(data.time)))
+    if even:  # else samples say nothing of frequencies, nor of what is sudden
+        lines = _lines(cleaned, measured, step)
+        shifts = level_shifts(
+            cleaned.values, data.time[cleaned.present], inputs, cleaned.resolution
+        )
+    correlations, feedback = cross_correlations(
+        output,
+        cleaned.innovations,
+        cleaned.noise,
+        signals,
+        step,
+        inputs=list(data.inputs),
+        within=data.within,
+    )
+    deviation = cleaned.noise.deviation
+    return ResidualAnalysis(
+        lines=lines,
+        level_shifts=shifts,
+        whiteness=whiteness(whole.innovations.raw),
+        input_steps=excess_variance_at_input_steps(
+            [whole.innovations, _levelled_innovations(whole, even)],
+            data.inputs,
+            late=int(bool(feedback)),
+            rounding=cleaned.whitened_rounding,
+        ),
+        random_walk=_random_walk(cleaned, data),
+        regions=find_operating_regions(
+            output, cleaned.values, cleaned.present, signals, bool(feedback)
+        ),
+        correlations=[c for c in correlations if abs(c.strength) * deviation >= cleaned.rounding],
+        even=even,
+        means=conditional_means(
+            output,
+            cleaned.values,
+            cleaned.innovations,
+            cleaned.noise,
+            signals,
+            feedback=bool(feedback),
+            within=data.within,
+        ),
+        feedback=feedback,
+        samples=cleaned.innovations.at.size,
+        outliers=int(outliers.sum()) + cleaned.innovations.outliers,
+        rounding=cleaned.rounding,
+    )
+
+
+@dataclass(frozen=True)
+class _Residual:
+    """The residual of one output, with all that its tests need to know of it.
+
+    Attributes
+    ----------
+    values : ndarray, shape (m,)
+    present : ndarray of bool, shape (n,)
+        Where there is one.
+    noise : Noise
+        Of the residual.
+    simulated : ndarray, shape (n,)
+        The output; zero where there is no residual.
+    resolution : float
+        Of the measurement.
+    """
+
+    values: Array
+    present: Mask
+    noise: Noise
+    simulated: Array
+    resolution: float
+
+    @cached_property
+    def innovations(self) -> Innovations:
+        """Scored innovations."""
+        return score_innovations(
+            self.values, self.present, self.noise, self.simulated, self.resolution
+        )
+
+    @cached_property
+    def bounded(self) -> Array:
+        """The residual (m,) as it would be if no single innovation were far out."""
+        return self.innovations.bounded(self.values, self.present, self.noise)
+
+    @property
+    def rounding(self) -> float:
+        """Largest mean error that the steps of a converter can leave."""
+        return rounding_error(self.resolution, self.noise.deviation)
+
+    @property
+    def whitened_rounding(self) -> float:
+        """Standard deviation of independent errors of rounding, over that of the innovations."""
+        gain = float(np.sqrt(1.0 + np.sum(self.noise.coefficients**2))) / self.noise.deviation
+        return gain * self.resolution / np.sqrt(12.0)
+
+
+def _residual_of(measured: Array, residual: Array, noise: Noise) -> _Residual:
     present = np.isfinite(measured)
     simulated = np.zeros(measured.size)
     simulated[present] = measured[present] - residual
-    resolution = resolution_of(measured)
-    plain = innovations_of(residual, present, noise, simulated, resolution)
-    levelled = residual / local_level(
-        residual, simulated[present]
-    )  # colour first and level then, or the other way
-    other = innovations_of(
-        levelled, present, estimate(levelled, present, ORDER if even else 0), simulated
-    )
-    inputs = {name: values[present] for name, values in data.inputs.items()}
-    far = outlying(residual, inputs, resolution) if even else np.zeros(residual.size, dtype=bool)
-    if far.any():  # the colour of noise that outliers hide
-        residual = without(residual, far)
-        noise = estimate(residual, present)
-        innovations = innovations_of(residual, present, noise, simulated, resolution)
-    else:
-        innovations = plain
-    rounding = systematic_error(resolution, noise.deviation)
-    step = float(np.median(np.diff(data.time)))
-    lines: list[SpectralLine] = []
-    shifts: list[LevelShift] = []
-    bounded = innovations.bounded(residual, present, noise)
-    if even:  # else samples say nothing of frequencies, nor of what is sudden
-        a, b = max(segments(present), key=lambda ends: ends[1] - ends[0])
-        lines = spectral_lines(bounded[a:b], step, measured[present][a:b], rounding)
-        shifts = level_shifts(residual, data.time[present], inputs, resolution)
-    correlations, feedback = cross_correlations(
-        output, innovations, noise, signals, step, list(data.inputs), within=data.within
-    )
-    gain = float(np.sqrt(1.0 + np.sum(noise.coefficients**2))) / noise.deviation
-    return ResidualAnalysis(
-        lines,
-        shifts,
-        whiteness(plain.raw),
-        excess_variance_at_input_steps(
-            [plain, other], data.inputs, int(bool(feedback)), gain * resolution / np.sqrt(12.0)
-        ),
-        _random_walk(bounded, present, data),
-        operating_regions(output, residual, present, signals, bool(feedback)),
-        [c for c in correlations if abs(c.strength) * noise.deviation >= rounding],
-        even,
-        conditional_means(
-            output, residual, innovations, noise, signals, bool(feedback), data.within
-        ),
-        feedback,
-        innovations.at.size,
-        int(far.sum()) + innovations.outliers,
-        rounding,
-    )
+    return _Residual(residual, present, noise, simulated, resolution_of(measured))
 
 
-def _random_walk(residual: Array, present: NDArray[np.bool_], data: Dataset) -> RandomWalkTest:
+def _interpolated(whole: _Residual, outliers: Mask) -> _Residual:
+    """Interpolate a residual over its outliers, and estimate its noise anew."""
+    values = interpolate_over(whole.values, outliers)
+    return replace(whole, values=values, noise=estimate_noise(values, whole.present))
+
+
+def _levelled_innovations(whole: _Residual, even: bool) -> Innovations:
+    """Divide a residual by its local level before it is whitened, not after."""
+    levelled = whole.values / local_level(whole.values, whole.simulated[whole.present])
+    noise = estimate_noise(levelled, whole.present, ORDER if even else 0)
+    return score_innovations(levelled, whole.present, noise, whole.simulated)
+
+
+def _lines(residual: _Residual, measured: Array, step: float) -> list[SpectralLine]:
+    """Find spectral lines in the longest part of a residual without a gap."""
+    first, last = max(segments(residual.present), key=lambda ends: ends[1] - ends[0])
+    output = measured[residual.present][first:last]
+    return spectral_lines(residual.bounded[first:last], step, output, residual.rounding)
+
+
+def _random_walk(residual: _Residual, data: Dataset) -> RandomWalkTest:
     """Return the surest random walk in any run, by the probability of seeing it in any of them."""
-    at = np.flatnonzero(present)
-    tests = [random_walk_test(residual[(run.first <= at) & (at < run.last)]) for run in data.runs]
+    at = np.flatnonzero(residual.present)
+    tests = [
+        random_walk_test(residual.bounded[(run.first <= at) & (at < run.last)]) for run in data.runs
+    ]
     surest = min(tests, key=lambda test: test.p_value)
     return replace(surest, p_value=min(1.0, len(tests) * surest.p_value))
+
+
+def rounding_error(step: float, deviation: float) -> float:
+    """Return the largest mean error that rounding leaves where a signal passes again and again.
+
+    Noise of the deviation s before the converter leaves ``step / pi * exp(-2 (pi s / step)^2)`` of
+    it and less (Widrow and Kollár: Quantization Noise, 2008, chapter 4); without any it is half a
+    step. Both are bounded by half a step times that exponential, which from half a step of noise on
+    is next to nothing.
+
+    Parameters
+    ----------
+    step : float
+        Of the converter; 0 if there is none.
+    deviation : float
+        Standard deviation of the innovations after the converter, in the same unit. Rounding is in
+        it.
+
+    Returns
+    -------
+    float
+        In the same unit.
+    """
+    if not step > 0.0:
+        return 0.0
+    before = np.clip(np.square(deviation / step) - 1.0 / 12.0, 0.0, _ENOUGH)
+    return 0.5 * step * float(np.exp(-2.0 * np.pi**2 * before))
+
+
+@dataclass(frozen=True)
+class SignalTests:
+    """Tests of the residual of one output against the signals of a model, whatever its equations.
+
+    Attributes
+    ----------
+    regression : ResidualRegression
+        On inputs and outputs, their rates and integrals.
+    random_walk : RandomWalkTest
+    correlations : list of CrossCorrelation
+        The strongest first.
+    regions : list of OperatingRegion
+        The most telling first.
+    """
+
+    regression: ResidualRegression
+    random_walk: RandomWalkTest
+    correlations: list[CrossCorrelation]
+    regions: list[OperatingRegion]
+
+
+def analyse_outputs(
+    time: Array,
+    inputs: Mapping[str, Array],
+    simulated: Mapping[str, Array],
+    measured: Mapping[str, Array],
+    units: Mapping[str, str],
+) -> dict[str, SignalTests]:
+    """Test the residuals of a simulation of which inputs and outputs are all that is known.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds, equally spaced.
+    inputs, simulated, measured : Mapping of str to ndarray, shape (n,)
+        NaN in a measured output is a gap. Outputs may be simulated that were not measured.
+    units : Mapping of str to str
+        Of inputs and outputs.
+
+    Returns
+    -------
+    dict of str to SignalTests
+        By measured output.
+    """
+    signals = make_regressors(time, inputs, simulated, simulated, units)
+    without_squares = [s for s in signals if s.kind is not RegressorKind.SQUARE]
+    step = float(np.median(np.diff(time)))
+    tests = {}
+    for output, y in measured.items():
+        present = np.isfinite(y)
+        residual = (y - simulated[output])[present]
+        noise = estimate_noise(residual, present)
+        innovations = score_innovations(residual, present, noise, simulated[output])
+        correlations, feedback = cross_correlations(
+            output, innovations, noise, signals, step, inputs=list(inputs)
+        )
+        tests[output] = SignalTests(
+            regress(residual, present, without_squares),  # it takes powers itself
+            random_walk_test(residual),
+            correlations,
+            find_operating_regions(output, residual, present, signals, bool(feedback)),
+        )
+    return tests
+
+
+def residual_notes(residuals: Mapping[str, ResidualAnalysis]) -> Iterator[Note]:
+    """Yield notes on what is no fault of a model: outliers, varying noise and feedback.
+
+    Parameters
+    ----------
+    residuals : Mapping of str to ResidualAnalysis
+        By output.
+
+    Yields
+    ------
+    Note
+    """
+    for output, analysis in residuals.items():
+        if analysis.outliers:
+            counted = {"count": analysis.outliers, "share": analysis.outliers / analysis.samples}
+            yield Note(NoteCode.OUTLYING_RESIDUALS, output, counted)
+        varying = [r for r in analysis.regions if r.p_value < ALPHA and r.rms_ratio > _NOTED]
+        if varying and not analysis.structure and max(r.rms for r in varying) > analysis.rounding:
+            worst = max(varying, key=lambda region: region.rms_ratio)
+            ratio = {"ratio": worst.rms_ratio, "signal": worst.signal}
+            yield Note(NoteCode.VARYING_NOISE, output, ratio)
+        surest = next((f for f in analysis.feedback if f.p_value < ALPHA), None)
+        if surest is not None:
+            facts = {"input": surest.input, "strength": surest.strength, "lag": surest.lag}
+            yield Note(NoteCode.FEEDBACK, output, facts)

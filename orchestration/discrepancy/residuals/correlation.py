@@ -1,11 +1,13 @@
 """Cross-correlation of a residual with signals, and the feedback that it may show.
 
-Both the residual and the signals are filtered by what makes the residual white before they are correlated: two slow
-signals that have nothing to do with each other look alike, two white ones do not.
+Before they are correlated, both the residual and the signals are filtered by what makes the
+residual white: two slow signals that have nothing to do with each other correlate, two white ones
+do not.
 
-A model is wrong where its residual depends on what was before or is at the same time. That an input comes after the
-residual with which it correlates says that somebody has moved it by what was measured (Box and Jenkins; Ljung, section
-13.4): the loop is closed. Then an input is a consequence of the noise even at its own sample.
+A model is wrong where its residual depends on what was before or is at the same time. That an input
+comes after the residual with which it correlates says that somebody has moved it by what was
+measured (Box and Jenkins; Ljung, section 13.4): the loop is closed. Then an input is a consequence
+of the noise even at its own sample.
 """
 
 from __future__ import annotations
@@ -19,21 +21,19 @@ from scipy.stats import norm
 
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
-from orchestration.identify.noise.autoregression import segments
-from orchestration.identify.noise.model import Noise, estimate
+from orchestration.identify.noise import Noise, estimate_noise, segments
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 LAGS = 25  # samples, either way
 FEWEST = 20  # samples that say something
 SIGNIFICANCE = 0.01  # false alarms of all lags of all signals together
-_STRONGER = (
-    1.5  # times as strong as what comes before: an input that moves slowly correlates both ways
-)
-_ROUGH = 0.5  # of the change from sample to sample, above which an input is not smooth and does not rest either
-_ANTICIPATING = (
-    RegressorKind.RATE,
-    RegressorKind.SPEED,
-)  # by central differences: they know the next sample
+# times as strong as what comes before: an input that moves slowly correlates both ways
+_STRONGER = 1.5
+# of the change from sample to sample, above which an input is not smooth and does not rest either
+_ROUGH = 0.5
+# by central differences: they know the next sample
+_ANTICIPATING = (RegressorKind.RATE, RegressorKind.SPEED)
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class CrossCorrelation:
     band : float
         99 % of the correlations of one lag lie within it, either way, where there is nothing.
     lag, strength : float
-        Where the correlation is strongest, and the correlation there, with its sign: of the lags at which the signal
-        comes first, or together with the residual.
+        Where the correlation is strongest, and the correlation there, with its sign: of the lags at
+        which the signal comes first, or together with the residual.
     p_value : float
         Of so strong a correlation at any such lag of any of the signals.
     """
@@ -66,7 +66,7 @@ class CrossCorrelation:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance among so many."""
+        """True if it is more than chance among so many."""
         return self.p_value < SIGNIFICANCE
 
 
@@ -98,9 +98,10 @@ def cross_correlations(
     noise: Noise,
     signals: Sequence[Regressor],
     step: float,
+    *,
     inputs: Sequence[str] = (),
     lags: int = LAGS,
-    within: NDArray[np.bool_] | None = None,
+    within: Mask | None = None,
 ) -> tuple[list[CrossCorrelation], list[Feedback]]:
     """Correlate the innovations of an output with signals.
 
@@ -129,33 +130,51 @@ def cross_correlations(
     """
     if not signals:
         return [], []
-    n, kept = signals[0].values.size, innovations.at.size
-    max_lag = min(lags, n // 20)
-    if kept < FEWEST or max_lag < 1:
+    count = innovations.at.size
+    largest = min(lags, signals[0].values.size // 20)
+    if count < FEWEST or largest < 1:
         return [], []
-    shifts = np.arange(-max_lag, max_lag + 1)
-    normal, correlation = _correlated(
-        innovations, [filtered(s.values, noise, within) for s in signals], shifts
-    )
+    shifts = np.arange(-largest, largest + 1)
     own = [s for s in signals if s.kind is RegressorKind.VALUE and s.signal in inputs]
-    feedback = _feedback(output, innovations, own, shifts, step, within)
-    delays = np.asarray(shifts * step, dtype=np.float64)
-    band, result = float(norm.ppf(0.995) / np.sqrt(kept)), []
+    feedback = _feedback(output, innovations, own, shifts, step, within=within)
+    whitened = [prewhiten(s.values, noise, within) for s in signals]
+    normal, correlation = _correlate(innovations, whitened, shifts)
+    result = []
     for signal, z, r in zip(signals, normal, correlation, strict=True):
-        causal = np.flatnonzero(shifts >= first_causal(signal, bool(feedback)))
+        causal = np.flatnonzero(shifts >= least_lead(signal, bool(feedback)))
         at = int(causal[np.argmax(np.abs(z[causal]))])
-        p = _probability(z[at], causal.size * len(signals))
         result.append(
             CrossCorrelation(
-                output, signal.name, delays, r, band, float(shifts[at] * step), float(r[at]), p
+                output,
+                signal.name,
+                lags=np.asarray(shifts * step, dtype=np.float64),
+                correlation=r,
+                band=float(norm.ppf(0.995) / np.sqrt(count)),
+                lag=float(shifts[at] * step),
+                strength=float(r[at]),
+                p_value=_probability(z[at], causal.size * len(signals)),
             )
         )
     return sorted(result, key=lambda c: -abs(c.strength)), feedback
 
 
-def first_causal(signal: Regressor, feedback: bool) -> int:
-    """Samples that a signal must come before the residual at least, to be no consequence of it."""
-    return (2 if signal.kind in _ANTICIPATING else 1) if feedback else 0
+def least_lead(signal: Regressor, feedback: bool) -> int:
+    """Return how many samples before the residual a signal can be no consequence of it."""
+    if not feedback:
+        return 0
+    return 2 if signal.kind in _ANTICIPATING else 1
+
+
+def prewhiten(values: Array, noise: Noise, within: Mask | None = None) -> Array:
+    """Filter a signal (n,) as whitens the residual, without its mean; zero until that has begun."""
+    whole = np.ones(values.size, dtype=bool) if within is None else within
+    white = noise.whiten(values[whole] - values[whole].mean(), whole)
+    begun = np.ones(white.size, dtype=bool)
+    for first, _ in segments(whole):
+        begun[first : first + noise.coefficients.size] = False
+    result = np.zeros(values.size)
+    result[whole] = np.where(begun, white - white[begun].mean(), 0.0) if begun.any() else 0.0
+    return result
 
 
 def _feedback(
@@ -164,39 +183,54 @@ def _feedback(
     inputs: Sequence[Regressor],
     shifts: NDArray[np.intp],
     step: float,
-    within: NDArray[np.bool_] | None,
+    *,
+    within: Mask | None,
 ) -> list[Feedback]:
-    """Inputs of which what their own past does not tell correlates with what was measured before, and not after."""
-    result, tried = [], int((shifts <= 0).sum()) * len(inputs)
+    """Find inputs whose innovations correlate with what was measured before, and not after."""
+    tried = int((shifts <= 0).sum()) * len(inputs)
+    result = []
     for signal in inputs:
-        surprises = filtered(signal.values, _own_colour(signal.values, within), within)
-        (normal,), (correlation,) = _correlated(innovations, [normal_scores(surprises)], shifts)
-        size, rough = np.abs(normal), _ROUGH * np.median(np.abs(np.diff(signal.values)))
-        # with no delay all of it may be at once: then only an input that nothing but noise can have moved tells
+        surprises = prewhiten(signal.values, _own_colour(signal.values, within), within)
+        (normal,), (correlation,) = _correlate(innovations, [normal_scores(surprises)], shifts)
+        size = np.abs(normal)
+        rough = _ROUGH * np.median(np.abs(np.diff(signal.values)))
+        # with no delay all of it may be at once: then only an input counts that nothing but noise
+        # can have moved
         later = shifts <= 0 if np.median(np.abs(surprises)) > rough > 0.0 else shifts < 0
         at = int(np.argmax(np.where(later, size, 0.0)))
-        p = _probability(float(normal[at]), tried)
-        if p < SIGNIFICANCE and size[at] > _STRONGER * size[shifts > 0].max():
-            result.append(
-                Feedback(
-                    output, signal.signal, float(-shifts[at] * step), float(correlation[at]), p
-                )
-            )
+        p_value = _probability(float(normal[at]), tried)
+        if p_value < SIGNIFICANCE and size[at] > _STRONGER * size[shifts > 0].max():
+            lag = float(-shifts[at] * step)
+            result.append(Feedback(output, signal.signal, lag, float(correlation[at]), p_value))
     return sorted(result, key=lambda f: -abs(f.strength))
 
 
+def _own_colour(values: Array, within: Mask | None) -> Noise:
+    """Fit an autoregression to a signal (n,), whose innovations are in the unit of the signal."""
+    whole = np.ones(values.size, dtype=bool) if within is None else within
+    return replace(estimate_noise(values[whole] - values[whole].mean(), whole), deviation=1.0)
+
+
 def _probability(normal: float, tried: int) -> float:
-    """Of so large a normal variable, either way, among so many."""
+    """Return the probability of so large a normal variable, either way, among so many."""
     return min(1.0, 2.0 * float(norm.sf(abs(normal))) * tried)
 
 
-def _correlated(
+def _correlate(
     innovations: Innovations, signals: Sequence[Array], shifts: NDArray[np.intp]
 ) -> tuple[Array, Array]:
-    """Correlations of scores with white signals, (s, l): over their deviation where there is nothing, and plain."""
+    """Correlate scores with white signals at some shifts.
+
+    Returns
+    -------
+    normal, correlation : ndarray, shape (s, l)
+        The correlations over their standard deviation where there is nothing, and as they are.
+    """
     n = signals[0].size
-    scores, seen = np.zeros(n), np.zeros(n)
-    scores[innovations.at], seen[innovations.at] = innovations.scores, 1.0
+    scores = np.zeros(n)
+    scores[innovations.at] = innovations.scores
+    seen = np.zeros(n)
+    seen[innovations.at] = 1.0
     power = float(scores @ scores) / innovations.at.size
     pairs = np.maximum([_overlap(seen, np.ones(n), int(k)) for k in shifts], 1.0)
     normal = np.zeros((len(signals), shifts.size))
@@ -209,26 +243,8 @@ def _correlated(
     return normal, normal / np.sqrt(pairs)
 
 
-def filtered(values: Array, noise: Noise, within: NDArray[np.bool_] | None = None) -> Array:
-    """A signal (n,) through the filter that whitens the residual, without its mean; zero until that has begun."""
-    whole = np.ones(values.size, dtype=bool) if within is None else within
-    white = noise.whiten(values[whole] - values[whole].mean(), whole)
-    begun = np.ones(white.size, dtype=bool)
-    for a, _ in segments(whole):
-        begun[a : a + noise.coefficients.size] = False
-    result = np.zeros(values.size)
-    result[whole] = np.where(begun, white - white[begun].mean(), 0.0) if begun.any() else 0.0
-    return result
-
-
-def _own_colour(values: Array, within: NDArray[np.bool_] | None) -> Noise:
-    """Autoregression that tells a signal (n,) from its own past, with surprises in its own unit."""
-    whole = np.ones(values.size, dtype=bool) if within is None else within
-    return replace(estimate(values[whole] - values[whole].mean(), whole), deviation=1.0)
-
-
 def _overlap(residual: Array, signal: Array, shift: int) -> float:
-    """Sum of ``residual[k] * signal[k - shift]``."""
+    """Return the sum of ``residual[k] * signal[k - shift]``."""
     n = residual.size
     return float(
         residual[max(shift, 0) : n + min(shift, 0)] @ signal[max(-shift, 0) : n - max(shift, 0)]

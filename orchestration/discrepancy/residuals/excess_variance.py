@@ -1,4 +1,4 @@
-"""Whether a residual is worse where an input steps: excess variance of its innovations there."""
+"""Test for excess variance of the innovations where an input steps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import f, norm, rankdata
 
 from orchestration.discrepancy.residuals.innovations import Innovations
-from orchestration.records.input_steps import input_steps
+from orchestration.records import input_steps
 
 Array = NDArray[np.float64]
 ALPHA = 1e-6  # probability in noise of one level
@@ -20,14 +20,15 @@ _FEW = 10  # samples with steps of an input that it takes to judge them
 
 @dataclass(frozen=True)
 class ExcessVariance:
-    """Whether innovations are larger where an input steps than elsewhere.
+    """Comparison of the size of innovations where an input steps with that elsewhere.
 
     Attributes
     ----------
     ratio : float
         Of the two variances.
     p_value : float
-        Of so much larger innovations there in noise, by a rank test; 1 where there are too few steps to tell.
+        Of so much larger innovations there in noise, by a rank test; 1 where there are too few
+        steps.
     """
 
     ratio: float
@@ -35,7 +36,7 @@ class ExcessVariance:
 
     @property
     def significant(self) -> bool:
-        """Whether it is beyond what noise does whose level jumps with the output, faster than can be followed."""
+        """True if it is beyond noise whose level jumps with the output, faster than is followed."""
         return self.p_value < ALPHA and self.ratio > _NOTABLE
 
 
@@ -55,32 +56,35 @@ def excess_variance_at_input_steps(
         The residual whitened in several ways, of which each must show it.
     inputs : Mapping of str to ndarray, shape (n,)
     late : int
-        Samples after a step that are looked at: where a controller moves the input by what it has just measured, it
-        steps because the innovation is large.
+        Samples after a step that are looked at: where a controller moves the input by what it has
+        just measured, it steps because the innovation is large.
     rounding : float
-        Standard deviation, over that of the innovations, of what a converter may add where its input moves fast.
+        Standard deviation, over that of the innovations, of what a converter may add where its
+        input moves fast.
     """
-    each = [_compared(one, inputs, late, rounding) for one in innovations]
-    return ExcessVariance(each[0].ratio, max(one.p_value for one in each))
+    tests = [_klotz_test(white, inputs, late, rounding) for white in innovations]
+    return ExcessVariance(tests[0].ratio, max(test.p_value for test in tests))
 
 
-def _compared(
+def _klotz_test(
     innovations: Innovations, inputs: Mapping[str, Array], late: int, rounding: float
 ) -> ExcessVariance:
     at = innovations.at
-    stepped = input_steps(inputs, int(at.max(initial=-1)) + 1)
-    stepped = np.concatenate([np.zeros(late, dtype=bool), stepped[: stepped.size - late]])
-    there = stepped[at]
-    if min(there.sum(), (~there).sum()) < _FEW:
+    steps = input_steps(inputs, int(at.max(initial=-1)) + 1)
+    delayed = np.concatenate([np.zeros(late, dtype=bool), steps[: steps.size - late]])
+    at_step = delayed[at]
+    if min(at_step.sum(), (~at_step).sum()) < _FEW:
         return ExcessVariance(1.0, 1.0)
-    usual = float(np.mean(innovations.raw[~there] ** 2))
+    usual = float(np.mean(innovations.raw[~at_step] ** 2))
     if not usual > 0.0:
         return ExcessVariance(1.0, 1.0)
-    ratio = float(np.mean(innovations.raw[there] ** 2)) / usual
+    ratio = float(np.mean(innovations.raw[at_step] ** 2)) / usual
     discount = np.sqrt(usual / (usual + rounding**2))
     size = np.abs(innovations.standardised)
-    size[there] *= discount
-    # scores that go like the squares of normal variables: where noise is Gaussian, as sharp as a ratio of variances
+    size[at_step] *= discount
+    # scores that go like the squares of normal variables: where noise is Gaussian, as sharp as a
+    # ratio of variances
     scores = norm.ppf(0.5 + 0.5 * rankdata(size) / (size.size + 1.0)) ** 2
-    within, elsewhere = float(scores[there].mean()), float(scores[~there].mean())
-    return ExcessVariance(ratio, float(f.sf(within / elsewhere, there.sum(), (~there).sum())))
+    score_ratio = float(scores[at_step].mean()) / float(scores[~at_step].mean())
+    p_value = float(f.sf(score_ratio, at_step.sum(), (~at_step).sum()))
+    return ExcessVariance(ratio, p_value)

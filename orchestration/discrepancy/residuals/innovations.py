@@ -1,8 +1,9 @@
-"""Innovations that tests can rest on: of one level throughout, and as far apart as those of Gaussian noise would be.
+"""Innovations of a residual and their normal scores, which tests of structure rest on.
 
-Noise comes with heavy tails, single outliers, steps of a converter and a level that varies. None of it is structure,
-and every test of a mean or a variance takes it for structure. So innovations are divided by their local level and
-replaced by normal scores (van der Waerden): what is left is in which order they come, and that is what structure is.
+Noise comes with heavy tails, single outliers, steps of a converter and a level that varies. None of
+it is structure, and every test of a mean or a variance takes it for structure. So innovations are
+divided by their local level and replaced by normal scores (van der Waerden). These keep nothing but
+the order in which innovations come, and structure is what shows in that order.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter, lfiltic
 from scipy.stats import norm, rankdata
 
-from orchestration.identify.noise.autoregression import segments
-from orchestration.identify.noise.model import Noise
+from orchestration.identify.noise import Noise, segments
 
 Array = NDArray[np.float64]
-_WINDOW = 80  # samples that tell the level about one of them
+_WINDOW = 80  # samples from which the level about one of them is estimated
 _WINDOWS = 40  # at most, in a record
 _BINS = 8  # of the signal that the level may depend on
 _PASSES = 2
 _BOUND = 4.0  # levels beyond which a single innovation says no more
 _FAR = 6.0  # levels beyond which a sample is an outlier: one of half a billion in Gaussian noise
 _ROUNDING = 1.0 / np.sqrt(12.0)  # standard deviation of the error of rounding, in steps
-_LEAST = 1e-3  # of the mean level, below which none is taken to be: where nothing moves a converter shows no noise
+# of the mean level, below which none is taken to be: where nothing moves a converter shows no noise
+_LEAST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -57,15 +58,15 @@ class Innovations:
 
     @property
     def outliers(self) -> int:
-        """How many lie far from all others, by the robust deviation of the rest."""
+        """Number of innovations that lie far from all others, by their robust deviation."""
         standard = self.standardised
-        spread = (
-            float(np.median(np.abs(standard))) / float(norm.ppf(0.75)) if standard.size else 0.0
-        )
+        if not standard.size:
+            return 0
+        spread = float(np.median(np.abs(standard))) / float(norm.ppf(0.75))
         return int((np.abs(standard) > _FAR * spread).sum()) if spread > 0.0 else 0
 
     def bounded(self, residual: Array, present: NDArray[np.bool_], noise: Noise) -> Array:
-        """The residual as it would be if no single innovation were far out.
+        """Return the residual as it would be if no single innovation were far out.
 
         Parameters
         ----------
@@ -82,15 +83,16 @@ class Innovations:
             In its unit.
         """
         driven = np.clip(self.standardised, -_BOUND, _BOUND) * self.level * noise.deviation
-        poles, result = np.concatenate([[1.0], -noise.coefficients]), residual.copy()
-        for a, b in segments(present):
-            first = min(b, a + noise.coefficients.size)
-            state = lfiltic([1.0], poles, residual[a:first][::-1])
-            result[first:b] = lfilter([1.0], poles, driven[first:b], zi=state)[0]
+        poles = np.concatenate([[1.0], -noise.coefficients])
+        result = residual.copy()
+        for start, end in segments(present):
+            first = min(end, start + noise.coefficients.size)
+            state = lfiltic([1.0], poles, residual[start:first][::-1])
+            result[first:end] = lfilter([1.0], poles, driven[first:end], zi=state)[0]
         return result
 
 
-def innovations_of(
+def score_innovations(
     residual: Array,
     present: NDArray[np.bool_],
     noise: Noise,
@@ -109,13 +111,15 @@ def innovations_of(
     size : ndarray, shape (n,), optional
         Signal on whose value the level may depend: the output as it is simulated.
     step : float
-        Of the converter. Where its noise is not seen because nothing moves, it is there all the same.
+        Of the converter. Where its noise is not seen because nothing moves, it is there all the
+        same.
 
     Returns
     -------
     Innovations
     """
-    raw, at = noise.whiten(residual, present), np.flatnonzero(present)
+    raw = noise.whiten(residual, present)
+    at = np.flatnonzero(present)
     level = local_level(raw, None if size is None else size[at])
     if step > 0.0:
         whitened = np.hypot(1.0, np.linalg.norm(noise.coefficients)) / noise.deviation
@@ -124,8 +128,21 @@ def innovations_of(
 
 
 def local_level(values: Array, size: Array | None = None) -> Array:
-    """Local size of values (k,), one on average: how it goes with time, and with the value of a signal (k,)."""
-    level, modulus = np.ones(values.size), np.abs(values)
+    """Estimate how the size of values goes with time, and with the value of a signal.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+    size : ndarray, shape (k,), optional
+        The signal.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Local size; one on average.
+    """
+    level = np.ones(values.size)
+    modulus = np.abs(values)
     for _ in range(_PASSES):
         level *= _in_time(modulus / level)
         if size is not None and np.ptp(size) > 0.0:
@@ -134,12 +151,15 @@ def local_level(values: Array, size: Array | None = None) -> Array:
 
 
 def normal_scores(values: Array) -> Array:
-    """Quantiles of the normal distribution at the ranks of values (k,): van der Waerden's scores; equal ones share."""
+    """Return the quantiles of the normal distribution at the ranks of values (k,).
+
+    These are van der Waerden's scores; equal values share one.
+    """
     return np.asarray(norm.ppf(rankdata(values) / (values.size + 1.0)))
 
 
-def power(values: Array) -> float:
-    """Mean square of values (k,), as far as single ones far out do not make it."""
+def robust_power(values: Array) -> float:
+    """Return the mean square of values (k,), of which single ones far out are bounded."""
     if not values.size:
         return 0.0
     spread = float(np.median(np.abs(values - np.median(values)))) / float(norm.ppf(0.75))
@@ -148,32 +168,29 @@ def power(values: Array) -> float:
 
 
 def _in_time(modulus: Array) -> Array:
-    """Local mean of moduli, from window to window and linearly between their middles."""
+    """Return the local mean of moduli, linear between the middles of windows."""
     count = int(np.clip(modulus.size // _WINDOW, 1, _WINDOWS))
     edges = np.linspace(0, modulus.size, count + 1).astype(np.intp)
-    levels = np.array([_mean(modulus[a:b]) for a, b in pairwise(edges)])
-    return _positive(np.interp(np.arange(modulus.size), 0.5 * (edges[:-1] + edges[1:] - 1), levels))
+    levels = np.array([_robust_mean(modulus[first:last]) for first, last in pairwise(edges)])
+    middles = 0.5 * (edges[:-1] + edges[1:] - 1)
+    return _positive(np.interp(np.arange(modulus.size), middles, levels))
 
 
 def _by_value(modulus: Array, size: Array) -> Array:
-    """Mean of moduli where a signal is about as large, in ranges of equally many samples."""
+    """Return the mean of moduli in ranges of a signal, of equally many samples each."""
     inner = np.unique(np.quantile(size, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
-    which = np.searchsorted(inner, size, side="right")
-    counts = np.bincount(which, minlength=inner.size + 1)
-    levels = np.array(
-        [
-            _mean(modulus[which == k]) if counts[k] >= _WINDOW // 2 else np.nan
-            for k in range(counts.size)
-        ]
-    )
-    levels = np.where(
-        np.isfinite(levels), levels, np.nanmean(levels) if np.isfinite(levels).any() else 1.0
-    )
-    return _positive(levels[which])
+    bin_of = np.searchsorted(inner, size, side="right")
+    counts = np.bincount(bin_of, minlength=inner.size + 1)
+    levels = np.full(counts.size, np.nan)
+    for k in np.flatnonzero(counts >= _WINDOW // 2):
+        levels[k] = _robust_mean(modulus[bin_of == k])
+    known = np.isfinite(levels)
+    levels = np.where(known, levels, np.nanmean(levels) if known.any() else 1.0)
+    return _positive(levels[bin_of])
 
 
-def _mean(modulus: Array) -> float:
-    """Mean that a few large ones do not carry away."""
+def _robust_mean(modulus: Array) -> float:
+    """Return the mean of moduli that a few large ones do not carry away."""
     if not modulus.size:
         return 0.0
     middle = float(np.median(modulus))
@@ -181,6 +198,6 @@ def _mean(modulus: Array) -> float:
 
 
 def _positive(level: Array) -> Array:
-    """A level of mean one that is nowhere zero."""
+    """Scale a level to a mean of one, and keep it from being zero anywhere."""
     mean = float(level.mean()) if level.size else 0.0
     return np.maximum(level / mean, _LEAST) if mean > 0.0 else np.ones(level.size)

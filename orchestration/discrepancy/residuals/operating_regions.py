@@ -1,21 +1,42 @@
-"""In which operating region a residual is largest: of a wrong model, or of noise that depends on a signal."""
+"""Operating regions: the size and the mean of a residual in ranges of a signal.
+
+That a residual is larger in some range of a signal may be the noise, which may depend on how large
+a signal is. That its mean is another one there is a fault of the model: who knows the signal could
+predict it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, fdtri
-from scipy.stats import norm, rankdata
+from scipy.stats import chi2, norm, rankdata
 
-from orchestration.discrepancy.residuals.correlation import FEWEST, SIGNIFICANCE, first_causal
-from orchestration.discrepancy.residuals.innovations import normal_scores
+from orchestration.discrepancy.residuals.correlation import (
+    FEWEST,
+    SIGNIFICANCE,
+    least_lead,
+    prewhiten,
+)
+from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
+from orchestration.identify.noise import Noise
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 BINS = 8
+# probability in noise of one level of means as different; where the level jumps with the output,
+# colour is not taken off cleanly
+ALPHA_OF_MEANS = 1e-5
+# of every range, on average: seen less often, a range is hardly more than a time, and noise may be
+# slow
+_VISITS = 3
+# of the largest singular value: together the ranges are everywhere, which says nothing
+_SINGULAR = 1e-8
 
 
 @dataclass(frozen=True)
@@ -54,102 +75,306 @@ class OperatingRegion:
 
     @property
     def significant(self) -> bool:
-        """Whether the residual is larger there than by chance among so many ranges."""
+        """True if the residual is larger there than by chance among so many ranges."""
         return self.p_value < SIGNIFICANCE
 
 
-def operating_regions(
+@dataclass(frozen=True)
+class ConditionalMean:
+    """The mean of a residual in the range of a signal in which it is furthest from zero.
+
+    Attributes
+    ----------
+    output, signal : str
+    low, high : float
+        Ends of that range; infinite where it is open.
+    unit : str
+        Of the signal.
+    mean : float
+        Of the residual there, in the unit of the output.
+    bias : float
+        That mean over the RMS of the residual everywhere.
+    p_value : float
+        Of means so different in the ranges of any of the signals.
+    """
+
+    output: str
+    signal: str
+    low: float
+    high: float
+    unit: str
+    mean: float
+    bias: float
+    p_value: float
+
+    @property
+    def significant(self) -> bool:
+        """True if it is beyond what noise of any level does."""
+        return self.p_value < ALPHA_OF_MEANS
+
+
+@dataclass(frozen=True)
+class _Range:
+    """A range of a signal, and the samples (n,) at which the signal is in it."""
+
+    low: float
+    high: float
+    inside: Mask
+
+
+def find_operating_regions(
     output: str,
     residual: Array,
-    present: NDArray[np.bool_],
+    present: Mask,
     signals: Sequence[Regressor],
     feedback: bool = False,
     bins: int = BINS,
 ) -> list[OperatingRegion]:
-    """Compare the residual in ranges of every signal, of equally many samples each, with the rest of the record.
+    """Compare the size of a residual in ranges of every signal with that in the rest of the record.
 
-    Its size is compared by ranks (Klotz). A coloured residual tells less of its size than as many
-    independent samples would: its square is correlated by the square of its own correlation, and counts for so many
-    fewer.
+    The ranges of a signal have equally many samples each. The size is compared by ranks (Klotz). A
+    coloured residual determines its size less than as many independent samples would: its square is
+    correlated by the square of its own correlation, and counts for so many fewer.
 
     Parameters
     ----------
     output : str
     residual : ndarray, shape (m,)
     present : ndarray of bool, shape (n,)
+        Where there is one.
     signals : sequence of Regressor
         Squares are passed over: their ranges are those of the signals.
     feedback : bool
-        Whether inputs are moved by what is measured, so that a range may be a consequence of the noise in it.
+        Whether inputs are moved by what is measured, so that a range may be a consequence of the
+        noise in it.
     bins : int
 
     Returns
     -------
-    list of Region
+    list of OperatingRegion
         The most telling first.
     """
     if residual.size < 2 * FEWEST:
         return []
-    wanted = [s for s in signals if s.kind is not RegressorKind.SQUARE]
-    where, n = np.flatnonzero(present), residual.size
-    square = residual**2
-    scores = (
-        norm.ppf(0.5 + 0.5 * rankdata(np.abs(residual)) / (n + 1.0)) ** 2
-    )  # as squares of normal variables
-    worth = 1.0 / _variance_inflation(normal_scores(residual))
-    ranges = [(s, *part) for s in wanted for part in ranges_of(s.values, present, bins)]
-    total, result = float(square.sum()), []
-    for signal, low, high, everywhere in ranges:
-        inside = delayed(everywhere, first_causal(signal, feedback))[where]
+    compared = [
+        (signal, part)
+        for signal in _without_squares(signals)
+        for part in _ranges(signal, present, bins, least_lead(signal, feedback))
+    ]
+    at = np.flatnonzero(present)
+    sizes = _Sizes(residual)
+    result = []
+    for signal, part in compared:
+        inside = part.inside[at]
         count = int(inside.sum())
-        if not FEWEST <= count <= n - FEWEST:
+        if not FEWEST <= count <= residual.size - FEWEST:
             continue
-        within = float(square[inside].sum())
-        elsewhere = (total - within) / (n - count)
-        if not elsewhere > 0.0:
-            continue
-        freedom = max(count * worth, 1.0), max((n - count) * worth, 1.0)
-        ends = np.sqrt(elsewhere * fdtri(*freedom, [0.005, 0.995]))
-        rms, band = float(np.sqrt(within / count)), (float(ends[0]), float(ends[1]))
-        scored = float(scores[inside].mean() / scores[~inside].mean())
-        p = len(ranges) * float(fdtrc(*freedom, scored))
-        ends_and_size = (
-            low,
-            high,
-            signal.unit,
-            count,
-            rms,
-            band,
-            float(np.sqrt(within / count / elsewhere)),
-        )
-        result.append(OperatingRegion(output, signal.name, *ends_and_size, min(1.0, p)))
+        size = sizes.compare(inside, count, len(compared))
+        if size is not None:
+            result.append(
+                OperatingRegion(
+                    output,
+                    signal.name,
+                    part.low,
+                    part.high,
+                    signal.unit,
+                    samples=count,
+                    rms=size.rms,
+                    band=size.band,
+                    rms_ratio=size.ratio,
+                    p_value=size.p_value,
+                )
+            )
     return sorted(result, key=lambda region: (region.p_value, -region.rms_ratio))
 
 
-def ranges_of(
-    values: Array, present: NDArray[np.bool_], bins: int
-) -> list[tuple[float, float, NDArray[np.bool_]]]:
-    """Ends of ranges that hold about equally many of the values that are present, and which values lie in each."""
+class _Comparison(NamedTuple):
+    """Size of a residual at some samples, compared with the others; see `OperatingRegion`."""
+
+    rms: float
+    band: tuple[float, float]
+    ratio: float
+    p_value: float
+
+
+class _Sizes:
+    """The size of a residual (m,), compared between some of its samples and the others."""
+
+    def __init__(self, residual: Array):
+        self._square = residual**2
+        self._total = float(self._square.sum())
+        # ranks scored to go like the squares of normal variables
+        ranks = rankdata(np.abs(residual)) / (residual.size + 1.0)
+        self._scores = norm.ppf(0.5 + 0.5 * ranks) ** 2
+        self._worth = 1.0 / _variance_inflation(normal_scores(residual))
+
+    def compare(self, inside: Mask, count: int, tried: int) -> _Comparison | None:
+        """Compare so many samples with the others, as one of so many comparisons.
+
+        None if the others are zero.
+        """
+        others = self._square.size - count
+        power = float(self._square[inside].sum())
+        elsewhere = (self._total - power) / others
+        if not elsewhere > 0.0:
+            return None
+        freedom = (max(count * self._worth, 1.0), max(others * self._worth, 1.0))
+        low, high = np.sqrt(elsewhere * fdtri(*freedom, [0.005, 0.995]))
+        score_ratio = float(self._scores[inside].mean() / self._scores[~inside].mean())
+        p_value = min(1.0, tried * float(fdtrc(*freedom, score_ratio)))
+        ratio = float(np.sqrt(power / count / elsewhere))
+        return _Comparison(float(np.sqrt(power / count)), (float(low), float(high)), ratio, p_value)
+
+
+def conditional_means(
+    output: str,
+    residual: Array,
+    innovations: Innovations,
+    noise: Noise,
+    signals: Sequence[Regressor],
+    *,
+    feedback: bool = False,
+    within: Mask | None = None,
+    bins: int = BINS,
+) -> list[ConditionalMean]:
+    """Compare the means of a residual in ranges of every signal, of equally many samples each.
+
+    The scores of its innovations are regressed on the whitened indicators of the ranges, all those
+    of a signal together (an analysis of variance by scores, with the colour of the noise taken off
+    both sides).
+
+    Parameters
+    ----------
+    output : str
+    residual : ndarray, shape (k,)
+        At the samples of the innovations.
+    innovations : Innovations
+    noise : Noise
+        Of the residual.
+    signals : sequence of Regressor
+        Squares are passed over: their ranges are those of the signals. So is what goes with time:
+        that a residual wanders is the random walk test's affair.
+    feedback : bool
+        Whether inputs are moved by what is measured, so that a range may be a consequence of the
+        noise in it.
+    within : ndarray of bool, shape (n,), optional
+        Samples of the runs that the record is made of; all of them unless given.
+    bins : int
+
+    Returns
+    -------
+    list of ConditionalMean
+        One for every signal that is left, the most telling first.
+    """
+    compared = _without_squares(signals)
+    at = innovations.at
+    rms = float(np.sqrt(np.mean(residual**2))) if residual.size else 0.0
+    if at.size < 2 * FEWEST or not rms > 0.0:
+        return []
+    present = np.zeros(compared[0].values.size if compared else 0, dtype=bool)
+    present[at] = True
+    variance = _long_run_variance(innovations.scores)
+    result = []
+    for signal in compared:
+        ranges = [
+            part
+            for part in _ranges(signal, present, bins, least_lead(signal, feedback))
+            if FEWEST <= part.inside[at].sum() <= at.size - FEWEST
+        ]
+        if not ranges or not _often_visited([part.inside[at] for part in ranges]):
+            continue
+        indicators = [prewhiten(part.inside.astype(float), noise, within)[at] for part in ranges]
+        explained, freedom = _explained(innovations.scores, np.column_stack(indicators))
+        p_value = min(1.0, len(compared) * float(chi2.sf(explained / variance, freedom)))
+        means = [float(residual[part.inside[at]].mean()) for part in ranges]
+        k = int(np.argmax(np.abs(means)))
+        result.append(
+            ConditionalMean(
+                output,
+                signal.name,
+                ranges[k].low,
+                ranges[k].high,
+                signal.unit,
+                mean=means[k],
+                bias=means[k] / rms,
+                p_value=p_value,
+            )
+        )
+    return sorted(result, key=lambda one: (one.p_value, -abs(one.bias)))
+
+
+def _without_squares(signals: Sequence[Regressor]) -> list[Regressor]:
+    return [s for s in signals if s.kind is not RegressorKind.SQUARE]
+
+
+def _ranges(signal: Regressor, present: Mask, bins: int, late: int) -> list[_Range]:
+    """Divide a signal into ranges of about equally many of the samples that are present.
+
+    Parameters
+    ----------
+    signal : Regressor
+    present : ndarray of bool, shape (n,)
+    bins : int
+        Ranges at most.
+    late : int
+        Samples by which the signal is delayed.
+    """
+    values = signal.values
     inner = np.unique(np.quantile(values[present], np.linspace(0.0, 1.0, bins + 1)[1:-1]))
     inner = inner[inner > values[present].min()]
-    which = np.searchsorted(inner, values, side="right")
+    range_of = np.searchsorted(inner, values, side="right")
     ends = np.concatenate([[-np.inf], inner, [np.inf]])
-    return [(float(ends[k]), float(ends[k + 1]), which == k) for k in range(ends.size - 1)]
+    return [
+        _Range(float(ends[k]), float(ends[k + 1]), _delayed(range_of == k, late))
+        for k in range(ends.size - 1)
+    ]
 
 
-def delayed(inside: NDArray[np.bool_], late: int) -> NDArray[np.bool_]:
-    """Where a signal was in a range so many samples ago."""
+def _delayed(inside: Mask, late: int) -> Mask:
     return np.concatenate([np.zeros(late, dtype=bool), inside[: inside.size - late]])
 
 
+def _often_visited(inside: Sequence[Mask]) -> bool:
+    """Return True if a signal enters and leaves its ranges often enough to tell them from times."""
+    changes = np.count_nonzero(np.diff(np.array(inside, dtype=np.int8), axis=1))
+    return bool(changes >= 2 * _VISITS * len(inside))
+
+
+def _explained(scores: Array, columns: Array) -> tuple[float, int]:
+    """Regress scores (k,) on columns (k, c).
+
+    Returns
+    -------
+    explained : float
+        Sum of squares that the columns explain.
+    rank : int
+        Columns that are independent.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    directions, singular, _ = np.linalg.svd(
+        columns[:, size > 0.0] / size[size > 0.0], full_matrices=False
+    )
+    rank = int((singular > _SINGULAR * singular.max(initial=0.0)).sum())
+    return float(np.sum((directions[:, :rank].T @ scores) ** 2)), rank
+
+
+def _long_run_variance(scores: Array) -> float:
+    """Return the variance of scores that counts for their mean.
+
+    They are not independent where samples are uneven, and no colour was taken off.
+    """
+    return float(np.mean(scores**2)) * max(1.0, 1.0 + 2.0 * float(_autocorrelation(scores).sum()))
+
+
 def _variance_inflation(residual: Array) -> float:
-    """How many samples say as much about the size of a residual as an independent one would."""
-    return 1.0 + 2.0 * float((fading(residual) ** 2).sum())
+    """Return how many samples say as much of the size of a residual as an independent one."""
+    return 1.0 + 2.0 * float((_autocorrelation(residual) ** 2).sum())
 
 
-def fading(values: Array) -> Array:
-    """Autocorrelation from the first lag on, until it is lost in what there is of it without any."""
-    centred, n = values - values.mean(), values.size
+def _autocorrelation(values: Array) -> Array:
+    """Return the autocorrelation from the first lag on, until it is lost in that of white noise."""
+    n = values.size
+    centred = values - values.mean()
     power = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
     correlation = np.fft.irfft(power)[: n // 4]
     if not correlation.size or not correlation[0] > 0.0:

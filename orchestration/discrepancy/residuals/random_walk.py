@@ -1,9 +1,10 @@
-"""Slow structure that whitening swallows: whether a residual holds a random walk beneath noise of short memory.
+"""Test for a random walk beneath noise of short memory: slow structure that whitening swallows.
 
-The periodogram of the residual is held against two models of it (Whittle's likelihood, Ark. Mat. 2, 1953): a mixture of
-white and coloured noise that forgets within some tens of samples, and the same with a random walk and an integrated
-random walk added. Both are sums of known spectra with positive weights, which iteratively reweighted non-negative least
-squares finds. What a fit has absorbed of slow noise only makes the second model needed less.
+The periodogram of the residual is compared with two models of it by Whittle's likelihood (Ark. Mat.
+2, 1953): a mixture of white and coloured noise that forgets within some tens of samples, and the
+same with a random walk and an integrated random walk added. Both are sums of known spectra with
+positive weights, which iteratively reweighted non-negative least squares finds. What a fit has
+absorbed of slow noise only lowers the likelihood ratio.
 """
 
 from __future__ import annotations
@@ -16,13 +17,18 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 Array = NDArray[np.float64]
-ALPHA = 1e-4  # probability in noise; where a random walk is as large as the noise it is smaller by many orders of magnitude
+# probability in noise; where a random walk is as large as the noise it is smaller by many orders of
+# magnitude
+ALPHA = 1e-4
 _COLOURS = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95)  # lag-one correlations; the longest memory is 20 samples
 _INTEGRATIONS = (1, 2)
-_SINGLE = 32  # lowest frequencies that are looked at one by one; the others in groups, equally many in an octave
+# lowest frequencies that are looked at one by one; the others in groups, equally many in an octave
+_SINGLE = 32
 _GROUPS = 120
 _SHORTEST = 100  # samples
 _PASSES = 60
+_SHORTEST_STEP = 1e-4  # towards the weights of a pass
+_CONVERGED = 1e-6  # fall of the cost that ends the passes
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,7 @@ class RandomWalkTest:
 
     @property
     def significant(self) -> bool:
-        """Whether there is one beyond doubt."""
+        """True if there is one beyond doubt."""
         return self.p_value < ALPHA
 
 
@@ -65,37 +71,78 @@ def random_walk_test(residual: Array) -> RandomWalkTest:
     RandomWalkTest
     """
     n = residual.size
-    nothing = RandomWalkTest(0.0, 1.0, 0.0, np.zeros(n))
     centred = residual - residual.mean() if n else residual
     size = float(np.mean(centred**2)) if n else 0.0
     if n < _SHORTEST or not size > 0.0:
-        return nothing
+        return RandomWalkTest(0.0, 1.0, 0.0, np.zeros(n))
     transform = np.fft.rfft(centred)
-    angle = 2.0 * np.pi * np.arange(transform.size) / n
+    coloured, integrated = _model_spectra(n)
+    ratio, weights = _likelihood_ratio(transform, n, size, coloured, integrated)
+    share = (weights[len(coloured) :] @ integrated) / (weights @ np.vstack([coloured, integrated]))
+    trend = np.fft.irfft(transform * share, n)
+    p_value = float(chi2.sf(ratio, len(_INTEGRATIONS)))
+    return RandomWalkTest(ratio, p_value, float(np.sqrt(np.mean(trend**2))), trend)
+
+
+def _likelihood_ratio(
+    transform: NDArray[np.complex128], n: int, size: float, coloured: Array, integrated: Array
+) -> tuple[float, Array]:
+    """Compare the likelihoods of coloured noise with and without integrated noise beside it.
+
+    Parameters
+    ----------
+    transform : ndarray, shape (f,)
+        Of the residual.
+    n : int
+        Its samples.
+    size : float
+        Its mean square.
+    coloured, integrated : ndarray, shapes (c, f) and (i, f)
+        Spectra of both kinds of noise.
+
+    Returns
+    -------
+    ratio : float
+        Twice the logarithm of the likelihood ratio.
+    weights : ndarray, shape (c + i,)
+        Of all spectra together.
+    """
+    edges, count = _groups(transform.size)
+    spectra = np.array([_averaged(s, edges, count) for s in (*coloured, *integrated)]).T
+    power = _averaged(np.abs(transform) ** 2 / n / size, edges, count)
+    _, cost_without = _fit_weights(spectra[:, : len(coloured)], power, count)
+    weights, cost_with = _fit_weights(spectra, power, count)
+    return max(0.0, 2.0 * (cost_without - cost_with)), weights
+
+
+def _model_spectra(n: int) -> tuple[Array, Array]:
+    """Return the spectra of both kinds of noise at the Fourier frequencies of n samples.
+
+    Returns
+    -------
+    coloured : ndarray, shape (c, f)
+        Of autoregressions with unit variance.
+    integrated : ndarray, shape (i, f)
+        Of integrated white noise; one at the lowest frequency.
+    """
+    angle = 2.0 * np.pi * np.arange(n // 2 + 1) / n
     angle[0] = angle[1]  # the mean was taken out
     turn = np.exp(-1j * angle)
-    ar_spectra = np.array([(1.0 - c * c) / np.abs(1.0 - c * turn) ** 2 for c in _COLOURS])
-    integrated_spectra = np.array(
-        [np.abs((1.0 - turn[1]) / (1.0 - turn)) ** (2 * k) for k in _INTEGRATIONS]
-    )
-    edges, count = _groups(transform.size)
-    spectra = np.array([_averaged(s, edges, count) for s in (*ar_spectra, *integrated_spectra)]).T
-    power = _averaged(np.abs(transform) ** 2 / n / size, edges, count)
-    _, without = _weights(spectra[:, : len(ar_spectra)], power, count)
-    weights, with_it = _weights(spectra, power, count)
-    ratio = max(0.0, 2.0 * (without - with_it))
-    share = (weights[len(ar_spectra) :] @ integrated_spectra) / (
-        weights @ np.vstack([ar_spectra, integrated_spectra])
-    )
-    trend = np.fft.irfft(transform * share, n)
-    freedom = len(_INTEGRATIONS)
-    return RandomWalkTest(
-        ratio, float(chi2.sf(ratio, freedom)), float(np.sqrt(np.mean(trend**2))), trend
-    )
+    coloured = np.array([(1.0 - c * c) / np.abs(1.0 - c * turn) ** 2 for c in _COLOURS])
+    integrator = np.abs((1.0 - turn[1]) / (1.0 - turn))
+    return coloured, np.array([integrator ** (2 * k) for k in _INTEGRATIONS])
 
 
 def _groups(size: int) -> tuple[NDArray[np.intp], Array]:
-    """First frequency of every group, the end of the last, and how many are in each."""
+    """Group so many frequencies.
+
+    Returns
+    -------
+    edges : ndarray of int, shape (g + 1,)
+        First frequency of every group, and the end of the last.
+    count : ndarray, shape (g,)
+        Frequencies in each.
+    """
     spaced = np.geomspace(min(_SINGLE, size - 1), size, _GROUPS).astype(np.intp)
     edges = np.unique(np.concatenate([np.arange(1, min(_SINGLE, size - 1)), spaced]))
     return edges, np.diff(edges).astype(float)
@@ -105,30 +152,51 @@ def _averaged(values: Array, edges: NDArray[np.intp], count: Array) -> Array:
     return np.asarray(np.add.reduceat(values, edges[:-1]) / count)
 
 
-def _weights(spectra: Array, power: Array, count: Array) -> tuple[Array, float]:
-    """Return the likeliest non-negative weights of spectra, and minus the logarithm of their likelihood."""
+def _fit_weights(spectra: Array, power: Array, count: Array) -> tuple[Array, float]:
+    """Find the likeliest non-negative weights of spectra.
 
-    def cost(weights: Array) -> float:
-        level = spectra @ weights
-        return float((count * (np.log(level) + power / level)).sum())
+    Parameters
+    ----------
+    spectra : ndarray, shape (g, k)
+    power : ndarray, shape (g,)
+        Of the residual, averaged over the frequencies of each group.
+    count : ndarray, shape (g,)
+        Frequencies in each group.
 
+    Returns
+    -------
+    weights : ndarray, shape (k,)
+    cost : float
+        Minus the logarithm of their likelihood.
+    """
     weights = np.full(spectra.shape[1], power.mean() / spectra.sum(axis=1).mean())
-    least = cost(weights)
+    cost = _cost(spectra @ weights, power, count)
     for _ in range(_PASSES):
-        certain = np.sqrt(count) / (spectra @ weights)
-        rows = spectra * certain[:, np.newaxis]
-        scale = np.sqrt((rows**2).sum(axis=0))
-        target = nnls(rows / scale, power * certain)[0] / scale
-        step, trial, reached = 1.0, target, np.inf
-        while step > 1e-4:
+        target = _reweighted(spectra, power, np.sqrt(count) / (spectra @ weights))
+        step = 1.0
+        while step > _SHORTEST_STEP:
             trial = (1.0 - step) * weights + step * target
-            if np.all(spectra @ trial > 0.0) and (reached := cost(trial)) < least:
+            level = spectra @ trial
+            reached = _cost(level, power, count) if np.all(level > 0.0) else np.inf
+            if reached < cost:
                 break
             step /= 2.0
         else:
             break
-        converged = least - reached < 1e-6
-        weights, least = trial, reached
+        converged = cost - reached < _CONVERGED
+        weights = trial
+        cost = reached
         if converged:
             break
-    return weights, least
+    return weights, cost
+
+
+def _reweighted(spectra: Array, power: Array, certainty: Array) -> Array:
+    """Return the non-negative least-squares weights of spectra, with a certainty of each group."""
+    rows = spectra * certainty[:, np.newaxis]
+    scale = np.sqrt((rows**2).sum(axis=0))
+    return np.asarray(nnls(rows / scale, power * certainty)[0] / scale)
+
+
+def _cost(level: Array, power: Array, count: Array) -> float:
+    return float((count * (np.log(level) + power / level)).sum())

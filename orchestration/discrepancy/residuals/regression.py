@@ -1,4 +1,4 @@
-"""Regression of a residual on all signals together."""
+"""Regression of a residual on all regressors together, tested against noise of its own colour."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from scipy.stats import t
 
 from orchestration.discrepancy.residuals.correlation import SIGNIFICANCE
 from orchestration.discrepancy.residuals.regressors import Regressor
-from orchestration.identify.covariance import covariance
-from orchestration.identify.noise.model import estimate
+from orchestration.identify.noise import Noise, estimate_noise
+from orchestration.identify.uncertainty import parameter_covariance
 
 Array = NDArray[np.float64]
-_DRAWS, _FEW_DRAWS = 40, 8  # of noise, to see what a regression explains of it
+_DRAWS = 40  # of noise, to see what a regression explains of it
+_FEW_DRAWS = 8  # of a long record
 _EFFORT = 200_000  # samples in all draws, beyond the fewest
 _LEAD = 1000  # samples until drawn noise has forgotten its start
-_COLOURED = 4  # passes of regression and of estimating the colour of what it leaves
+_COLOURED = 4  # passes of regression and of estimating the colour of its residual
 
 
 @dataclass(frozen=True)
 class ResidualRegression:
-    """What all signals together explain of a residual.
+    """The part of a residual that all regressors together explain.
 
     Attributes
     ----------
@@ -33,7 +34,7 @@ class ResidualRegression:
     p_value : float
         Of so much in a residual that has nothing to do with them.
     fitted : ndarray, shape (n,)
-        What they explain, at every sample of the record.
+        That part, at every sample of the record.
     """
 
     rms: float
@@ -42,7 +43,7 @@ class ResidualRegression:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance."""
+        """True if it is more than chance."""
         return self.p_value < SIGNIFICANCE
 
 
@@ -51,13 +52,15 @@ def regress(
 ) -> ResidualRegression:
     """Regress a residual on signals, their squares and cubes.
 
-    Both are whitened by the colour of what the regression leaves: estimated from the residual itself the colour would
-    swallow what there is to explain. A regression takes some of slow noise with it, so how much it explains of noise
-    is seen on noise of the colour of the residual, drawn some times.
+    Both are whitened by the colour of the residual of the regression: estimated from the residual
+    itself the colour would swallow what there is to explain. A regression takes some of slow noise
+    with it, so how much it explains of noise is seen on noise of the colour of the residual, drawn
+    some times.
 
     Parameters
     ----------
     residual : ndarray, shape (m,)
+        At the samples that are present.
     present : ndarray of bool, shape (n,)
     signals : sequence of Regressor
 
@@ -70,37 +73,53 @@ def regress(
     if n < 5 * columns.shape[1] or not np.any(residual):
         return ResidualRegression(0.0, 1.0, np.zeros(present.size))
     rows = columns[present]
-    score, weights = _regressed(residual, rows, present)
-    noise, random = estimate(residual, present), np.random.default_rng(0)
-    drawn = []
-    for _ in range(max(_FEW_DRAWS, min(_DRAWS, _EFFORT // n))):
-        white = random.standard_normal(n + _LEAD)
-        drawn.append(
-            _regressed(lfilter([1.0], [1.0, *-noise.coefficients], white)[_LEAD:], rows, present)[0]
-        )
+    score, weights = _regress_whitened(residual, rows, present)
+    drawn = _scores_of_noise(estimate_noise(residual, present), rows, present)
     t_statistic = (score - float(np.mean(drawn))) / float(np.std(drawn, ddof=1))
     fitted = columns @ weights
     # a regression of innovations may follow every move and yet be far from the level
-    taken = float(np.mean(residual**2) - np.mean((residual - fitted[present]) ** 2))
+    explained = float(np.mean(residual**2) - np.mean((residual - fitted[present]) ** 2))
     return ResidualRegression(
-        float(np.sqrt(max(taken, 0.0))), float(t.sf(t_statistic, len(drawn) - 1)), fitted
+        float(np.sqrt(max(explained, 0.0))), float(t.sf(t_statistic, len(drawn) - 1)), fitted
     )
 
 
-def _regressed(residual: Array, rows: Array, present: NDArray[np.bool_]) -> tuple[float, Array]:
-    """Logarithm of how much more of the innovations' power a regression explains than it leaves, and its weights."""
+def _scores_of_noise(noise: Noise, rows: Array, present: NDArray[np.bool_]) -> list[float]:
+    """Draw noise of a colour some times and regress it; return the scores."""
+    n = len(rows)
+    random = np.random.default_rng(0)
+    scores = []
+    for _ in range(max(_FEW_DRAWS, min(_DRAWS, _EFFORT // n))):
+        white = random.standard_normal(n + _LEAD)
+        coloured = lfilter([1.0], [1.0, *-noise.coefficients], white)[_LEAD:]
+        scores.append(_regress_whitened(coloured, rows, present)[0])
+    return scores
+
+
+def _regress_whitened(
+    residual: Array, rows: Array, present: NDArray[np.bool_]
+) -> tuple[float, Array]:
+    """Regress a residual (m,) on rows (m, c), both whitened by the colour of what is unexplained.
+
+    Returns
+    -------
+    score : float
+        Logarithm of the explained over the unexplained power of the innovations.
+    weights : ndarray, shape (c,)
+    """
     weights = np.zeros(rows.shape[1])
     for _ in range(_COLOURED):
-        noise = estimate(residual - rows @ weights, present)
-        white, innovation = noise.whiten(rows, present), noise.whiten(residual, present)
-        weights = covariance(white.T @ white).matrix @ (white.T @ innovation)
+        noise = estimate_noise(residual - rows @ weights, present)
+        white = noise.whiten(rows, present)
+        innovation = noise.whiten(residual, present)
+        weights = parameter_covariance(white.T @ white).matrix @ (white.T @ innovation)
     whole = float(innovation @ innovation)
-    remaining = float(((innovation - white @ weights) ** 2).sum())
-    return float(np.log(max(whole - remaining, 1e-300) / max(remaining, 1e-300))), weights
+    unexplained = float(((innovation - white @ weights) ** 2).sum())
+    return float(np.log(max(whole - unexplained, 1e-300) / max(unexplained, 1e-300))), weights
 
 
 def _powers(signals: Sequence[Array]) -> Array:
-    """A constant, and signals of unit size to the powers one to three."""
+    """Return a constant, and signals of unit size to the powers one to three, as columns."""
     columns = [np.ones_like(signals[0])] if signals else []
     for values in signals:
         centred = (values - values.mean()) / values.std()

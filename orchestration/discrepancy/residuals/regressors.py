@@ -1,4 +1,4 @@
-"""Signals that a residual may depend on: inputs, states, their squares and rates, what has gone through, time."""
+"""Regressors of a residual: inputs, states, time, and squares, rates and integrals made of them."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.records.joined import joined
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.data import Dataset
+from orchestration.records import join_records
 
 Array = NDArray[np.float64]
 _CONSTANT = 1e-9  # of a signal's size; what varies less does not vary
 
 
 class RegressorKind(StrEnum):
-    """What is made of a signal, as its name says it."""
+    """Transformation of a signal, as it is written about the name of the signal."""
 
     VALUE = "{}"
     INTEGRAL_OF_MODULUS = "integral of |{}|"
@@ -47,86 +47,94 @@ class Regressor:
 
     @property
     def name(self) -> str:
-        """Name of the signal with what was made of it, like ``"rate of charge"``."""
+        """Name of the signal with its transformation, like ``"rate of charge"``."""
         return self.kind.value.format(self.signal)
 
 
-def regressors_of(model: FittedCandidate, data: Dataset) -> list[Regressor]:
-    """Signals of a fitted model over a record: its inputs, its states and how fast its outputs move."""
+def simulate_regressors(model: FittedCandidate, data: Dataset) -> list[Regressor]:
+    """Simulate a fitted model over a record and make regressors of its signals, run by run.
+
+    Rates and integrals are of one run, whatever was before it.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    data : Dataset
+
+    Returns
+    -------
+    list of Regressor
+        As :func:`make_regressors` has them.
+    """
     layout = model.candidate.cls.layout
     units = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.outputs)}
     values = model.problem.start | model.fit.values
     simulated = model.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
-    each = []
-    for (
-        run
-    ) in data.runs:  # rates and integrals are of one run: what was before it tells nothing of it
-        states, outputs = (
-            {v.name: simulated[v.name][run.samples] for v in group}
-            for group in (layout.states, layout.outputs)
-        )
-        inputs = {name: values[run.samples] for name, values in data.inputs.items()}
-        each.append(_all(data.time[run.samples] - run.ahead, inputs, states, outputs, units))
-    whole = [
-        replace(parts[0], values=joined(len(data.time), data.runs, [part.values for part in parts]))
-        for parts in zip(*each, strict=True)
-    ]
-    return _varying(whole)
+    by_run = []
+    for run in data.runs:
+        inputs = {name: u[run.samples] for name, u in data.inputs.items()}
+        states = {v.name: simulated[v.name][run.samples] for v in layout.states}
+        outputs = {v.name: simulated[v.name][run.samples] for v in layout.outputs}
+        time = data.time[run.samples] - run.ahead
+        by_run.append(_transformed(time, inputs, states, outputs, units))
+    joined = []
+    for parts in zip(*by_run, strict=True):
+        whole = join_records(len(data.time), data.runs, [part.values for part in parts])
+        joined.append(replace(parts[0], values=whole))
+    return _varying(joined)
 
 
-def regressors(
+def make_regressors(
     time: Array,
     inputs: Mapping[str, Array],
     states: Mapping[str, Array],
     outputs: Mapping[str, Array],
     units: Mapping[str, str],
 ) -> list[Regressor]:
-    """Gather what a residual may depend on.
+    """Make regressors of the signals of a model.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Seconds.
     inputs, states, outputs : Mapping of str to ndarray, shape (n,)
-        Of the model, not measured: what a sensor adds to an output would correlate with its own residual.
+        Of the model, not measured: what a sensor adds to an output would correlate with its own
+        residual.
     units : Mapping of str to str
         Of all of them.
 
     Returns
     -------
     list of Regressor
-        Inputs, the integrals of their moduli, states, their squares and rates, the moduli of the rates of outputs, and
-        time; without those that do not vary.
+        Inputs, the integrals of their moduli, states, their squares and rates, the moduli of the
+        rates of outputs, and time; without those that do not vary.
     """
-    return _varying(_all(time, inputs, states, outputs, units))
+    return _varying(_transformed(time, inputs, states, outputs, units))
 
 
-def _all(
+def _transformed(
     time: Array,
     inputs: Mapping[str, Array],
     states: Mapping[str, Array],
     outputs: Mapping[str, Array],
     units: Mapping[str, str],
 ) -> list[Regressor]:
+    """Return all signals with their transformations, those that do not vary too."""
     result = []
     for name, values in inputs.items():
-        through = np.concatenate([[0.0], np.cumsum(np.abs(values[:-1]) * np.diff(time))])
-        result += [
-            Regressor(name, values, units[name]),
-            Regressor(name, through, _times(units[name], "s"), RegressorKind.INTEGRAL_OF_MODULUS),
-        ]
+        integral = np.concatenate([[0.0], np.cumsum(np.abs(values[:-1]) * np.diff(time))])
+        unit = _product(units[name], "s")
+        result.append(Regressor(name, values, units[name]))
+        result.append(Regressor(name, integral, unit, RegressorKind.INTEGRAL_OF_MODULUS))
     for name, values in states.items():
         squared = "" if units[name] == "1" else f"{units[name]}²"
-        result += [
-            Regressor(name, values, units[name]),
-            Regressor(name, values**2, squared, RegressorKind.SQUARE),
-            Regressor(
-                name, np.gradient(values, time), _times(units[name], "1/s"), RegressorKind.RATE
-            ),
-        ]
+        rate = np.gradient(values, time)
+        result.append(Regressor(name, values, units[name]))
+        result.append(Regressor(name, values**2, squared, RegressorKind.SQUARE))
+        result.append(Regressor(name, rate, _product(units[name], "1/s"), RegressorKind.RATE))
     for name, values in outputs.items():
         speed = np.abs(np.gradient(values, time))
-        result.append(Regressor(name, speed, _times(units[name], "1/s"), RegressorKind.SPEED))
+        result.append(Regressor(name, speed, _product(units[name], "1/s"), RegressorKind.SPEED))
     result.append(Regressor("time", time, "s"))
     return result
 
@@ -135,8 +143,9 @@ def _varying(signals: Sequence[Regressor]) -> list[Regressor]:
     return [s for s in signals if np.ptp(s.values) > _CONSTANT * np.max(np.abs(s.values))]
 
 
-def _times(unit: str, by: str) -> str:
+def _product(unit: str, factor: str) -> str:
+    """Return the unit of a signal multiplied by a time or a frequency."""
     plain = "" if unit == "1" else unit
-    if by == "1/s":
-        return f"{plain}/s" if plain else by
-    return f"{plain}·{by}".removeprefix("·")
+    if factor == "1/s":
+        return f"{plain}/s" if plain else factor
+    return f"{plain}·{factor}".removeprefix("·")

@@ -1,8 +1,9 @@
-"""Whether samples were taken when their stamps say, or evenly: the fitted model tells which of the two.
+"""Sampling times: a fitted model decides between the time stamps and an even clock.
 
-A converter samples evenly by its own crystal, and a computer stamps a sample when it gets round to it; or a computer
-asks for each sample when it gets round to it, and says truly when. The stamps are alike. The outputs tell: where they
-move, a wrong time is an error of measurement times their slope (errors in variables, of the time).
+A converter samples evenly by its own crystal, and a computer stamps a sample when it gets round to
+it; or a computer asks for each sample when it gets round to it, and says truly when. The stamps are
+alike. The outputs tell: where they move, a wrong time is an error of measurement times their slope
+(errors in variables, of the time).
 """
 
 from __future__ import annotations
@@ -13,10 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.discrepancy.candidates.encompassing import encompassing
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
+from fmus.kit import UserError
+from orchestration.discrepancy.candidates import FittedCandidate, encompassing
+from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.input_noise import simulated
 from orchestration.discrepancy.selection.search import Search
@@ -27,8 +27,9 @@ _FARTHEST = 0.5  # of a step, from where a stamp may be that of a neighbour
 
 
 def evened(data: Dataset) -> Dataset | None:
-    """A record by the even clock that its stamps scatter about; None if there is none, or nothing scatters."""
-    time, scatter = data.time.copy(), 0.0
+    """Return a record by the even clock that its stamps scatter about; None if there is none."""
+    time = data.time.copy()
+    scatter = 0.0
     for run in data.runs:
         stamps = data.time[run.samples]
         count = np.arange(len(stamps))
@@ -44,13 +45,13 @@ def evened(data: Dataset) -> Dataset | None:
 
 
 def by(notes: Iterable[Note], data: Dataset) -> Dataset:
-    """A record by the clock that notes of a diagnosis say it has."""
+    """Return a record by the clock that notes of a diagnosis say it has."""
     even = any(note.code is NoteCode.EVEN_CLOCK for note in notes)
     return (evened(data) if even else None) or data
 
 
 def by_fit(search: Search, base: FittedCandidate) -> tuple[Search, FittedCandidate, list[Note]]:
-    """Let the record tell whether it was sampled evenly.
+    """Decide by the record whether it was sampled evenly.
 
     Parameters
     ----------

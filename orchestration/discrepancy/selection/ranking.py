@@ -1,8 +1,9 @@
-"""Effects fitted over a model, the best first.
+"""Ranking of effects that are fitted over a model, the best first.
 
-A noise model of its own lets every candidate take for noise what it cannot simulate, and the farther its simulation is
-from the record the more. So candidates are fitted by how near their simulations come, in white noise, and the best of
-them then in one noise: that of the one that comes nearest (as an F test takes the variance of the larger model).
+A noise model of its own lets every candidate take for noise what it cannot simulate, and the
+farther its simulation is from the record the more. So candidates are fitted by how near their
+simulations come, in white noise, and the best of them then in one noise: that of the one that comes
+nearest (as an F test takes the variance of the larger model).
 """
 
 from __future__ import annotations
@@ -14,28 +15,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit import Effect
-from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.candidates.evidence import (
+from orchestration.discrepancy.candidates import (
     FittedCandidate,
     ScoredModel,
     ScreenedCandidate,
+    label,
 )
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.parallel import Counter, side_by_side
-from orchestration.discrepancy.residuals.analysis import has_structure
-from orchestration.discrepancy.selection.left_out import Blocks, foretells_better, foretold
+from orchestration.discrepancy.parallel import Counter, parallel_map
+from orchestration.discrepancy.residuals import has_structure
+from orchestration.discrepancy.selection.block_cross_validation import (
+    Blocks,
+    cv_errors,
+    predicts_better,
+)
 from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.identify.method import ALIKE, AS_IT_STANDS
+from orchestration.identify.fitting import EVALUATE, FIXED_COLOUR
 
-FEW = PROMISING // 2  # effects that tell which way to take inputs
-# By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very strong evidence.
+FEW = PROMISING // 2  # effects by which hypotheses about inputs are judged
+# By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very
+# strong evidence.
 ACCEPT = 10.0
-FINALISTS = 5  # candidates that foretell blocks left out, the nearest first,
+FINALISTS = 5  # candidates that are cross-validated in blocks, the nearest first,
 LIKELIEST = 3  # and the likeliest in noise of their own
-ALTERNATIVE = (
-    6.0  # within which another candidate counts as not told apart, if one of the models is right
-)
+# of BIC, within which another candidate counts as not told apart, if one of the models is right
+ALTERNATIVE = 6.0
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 Array = NDArray[np.float64]
@@ -50,41 +55,46 @@ class Ranking:
     Attributes
     ----------
     rows : list of tuple of FittedCandidate and float
-        Candidates with the fall of BIC that each brings, less the price of looking at many; the best first.
-    foretold : dict of type[Effect] to ndarray, shape (blocks,)
-        Where the nearest leaves structure, so that none of the models is right: errors in blocks that a candidate was
-        not fitted to, of those that have a chance.
-    without : ndarray, shape (blocks,)
+        Candidates with the fall of BIC that each brings, less the price of looking at many; the
+        best first.
+    cv_errors : dict of type[Effect] to ndarray, shape (blocks,)
+        Where the nearest leaves structure, so that none of the models is right: errors in blocks
+        that a candidate was not fitted to, of those that have a chance.
+    base_cv_errors : ndarray, shape (blocks,)
         The same of the model without them.
     near : dict of type[Effect] to FittedCandidate
         Candidates fitted in white noise.
     """
 
     rows: list[Row] = field(default_factory=list)
-    foretold: dict[type[Effect], Array] = field(default_factory=dict)
-    without: Array = field(default_factory=lambda: np.empty(0))
+    cv_errors: dict[type[Effect], Array] = field(default_factory=dict)
+    base_cv_errors: Array = field(default_factory=lambda: np.empty(0))
     near: _Fitted = field(default_factory=dict)
 
-    def may_be(self, row: Row) -> bool:
-        """Whether a candidate may be named: where none is right, it foretells more than the model without it."""
-        effect = row[0].effect
-        return not self.foretold or (
-            effect in self.foretold and self.foretold[effect].sum() < self.without.sum()
-        )
+    def is_admissible(self, row: Row) -> bool:
+        """Return whether a candidate may be named, by its prediction errors where none is right."""
+        if not self.cv_errors:
+            return True
+        candidate, _ = row
+        errors = self.cv_errors.get(candidate.effect)
+        return errors is not None and bool(errors.sum() < self.base_cv_errors.sum())
 
-    def surely_foretells(self, row: Row) -> bool:
-        """Whether blocks agree that a candidate foretells more than the model without it."""
-        effect = row[0].effect
-        return effect in self.foretold and foretells_better(self.foretold[effect], self.without)
+    def cv_significant(self, row: Row) -> bool:
+        """Return whether a candidate predicts blocks significantly better than the base model."""
+        candidate, _ = row
+        errors = self.cv_errors.get(candidate.effect)
+        return errors is not None and predicts_better(errors, self.base_cv_errors)
 
-    def are_alike(self, better: Row, other: Row) -> bool:
-        """Whether the record does not tell a candidate from one that comes before it."""
-        if not self.foretold:
-            return better[1] - other[1] < ALTERNATIVE
-        one, two = (
-            self.foretold.get(fitted.effect, self.without + np.inf) for fitted, _ in (better, other)
-        )
-        return other[1] > ACCEPT and not foretells_better(one, two)
+    def indistinguishable(self, better: Row, other: Row) -> bool:
+        """Return whether the record does not tell a candidate from one that comes before it."""
+        better_candidate, better_gain = better
+        other_candidate, other_gain = other
+        if not self.cv_errors:
+            return better_gain - other_gain < ALTERNATIVE
+        unknown = self.base_cv_errors + np.inf
+        better_errors = self.cv_errors.get(better_candidate.effect, unknown)
+        other_errors = self.cv_errors.get(other_candidate.effect, unknown)
+        return other_gain > ACCEPT and not predicts_better(better_errors, other_errors)
 
 
 def ranked(
@@ -94,7 +104,7 @@ def ranked(
     effects: Sequence[type[Effect]],
     known: Mapping[type[Effect], FittedCandidate] | None = None,
 ) -> Ranking:
-    """Fit effects over a model: the promising ones, and for a first one all where the best of these leaves structure.
+    """Fit promising effects over a model, or all where a first one leaves structure, and rank them.
 
     Parameters
     ----------
@@ -102,7 +112,7 @@ def ranked(
     below : FittedCandidate
         The model.
     scored : sequence of ScoredModel
-        Where fits begin: that model, and others of the same effects.
+        That model, and others with the same effects, from which fits start.
     effects : sequence of type[Effect]
     known : Mapping of type[Effect] to FittedCandidate, optional
         Fitted in white noise from elsewhere.
@@ -111,66 +121,95 @@ def ranked(
     promising = _promising(starts)
     plain, base = _in_white_noise(search, below)
     seen: _Fitted = dict(known or {})
-    _glance(plain, base, {e: starts[e] for e in promising}, seen)
+    _fit_in_white_noise(plain, base, {e: starts[e] for e in promising}, seen)
     others = {e: several for e, several in starts.items() if e not in promising}
-    nearest, left = _nearest(search, base, seen)
+    nearest, structured = _nearest(search, base, seen)
     # a further cause is no small one, so that its score shows it
-    if others and left and not below.candidate.effects:
-        _glance(plain, base, others, seen)
-        nearest, left = _nearest(search, base, seen)
+    if others and structured and not below.candidate.effects:
+        _fit_in_white_noise(plain, base, others, seen)
+        nearest, structured = _nearest(search, base, seen)
     if not seen:
         return Ranking()
-    most = base.fit.bic - nearest.fit.bic
-    contenders = [
-        e for e, f in seen.items() if base.fit.bic - f.fit.bic > max(CONTENDER * most, WORTH)
-    ]
-    if not (left and contenders):
+    contenders = _contenders(base, nearest, seen)
+    if structured is None or not contenders:
         rows = _in_one_noise(search, below, nearest, seen, contenders, len(effects))
         return Ranking(rows, near=seen)
-    contenders = sorted(contenders, key=lambda e: seen[e].fit.bic)[:FINALISTS]
-    contenders += [e for e in _likeliest(search, seen)[:LIKELIEST] if e not in contenders]
-    without, *foretellings = _foretold(plain, [base, *(seen[e] for e in contenders)], left)
-    errors = dict(zip(contenders, foretellings, strict=True))
-    best = min(contenders, key=lambda e: errors[e].sum())
-    rows = _in_one_noise(search, below, seen[best], seen, contenders, len(effects))
+    finalists = _finalists(search, seen, contenders)
+    base_errors, *all_errors = _cross_validated(
+        plain, [base, *(seen[e] for e in finalists)], structured
+    )
+    errors = dict(zip(finalists, all_errors, strict=True))
+    best = min(finalists, key=lambda e: errors[e].sum())
+    rows = _in_one_noise(search, below, seen[best], seen, finalists, len(effects))
     rows.sort(key=lambda row: errors[row[0].effect].sum() if row[0].effect in errors else np.inf)
-    return Ranking(rows, errors, without, seen)
+    return Ranking(rows, errors, base_errors, seen)
+
+
+def _contenders(
+    base: FittedCandidate, nearest: FittedCandidate, seen: _Fitted
+) -> list[type[Effect]]:
+    """Return the effects that gain enough for their fits to be made sure of."""
+    threshold = max(CONTENDER * (base.fit.bic - nearest.fit.bic), WORTH)
+    return [e for e, fitted in seen.items() if base.fit.bic - fitted.fit.bic > threshold]
+
+
+def _finalists(
+    search: Search, seen: _Fitted, contenders: Sequence[type[Effect]]
+) -> list[type[Effect]]:
+    """Return the effects that are cross-validated: the nearest, and the likeliest."""
+    finalists = sorted(contenders, key=lambda e: seen[e].fit.bic)[:FINALISTS]
+    likeliest = _likeliest(search, seen)[:LIKELIEST]
+    return finalists + [e for e in likeliest if e not in finalists]
 
 
 def _nearest(
     search: Search, base: FittedCandidate, seen: _Fitted
 ) -> tuple[FittedCandidate, FittedCandidate | None]:
-    """What comes nearest in white noise; and the same in its own colour, if it leaves more than coloured noise."""
+    """Return the candidate nearest in white noise, and whether it leaves structure.
+
+    Returns
+    -------
+    nearest : FittedCandidate
+    structured : FittedCandidate or None
+        The same in its own colour, if it leaves more than coloured noise.
+    """
     nearest = min([base, *seen.values()], key=_bic)
-    fitted = None if search.budget.spent() else _again(search.in_noise_of(nearest), nearest)
-    return nearest, fitted if fitted and has_structure(fitted, search.data) else None
+    if search.budget.spent():
+        return nearest, None
+    coloured = _again(search.in_noise_of(nearest), nearest)
+    if coloured is None or not has_structure(coloured, search.data):
+        return nearest, None
+    return nearest, coloured
 
 
 def _likeliest(search: Search, seen: _Fitted) -> list[type[Effect]]:
-    """Effects by how likely each is where it stands, in noise of its own: slow errors may outweigh what is sought."""
-    as_they_are = replace(search, method=AS_IT_STANDS)
+    """Return effects by the likelihood of each as it stands, in noise of its own.
+
+    In white noise slow errors may outweigh what is sought.
+    """
+    as_they_are = replace(search, method=EVALUATE)
 
     def bic(fitted: FittedCandidate) -> float:
         own = _again(as_they_are, fitted)
         return own.fit.bic if own else np.inf
 
-    found = dict(zip(seen, side_by_side(bic, list(seen.values())), strict=True))
-    return sorted(found, key=lambda e: found[e])
+    criteria = dict(zip(seen, parallel_map(bic, list(seen.values())), strict=True))
+    return sorted(criteria, key=lambda e: criteria[e])
 
 
-def _foretold(
+def _cross_validated(
     plain: Search, candidates: Sequence[FittedCandidate], nearest: FittedCandidate
 ) -> list[Array]:
-    """Errors of candidates in blocks left out."""
+    """Return the errors of candidates in blocks left out, in turn."""
     blocks = Blocks.of(plain.data, bool(plain.each))
     counter = Counter(plain.progress, "foretelling blocks left out", len(candidates))
 
-    def one(fitted: FittedCandidate) -> Array:
-        errors = foretold(plain, fitted, blocks, nearest)
+    def errors_of(fitted: FittedCandidate) -> Array:
+        errors = cv_errors(plain, fitted, blocks, nearest)
         counter.one_more()
         return errors
 
-    return side_by_side(one, candidates)
+    return parallel_map(errors_of, candidates)
 
 
 def few(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[type[Effect]]:
@@ -179,19 +218,19 @@ def few(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[type[Effec
 
 
 def nearest_bic(search: Search, scored: ScoredModel, effects: Sequence[type[Effect]]) -> float:
-    """Return the BIC, in white noise and after a few steps, of what comes nearest of a model and effects over it."""
-    plain, nearest = _in_white_noise(search, scored.model)
-    return min(f.fit.bic for f in (nearest, *_glanced(plain, nearest, _starts([scored], effects))))
+    """Return the least BIC, in white noise after a few steps, of a model and effects over it."""
+    plain, base = _in_white_noise(search, scored.model)
+    screened = _screened(plain, base, _starts([scored], effects))
+    return min(fitted.fit.bic for fitted in (base, *screened))
 
 
 def _starts(
     scored: Sequence[ScoredModel], effects: Sequence[type[Effect]]
 ) -> dict[type[Effect], list[ScreenedCandidate]]:
-    """Where the fits of every effect begin, the most promising first."""
+    """Return the starts of the fits of every effect, the most promising first."""
+    candidates = [candidate for model in scored for candidate in screen(model, effects)]
     starts: dict[type[Effect], list[ScreenedCandidate]] = {}
-    for candidate in sorted(
-        (c for s in scored for c in screen(s, effects)), key=lambda c: -c.predicted.fall
-    ):
+    for candidate in sorted(candidates, key=lambda c: -c.predicted.fall):
         starts.setdefault(candidate.effect, []).append(candidate)
     return starts
 
@@ -205,22 +244,22 @@ def _in_white_noise(search: Search, below: FittedCandidate) -> tuple[Search, Fit
     return plain, plain.fit_from(below.candidate, below)
 
 
-def _glance(
+def _fit_in_white_noise(
     plain: Search,
     below: FittedCandidate,
     starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
     seen: _Fitted,
 ) -> None:
-    """Fit effects in white noise, a few steps of each and the best to the end, and put them into `seen`."""
-    glanced = _glanced(plain, below, starts)
-    to_the_end = replace(plain, method=ALIKE)
-    best = sorted(glanced, key=_bic)[:PROMISING]
-    ended = side_by_side(lambda f: _again(to_the_end, f), best)
-    for fitted in (*glanced, *filter(None, ended)):
+    """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end."""
+    screened = _screened(plain, below, starts)
+    to_the_end = replace(plain, method=FIXED_COLOUR)
+    best = sorted(screened, key=_bic)[:PROMISING]
+    ended = parallel_map(lambda f: _again(to_the_end, f), best)
+    for fitted in (*screened, *filter(None, ended)):
         seen[fitted.effect] = min(fitted, seen.get(fitted.effect, fitted), key=_bic)
 
 
-def _glanced(
+def _screened(
     plain: Search,
     below: FittedCandidate,
     starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
@@ -228,7 +267,7 @@ def _glanced(
     """Fit effects in white noise, a few steps of each."""
     counter = Counter(plain.progress, "fitting effects", len(starts))
 
-    def one(effect: type[Effect]) -> list[FittedCandidate]:
+    def fit_effect(effect: type[Effect]) -> list[FittedCandidate]:
         if plain.budget.spent():
             plain.budget.leave([label(effect)])
             return []
@@ -236,7 +275,8 @@ def _glanced(
         counter.one_more()
         return [f for f in fitted if f]
 
-    return [min(several, key=_bic) for several in side_by_side(one, list(starts)) if several]
+    fits = parallel_map(fit_effect, list(starts))
+    return [min(several, key=_bic) for several in fits if several]
 
 
 def _in_one_noise(
@@ -247,21 +287,35 @@ def _in_one_noise(
     contenders: Sequence[type[Effect]],
     number: int,
 ) -> list[Row]:
-    """Hold candidates against each other in the noise of the nearest; what has a chance is made sure of."""
-    counter = Counter(search.progress, "making sure of fits", len(contenders))
-    alike = search.in_noise_of(nearest)
-    as_they_are = replace(alike, method=AS_IT_STANDS)
+    """Compare candidates in the noise of the nearest; fits of contenders are made sure of.
 
-    def sure(effect: type[Effect]) -> FittedCandidate | None:
+    Parameters
+    ----------
+    search : Search
+    below : FittedCandidate
+        The model without them.
+    nearest : FittedCandidate
+    seen : dict of type[Effect] to FittedCandidate
+        All candidates, fitted in white noise.
+    contenders : sequence of type[Effect]
+    number : int
+        Effects that were looked at, which is the price of each.
+    """
+    counter = Counter(search.progress, "making sure of fits", len(contenders))
+    in_one_noise = search.in_noise_of(nearest)
+    as_they_are = replace(in_one_noise, method=EVALUATE)
+
+    def fit_effect(effect: type[Effect]) -> FittedCandidate | None:
         if effect not in contenders:
             return _again(as_they_are, seen[effect])
-        fitted = _again(alike, seen[effect])
+        fitted = _again(in_one_noise, seen[effect])
         counter.one_more()
-        return fitted and alike.refine(fitted)
+        return fitted and in_one_noise.refine(fitted)
 
-    base = alike.fit_from(below.candidate, below)
-    made = filter(None, side_by_side(sure, list(seen)))
-    return sorted(((f, f.delta_bic(base, number)) for f in made), key=lambda row: -row[1])
+    base = in_one_noise.fit_from(below.candidate, below)
+    candidates = filter(None, parallel_map(fit_effect, list(seen)))
+    rows = [(candidate, candidate.delta_bic(base, number)) for candidate in candidates]
+    return sorted(rows, key=lambda row: -row[1])
 
 
 def _bic(fitted: FittedCandidate) -> float:
@@ -269,7 +323,7 @@ def _bic(fitted: FittedCandidate) -> float:
 
 
 def _again(search: Search, fitted: FittedCandidate) -> FittedCandidate | None:
-    """Fit a candidate from where it stands."""
+    """Fit a candidate from where it stands; return None where that fails."""
     try:
         return search.fit_from(fitted.candidate, fitted)
     except FAILURES:
@@ -279,6 +333,7 @@ def _again(search: Search, fitted: FittedCandidate) -> FittedCandidate | None:
 def _tried(
     search: Search, below: FittedCandidate, screened: ScreenedCandidate
 ) -> FittedCandidate | None:
+    """Fit a screened candidate; note why, and return None, where that fails."""
     try:
         return search.fit_extended(screened, below)
     except FAILURES as error:

@@ -1,7 +1,8 @@
-"""Effects that were named one after another, judged together: backward elimination, and swaps.
+"""Backward elimination and swaps: effects named one after another are judged together.
 
-Each must be needed beside the others, and no other do better in its place. Forward selection alone keeps what an early
-step took for the sum of two causes (Miller: Subset Selection in Regression, 2nd ed., 2002, chapter 3).
+Each must be needed beside the others, and no other do better in its place. Forward selection alone
+keeps what an early step took for the sum of two causes (Miller: Subset Selection in Regression, 2nd
+ed., 2002, chapter 3).
 """
 
 from __future__ import annotations
@@ -11,9 +12,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 from fmus.kit import Effect
-from orchestration.discrepancy.candidates.candidate import Candidate, label
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.residuals.analysis import has_structure
+from orchestration.discrepancy.candidates import Candidate, FittedCandidate, label
+from orchestration.discrepancy.residuals import has_structure
 from orchestration.discrepancy.selection.ranking import ACCEPT, CONTENDER, Row, ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import FAILURES, Search
@@ -21,13 +21,13 @@ from orchestration.discrepancy.selection.stepwise import (
     Selection,
     Step,
     interchangeable,
-    loses_memory,
     takes_enough,
+    whitens_residual,
 )
 
 
 def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]]) -> Selection:
-    """Eliminate what is not needed beside the others, and swap what another does better.
+    """Eliminate effects not needed beside the others, and swap those that another does better.
 
     Parameters
     ----------
@@ -46,16 +46,14 @@ def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]
 
 
 def explaining(search: Search, selection: Selection) -> Selection:
-    """The selection, or nothing named where hardly any of what the model leaves is explained by it.
+    """Return the selection, without any effect where it explains hardly any of what is wrong.
 
-    Whatever is wrong with a model, some effect fits it a little. Where structure is left beside one that takes away
-    less than a tenth of the error beyond noise, something else is wrong.
+    Whatever is wrong with a model, some effect fits it a little. Where structure is left beside one
+    that takes away less than a tenth of the error beyond noise, something else is wrong.
     """
-    if (
-        not selection.steps
-        or search.budget.spent()
-        or not has_structure(selection.best, search.data)
-    ):
+    if not selection.steps or search.budget.spent():
+        return selection
+    if not has_structure(selection.best, search.data):
         return selection
     if takes_enough(selection.base, selection.base, selection.best):
         return selection
@@ -67,7 +65,7 @@ def explaining(search: Search, selection: Selection) -> Selection:
 def _revised_once(
     search: Search, selection: Selection, effects: Sequence[type[Effect]]
 ) -> Selection | None:
-    """The selection without an effect, or with another in its place; none if it stands as it is."""
+    """Return the selection without an effect, or with another in its place; None if it stands."""
     if len(selection.steps) < 2:
         return None
     best = selection.best
@@ -78,55 +76,68 @@ def _revised_once(
         without = _fitted(search, best, kept)
         if without is None:
             continue
-        if best.delta_bic(without, selection.tried) <= ACCEPT and not loses_memory(without, best):
+        if best.delta_bic(without, selection.tried) <= ACCEPT and not whitens_residual(
+            without, best
+        ):
             return _chain(search, selection, without)
         if all(interchangeable(effect, other) for other in kept):
             continue  # shapes of one cause
-        known = set(map(label, kept)) | search.not_assessed.keys()
-        rivals = _rivals(selection, effect) | {label(effect)}
-        others = [e for e in effects if label(e) in rivals - known]
-        tried = ranked(search, without, [score(search, without, others)], others)
-        best_row = tried.rows[0] if tried.rows else None
-        own = next((row for row in tried.rows if row[0].effect is effect), None)
-        if (
-            best_row
-            and best_row is not own
-            and tried.may_be(best_row)
-            and not (own and tried.are_alike(best_row, own))
-        ):
-            other = _fitted(search, best_row[0], best_row[0].candidate.effects)
-            if other is not None and other.delta_bic(without, selection.tried) > ACCEPT:
-                return _chain(search, selection, other)
-        if own:
-            _tell(
-                selection,
-                effect,
-                [r for r in tried.rows if r is not own and tried.are_alike(own, r)],
-            )
+        better = _better_in_place(search, selection, effect, without, effects)
+        if better is not None:
+            return _chain(search, selection, better)
+    return None
+
+
+def _better_in_place(
+    search: Search,
+    selection: Selection,
+    effect: type[Effect],
+    without: FittedCandidate,
+    effects: Sequence[type[Effect]],
+) -> FittedCandidate | None:
+    """Fit the model with a better effect in the place of one; return None if there is none.
+
+    Parameters
+    ----------
+    search : Search
+    selection : Selection
+    effect : type[Effect]
+        In the place of which others are tried; those as good become its alternatives.
+    without : FittedCandidate
+        The model without it.
+    effects : sequence of type[Effect]
+        The catalogue.
+    """
+    known = set(map(label, without.candidate.effects)) | search.not_assessed.keys()
+    rivals = _rivals(selection, effect) | {label(effect)}
+    others = [e for e in effects if label(e) in rivals - known]
+    tried = ranked(search, without, [score(search, without, others)], others)
+    own = next((row for row in tried.rows if row[0].effect is effect), None)
+    best = tried.rows[0] if tried.rows else None
+    if best and best is not own and tried.is_admissible(best):
+        is_better = not (own and tried.indistinguishable(best, own))
+        candidate, _ = best
+        other = _fitted(search, candidate, candidate.candidate.effects) if is_better else None
+        if other is not None and other.delta_bic(without, selection.tried) > ACCEPT:
+            return other
+    if own:
+        close = [r for r in tried.rows if r is not own and tried.indistinguishable(own, r)]
+        _set_alternatives(selection, effect, close)
     return None
 
 
 def _rivals(selection: Selection, effect: type[Effect]) -> set[str]:
-    """Effects that came near one where it was named, or beside it showed something."""
+    """Return labels of effects that came near one where it was named, or gained beside it."""
     k = next(k for k, step in enumerate(selection.steps) if step.chosen.effect is effect)
-    near = {
-        name
-        for name, gain in selection.steps[k].gains.items()
-        if gain > CONTENDER * selection.steps[k].gain
-    }
-    later = {
-        name
-        for step in selection.steps[k + 1 :]
-        for name, gain in step.gains.items()
-        if gain > ACCEPT
-    }
-    return (
-        near | later | {fitted.effect_name for fitted, gain in selection.rejected if gain > ACCEPT}
-    )
+    step = selection.steps[k]
+    rivals = {name for name, gain in step.gains.items() if gain > CONTENDER * step.gain}
+    for later in selection.steps[k + 1 :]:
+        rivals |= {name for name, gain in later.gains.items() if gain > ACCEPT}
+    return rivals | {fitted.effect_name for fitted, gain in selection.rejected if gain > ACCEPT}
 
 
 def _weightiest_first(search: Search, selection: Selection) -> Selection:
-    """The same effects in the order of how much worse the model is without each."""
+    """Return the same effects, those first without which the model is worst."""
     best = selection.best
     if len(selection.steps) < 2 or search.budget.spent():
         return selection
@@ -143,10 +154,11 @@ def _weightiest_first(search: Search, selection: Selection) -> Selection:
     return (again and _chain(search, selection, again)) or selection
 
 
-def _tell(selection: Selection, effect: type[Effect], close: Sequence[Row]) -> None:
-    """Note what would do as well in the place of an effect, now that the others are there."""
+def _set_alternatives(selection: Selection, effect: type[Effect], close: Sequence[Row]) -> None:
+    """Set the alternatives of an effect to those as good, now that the others are there."""
     k = next(k for k, step in enumerate(selection.steps) if step.chosen.effect is effect)
-    named, step = set(map(label, selection.best.candidate.effects)), selection.steps[k]
+    step = selection.steps[k]
+    named = set(map(label, selection.best.candidate.effects))
     others = [
         (e, gain)
         for e, gain in close
@@ -157,44 +169,43 @@ def _tell(selection: Selection, effect: type[Effect], close: Sequence[Row]) -> N
 
 
 def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selection | None:
-    """A selection that ends in a model, with every effect over those before it; none if one cannot be fitted."""
+    """Return a selection that ends in a model, every effect fitted over those before it.
+
+    None if one cannot be fitted.
+    """
     models = [best]
-    for k in range(
-        len(best.candidate.effects) - 1, -1, -1
-    ):  # the base, too: in the same distribution of the noise
+    # the base, too: in the same distribution of the noise
+    for k in range(len(best.candidate.effects) - 1, -1, -1):
         below = _fitted(search, models[0], best.candidate.effects[:k])
         if below is None:
             return None
         models.insert(0, below)
-    steps = list[Step]()
-    for below, model in pairwise(models):
-        evidence, p_value = (
-            model.delta_bic(below, selection.tried),
-            model.p_value(below, selection.tried),
-        )
-        known = next((s for s in selection.steps if s.chosen.effect is model.effect), None)
-        if known and loses_memory(below, model):
-            evidence, p_value = max((evidence, p_value), (known.evidence, known.p_value))
-        steps.append(
-            replace(known, chosen=model, evidence=evidence, p_value=p_value)
-            if known
-            else Step(
-                model, evidence, evidence, p_value, [], [], gains={model.effect_name: evidence}
-            )
-        )
+    steps = [_step(selection, below, model) for below, model in pairwise(models)]
     return replace(selection, steps=steps)
+
+
+def _step(selection: Selection, below: FittedCandidate, model: FittedCandidate) -> Step:
+    """Return the step from a model to one with one more effect, with its former gains if any."""
+    evidence = model.delta_bic(below, selection.tried)
+    p_value = model.p_value(below, selection.tried)
+    former = next((s for s in selection.steps if s.chosen.effect is model.effect), None)
+    if former is None:
+        gains = {model.effect_name: evidence}
+        return Step(model, evidence, evidence, p_value, [], [], gains=gains)
+    if whitens_residual(below, model):
+        evidence, p_value = max((evidence, p_value), (former.evidence, former.p_value))
+    return replace(former, chosen=model, evidence=evidence, p_value=p_value)
 
 
 def _fitted(
     search: Search, around: FittedCandidate, effects: Sequence[type[Effect]]
 ) -> FittedCandidate | None:
-    """A model with some of another's effects, fitted from where that one stands and in its noise."""
-    moving = {
+    """Fit a model with some of another's effects, from that one and in its noise, if it can be."""
+    starts = {
         effect.layout.start_of[state.name] for effect in effects for state in effect.layout.states
     }
-    candidate = Candidate(
-        (), search.base, tuple(name for name in around.candidate.starts if name in moving)
-    )
+    free_starts = tuple(name for name in around.candidate.starts if name in starts)
+    candidate = Candidate((), search.base, free_starts)
     for effect in effects:
         candidate = candidate.with_effect(effect)
     try:

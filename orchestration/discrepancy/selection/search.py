@@ -1,4 +1,4 @@
-"""Candidates fitted to the estimation data: the model without effects, and with one more effect laid over it."""
+"""Fits of candidates to the estimation data: the model without effects, and with one more."""
 
 from __future__ import annotations
 
@@ -8,36 +8,47 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect
-from fmus.kit.errors import UserError
-from fmus.kit.sensors import transport_delay
+from fmus.kit import Component, Effect, UserError, transport_delay
 from orchestration.discrepancy.budget import Budget
-from orchestration.discrepancy.candidates.candidate import Candidate, own_parameters
-from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScreenedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.candidates import (
+    Candidate,
+    FittedCandidate,
+    ScreenedCandidate,
+    own_parameters,
+)
+from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note
-from orchestration.identify.method import ALIKE, FULLY, GLANCE, Method
-from orchestration.identify.noise.model import Noise
-from orchestration.identify.prediction_error import PRIOR_STD, FitResult, fit, fit_free_run, trusted
-from orchestration.identify.problem import Problem
-from orchestration.identify.simulation_error import (
+from orchestration.identify.fitting import (
+    FIXED_COLOUR,
+    FULL,
+    PRIOR_STD,
+    SCREEN,
+    FitResult,
+    Method,
+    Problem,
+    choose_credible_fit,
     error_at,
     error_scales,
+    fit_free_run,
+    fit_prediction_error,
     pooled_error,
     starting_points,
 )
-from orchestration.records.joined import base_name, names_in
+from orchestration.identify.noise import Noise
+from orchestration.records import base_name, names_in
 
 Array = NDArray[np.float64]
-_BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to begin with once more
-# What may come of one fit of many; the others stand.
+_BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to start from once more
+# Errors that end one fit of many; the others stand.
 FAILURES = UserError, ArithmeticError, np.linalg.LinAlgError
-# Times the least error of the nominal model's free run, which no noise model may take a fit beyond. Fits to slow noise
-# of few independent samples are that far above the least, which follows the noise itself.
+# Times the least error of the nominal model's free run, which no noise model may take a fit beyond.
+# Fits to slow noise of few independent samples are that far above the least, which follows the
+# noise itself.
 STRAYED = 1.25
-# Internal steps per sample that an effect may take, or this share of those that the model may take in a short record: a
-# bend may become sharper than anything seen between two samples.
-_EFFORT, _EASIER = 25.0, 0.2
+# Internal steps per sample that an effect may take, or this share of those that the model may take
+# in a short record: a bend may become sharper than anything seen between two samples.
+_EFFORT = 25.0
+_EASIER = 0.2
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -61,17 +72,19 @@ class Search:
     each : sequence of str
         Parameters that differ from run to run. Where states start does so anyway.
     farthest : float
-        Pooled error of the free run that no candidate may pass; known once the nominal model was fitted.
+        Pooled error of the free run that no candidate may pass; known once the nominal model was
+        fitted.
     freedom : Mapping of str to float
-        Of the noise of every output, the same for all that are held against each other: which distribution fits what a
-        model leaves may change from one point to the next, and with it the likelihood by more than an effect is worth.
+        Of the noise of every output, the same for all that are held against each other: which
+        distribution fits what a model leaves may change from one point to the next, and with it the
+        likelihood by more than an effect is worth.
     colour : Mapping of str to ndarray
-        Coefficients of the noise's autoregression, where candidates are held against each other in the same noise;
-        every one has its own unless given.
+        Coefficients of the noise's autoregression, where candidates are held against each other in
+        the same noise; every one has its own unless given.
     method : Method
-        How far fits go.
+        Effort of the fits.
     patience : float
-        How many times as many internal steps as usual a candidate with effects may take.
+        Factor on the internal steps that a candidate with effects may take.
     """
 
     data: Dataset
@@ -85,22 +98,21 @@ class Search:
     farthest: float = np.inf
     freedom: Mapping[str, float] = field(default_factory=dict)
     colour: Mapping[str, Array] = field(default_factory=dict)
-    method: Method = FULLY
+    method: Method = FULL
     patience: float = 1.0
 
     def nominal(self) -> FittedCandidate:
         """Fit the model without effects, from several starts."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
-        free_run = fit_free_run(problem, starting_points(problem), self._physical(problem))
+        free_run = fit_free_run(problem, starting_points(problem), self._has_prior(problem))
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
-        return FittedCandidate(
-            candidate, problem, self._fit(problem, free_run.q, free_run.noise), free_run
-        )
+        fit = self._fit(problem, free_run.q, free_run.noise)
+        return FittedCandidate(candidate, problem, fit, free_run)
 
     def heard(self, base: FittedCandidate) -> tuple[Search, FittedCandidate]:
-        """Leave out parameters of which the fitted model shows no trace: derivatives are what a simulation costs.
+        """Drop parameters to which the fitted model is insensitive: derivatives are expensive.
 
         Returns
         -------
@@ -112,159 +124,172 @@ class Search:
             return self, base
         search = replace(self, parameters=[name for name in self.parameters if name in traced])
         kept = search.refit(base)
-        return search, replace(
-            kept, free_run=fit_free_run(kept.problem, [kept.fit.q], search._physical(kept.problem))
-        )
+        has_prior = search._has_prior(kept.problem)
+        free_run = fit_free_run(kept.problem, [kept.fit.q], has_prior)
+        return search, replace(kept, free_run=free_run)
 
     def near_nominal(self, prior_std: float) -> FittedCandidate:
         """Fit the model without effects, its physical parameters held close to nominal."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
-        return FittedCandidate(
-            candidate, problem, self._fit(problem, problem.position(problem.start), None, prior_std)
-        )
+        fit = self._fit(problem, problem.position(problem.start), None, prior_std)
+        return FittedCandidate(candidate, problem, fit)
 
     def trusted(
         self, fitted: FittedCandidate, below: FittedCandidate | None = None
     ) -> FittedCandidate:
-        """Return a candidate as it is reported: with the fit of its free run where a noise model took over too much.
+        """Return a candidate with the fit of its free run, if the noise model took over too much.
 
         Parameters
         ----------
         fitted : FittedCandidate
         below : FittedCandidate, optional
-            The model that it is laid over. It contains that one, so if its free run is farther from the record, which
-            a search that ran out of time may leave it at, it is fitted from there.
+            The model that it is laid over. It contains that one, so if its free run is farther from
+            the record, which a search that ran out of time may leave it at, it is fitted from
+            there.
         """
-        problem, scales = fitted.problem, error_scales(fitted.problem)
-        known = (
-            [problem.position(problem.start | fitted.free_run.values)] if fitted.free_run else []
+        problem = fitted.problem
+        scales = error_scales(problem)
+        starts = [fitted.fit.q]
+        if fitted.free_run:
+            starts.append(problem.position(problem.start | fitted.free_run.values))
+        free_run = fit_free_run(problem, starts, self._has_prior(problem))
+        if below is not None:
+            error_below = pooled_error(below.fit.residual, scales)
+            if pooled_error(free_run.residual, scales) > error_below:
+                at_rest = problem.position(problem.start | below.fit.values)
+                free_run = fit_free_run(problem, [at_rest], self._has_prior(problem))
+        return replace(
+            fitted, fit=choose_credible_fit(problem, fitted.fit, free_run), free_run=free_run
         )
-        free_run = fit_free_run(problem, [fitted.fit.q, *known], self._physical(problem))
-        if below is not None and pooled_error(free_run.residual, scales) > pooled_error(
-            below.fit.residual, scales
-        ):
-            at_rest = problem.position(problem.start | below.fit.values)
-            free_run = fit_free_run(problem, [at_rest], self._physical(problem))
-        return replace(fitted, fit=trusted(problem, fitted.fit, free_run), free_run=free_run)
 
     def fit_extended(
         self, screened: ScreenedCandidate, at_rest: FittedCandidate
     ) -> FittedCandidate:
-        """Fit a model with one more effect, from where it is expected to end or from a model without it.
+        """Fit a model with one more effect, from its predicted parameters or the model without it.
 
         Parameters
         ----------
         screened : ScreenedCandidate
         at_rest : FittedCandidate
-            The model without the effect; the fit begins there unless where it is expected to end is nearer.
+            The model without the effect; the fit starts there unless the predicted parameters are
+            nearer.
         """
         below = screened.below
         candidate = at_rest.candidate.with_effect(screened.effect)
-        if (
-            self._moving and getattr(screened.effect, "made_by", None) is transport_delay
-        ):  # it shows the time before
-            candidate = _moved(candidate, screened.effect)
+        # a delay shows the time before the record
+        if self._starts_unknown and getattr(screened.effect, "made_by", None) is transport_delay:
+            candidate = _with_free_starts(candidate, screened.effect)
         problem = self._problem(candidate)
-        stepped = below.problem.values(
-            below.fit.q + np.clip(screened.predicted.step, -_STRIDE, _STRIDE)
-        )
+        step = np.clip(screened.predicted.step, -_STRIDE, _STRIDE)
+        predicted = below.problem.values(below.fit.q + step)
         starts = [
-            problem.position(problem.start | v | screened.start)
-            for v in (stepped, at_rest.fit.values)
+            problem.inside(problem.position(problem.start | values | screened.start))
+            for values in (predicted, at_rest.fit.values)
         ]
-        begin = min(map(problem.inside, starts), key=lambda q: error_at(problem, q))
-        return FittedCandidate(candidate, problem, self._fit(problem, begin, None))
+        nearest = min(starts, key=lambda q: error_at(problem, q))
+        return FittedCandidate(candidate, problem, self._fit(problem, nearest, None))
 
     def refine(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit once more from beside the optimum: a kink or a time constant has several; and not at rest."""
-        candidate, effect = fitted.candidate, fitted.effect
+        """Fit once more from beside the optimum, where there may be others, and not at rest."""
+        candidate = fitted.candidate
+        effect = fitted.effect
         best = fitted
         if self.budget.spent():
             return best
         for name in own_parameters(effect)[1:]:
             for factor in _BESIDE:
                 start = fitted.problem.start | fitted.fit.values
-                start[name] = float(
-                    np.clip(
-                        start[name] * factor, effect.declared[name].min, effect.declared[name].max
-                    )
-                )
-                best = min(best, self._again(candidate, start, fitted), key=lambda e: e.fit.bic)
-        if effect.layout.states and self._moving:
-            moving = _moved(candidate, effect)
-            best = min(
-                best,
-                self._again(moving, best.problem.start | best.fit.values, best),
-                key=lambda e: e.fit.bic,
-            )
+                declared = effect.declared[name]
+                start[name] = float(np.clip(start[name] * factor, declared.min, declared.max))
+                again = self._again(candidate, start, fitted)
+                best = min(best, again, key=lambda e: e.fit.bic)
+        if effect.layout.states and self._starts_unknown:
+            moving = _with_free_starts(candidate, effect)
+            again = self._again(moving, best.problem.start | best.fit.values, best)
+            best = min(best, again, key=lambda e: e.fit.bic)
         return best
 
     def renewed(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Look at the noise anew, now that a model explains more of a record, and fit it once more if that changed."""
+        """Estimate the tails of the noise anew, and fit the model once more if they changed."""
         problem = fitted.problem
         problem.freedom = {}
         freedom = {o: noise.freedom for o, noise in problem.noise(fitted.fit.residual).items()}
-        problem.freedom, changed = freedom, freedom != self.freedom
+        problem.freedom = freedom
+        is_same = freedom == self.freedom
         self.freedom = freedom
-        return replace(fitted, fit=self._fit(problem, fitted.fit.q, None)) if changed else fitted
+        if is_same:
+            return fitted
+        return replace(fitted, fit=self._fit(problem, fitted.fit.q, None))
 
     def refit(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit a model that was selected on another part of the record to this one."""
         self.progress(f"fitting {fitted.candidate.name} to all of the record")
         problem = self._problem(fitted.candidate)
         q = problem.position(problem.start | fitted.fit.values)
-        return FittedCandidate(
-            fitted.candidate, problem, self._fit(problem, q, fitted.fit.noise), fitted.free_run
-        )
+        fit = self._fit(problem, q, fitted.fit.noise)
+        return FittedCandidate(fitted.candidate, problem, fit, fitted.free_run)
 
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
-        """Fit a model once more, from where one that contains it stands and in its noise; the likelier of the two.
+        """Fit a model once more from one that contains it, and return the likelier of the two fits.
 
-        The degrees of freedom and the colour of noise have several optima. One that only the richer model has found is
-        no evidence for what it has more.
+        The degrees of freedom and the colour of noise have several optima. One that only the richer
+        model has found is no evidence for what it has more.
         """
         again = self._again(below.candidate, richer.fit.values, richer)
-        better = again is not richer and again.fit.bic < below.fit.bic
-        return replace(below, problem=again.problem, fit=again.fit) if better else below
+        if again is richer or not again.fit.bic < below.fit.bic:
+            return below
+        return replace(below, problem=again.problem, fit=again.fit)
 
     def in_white_noise(self) -> Search:
-        """Search for simulations that are near, whatever colour what they leave has: quickly."""
-        return replace(self, colour={o: np.empty(0) for o in self.data.measured}, method=GLANCE)
+        """Return a quick search for near simulations, whatever the colour of their residual."""
+        return replace(self, colour={o: np.empty(0) for o in self.data.measured}, method=SCREEN)
 
     def in_noise_of(self, fitted: FittedCandidate) -> Search:
-        """Search in the colour of what a candidate leaves, the same for all."""
+        """Return a search in the colour of a candidate's residual, the same for all."""
         problem = fitted.problem
         problem.colour = {}
         noise = problem.noise(fitted.fit.residual)
-        return replace(self, colour={o: n.coefficients for o, n in noise.items()}, method=ALIKE)
+        return replace(
+            self, colour={o: n.coefficients for o, n in noise.items()}, method=FIXED_COLOUR
+        )
 
     def problem(
         self, candidate: Candidate, names: Sequence[str], fixed: Mapping[str, float]
     ) -> Problem:
-        """Output-error problem of a candidate over this record, some of its parameters being searched."""
+        """Return the output-error problem of a candidate over this record.
+
+        Parameters
+        ----------
+        candidate : Candidate
+        names : sequence of str
+            Parameters that are searched.
+        fixed : Mapping of str to float
+            Values of others.
+        """
         data = self.data
         starts = (p.name for p in candidate.cls.layout.parameters if p.starts)
         searched = names_in(data.runs, names, [*self.each, *starts])
-        made = Problem(
+        problem = Problem(
             candidate.cls,
             data.time,
             data.inputs,
             data.measured,
             searched,
             fixed,
-            data.linear or (),
+            linear=data.linear or (),
             runs=data.several,
         )
-        made.out_of_time, made.freedom, made.colour = self.budget.spent, self.freedom, self.colour
+        problem.out_of_time = self.budget.spent
+        problem.freedom = self.freedom
+        problem.colour = self.colour
         if candidate.effects:
-            made.effort = self.patience * max(_EFFORT, _EASIER * made.effort)
-        return made
+            problem.effort = self.patience * max(_EFFORT, _EASIER * problem.effort)
+        return problem
 
     def _problem(self, candidate: Candidate) -> Problem:
-        return self.problem(
-            candidate, [*self.parameters, *candidate.parameters, *candidate.starts], self.fixed
-        )
+        names = [*self.parameters, *candidate.parameters, *candidate.starts]
+        return self.problem(candidate, names, self.fixed)
 
     def fit_from(
         self,
@@ -272,16 +297,16 @@ class Search:
         around: FittedCandidate,
         start: Mapping[str, float] | None = None,
     ) -> FittedCandidate:
-        """Fit a candidate from where another stands, or from a point of its own, and in the noise of the other."""
+        """Fit a candidate from another fit, or a start of its own, in the noise of the other."""
         problem = self._problem(candidate)
         q = problem.position(problem.start | dict(around.fit.values if start is None else start))
-        return FittedCandidate(
-            candidate, problem, self._fit(problem, q, None if self.colour else around.fit.noise)
-        )
+        fit = self._fit(problem, q, None if self.colour else around.fit.noise)
+        return FittedCandidate(candidate, problem, fit)
 
     def _again(
         self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate
     ) -> FittedCandidate:
+        """Fit a candidate from a start of its own; return the former fit where that fails."""
         try:
             return self.fit_from(candidate, fitted, start)
         except FAILURES:
@@ -294,28 +319,34 @@ class Search:
         noise: Mapping[str, Noise] | None,
         prior_std: float = PRIOR_STD,
     ) -> FitResult:
-        fitted = fit(
-            problem, q, noise, self._physical(problem), prior_std, self.method, self.farthest
+        fitted = fit_prediction_error(
+            problem,
+            q,
+            noise,
+            self._has_prior(problem),
+            prior_std,
+            self.method,
+            farthest=self.farthest,
         )
         problem.forget()  # of many candidates few are looked at again
         return fitted
 
     @property
-    def _moving(self) -> bool:
-        """Whether it is not known where everything starts."""
+    def _starts_unknown(self) -> bool:
+        """True if any start value is searched."""
         return any(name in self.base.layout.start_parameters for name in self.parameters)
 
-    def _physical(self, problem: Problem) -> NDArray[np.bool_]:
-        """Which of the searched parameters have a prior."""
+    def _has_prior(self, problem: Problem) -> NDArray[np.bool_]:
+        """Return for every searched parameter whether it has a prior, a mask of shape (p,)."""
         return np.array(
             [
-                base_name(n) in self.parameters and not problem.declared[n].starts
-                for n in problem.names
+                base_name(name) in self.parameters and not problem.declared[name].starts
+                for name in problem.names
             ]
         )
 
 
-def _moved(candidate: Candidate, effect: type[Effect]) -> Candidate:
-    """A candidate that is not at rest: where the states of an effect start is searched, too."""
+def _with_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidate:
+    """Return a candidate in which the start values of an effect's states are searched, too."""
     starts = (effect.layout.start_of[state.name] for state in effect.layout.states)
     return replace(candidate, starts=tuple(dict.fromkeys((*candidate.starts, *starts))))

@@ -1,4 +1,4 @@
-"""Forward selection: one effect after another while the evidence asks for more, with the alternatives to each."""
+"""Forward selection of effects, one at a time while there is evidence, with alternatives."""
 
 from __future__ import annotations
 
@@ -6,35 +6,37 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fmus.kit import Effect
-from orchestration.discrepancy.candidates.candidate import label
-from orchestration.discrepancy.candidates.evidence import FittedCandidate, ScoredModel
-from orchestration.discrepancy.residuals.innovations import power
+from orchestration.discrepancy.candidates import FittedCandidate, ScoredModel, label
+from orchestration.discrepancy.residuals import robust_power
 from orchestration.discrepancy.selection.ranking import ACCEPT, ALTERNATIVE, Ranking, Row, ranked
 from orchestration.discrepancy.selection.scoring import confounding, score, unidentifiable
 from orchestration.discrepancy.selection.search import FAILURES, Search
 
-NEGLIGIBLE = 0.01  # of what the first effect gained: less is its true shape, which is never quite that of the catalogue
+# of what the first effect gained: less is its true shape, which is never quite that of the
+# catalogue
+NEGLIGIBLE = 0.01
 SECONDARY = 0.2  # of the evidence for the first effect, below which another is a lesser matter
 MOST = 3  # effects that are looked for
 CHANCES = 6  # candidates that are fitted in noise of their own, the best first, until one is sure
 EXPLAINED = 0.1  # of the error of the base beyond noise
-SHORT = 5.0  # memory that is none: the variance of noise over that of its innovations
-# A model left free may bend its parameters out of all reason to follow what it has no word for, and what an effect
-# would add to that tells little. Where one held this close to nominal (in the logarithm) is this much less likely,
-# effects are looked at from both.
+SHORT = 5.0  # ratio of the variance of noise to that of its innovations, below which it is white
+# A model left free may bend its parameters out of all reason to follow what it has no word for, and
+# what an effect would add to that tells little. Where one held this close to nominal (in the
+# logarithm) is this much less likely, effects are scored at both.
 NEAR_NOMINAL = 0.1
 OVERFITTED = 50.0
 
 
 @dataclass(frozen=True)
 class Step:
-    """One effect named.
+    """A step of forward selection, in which one effect was named.
 
     Attributes
     ----------
     chosen : FittedCandidate
     gain : float
-        Fall of BIC against the step before, less the price of looking at many, both in the noise of the best candidate.
+        Fall of BIC against the step before, less the price of looking at many, both in the noise of
+        the best candidate.
     evidence : float
         The same, each in the noise that is likeliest for it.
     p_value : float
@@ -61,7 +63,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Selection:
-    """Effects selected, and what was tried beside them.
+    """Effects that were selected, and candidates that were rejected.
 
     Attributes
     ----------
@@ -73,8 +75,8 @@ class Selection:
     tried : int
         Effects in the catalogue.
     unsure : set of str
-        Labels of effects whose evidence would do, were noise of the level and the colour that a likelihood takes it to
-        be.
+        Labels of effects whose evidence would do, were noise of the level and the colour that a
+        likelihood takes it to be.
     """
 
     base: FittedCandidate
@@ -89,7 +91,7 @@ class Selection:
         return [step for step in self.steps if step.evidence >= SECONDARY * self.steps[0].evidence]
 
     def ending_in(self, best: FittedCandidate) -> Selection:
-        """The same, its best model fitted anew."""
+        """Return the same selection with its best model fitted anew."""
         if not self.steps:
             return replace(self, base=best)
         return replace(self, steps=[*self.steps[:-1], replace(self.steps[-1], chosen=best)])
@@ -103,7 +105,7 @@ class Selection:
 def select(
     search: Search, effects: Sequence[type[Effect]], known: ScoredModel | None = None
 ) -> Selection:
-    """Look for effects, one at a time.
+    """Select effects, one at a time.
 
     Parameters
     ----------
@@ -111,72 +113,119 @@ def select(
     effects : sequence of type[Effect]
         The catalogue.
     known : ScoredModel, optional
-        The model without effects, if it is known where effects would move it.
+        The model without effects, if it was scored already.
 
     Returns
     -------
     Selection
     """
-    known = known or score(search, search.nominal(), effects)
-    base = known.model
-    near = base if search.budget.spent() else search.near_nominal(NEAR_NOMINAL)
-    overfitted = near.fit.deviance - base.fit.deviance > OVERFITTED
-    scored = [known, *([score(search, near, effects)] if overfitted else [])]
-    silent = unidentifiable(scored[0])
+    first = known or score(search, search.nominal(), effects)
+    scored = [first, *_scored_near_nominal(search, first.model, effects)]
+    silent = unidentifiable(first)
     search.not_assessed |= silent
-    selection = Selection(base, tried=len(effects))
+    selection = Selection(first.model, tried=len(effects))
     remaining = [effect for effect in effects if label(effect) not in silent]
     while remaining and len(selection.steps) < MOST:
         if search.budget.spent():
             search.budget.leave(map(label, remaining))
             break
-        tried = ranked(search, selection.best, scored, remaining)
-        found = _named(search, selection, tried, len(remaining))
-        lowered = selection.best.fit.bic - found.below.fit.bic
-        if found.below is not selection.best:
-            selection = selection.ending_in(found.below)
-        if found.step and lowered > ALTERNATIVE:  # all were fitted from a lesser optimum
-            scored.append(score(search, found.below, remaining))
-            tried = ranked(search, found.below, scored[-1:], remaining, tried.near)
-            again = _named(search, selection, tried, len(remaining))
-            found = found if search.budget.spent() else again
-        selection.unsure.update(found.unsure)
-        if found.step is None:
-            selection.rejected.extend(found.tried.rows)
+        selection, result = _search_step(search, selection, scored, remaining)
+        selection.unsure.update(result.unsure)
+        if result.step is None:
+            selection.rejected.extend(result.tried.rows)
             break
-        step = found.step
-        named = {label(effect) for effect in step.chosen.candidate.effects}
+        named = {label(effect) for effect in result.step.chosen.candidate.effects}
         remaining = [effect for effect in remaining if label(effect) not in named]
-        nearest = _nearest(scored, step.chosen)
-        others = [other for other in remaining if not interchangeable(other, step.chosen.effect)]
-        shares = confounding(nearest, step.chosen.effect, others)
-        step = replace(step, chosen=search.renewed(step.chosen), confounding=shares)
+        nearest = _nearest(scored, result.step.chosen)
+        step = _completed(search, result.step, nearest, remaining)
         selection.steps.append(step)
         scored = [ScoredModel(step.chosen, nearest.directions)]
     for fitted, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
         search.not_assessed.pop(fitted.effect_name, None)  # from elsewhere it could be fitted
-    # what was named beside another is no alternative to it
+    return _without_named_alternatives(selection)
+
+
+def _scored_near_nominal(
+    search: Search, base: FittedCandidate, effects: Sequence[type[Effect]]
+) -> list[ScoredModel]:
+    """Return the model near nominal, scored, if the base is fitted out of all reason."""
+    near = base if search.budget.spent() else search.near_nominal(NEAR_NOMINAL)
+    if near.fit.deviance - base.fit.deviance > OVERFITTED:
+        return [score(search, near, effects)]
+    return []
+
+
+def _search_step(
+    search: Search,
+    selection: Selection,
+    scored: list[ScoredModel],
+    remaining: Sequence[type[Effect]],
+) -> tuple[Selection, _StepResult]:
+    """Search for one more effect; again if a richer model has shown a better optimum below.
+
+    Parameters
+    ----------
+    search : Search
+    selection : Selection
+    scored : list of ScoredModel
+        Models with the effects so far, of which there is one more where the search is repeated.
+    remaining : sequence of type[Effect]
+
+    Returns
+    -------
+    selection : Selection
+        The same, its best model fitted anew if there is a better optimum.
+    result : _StepResult
+    """
+    tried = ranked(search, selection.best, scored, remaining)
+    result = _best_sure(search, selection, tried, len(remaining))
+    lowered = selection.best.fit.bic - result.below.fit.bic
+    improved = selection
+    if result.below is not selection.best:
+        improved = selection.ending_in(result.below)
+    if result.step is None or not lowered > ALTERNATIVE:
+        return improved, result
+    # all were fitted from a lesser optimum
+    scored.append(score(search, result.below, remaining))
+    tried_again = ranked(search, result.below, scored[-1:], remaining, tried.near)
+    again = _best_sure(search, improved, tried_again, len(remaining))
+    return improved, result if search.budget.spent() else again
+
+
+def _completed(
+    search: Search, step: Step, nearest: ScoredModel, remaining: Sequence[type[Effect]]
+) -> Step:
+    """Return a step with its model fitted in renewed noise, and with what is confounded with it."""
+    effect = step.chosen.effect
+    others = [other for other in remaining if not interchangeable(other, effect)]
+    shares = confounding(nearest, effect, others)
+    return replace(step, chosen=search.renewed(step.chosen), confounding=shares)
+
+
+def _without_named_alternatives(selection: Selection) -> Selection:
+    """Return the selection without alternatives that were named in another step."""
     named = {label(effect) for effect in selection.best.candidate.effects}
-    steps = [
-        replace(s, alternatives=[e for e in s.alternatives if e.effect_name not in named])
-        for s in selection.steps
-    ]
+    steps = []
+    for step in selection.steps:
+        others = [e for e in step.alternatives if e.effect_name not in named]
+        steps.append(replace(step, alternatives=others))
     return replace(selection, steps=steps)
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What came of one look at all candidates.
+class _StepResult:
+    """The result of one search among all candidates.
 
     Attributes
     ----------
     step : Step or None
         None where nothing is sure.
     below : FittedCandidate
-        The model that was looked at; fitted anew where a richer one has shown a better optimum.
+        The model without them; fitted anew where a richer one has shown a better optimum.
     tried : Ranking
     unsure : set of str
-        Labels of effects of which the evidence would do in noise that is as a likelihood takes it to be.
+        Labels of effects of which the evidence would do in noise that is as a likelihood takes it
+        to be.
     """
 
     step: Step | None
@@ -185,14 +234,16 @@ class _Found:
     unsure: set[str] = field(default_factory=set)
 
 
-def _named(search: Search, selection: Selection, tried: Ranking, looked_at: int) -> _Found:
-    """The best of the candidates of which there is evidence in noise of its own, too, and what is as good."""
-    below, unsure, refused = selection.best, set[str](), list[Row]()
+def _best_sure(search: Search, selection: Selection, tried: Ranking, looked_at: int) -> _StepResult:
+    """Return the best candidate with evidence in noise of its own, too, and those as good."""
+    below = selection.best
+    unsure: set[str] = set()
+    refused: list[Row] = []
     threshold = max(ACCEPT, NEGLIGIBLE * selection.steps[0].evidence if selection.steps else 0.0)
     for row in _in_turn(tried)[:CHANCES]:
         candidate, gain = row
         refused.append(row)
-        if gain <= threshold or not tried.may_be(row):
+        if gain <= threshold or not tried.is_admissible(row):
             continue
         try:
             chosen = search.fit_from(candidate.candidate, candidate)
@@ -200,51 +251,68 @@ def _named(search: Search, selection: Selection, tried: Ranking, looked_at: int)
             continue
         below = search.nested(below, chosen)
         beyond = 0.0
-        if loses_memory(
-            below, candidate
-        ):  # noise of its own lets the model without it off too easily
-            chosen, beyond = candidate, gain - candidate.delta_bic(below, looked_at)
+        # noise of its own lets the model without it off too easily
+        if whitens_residual(below, candidate):
+            chosen = candidate
+            beyond = gain - candidate.delta_bic(below, looked_at)
         evidence = chosen.delta_bic(below, looked_at) + beyond
         if evidence <= threshold:
             continue
-        robust = chosen.robust_fall(below, looked_at, beyond) > ACCEPT or tried.surely_foretells(
-            row
-        )
-        if not (robust and _is_sure(selection, below, chosen)):
+        is_robust = chosen.robust_fall(below, looked_at, beyond) > ACCEPT
+        is_robust = is_robust or tried.cv_significant(row)
+        if not (is_robust and _is_sure(selection, below, chosen)):
             unsure.add(chosen.effect_name)
             continue
-        others = [
-            r
-            for r in tried.rows
-            if r is not row and not interchangeable(r[0].effect, chosen.effect)
-        ]
-        alike = [r for r in others if tried.are_alike(row, r) and r not in refused]
-        step = Step(
-            replace(chosen, free_run=tried.near[chosen.effect].fit),
-            gain,
-            evidence,
-            chosen.p_value(below, looked_at, beyond),
-            [e for e, _ in alike],
-            [r for r in others if r not in alike],
-            gains={e.effect_name: g for e, g in tried.rows},
-        )
-        return _Found(step, below, tried, unsure)
-    return _Found(None, below, tried, unsure)
+        p_value = chosen.p_value(below, looked_at, beyond)
+        named = Step(chosen, gain, evidence, p_value, [], [])
+        return _StepResult(_with_others(named, tried, row, refused), below, tried, unsure)
+    return _StepResult(None, below, tried, unsure)
+
+
+def _with_others(step: Step, tried: Ranking, row: Row, refused: Sequence[Row]) -> Step:
+    """Add to a step the other candidates: its alternatives, and those rejected.
+
+    Parameters
+    ----------
+    step : Step
+    tried : Ranking
+    row : tuple of FittedCandidate and float
+        Of the effect that was named.
+    refused : sequence of tuple of FittedCandidate and float
+        Candidates judged before it, and itself, which are no alternatives.
+    """
+    effect = step.chosen.effect
+    others = [
+        other
+        for other in tried.rows
+        if other is not row and not interchangeable(other[0].effect, effect)
+    ]
+    as_good = [o for o in others if tried.indistinguishable(row, o) and o not in refused]
+    return replace(
+        step,
+        chosen=replace(step.chosen, free_run=tried.near[effect].fit),
+        alternatives=[fitted for fitted, _ in as_good],
+        rejected=[other for other in others if other not in as_good],
+        gains={fitted.effect_name: gain for fitted, gain in tried.rows},
+    )
 
 
 def _in_turn(tried: Ranking) -> list[Row]:
-    """Candidates in the order in which they are asked: those that are as good as the best first, by the criterion.
+    """Return candidates in the order in which they are judged: those as good as the best first.
 
-    One of measuring takes no credit for what physics explains, too, which comes before it; nor one of an input for what
-    a law explains as well by the criterion.
+    One of measuring takes no credit for what physics explains, too, which comes before it; nor one
+    of an input for what a law explains as well by the criterion.
     """
     as_good = [
-        row for row in tried.rows if row is tried.rows[0] or tried.are_alike(tried.rows[0], row)
+        row
+        for row in tried.rows
+        if row is tried.rows[0] or tried.indistinguishable(tried.rows[0], row)
     ]
     most = max((gain for _, gain in as_good), default=0.0)
 
     def place(row: Row) -> tuple[bool, bool, bool, float]:
-        effect, gain = row[0].effect, row[1]
+        candidate, gain = row
+        effect = candidate.effect
         of_input = bool(effect.term.signal) and not effect.term.law
         return bool(effect.output), most - gain >= ALTERNATIVE, of_input, -gain
 
@@ -255,28 +323,29 @@ def _in_turn(tried: Ranking) -> list[Row]:
     ]
 
 
-def loses_memory(below: FittedCandidate, richer: FittedCandidate) -> bool:
-    """Whether next to nothing of the memory is left in what a model leaves, that is long without an effect.
+def whitens_residual(below: FittedCandidate, richer: FittedCandidate) -> bool:
+    """Return whether an effect takes nearly all of a long memory off the residual of some output.
 
-    An autoregression with hindsight follows a slow error better than a simulation whose form is not quite right. But
-    noise that has a long memory keeps it whatever is simulated: of a random walk an offset and a drift take away all
-    but 2/15 of the mean square, and what is left walks still.
+    An autoregression with hindsight follows a slow error better than a simulation whose form is not
+    quite right. But noise that has a long memory keeps it whatever is simulated: of a random walk
+    an offset and a drift take away all but 2/15 of the mean square, and what is left walks still.
     """
-    before, after = _memory(below), _memory(richer)
+    before = _memory(below)
+    after = _memory(richer)
     return any(after[o] < SHORT and after[o] < EXPLAINED * before[o] for o in after)
 
 
 def _memory(fitted: FittedCandidate) -> dict[str, float]:
-    """Mean square of a residual over that of its innovations, by output."""
+    """Return the mean square of a residual over that of its innovations, by output."""
     fit = fitted.fit
     return {
-        o: power(fit.residual[o]) / (power(fit.innovation[o]) * n.deviation**2)
+        o: robust_power(fit.residual[o]) / (robust_power(fit.innovation[o]) * n.deviation**2)
         for o, n in fit.noise.items()
     }
 
 
 def _is_sure(selection: Selection, below: FittedCandidate, chosen: FittedCandidate) -> bool:
-    """Whether a simulation is nearer, and another cause is a cause for enough."""
+    """Return whether a simulation is nearer, and a further cause accounts for enough."""
     if not chosen.is_nearer_than(below):
         return False
     first = not selection.steps or _is_shape_of(chosen.effect, selection)
@@ -284,7 +353,7 @@ def _is_sure(selection: Selection, below: FittedCandidate, chosen: FittedCandida
 
 
 def _is_shape_of(effect: type[Effect], selection: Selection) -> bool:
-    """Whether an effect is another shape of a cause that was named, and so no other cause."""
+    """Return whether an effect is another shape of a cause that was named."""
     named = [step.chosen.effect for step in selection.steps]
     return any(
         interchangeable(effect, one) and bool(effect.layout.states) == bool(one.layout.states)
@@ -293,32 +362,37 @@ def _is_shape_of(effect: type[Effect], selection: Selection) -> bool:
 
 
 def takes_enough(base: FittedCandidate, below: FittedCandidate, richer: FittedCandidate) -> bool:
-    """Whether a model takes away a tenth of what the base gets wrong in some output, beyond noise.
+    """Return whether a model removes a tenth of the base's error in some output, beyond noise.
 
-    No cause has quite the form that a catalogue gives it. What that leaves is the size of a tenth, and some effect
-    always fits it.
+    No cause has quite the form that a catalogue gives it. What that leaves is the size of a tenth,
+    and some effect always fits it.
     """
-    before, noise = base.fit.residual, {o: n.deviation**2 for o, n in richer.fit.noise.items()}
-    wrong = {o: power(before[o]) - power(richer.fit.innovation[o]) * noise[o] for o in noise}
-    taken = {o: power(below.fit.residual[o]) - power(richer.fit.residual[o]) for o in noise}
+    before = base.fit.residual
+    noise = {o: n.deviation**2 for o, n in richer.fit.noise.items()}
+    wrong = {
+        o: robust_power(before[o]) - robust_power(richer.fit.innovation[o]) * noise[o]
+        for o in noise
+    }
+    taken = {
+        o: robust_power(below.fit.residual[o]) - robust_power(richer.fit.residual[o]) for o in noise
+    }
     return any(taken[o] > EXPLAINED * wrong[o] > 0.0 for o in noise)
 
 
 def _nearest(scored: Sequence[ScoredModel], chosen: FittedCandidate) -> ScoredModel:
-    """The model, of those that were scored with an effect, from which it is the shortest way to where it was fitted."""
+    """Return the model nearest to a fitted one, of those that were scored with its effect."""
     able = [model for model in scored if model.directions.get(chosen.effect, (None, []))[1]]
     return min(able, key=lambda model: _distance(model.model, chosen))
 
 
 def interchangeable(one: type[Effect], other: type[Effect]) -> bool:
-    """Whether they are one cause in two shapes, such as the second and the third element of a chain."""
+    """Return whether two effects are shapes of one cause, such as two elements of a chain."""
     return one is other or (bool(one.term.family) and one.term.family == other.term.family)
 
 
 def _distance(one: FittedCandidate, other: FittedCandidate) -> float:
-    """How far apart two models are in the parameters that both have."""
-    shared = [
-        n for n in one.problem.names if n in other.problem.names
-    ]  # in order: a sum must not hang on hashes
+    """Return the squared distance of two models in the parameters that both have."""
+    # in order: a sum must not depend on hashes
+    shared = [n for n in one.problem.names if n in other.problem.names]
     pairs = [(e.fit.q[e.problem.names.index(n)] for e in (one, other)) for n in shared]
     return float(sum((a - b) ** 2 for a, b in pairs))

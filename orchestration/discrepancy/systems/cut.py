@@ -1,24 +1,56 @@
-"""Cutting a system open at its measured signals: what each member is fed, and what of it can be judged."""
+"""Isolation of the members of a system: each is cut out at its measured signals, or cannot be."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.systems.reason import Reason, ReasonCode
-from orchestration.fmu.signal import Signal
-from orchestration.system.check import interface
-from orchestration.system.model import Connection, Member, Port, System
+from orchestration.fmu import Signal
+from orchestration.system import Connection, Member, Port, System, interface
 
 Array = NDArray[np.float64]
 
 
+class ReasonCode(StrEnum):
+    """Kind of a reason for a verdict on a member; `report.system_wording` says it in words."""
+
+    # nothing can be said
+    INPUT_NOT_MEASURED = "input_not_measured"
+    INPUT_WITH_GAPS = "input_with_gaps"
+    NO_OUTPUT_MEASURED = "no_output_measured"
+    SIMULATION_FAILED = "simulation_failed"
+    LOOP_SIMULATION_FAILED = "loop_simulation_failed"
+    TOO_UNCERTAIN = "too_uncertain"
+    # something is wrong
+    RESIDUAL_BEYOND_NOISE = "residual_beyond_noise"
+    PARAMETERS_CHANGED = "parameters_changed"
+    # nothing is wrong
+    RESIDUAL_IS_NOISE = "residual_is_noise"
+    OUTPUTS_UNMOVED = "outputs_unmoved"
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One reason for a verdict.
+
+    Attributes
+    ----------
+    code : ReasonCode
+    facts : Mapping of str to Any
+        Figures, names and items that its sentence needs.
+    """
+
+    code: ReasonCode
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
 class InputOrigin(StrEnum):
-    """Where the values of an input are from."""
+    """Origin of the values of an input."""
 
     MEASURED = "measured"  # at the input itself
     UPSTREAM = "upstream"  # measured at the output that feeds it
@@ -28,7 +60,7 @@ class InputOrigin(StrEnum):
 
 @dataclass(frozen=True)
 class InputSource:
-    """What an input of a member gets while it is judged: either values that were measured, or one value throughout.
+    """Source of an input of a member while it is judged: measured values, or one value throughout.
 
     Attributes
     ----------
@@ -59,7 +91,7 @@ class IsolatedMember:
     member : Member
     inputs : dict of str to InputSource
     outputs : dict of str to ndarray, shape (n,)
-        What was measured of its real outputs, in their units; NaN where nothing was.
+        Those of its real outputs that were measured, in their units; NaN where nothing was.
     missing : dict of str to Reason
         Inputs of which not enough is known, each with the signal to measure.
     """
@@ -71,7 +103,7 @@ class IsolatedMember:
 
     @property
     def reason_not_assessable(self) -> list[Reason]:
-        """Why nothing can be said of it; empty if something can."""
+        """Reasons why nothing can be said of it; empty if something can."""
         if self.missing:
             return list(self.missing.values())
         return [] if self.outputs else [Reason(ReasonCode.NO_OUTPUT_MEASURED)]
@@ -94,46 +126,50 @@ def isolated_members(
     list of IsolatedMember
         One for each member.
     """
-    everywhere = dict(measured)
-    for c in system.connections:  # an output that was measured where it arrives
-        if c.source not in everywhere and c.target in everywhere and c.factor:
-            everywhere[c.source] = (everywhere[c.target] - c.offset) / c.factor
+    known = dict(measured)
+    for connection in system.connections:  # an output that was measured where it arrives
+        source = connection.source
+        target = connection.target
+        if source not in known and target in known and connection.factor:
+            known[source] = (known[target] - connection.offset) / connection.factor
     for ports in system.inputs.values():
-        there = [everywhere[port] for port in ports if port in everywhere]
-        everywhere |= {port: there[0] for port in ports if port not in everywhere and there}
-    return [_isolated(system, member, everywhere, given) for member in system.members]
+        values = next((known[port] for port in ports if port in known), None)
+        if values is not None:
+            known |= {port: values for port in ports if port not in known}
+    return [_isolated(system, member, known, given) for member in system.members]
 
 
 def _isolated(
     system: System, member: Member, measured: Mapping[Port, Array], given: Mapping[Port, float]
 ) -> IsolatedMember:
+    """Cut one member out; what it is fed comes from the best source that is known."""
     model = interface(member)
-    arriving = {c.target: c for c in system.connections}
+    feeding = {c.target: c for c in system.connections}
     outer = {port: name for name, ports in system.inputs.items() for port in ports}
-    inputs, missing = dict[str, InputSource](), dict[str, Reason]()
+    inputs = dict[str, InputSource]()
+    missing = dict[str, Reason]()
     for name, signal in model.inputs.items():
         port = Port(member.name, name)
-        connection = arriving.get(port)
-        default = (
-            None
-            if connection is not None or port in outer
-            else float(member.parameters.get(name, signal.start))
-        )
-        source = _source(port, signal, connection, measured, given.get(port), default)
+        connection = feeding.get(port)
+        default = None
+        if connection is None and port not in outer:
+            default = float(member.parameters.get(name, signal.start))
+        source = _source(port, signal, connection, measured, given.get(port), default=default)
         if source is None:
-            wanted = str(connection.source) if connection else outer[port]
-            missing[name] = Reason(ReasonCode.INPUT_NOT_MEASURED, {"input": name, "signal": wanted})
+            absent = str(connection.source) if connection else outer[port]
+            facts = {"input": name, "signal": absent}
+            missing[name] = Reason(ReasonCode.INPUT_NOT_MEASURED, facts)
         elif source.values is not None and not np.isfinite(source.values).all():
-            missing[name] = Reason(
-                ReasonCode.INPUT_WITH_GAPS, {"input": name, "signal": str(source.signal)}
-            )
+            facts = {"input": name, "signal": str(source.signal)}
+            missing[name] = Reason(ReasonCode.INPUT_WITH_GAPS, facts)
         else:
             inputs[name] = source
-    real = [name for name, signal in model.outputs.items() if signal.type == "real"]
-    outputs = {name: measured[p] for name in real if (p := Port(member.name, name)) in measured}
-    return IsolatedMember(
-        member, inputs, {n: y for n, y in outputs.items() if np.isfinite(y).any()}, missing
-    )
+    outputs = {}
+    for name, signal in model.outputs.items():
+        values = measured.get(Port(member.name, name))
+        if signal.type == "real" and values is not None and np.isfinite(values).any():
+            outputs[name] = values
+    return IsolatedMember(member, inputs, outputs, missing)
 
 
 def _source(
@@ -142,9 +178,10 @@ def _source(
     connection: Connection | None,
     measured: Mapping[Port, Array],
     given: float | None,
+    *,
     default: float | None,
 ) -> InputSource | None:
-    """The best that is known of an input; None if nothing is."""
+    """Return the best source of an input: measured there, upstream, given, or its default value."""
     continuous = signal.type == "real"
     if port in measured:
         return InputSource(InputOrigin.MEASURED, port, measured[port], continuous=continuous)

@@ -1,8 +1,9 @@
-"""Which member of a system is wrong: each is judged alone on what was measured at its ends, with or without equations.
+"""Diagnosis of a system: each member is judged alone on what was measured at its ends.
 
-``ppy diagnose RECORD --system S.ssp``. A member is first simulated as it is. If signals explain part of its residuals,
-its parameters are adjusted, and only what is still explained then is a fault of its structure. What noise of the inputs
-and their course between samples can do to an output is not held against a member.
+``ppy diagnose RECORD --system S.ssp``. A member is first simulated as it is. If signals explain
+part of its residuals, its parameters are adjusted, and only what is still explained then is a fault
+of its structure. Errors that noise of the inputs and their unknown course between samples can make
+are no fault of a member. Its equations need not be known.
 """
 
 from __future__ import annotations
@@ -15,31 +16,37 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.kit.storage import scratch
-from orchestration.discrepancy.systems.cut import IsolatedMember, isolated_members
-from orchestration.discrepancy.systems.in_loop import LoopSimulation
-from orchestration.discrepancy.systems.member import MemberSimulation, opened
-from orchestration.discrepancy.systems.member_diagnosis import Effort, diagnose_member, not_assessed
-from orchestration.discrepancy.systems.partners import (
+from orchestration.discrepancy.systems.cut import (
+    IsolatedMember,
+    Reason,
+    ReasonCode,
+    isolated_members,
+)
+from orchestration.discrepancy.systems.in_loop import (
+    LoopSimulation,
     connections_between,
     loop_members,
     partners_of,
 )
-from orchestration.discrepancy.systems.reason import Reason, ReasonCode
+from orchestration.discrepancy.systems.member import MemberSimulation, opened
 from orchestration.discrepancy.systems.system_record import columns_of, read_system_record
-from orchestration.discrepancy.systems.verdict import MemberDiagnosis, SystemDiagnosis
+from orchestration.discrepancy.systems.verdict import (
+    Effort,
+    MemberDiagnosis,
+    SystemDiagnosis,
+    diagnose_member,
+    not_assessed,
+)
 from orchestration.records import parse_mapping
-from orchestration.system import Port, System, ssp
-from orchestration.system.check import check, interface
+from orchestration.system import Port, System, check, interface, ssp
 
 Array = NDArray[np.float64]
-_LOOP_STEP = (
-    5.0  # communication steps of the system that are made at once while two members hold each other
-)
-_LOOP_SIMULATIONS = (
-    120  # at most: they take several times as long; a foot has 48 parameters to look at
-)
+# communication steps of the system that are made at once while two members hold each other
+_LOOP_STEP = 5.0
+# at most: they take several times as long; a foot has 48 parameters to look at
+_LOOP_SIMULATIONS = 120
 _SHORTEST = 100  # samples
 
 
@@ -51,13 +58,13 @@ def diagnose_system(
     progress: Callable[[str], None] = lambda text: None,
     effort: Effort | None = None,
 ) -> SystemDiagnosis:
-    """Tell which member of a system a record contradicts.
+    """Diagnose which members of a system a record contradicts.
 
     Parameters
     ----------
     record_path, ssp_path : Path
     mapping : sequence of str
-        ``column=signal`` entries; signals are named as `systems.system_record.signal_names` tells.
+        ``column=signal`` entries; signals have the names of `systems.system_record.signal_names`.
     settings : sequence of str
         ``member.variable=value[unit]``: parameters, and inputs that stayed at a value.
     progress : callable
@@ -89,23 +96,21 @@ def diagnose_system(
 
 
 def _configured(system: System, settings: Sequence[str]) -> tuple[System, dict[Port, float]]:
-    """Give parameters their values; return those of inputs too."""
+    """Set parameters in a system; return the values of inputs that are given besides."""
     given: dict[Port, float] = {}
+    members = {member.name: member for member in system.members}
     for text in settings:
-        port = system.port(text.partition("=")[0].strip())
-        model = interface(system.member(port.member))
-        value = model.settings([f"{port.variable}={text.partition('=')[2]}"])[port.variable]
+        name, _, amount = text.partition("=")
+        port = system.port(name.strip())
+        member = members[port.member]
+        model = interface(member)
+        value = model.settings([f"{port.variable}={amount}"])[port.variable]
         if port.variable in model.inputs:
             given[port] = float(value)
-            continue
-        members = [
-            replace(m, parameters={**m.parameters, port.variable: value})
-            if m.name == port.member
-            else m
-            for m in system.members
-        ]
-        system = replace(system, members=tuple(members))
-    return system, given
+        else:
+            parameters = {**member.parameters, port.variable: value}
+            members[member.name] = replace(member, parameters=parameters)
+    return replace(system, members=tuple(members.values())), given
 
 
 @dataclass
@@ -136,25 +141,27 @@ class _Members:
         """Judge every member by itself, and in its loop where that says nothing."""
         with ExitStack() as stack:
             for isolated in members:
-                name = isolated.member.name
-                if reasons := isolated.reason_not_assessable:
-                    self.diagnoses[name] = not_assessed(isolated, reasons)
-                    continue
-                try:
-                    self.simulations[name] = stack.enter_context(
-                        opened(isolated, self.time, self.effort.simulations, self._counter(name))
-                    )
-                    in_loop = bool(loop_members(self.system, name))
-                    self.diagnoses[name] = diagnose_member(
-                        self.simulations[name], self.effort, defer_fit=in_loop
-                    )
-                except UserError as error:
-                    reason = Reason(ReasonCode.SIMULATION_FAILED, {"message": str(error)})
-                    self.diagnoses[name] = not_assessed(isolated, [reason])
+                self.diagnoses[isolated.member.name] = self._alone(isolated, stack)
             for name in self.simulations:
                 if not self.diagnoses[name].assessable:
                     self.diagnoses[name] = self._in_loop(name)
         return list(self.diagnoses.values())
+
+    def _alone(self, isolated: IsolatedMember, stack: ExitStack) -> MemberDiagnosis:
+        """Judge a member by itself; its simulation stays open as long as a stack of contexts."""
+        name = isolated.member.name
+        reasons = isolated.reason_not_assessable
+        if reasons:
+            return not_assessed(isolated, reasons)
+        try:
+            self.simulations[name] = stack.enter_context(
+                opened(isolated, self.time, self.effort.simulations, self._counter(name))
+            )
+            in_loop = bool(loop_members(self.system, name))
+            return diagnose_member(self.simulations[name], self.effort, defer_fit=in_loop)
+        except UserError as error:
+            failure = Reason(ReasonCode.SIMULATION_FAILED, {"message": str(error)})
+            return not_assessed(isolated, [failure])
 
     def _in_loop(self, name: str) -> MemberDiagnosis:
         """Judge a member that runs away by itself."""
@@ -171,9 +178,7 @@ class _Members:
                 min(self.effort.simulations, _LOOP_SIMULATIONS),
                 self._counter(f"{name} in its loop"),
                 partners=partners,
-                connections=connections_between(
-                    self.system, name, [p.simulation.name for p in partners]
-                ),
+                connections=connections_between(self.system, name, [p.name for p in partners]),
                 parts=2 * max(1, round(spacing)),
             )
             return diagnose_member(loop, self.effort, revisit_interpolation=False)
@@ -182,8 +187,11 @@ class _Members:
             reason = Reason(ReasonCode.LOOP_SIMULATION_FAILED, {"message": str(error)})
             return replace(alone, reasons=[*alone.reasons, reason])
 
-    def _counter(self, what: str) -> Callable[[int], None]:
-        """Tell of every tenth simulation."""
-        return lambda used: (
-            self.progress(f"judging {what}: {used} simulations") if used % 10 == 1 else None
-        )
+    def _counter(self, subject: str) -> Callable[[int], None]:
+        """Return a function that reports every tenth simulation of a subject."""
+
+        def report(used: int) -> None:
+            if used % 10 == 1:
+                self.progress(f"judging {subject}: {used} simulations")
+
+        return report

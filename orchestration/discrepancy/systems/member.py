@@ -1,27 +1,106 @@
-"""A member of a system by itself: its FMU over measured inputs, and how far its outputs can be trusted there."""
+"""Simulation of a member of a system by itself: its FMU over measured inputs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.kit.storage import scratch
-from orchestration.discrepancy.systems.cut import IsolatedMember
-from orchestration.discrepancy.systems.inputs import MemberInputs
-from orchestration.fmu.archive import unpack
-from orchestration.fmu.instance import Fmu
-from orchestration.fmu.signal import Value
-from orchestration.fmu.simulate import simulate_instance
-from orchestration.system.check import interface
+from orchestration.discrepancy.systems.cut import InputSource, IsolatedMember
+from orchestration.fmu import Fmu, Value, simulate_instance, unpack
+from orchestration.identify.noise import noise_std
+from orchestration.system import interface
 
 Array = NDArray[np.float64]
-PARTS = 4  # steps between samples, so that an input can change linearly where the FMU cannot interpolate it
+# steps between samples, so that an input can change linearly where the FMU cannot interpolate it
+PARTS = 4
 _DRAWS = 2  # of noise on the inputs
+_NO_DIFFERENCE = 1e-3  # of the logarithm of the sizes of steps of residuals
+
+
+class MemberInputs:
+    """Inputs of a member over a record: measured at the samples, held or linear between them.
+
+    Parameters
+    ----------
+    sources : Mapping of str to InputSource
+    time : ndarray, shape (n,)
+        Seconds.
+
+    Attributes
+    ----------
+    constant : dict of str to float
+        Inputs that stay at a value.
+    names : list of str
+        Measured inputs.
+    columns : ndarray, shape (n, m)
+        Their values.
+    held : set of str
+        Continuous inputs that are held between samples; the others change linearly.
+    """
+
+    def __init__(self, sources: Mapping[str, InputSource], time: Array):
+        measured = {
+            name: source.values for name, source in sources.items() if source.values is not None
+        }
+        self.constant = {
+            name: source.value for name, source in sources.items() if source.value is not None
+        }
+        self.names = list(measured)
+        columns = np.column_stack([np.zeros(time.size), *measured.values()])  # there may be none
+        self.columns = columns[:, 1:]
+        self.continuous = [name for name in measured if sources[name].continuous]
+        self.held: set[str] = set()
+        self._time = time
+
+    @property
+    def linear(self) -> list[str]:
+        """Inputs that change between samples."""
+        return [name for name in self.continuous if name not in self.held]
+
+    @property
+    def first(self) -> dict[str, float]:
+        """Measured inputs at the first sample."""
+        return dict(zip(self.names, self.columns[0].tolist(), strict=True))
+
+    def at_samples(self, thinning: int = 1, noise: np.random.Generator | None = None) -> Array:
+        """Return the values of the measured inputs at the samples.
+
+        Parameters
+        ----------
+        thinning : int
+            Of the samples of inputs that change between them, one in so many is used.
+        noise : Generator, optional
+            Adds as much noise to continuous inputs as they seem to have.
+
+        Returns
+        -------
+        ndarray, shape (n, m)
+        """
+        values = self.columns.copy()
+        for i, name in enumerate(self.names):
+            if thinning > 1 and name in self.linear:
+                values[:, i] = thinned(self._time, values[:, i], thinning)
+        for i, name in enumerate(self.names):
+            if noise is not None and name in self.continuous:
+                values[:, i] += noise_std(values[:, i]) * noise.standard_normal(self._time.size)
+        return values
+
+    def changes(self, values: Array) -> Array:
+        """Return by how much inputs (n, m) change between samples, (n - 1, m); not where held."""
+        return np.diff(values, axis=0) * [name in self.linear for name in self.names]
+
+
+def thinned(time: Array, values: Array, thinning: int) -> Array:
+    """Return one in so many samples, the last one too, and straight lines between them, (n,)."""
+    kept = np.unique([*range(0, time.size, thinning), time.size - 1])
+    return np.interp(time, time[kept], values[kept])
 
 
 class BudgetExceeded(Exception):
@@ -46,7 +125,6 @@ class MemberSimulation:
     used : int
         Simulations made.
     inputs : MemberInputs
-        What it is fed.
     """
 
     isolated: IsolatedMember
@@ -62,20 +140,26 @@ class MemberSimulation:
 
     @property
     def name(self) -> str:
-        """Of the member in its system."""
+        """Name of the member in its system."""
         return self.isolated.member.name
 
     @property
     def outputs(self) -> list[str]:
-        """Outputs that are read: all that are real, for what was not measured may tell what a residual is due to."""
-        return [
-            n
-            for n, signal in interface(self.isolated.member).outputs.items()
-            if signal.type == "real"
-        ]
+        """Outputs that are read: all that are real.
+
+        Those that were not measured may be what a residual is due to.
+        """
+        declared = interface(self.isolated.member).outputs
+        return [name for name, signal in declared.items() if signal.type == "real"]
 
     def start_values(self, values: Mapping[str, float]) -> dict[str, Value]:
-        """Parameters and inputs of the FMU at the first sample; `values` go before parameters of the system."""
+        """Return parameters and inputs of the FMU at the first sample.
+
+        Parameters
+        ----------
+        values : Mapping of str to float
+            Parameters, which go before those of the system.
+        """
         return {
             **self.isolated.member.parameters,
             **self.inputs.constant,
@@ -89,7 +173,7 @@ class MemberSimulation:
         thinning: int = 1,
         noise: np.random.Generator | None = None,
     ) -> dict[str, Array]:
-        """Simulate.
+        """Simulate the member over the record.
 
         Parameters
         ----------
@@ -125,9 +209,10 @@ class MemberSimulation:
     def _run(
         self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None
     ) -> dict[str, Array]:
-        """Real outputs at the samples, (n,) each."""
+        """Return real outputs at the samples, (n,) each."""
         columns = self.inputs.at_samples(thinning, noise).T
-        inputs, linear = dict(zip(self.inputs.names, columns, strict=True)), self.inputs.linear
+        inputs = dict(zip(self.inputs.names, columns, strict=True))
+        linear = self.inputs.linear
         with Fmu(self.isolated.member.fmu, self.start_values(values), folder=self.folder) as fmu:
             fmu.start(float(self.time[0]), float(self.time[-1]))
             exact = not linear or fmu.description.coSimulation.canInterpolateInputs
@@ -138,7 +223,7 @@ class MemberSimulation:
     def input_uncertainty(
         self, simulated: Mapping[str, Array], values: Mapping[str, float]
     ) -> dict[str, float]:
-        """How uncertain measured outputs are because inputs are noisy and known at the samples only.
+        """Estimate how uncertain outputs are, as inputs are noisy and known at the samples only.
 
         Parameters
         ----------
@@ -154,17 +239,23 @@ class MemberSimulation:
         """
         random = np.random.default_rng(0)
         draws = [self.simulate(values, noise=random) for _ in range(_DRAWS)]
-        measured = [o for o in simulated if o in self.isolated.outputs]
-        power = {
-            o: float(np.mean([np.mean((draw[o] - simulated[o]) ** 2) for draw in draws]))
-            for o in measured
-        }
-        if self.inputs.linear:
-            coarse = self.simulate(values, thinning=2)
-            power = {
-                o: p + float(np.mean((coarse[o] - simulated[o]) ** 2)) for o, p in power.items()
-            }
-        return {o: float(np.sqrt(p)) for o, p in power.items()}
+        coarse = self.simulate(values, thinning=2) if self.inputs.linear else None
+        uncertainty = {}
+        for output in simulated:
+            if output not in self.isolated.outputs:
+                continue
+            power = float(np.mean([_mean_square(draw, simulated, output) for draw in draws]))
+            if coarse is not None:
+                power += float(_mean_square(coarse, simulated, output))
+            uncertainty[output] = float(np.sqrt(power))
+        return uncertainty
+
+
+def _mean_square(
+    simulated: Mapping[str, Array], reference: Mapping[str, Array], output: str
+) -> np.floating[Any]:
+    """Return the mean square by which two simulations of an output differ."""
+    return np.mean((simulated[output] - reference[output]) ** 2)
 
 
 @contextmanager
@@ -177,3 +268,35 @@ def opened(
         yield MemberSimulation(isolated, time, folder, budget, progress)
     finally:
         scratch.remove(folder)
+
+
+def choose_interpolation(simulation: MemberSimulation, values: Mapping[str, float]) -> None:
+    """Choose which inputs are held between samples, which no record shows, by the outputs.
+
+    An input is held if the outputs then move more as they were measured to.
+
+    Parameters
+    ----------
+    simulation : MemberSimulation
+        Its inputs are changed.
+    values : Mapping of str to float
+        Parameters.
+    """
+    inputs = simulation.inputs
+    inputs.held = set()
+    best = _roughness(simulation, values)
+    for name in inputs.linear:
+        inputs.held.add(name)
+        held = _roughness(simulation, values)
+        # where it makes no difference, nothing happens between samples
+        if held < best + _NO_DIFFERENCE:
+            best = min(best, held)
+        else:
+            inputs.held.discard(name)
+
+
+def _roughness(simulation: MemberSimulation, values: Mapping[str, float]) -> float:
+    """Return the logarithm of the steps of residuals from sample to sample, summed over outputs."""
+    simulated = simulation.simulate(values)
+    steps = [np.diff(y - simulated[o]) for o, y in simulation.isolated.outputs.items()]
+    return float(sum(np.log(np.sqrt(np.nanmean(s**2)) + np.finfo(float).tiny) for s in steps))

@@ -1,7 +1,8 @@
-"""A record of a system: which signal of the system each column is.
+"""Records of systems: assignment of the columns of a file to the signals of a system.
 
-A column is a signal of the system under any of its names: ``member.variable`` at either end of a connection, the name
-of an input or output of the system, or the variable alone where all variables of that name are the same signal.
+A column is a signal of the system under any of its names: ``member.variable`` at either end of a
+connection, the name of an input or output of the system, or the variable alone where all variables
+of that name are the same signal.
 """
 
 from __future__ import annotations
@@ -12,26 +13,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.records import Record, read_record
-from orchestration.records.table import split_header_cell
-from orchestration.system.check import interface
-from orchestration.system.model import Port, System
+from fmus.kit import UserError
+from orchestration.records import Record, read_record, split_header_cell
+from orchestration.system import Port, System, interface
 
 Array = NDArray[np.float64]
 
 
 def signal_names(system: System) -> dict[str, Port]:
-    """Names under which a record may have a signal, and the port each means.
+    """Return the names under which a record may have a signal, and the port that each means.
 
     Parameters
     ----------
     system : System
     """
     models = {member.name: interface(member) for member in system.members}
-    ports = [
-        Port(name, v) for name, m in models.items() for v in (*m.outputs, *m.inputs)
-    ]  # outputs first: where a signal has both ends, the output gives its unit
+    # outputs first: where a signal has both ends, the output gives its unit
+    ports = [Port(name, v) for name, m in models.items() for v in (*m.outputs, *m.inputs)]
     known = {str(port): port for port in ports}
     for name, fed in system.inputs.items():
         if fed:
@@ -49,11 +47,12 @@ def signal_names(system: System) -> dict[str, Port]:
 
 
 def _nets(system: System) -> dict[Port, str]:
-    """Ports at which the same number is seen, by what they are connected to."""
+    """Name the net of every port that is connected; ports of a net have the same value."""
     nets = {port: f"input {name}" for name, ports in system.inputs.items() for port in ports}
     for connection in system.connections:
         if connection.passes_on:
-            nets[connection.source] = nets[connection.target] = str(connection.source)
+            nets[connection.source] = str(connection.source)
+            nets[connection.target] = str(connection.source)
     return nets
 
 
@@ -73,7 +72,7 @@ def read_system_record(
     -------
     Record
     dict of Port to ndarray, shape (n,)
-        What was measured, in the units of the ports.
+        Measured values, in the units of the ports.
 
     Raises
     ------
@@ -97,7 +96,7 @@ def read_system_record(
 def columns_of(
     system: System, record: Record, mapping: Mapping[str, str]
 ) -> dict[Port, tuple[str, str]]:
-    """Which column of the file every port can be read from.
+    """Return the column of the file from which every port can be read.
 
     Parameters
     ----------
@@ -110,20 +109,19 @@ def columns_of(
     Returns
     -------
     dict of Port to tuple of str
-        The column, and the unit in brackets that the user says it is in; empty if the file tells.
+        The column, and the unit in brackets that the user gives it; empty if the file has one.
     """
     known = signal_names(system)
     columns = {known[name]: (name, "") for name in record.signals}
-    for column, target in mapping.items():
+    for header, target in mapping.items():
         name, unit = split_header_cell(target)
         if name in known:
-            columns[known[name]] = column, f"[{unit}]" if unit else ""
-    same = [(c.source, c.target) for c in system.connections if c.passes_on] + list(
-        system.inputs.values()
-    )
-    for ports in same:
-        there = [columns[port] for port in ports if port in columns]
-        columns |= {port: there[0] for port in ports if port not in columns and there}
+            columns[known[name]] = (header, f"[{unit}]" if unit else "")
+    connected = [(c.source, c.target) for c in system.connections if c.passes_on]
+    for ports in (*connected, *system.inputs.values()):
+        column = next((columns[port] for port in ports if port in columns), None)
+        if column is not None:
+            columns |= {port: column for port in ports if port not in columns}
     return columns
 
 

@@ -1,22 +1,25 @@
-"""What is said of the members of a system, and why: consistent, recalibrate, wrong or cannot be judged."""
+"""Diagnosis of the members of a system: consistent, recalibrate, wrong or cannot be judged."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from orchestration.discrepancy.systems.adjust import AdjustmentResult
-from orchestration.discrepancy.systems.assessment import OutputAssessment
-from orchestration.discrepancy.systems.cut import InputSource
-from orchestration.discrepancy.systems.reason import Reason, ReasonCode
-from orchestration.fmu.signal import Value
+from orchestration.discrepancy.systems.adjustment import AdjustmentResult, adjust
+from orchestration.discrepancy.systems.assessment import OutputAssessment, assess_outputs
+from orchestration.discrepancy.systems.cut import InputSource, IsolatedMember, Reason, ReasonCode
+from orchestration.discrepancy.systems.member import MemberSimulation, choose_interpolation
+from orchestration.fmu import Value, read_description
+from orchestration.identify.uncertainty import is_significantly_different
 from orchestration.records import Record
-from orchestration.system.model import Port
+from orchestration.system import Port, interface
+
+_LAST_ASSESSMENT = 8  # simulations, whatever the search has used
 
 
 class MemberVerdict(StrEnum):
-    """What the diagnosis of a member comes to, the gravest first."""
+    """Verdict on a member, the gravest first."""
 
     WRONG = "wrong"  # in its structure
     RECALIBRATE = "recalibrate"
@@ -33,7 +36,7 @@ class AdjustedParameter:
     value, nominal : float
     unit : str
     differs : bool
-        Surely, and by more than is worth a word.
+        Surely, and by more than a little.
     """
 
     value: float
@@ -44,25 +47,25 @@ class AdjustedParameter:
 
 @dataclass(frozen=True)
 class MemberDiagnosis:
-    """What is said of one member.
+    """The diagnosis of one member.
 
     Attributes
     ----------
     name, fmu, model : str
-        In the system, the file, and the name that the FMU gives its model: for one of ours that of the component.
+        In the system, the file, and the name that the FMU gives its model: for one of ours that of
+        the component.
     verdict : MemberVerdict
     reasons : list of Reason
     settings : dict of str to float or str
         Parameters, and inputs that stay at a value, in the system.
     inputs : dict of str to InputSource
-        What it was fed.
     linear : list of str
         Inputs that change linearly between samples; the other measured ones are held.
     before, after : dict of str to OutputAssessment
         By output; ``after`` with the adjusted parameters, empty if none were.
     parameters : dict of str to AdjustedParameter
     simulations : int
-        That it took.
+        Number of them that it took.
     """
 
     name: str
@@ -80,7 +83,7 @@ class MemberDiagnosis:
 
     @property
     def equations_known(self) -> bool:
-        """Whether the model is a component of this project by its name, so that a cause can be named."""
+        """True if the model is, by name, a component of this project, so that causes have names."""
         from fmus import COMPONENTS
 
         return self.model in COMPONENTS
@@ -92,7 +95,7 @@ class MemberDiagnosis:
 
     @property
     def measured(self) -> dict[str, Port]:
-        """Measured inputs and outputs of the FMU, and where in the system each was measured."""
+        """Measured inputs and outputs of the FMU, with the ports at which they were measured."""
         fed = {
             name: source.signal for name, source in self.inputs.items() if source.signal is not None
         }
@@ -100,13 +103,13 @@ class MemberDiagnosis:
 
     @property
     def assessable(self) -> bool:
-        """Whether, with its parameters as they came, all measured outputs follow what it is fed."""
+        """True if, with its parameters as they came, all measured outputs follow what it is fed."""
         return not any(assessment.not_assessable for assessment in self.before.values())
 
 
 @dataclass(frozen=True)
 class SystemDiagnosis:
-    """Which members are wrong.
+    """The diagnoses of all members of a system.
 
     Attributes
     ----------
@@ -114,7 +117,8 @@ class SystemDiagnosis:
     record : Record
     members : list of MemberDiagnosis
     columns : dict of Port to tuple of str
-        Which column of the file every port can be read from, see `systems.system_record.columns_of`.
+        Which column of the file every port can be read from, see
+        `systems.system_record.columns_of`.
     """
 
     system: str
@@ -134,12 +138,109 @@ class SystemDiagnosis:
         return min((m.verdict for m in self.members), key=gravity.index)
 
 
+@dataclass(frozen=True)
+class Effort:
+    """Limits of the work that is done.
+
+    Attributes
+    ----------
+    simulations : int
+        Of each member, at most.
+    parameters : int
+        That are adjusted in each, at most.
+    """
+
+    simulations: int = 200
+    parameters: int = 6
+
+
+def diagnose_member(
+    simulation: MemberSimulation,
+    effort: Effort,
+    defer_fit: bool = False,
+    revisit_interpolation: bool = True,
+) -> MemberDiagnosis:
+    """Diagnose a member: simulate and assess it, adjust it if it is off, and assess it again.
+
+    Parameters
+    ----------
+    simulation : MemberSimulation
+    effort : Effort
+    defer_fit : bool
+        Whether parameters stay as they are where an output cannot be assessed: a simulation in its
+        loop will show more.
+    revisit_interpolation : bool
+        Whether what inputs do between samples is looked at again with the parameters free.
+
+    Returns
+    -------
+    MemberDiagnosis
+
+    Raises
+    ------
+    BudgetExceeded
+        If the simulations are too few even for a look at the member as it is.
+    UserError
+        If the FMU fails.
+    """
+    choose_interpolation(simulation, {})
+    before = assess_outputs(simulation, {})
+    after: dict[str, OutputAssessment] = {}
+    adjusted = None
+    deferred = defer_fit and any(a.not_assessable for a in before.values())
+    if any(a.needs_fit for a in before.values()) and not deferred:
+        simulated = {output: a.simulated for output, a in before.items()}
+        adjusted = adjust(simulation, simulated, effort.parameters, revisit_interpolation)
+        if adjusted.values:
+            simulation.budget += _LAST_ASSESSMENT
+            after = assess_outputs(simulation, adjusted.values)
+    parameters = _parameters(simulation.isolated, adjusted) if adjusted else {}
+    verdict, reasons = verdict_of(after or before, parameters, adjusted)
+    return replace(
+        not_assessed(simulation.isolated, reasons),
+        verdict=verdict,
+        inputs=simulation.isolated.inputs,
+        linear=simulation.inputs.linear,
+        before=before,
+        after=after,
+        parameters=parameters,
+        simulations=simulation.used,
+    )
+
+
+def not_assessed(isolated: IsolatedMember, reasons: Sequence[Reason]) -> MemberDiagnosis:
+    """Return the diagnosis of a member of which nothing can be said, with the reasons."""
+    member = isolated.member
+    return MemberDiagnosis(
+        member.name,
+        member.fmu.name,
+        read_description(member.fmu).modelName,
+        MemberVerdict.CANNOT_BE_JUDGED,
+        list(reasons),
+        dict(member.parameters),
+    )
+
+
+def _parameters(
+    isolated: IsolatedMember, adjusted: AdjustmentResult
+) -> dict[str, AdjustedParameter]:
+    """Return adjusted parameters with their units, and which of them surely differ."""
+    declared = interface(isolated.member).parameters
+    parameters = {}
+    for name, value in adjusted.values.items():
+        differs = is_significantly_different(adjusted.change[name], adjusted.standard_error[name])
+        parameters[name] = AdjustedParameter(
+            value, adjusted.nominal[name], declared[name].unit, differs
+        )
+    return parameters
+
+
 def verdict_of(
     final: Mapping[str, OutputAssessment],
     parameters: Mapping[str, AdjustedParameter],
     adjusted: AdjustmentResult | None,
 ) -> tuple[MemberVerdict, list[Reason]]:
-    """Tell the verdict and why.
+    """Return the verdict on a member, and the reasons.
 
     Parameters
     ----------
@@ -174,16 +275,13 @@ def verdict_of(
         return MemberVerdict.WRONG, [Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, facts), *aside]
     changed = {name: parameter for name, parameter in parameters.items() if parameter.differs}
     if changed:
-        return MemberVerdict.RECALIBRATE, [
-            Reason(ReasonCode.PARAMETERS_CHANGED, {"parameters": changed}),
-            *aside,
-        ]
-    unmoved = _about(
-        ReasonCode.OUTPUTS_UNMOVED, [o for o, assessment in final.items() if assessment.unmoved]
-    )
+        reason = Reason(ReasonCode.PARAMETERS_CHANGED, {"parameters": changed})
+        return MemberVerdict.RECALIBRATE, [reason, *aside]
+    still = [o for o, assessment in final.items() if assessment.unmoved]
+    unmoved = _about(ReasonCode.OUTPUTS_UNMOVED, still)
     return MemberVerdict.CONSISTENT, [Reason(ReasonCode.RESIDUAL_IS_NOISE), *aside, *unmoved]
 
 
 def _about(code: ReasonCode, outputs: Sequence[str]) -> list[Reason]:
-    """A reason about some outputs, if there are any."""
+    """Return a reason about some outputs, if there are any."""
     return [Reason(code, {"outputs": list(outputs)})] if outputs else []

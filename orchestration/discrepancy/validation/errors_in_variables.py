@@ -1,8 +1,8 @@
-"""What noise on measured inputs does to a diagnosis: bias and spread of estimates, and causes that are none.
+"""Errors in variables: bias and spread of estimates, and false causes, from noise on inputs.
 
-A model that is fed a noisy input answers to noise that the plant never saw. As much noise again is laid over the input,
-and what that changes is what the noise there has changed already (simulation extrapolation; Cook and Stefanski, J. Am.
-Stat. Assoc. 89, 1994).
+A model that is fed a noisy input answers to noise that the plant never saw. As much noise again is
+added to the input: the change that it makes is that which the noise there has made already
+(simulation extrapolation; Cook and Stefanski, J. Am. Stat. Assoc. 89, 1994).
 """
 
 from __future__ import annotations
@@ -14,33 +14,35 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from fmus.kit.errors import UserError
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from fmus.kit import UserError
+from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.residuals.analysis import ALPHA, ResidualAnalysis, analyse_residuals
-from orchestration.discrepancy.selection.input_noise import (
+from orchestration.discrepancy.residuals import ALPHA, ResidualAnalysis, analyse_residuals
+from orchestration.discrepancy.selection import (
+    FAILURES,
     REPLICAS,
-    noisier,
+    Search,
+    Selection,
     noisy_inputs,
-    not_followed,
     simulated,
-    smoothed,
+    smoothed_input,
+    unfollowed_noise,
+    with_more_noise,
 )
-from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.discrepancy.selection.stepwise import Selection
-from orchestration.identify.covariance import covariance
+from orchestration.identify.uncertainty import parameter_covariance
 
 Array = NDArray[np.float64]
-_BEYOND = 2.0  # times the most evidence that noise makes by itself in any replica, which an effect must come to
+# times the most evidence that noise makes by itself in any replica, which an effect must reach
+_BEYOND = 2.0
 _PASSES = 4  # of smoothing, after which next to nothing is left of noise from sample to sample
 _OWN = 0.1  # of the power of a residual, which is noise of the output itself at least
-_TOLD = 0.002  # of the range, from which on noise of an input is told whatever it does
+_NOTED = 0.002  # of the range, from which on noise of an input is noted whatever it does
 _MATTERS = 0.5  # standard errors of a bias, from which on it is
 
 
 @dataclass(frozen=True)
 class InputNoise:
-    """Noise on measured inputs, and what it does to the base model's estimates.
+    """Noise on measured inputs, with the bias and spread that it gives the base model's estimates.
 
     Attributes
     ----------
@@ -49,7 +51,7 @@ class InputNoise:
     bias : ndarray, shape (p,)
         Of the searched coordinates.
     spread : ndarray, shape (p, p)
-        Covariance that comes on top of that of the noise of the outputs.
+        Covariance beside that from the noise of the outputs.
     names : list of str
         Of the searched parameters.
     """
@@ -60,19 +62,19 @@ class InputNoise:
     names: list[str]
 
     def spread_of(self, names: Sequence[str]) -> Array:
-        """Standard deviation that comes on top for some coordinates; none for those of effects."""
+        """Return the deviation beside that of the fit by coordinate; 0 for those of effects."""
         own = dict(zip(self.names, np.sqrt(np.diag(self.spread)), strict=True))
         return np.array([float(own.get(name, 0.0)) for name in names])
 
 
-def nothing(base: FittedCandidate) -> InputNoise:
-    """No noise on any input."""
+def no_input_noise(base: FittedCandidate) -> InputNoise:
+    """Return that there is no noise on any input."""
     names = list(base.problem.names)
     return InputNoise({}, np.zeros(len(names)), np.zeros((len(names), len(names))), names)
 
 
-def assess(search: Search, base: FittedCandidate) -> InputNoise:
-    """Look for noise on inputs, and tell what it does.
+def estimate_input_noise(search: Search, base: FittedCandidate) -> InputNoise:
+    """Estimate noise on inputs, and the bias and spread that it gives to estimates.
 
     Parameters
     ----------
@@ -81,65 +83,59 @@ def assess(search: Search, base: FittedCandidate) -> InputNoise:
         The base model, fitted.
     """
     noise = noisy_inputs(search.base, search.data)
-    noise = not_followed(search, base, noise) if noise else noise
+    if noise:
+        noise = unfollowed_noise(search, base, noise)
     if not noise:
-        return nothing(base)
+        return no_input_noise(base)
     try:
         steps = np.array([_step(search, base, noise, seed) for seed in range(REPLICAS)])
     except UserError:
-        return replace(nothing(base), deviation=noise)
+        return replace(no_input_noise(base), deviation=noise)
     bias = steps.mean(axis=0)
-    return replace(
-        nothing(base),
-        deviation=noise,
-        bias=bias,
-        spread=(steps - bias).T @ (steps - bias) / (REPLICAS - 1),
-    )
+    spread = (steps - bias).T @ (steps - bias) / (REPLICAS - 1)
+    return replace(no_input_noise(base), deviation=noise, bias=bias, spread=spread)
 
 
 def _step(search: Search, base: FittedCandidate, noise: Mapping[str, float], seed: int) -> Array:
-    """By how much the estimates move with more noise on the inputs, to first order."""
-    fit, truth = base.fit, simulated(search, base, search.data)
-    told = {o: np.where(base.problem.present[o], truth[o], np.nan) for o in fit.noise}
-    other = replace(search, data=replace(noisier(search.data, noise, seed), measured=told))
-    problem = other.problem(base.candidate, base.problem.names, search.fixed)
+    """Return by how much more noise on the inputs moves the estimates (p,), to first order."""
+    fit = base.fit
+    truth = simulated(search, base, search.data)
+    measured = {o: np.where(base.problem.present[o], truth[o], np.nan) for o in fit.noise}
+    data = replace(with_more_noise(search.data, noise, seed), measured=measured)
+    problem = replace(search, data=data).problem(base.candidate, base.problem.names, search.fixed)
     residual, jacobian = problem.evaluate(fit.q)
-    pieces = [
-        (n.whiten(residual[o], problem.present[o]), n.whiten(jacobian[o], problem.present[o]))
-        for o, n in fit.noise.items()
-    ]
-    slopes = np.vstack([piece[1] for piece in pieces])
-    known = covariance(slopes.T @ slopes, fit.prior_precision)
-    return np.asarray(-known.matrix @ (slopes.T @ np.concatenate([piece[0] for piece in pieces])))
+    present = problem.present
+    errors = np.concatenate([n.whiten(residual[o], present[o]) for o, n in fit.noise.items()])
+    slopes = np.vstack([n.whiten(jacobian[o], present[o]) for o, n in fit.noise.items()])
+    covariance = parameter_covariance(slopes.T @ slopes, fit.prior_precision)
+    return np.asarray(-covariance.matrix @ (slopes.T @ errors))
 
 
-def defensible(
+def drop_indefensible(
     selection: Selection, search: Search, noise: InputNoise
 ) -> tuple[Selection, list[Note]]:
     """Keep the effects for which there is more evidence than noise of the inputs makes by itself.
 
-    The model without an effect is simulated as if it were true with the inputs freed of their noise, noise is laid over
-    these, and the effect is fitted to that.
+    The model without an effect is simulated as if it were true with the inputs freed of their
+    noise, noise is added to these, and the effect is fitted to that.
 
     Returns
     -------
     selection : Selection
     notes : list of Note
-        What is not claimed.
+        On what is not claimed.
     """
     if not noise.deviation or not selection.steps:
         return selection, []
-    below, inputs = selection.base, tuple(noise.deviation)
+    inputs = tuple(noise.deviation)
+    below = selection.base
     for k, step in enumerate(selection.steps):
-        kept, names = (
-            replace(selection, steps=selection.steps[:k]),
-            [s.chosen.effect_name for s in selection.steps[k:]],
-        )
+        kept = replace(selection, steps=selection.steps[:k])
+        names = [s.chosen.effect_name for s in selection.steps[k:]]
         for seed in range(REPLICAS):
-            by_noise = _gain(
-                _replica(search, below, noise.deviation, seed), below, step.chosen, selection.tried
-            )
-            if search.budget.spent():  # what could not be held against noise is not claimed
+            replica = _replica(search, below, noise.deviation, seed)
+            by_noise = _gain(replica, below, step.chosen, selection.tried)
+            if search.budget.spent():  # what could not be compared with noise is not claimed
                 search.budget.leave(names)
                 return kept, []
             if by_noise is None:
@@ -152,13 +148,13 @@ def defensible(
     return selection, []
 
 
-def excused(
+def excused_structure(
     residuals: Mapping[str, ResidualAnalysis],
     selection: Selection,
     search: Search,
     noise: InputNoise,
 ) -> frozenset[tuple[str, type]]:
-    """Kinds of structure, by output, that noise of the inputs puts into residuals by itself.
+    """Return the kinds of structure that noise of the inputs puts into residuals by itself.
 
     Parameters
     ----------
@@ -167,9 +163,18 @@ def excused(
     selection : Selection
     search : Search
     noise : InputNoise
+
+    Returns
+    -------
+    frozenset of tuple
+        Output and type of the test.
     """
-    asked = {(o, type(s)): _evidence(a)[type(s)] for o, a in residuals.items() for s in a.structure}
-    if not noise.deviation or not asked:
+    shown = {
+        (output, type(test)): _evidence(analysis)[type(test)]
+        for output, analysis in residuals.items()
+        for test in analysis.structure
+    }
+    if not noise.deviation or not shown:
         return frozenset()
     most: dict[tuple[str, type], float] = {}
     for seed in range(REPLICAS):
@@ -184,36 +189,39 @@ def excused(
     usual = -float(np.log(ALPHA))  # which is meant for records without such noise
     return frozenset(
         key
-        for key, evidence in asked.items()
+        for key, evidence in shown.items()
         if evidence < _BEYOND * max(most.get(key, 0.0), usual)
     )
 
 
 def _evidence(analysis: ResidualAnalysis) -> dict[type, float]:
-    """Minus the logarithm of the least p-value of every kind of test, none of it infinite."""
-    found: dict[type, float] = {}
+    """Return minus the logarithm of the least p-value of every kind of test, never infinite."""
+    most: dict[type, float] = {}
     for value in vars(analysis).values():
         for item in value if isinstance(value, list) else [value]:
-            if isinstance(p := getattr(item, "p_value", None), float):
-                found[type(item)] = max(found.get(type(item), 0.0), -float(np.log(max(p, 1e-300))))
-    return found
+            p_value = getattr(item, "p_value", None)
+            if isinstance(p_value, float):
+                evidence = -float(np.log(max(p_value, 1e-300)))
+                most[type(item)] = max(most.get(type(item), 0.0), evidence)
+    return most
 
 
 def _replica(
     search: Search, base: FittedCandidate, noise: Mapping[str, float], seed: int
 ) -> Search:
-    """Search over a record in which nothing is wrong but noise on inputs and outputs, together as large as there."""
-    calm = {n: smoothed(search.data.inputs[n], s, _PASSES) for n, s in noise.items()}
-    data = replace(search.data, inputs={**search.data.inputs, **calm})
-    noisy = noisier(data, noise, seed)
-    random, truth, told = (
-        np.random.default_rng([seed, 25]),
-        simulated(search, base, data),
-        simulated(search, base, noisy),
-    )
+    """Return a search over a record in which nothing is wrong but noise on inputs and outputs.
+
+    Together they make a residual as large as that of the record at hand.
+    """
+    denoised = {n: smoothed_input(search.data.inputs[n], s, _PASSES) for n, s in noise.items()}
+    data = replace(search.data, inputs={**search.data.inputs, **denoised})
+    noisy = with_more_noise(data, noise, seed)
+    random = np.random.default_rng([seed, 25])
+    truth = simulated(search, base, data)
+    disturbed = simulated(search, base, noisy)
     measured = {}
     for output, model in base.fit.noise.items():
-        by_inputs = np.var(told[output] - truth[output]) / np.var(base.fit.residual[output])
+        by_inputs = np.var(disturbed[output] - truth[output]) / np.var(base.fit.residual[output])
         own = np.sqrt(max(_OWN, 1.0 - float(by_inputs)))
         white = own * model.deviation * random.standard_normal(len(search.data.time))
         values = truth[output] + lfilter([1.0], [1.0, *-model.coefficients], white)
@@ -226,7 +234,7 @@ def _replica(
 def _gain(
     replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int
 ) -> float | None:
-    """Evidence for an effect in a record that does not have it, looked for where the record at hand has it.
+    """Return the evidence for an effect in a record that does not have it.
 
     None where the model cannot be simulated with other noise: such a claim cannot be defended.
     """
@@ -236,8 +244,10 @@ def _gain(
         return None
 
 
-def remarks(noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array]) -> list[Note]:
-    """What is to be said of noise on inputs: its size, and the parameter that it biases most.
+def input_noise_notes(
+    noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array]
+) -> list[Note]:
+    """Return notes on noise on inputs: its size, and the parameter that it biases most.
 
     Parameters
     ----------
@@ -248,8 +258,8 @@ def remarks(noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array
     """
     if not noise.deviation:
         return []
-    problem, fit = base.problem, base.fit
-    errors = np.sqrt(fit.covariance.standard_errors**2 + np.diag(noise.spread))
+    problem = base.problem
+    errors = np.sqrt(base.fit.covariance.standard_errors**2 + np.diag(noise.spread))
     physical = [
         i
         for i, n in enumerate(noise.names)
@@ -257,21 +267,18 @@ def remarks(noise: InputNoise, base: FittedCandidate, inputs: Mapping[str, Array
     ]
     if not physical:
         return []
-    ranges = {n: float(np.ptp(inputs[n])) for n in noise.deviation}
     most = max(physical, key=lambda i: abs(noise.bias[i]) / errors[i])
-    name = noise.names[most]
-    off = (
-        problem.scales[most].value(fit.q[most] + noise.bias[most]) / fit.values[name] - 1.0
-        if fit.values[name]
-        else 0.0
-    )
     matters = abs(noise.bias[most]) > _MATTERS * errors[most]
-    return [
-        Note(
-            NoteCode.INPUT_NOISE,
-            n,
-            {"share": s / ranges[n], "deviation": s, "parameter": name, "bias": float(off)},
-        )
-        for n, s in noise.deviation.items()
-        if matters or s > _TOLD * ranges[n]
-    ]
+    name = noise.names[most]
+    bias = 0.0
+    if base.fit.values[name]:
+        biased = problem.scales[most].value(base.fit.q[most] + noise.bias[most])
+        bias = float(biased / base.fit.values[name] - 1.0)
+    notes = []
+    for n, deviation in noise.deviation.items():
+        spread = float(np.ptp(inputs[n]))
+        if matters or deviation > _NOTED * spread:
+            share = deviation / spread
+            facts = {"share": share, "deviation": deviation, "parameter": name, "bias": bias}
+            notes.append(Note(NoteCode.INPUT_NOISE, n, facts))
+    return notes

@@ -1,64 +1,243 @@
-"""What a fit says of parameters: values with intervals, and which of them differ from nominal."""
+"""Estimates of parameters after a fit: intervals, changes, and reservations about them.
+
+A fit is surer of its parameters than a model deserves that has not quite the form of the truth.
+What such a model does not explain is no noise: it comes back wherever the record does the same. So
+another record would pull the parameters about as far as single stretches of this one do
+(`identify.covariance.clustered`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.identify.estimate import Estimate, significantly_different
-from orchestration.records.joined import base_name
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.residuals import ResidualAnalysis
+from orchestration.discrepancy.selection import Selection
+from orchestration.identify.fitting import error_scales
+from orchestration.identify.uncertainty import (
+    Estimate,
+    clustered_covariance,
+    is_significantly_different,
+    parameter_covariance,
+)
+from orchestration.records import base_name
 
 Array = NDArray[np.float64]
-_IMPLAUSIBLE = (
-    30.0  # times nominal: no specimen is like that, but a wrong unit or a wrong column is
-)
+# times nominal: no specimen is like that, but a wrong unit or a wrong column is
+_IMPLAUSIBLE = 30.0
+_STRETCHES = 12  # of a record, that may pull parameters each its own way
+# Standard errors in searched coordinates, most of which are logarithms. Above the first, which is
+# near that of the prior, a value may be half or twice as large: the record hardly determines it.
+# Below the second, with all others known, it would be known to a tenth: then it is determined
+# together with others (Belsley, Kuh, Welsch: Regression Diagnostics, chapter 3).
+_OPEN = 0.6
+_KNOWN = 0.1
+_AT_END = 1e-6  # in searched coordinates
+_UNMOVED = 1e-6
+_WRONG = 3.0  # times its noise, from which on an error is one that a refit should have lowered
 
 
-def estimates(model: FittedCandidate, more: ArrayLike = 0.0) -> dict[str, Estimate]:
-    """Searched parameters by name, with their 95 % intervals, SI; ``more`` (p,) is deviation beside that of the fit."""
-    problem, fitted = model.problem, model.fit
-    intervals = problem.intervals(fitted.q, np.hypot(fitted.covariance.standard_errors, more))
+def parameter_estimates(
+    model: FittedCandidate, extra_deviation: ArrayLike = 0.0
+) -> dict[str, Estimate]:
+    """Return the searched parameters with their 95 % intervals.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    extra_deviation : float or ndarray, shape (p,)
+        Standard deviation of the searched coordinates beside that of the fit.
+
+    Returns
+    -------
+    dict of str to Estimate
+        By name, SI.
+    """
+    problem = model.problem
+    errors = np.hypot(model.fit.covariance.standard_errors, extra_deviation)
     return {
         name: Estimate(
-            fitted.values[name], problem.start[name], interval, problem.declared[name].unit
+            model.fit.values[name], problem.start[name], interval, problem.declared[name].unit
         )
-        for name, interval in intervals.items()
+        for name, interval in problem.intervals(model.fit.q, errors).items()
     }
 
 
 def significantly_changed(
-    model: FittedCandidate, parameters: Sequence[str], more: ArrayLike = 0.0
+    model: FittedCandidate, parameters: Sequence[str], extra_deviation: ArrayLike = 0.0
 ) -> list[str]:
-    """Physical parameters that are surely and noticeably others than nominal; ``more`` as in `estimates`."""
-    problem, fitted = model.problem, model.fit
-    change = np.abs(fitted.q - problem.position(problem.start))
-    errors = np.hypot(fitted.covariance.standard_errors, more)
-    t_statistics = {
-        name: x / error
-        for name, x, error in zip(problem.names, change, errors, strict=True)
-        if name in parameters
-        and not problem.declared[name].starts
-        and significantly_different(x, error)
-    }
+    """Return the physical parameters that surely and noticeably differ from nominal.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    parameters : sequence of str
+        Those that are looked at.
+    extra_deviation : float or ndarray, shape (p,)
+        As in `parameter_estimates`.
+
+    Returns
+    -------
+    list of str
+        The surest first.
+    """
+    problem = model.problem
+    change = np.abs(model.fit.q - problem.position(problem.start))
+    errors = np.hypot(model.fit.covariance.standard_errors, extra_deviation)
+    t_statistics = {}
+    for name, x, error in zip(problem.names, change, errors, strict=True):
+        physical = name in parameters and not problem.declared[name].starts
+        if physical and is_significantly_different(x, error):
+            t_statistics[name] = x / error
     return sorted(t_statistics, key=lambda name: -t_statistics[name])
 
 
 def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
-    """Of some parameters, those that no specimen can have, with their ratios to nominal; in any run.
+    """Return those of some parameters that no specimen can have, in any run.
 
-    Where the interval holds values that a specimen may have, the record does not say that it has others.
+    Where the interval holds values that a specimen may have, the record does not say that it has
+    others.
+
+    Parameters
+    ----------
+    values : Mapping of str to Estimate
+    parameters : sequence of str
+
+    Returns
+    -------
+    dict of str to float
+        Ratio to nominal, by name.
     """
-    ratios = {
-        n: e.value / e.nominal
-        for n, e in values.items()
-        if base_name(n) in parameters and e.nominal
+    ratios = {}
+    for name, estimate in values.items():
+        if base_name(name) not in parameters or not estimate.nominal:
+            continue
+        ratio = estimate.value / estimate.nominal
+        low, high = sorted(end / estimate.nominal for end in estimate.interval)
+        if ratio > 0.0 and (low >= _IMPLAUSIBLE or high <= 1.0 / _IMPLAUSIBLE):
+            ratios[name] = ratio
+    return ratios
+
+
+def misfit_spread(model: FittedCandidate) -> Array:
+    """Return the deviation of the searched coordinates that the structure of a residual makes.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+        That leaves structure.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Standard deviation beside that of the fit.
+    """
+    problem = model.problem
+    errors, slopes = problem.evaluate(model.fit.q)
+    scales = error_scales(problem)
+    jacobian = np.vstack([slopes[o] / scales[o] for o in errors])
+    residual = np.concatenate([errors[o] / scales[o] for o in errors])
+    samples = np.concatenate([np.flatnonzero(problem.present[o]) for o in errors])
+    stretches = samples * _STRETCHES // (int(samples.max()) + 1)
+    assumed = parameter_covariance(jacobian.T @ jacobian, model.fit.prior_precision)
+    covariance = clustered_covariance(assumed, jacobian, residual, stretches)
+    beyond = np.diag(covariance.matrix) - np.diag(model.fit.covariance.matrix)
+    return np.asarray(np.sqrt(np.maximum(beyond, 0.0)))
+
+
+def deviation_beside_fit(
+    model: FittedCandidate,
+    known: Iterable[Array],
+    selection: Selection,
+    residuals: Mapping[str, ResidualAnalysis],
+) -> Array:
+    """Return the deviation of the searched coordinates from all that the fit cannot know of.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    known : iterable of ndarray, shape (p,)
+        Deviations for what is known of inputs.
+    selection : Selection
+        Where it names nothing, a model that leaves structure is what is wrong, and there is nothing
+        to be sure of.
+    residuals : Mapping of str to ResidualAnalysis
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Standard deviation beside that of the fit.
+    """
+    deviations = [*known]
+    if selection.steps and any(analysis.structure for analysis in residuals.values()):
+        deviations.append(misfit_spread(model))
+    return np.asarray(np.linalg.norm(deviations, axis=0))
+
+
+def identifiability_notes(model: FittedCandidate, physical: Sequence[str]) -> list[Note]:
+    """Return notes on parameters that the record does not determine, and on fits that failed.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+        The best one, fitted to all that was measured.
+    physical : sequence of str
+        Parameters of the base model that were searched, without starts of states.
+    """
+    problem = model.problem
+    fit = model.fit
+    at = {name: i for i, name in enumerate(problem.names) if name in physical}
+    low, high = problem.bounds()
+    ends = [n for n, i in at.items() if min(fit.q[i] - low[i], high[i] - fit.q[i]) < _AT_END]
+    errors = fit.covariance.standard_errors
+    loose = [n for n, i in at.items() if errors[i] > _OPEN and n not in ends]
+    together, unknown = _determined_together(model, at, loose)
+    by_code = {
+        NoteCode.UNDETERMINED: unknown,
+        NoteCode.DETERMINED_TOGETHER: together,
+        NoteCode.AT_BOUND: ends,
     }
-    ends = {n: sorted(end / values[n].nominal for end in values[n].interval) for n in ratios}
-    return {
-        n: x
-        for n, x in ratios.items()
-        if x > 0.0 and (ends[n][0] >= _IMPLAUSIBLE or ends[n][1] <= 1.0 / _IMPLAUSIBLE)
-    }
+    notes = [Note(code, "", {"names": tuple(names)}) for code, names in by_code.items() if names]
+    if not fit.converged:
+        notes.append(Note(NoteCode.NOT_CONVERGED))
+    moved = np.abs(fit.q - problem.position(problem.start))[list(at.values())]
+    if at and moved.max() < _UNMOVED and _errors_beyond_noise(model):
+        notes.append(Note(NoteCode.NOT_MOVED))
+    return notes
+
+
+def _determined_together(
+    model: FittedCandidate, at: Mapping[str, int], loose: Sequence[str]
+) -> tuple[list[str], list[str]]:
+    """Divide loose parameters into those that would be known if all others were, and the others.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    at : Mapping of str to int
+        Places of parameters in the searched coordinates.
+    loose : sequence of str
+        Parameters with large standard errors.
+    """
+    information = np.diag(model.fit.information)
+    errors_alone = np.divide(
+        1.0,
+        np.sqrt(information),
+        out=np.full(len(information), np.inf),
+        where=information > 0.0,
+    )
+    together = [n for n in loose if errors_alone[at[n]] < _KNOWN]
+    unknown = [n for n in loose if n not in together]
+    if len(together) == 1:  # with starts of states or with an effect
+        return [], unknown + together
+    return together, unknown
+
+
+def _errors_beyond_noise(model: FittedCandidate) -> bool:
+    """Return True if errors are far beyond what is not explained from sample to sample."""
+    fit = model.fit
+    return any(np.std(e) > _WRONG * fit.noise[o].deviation for o, e in fit.residual.items())

@@ -1,21 +1,28 @@
-"""What a fitted model predicts of the validation data: that is what it is worth."""
+"""Prediction of validation data by fitted models: errors, and outputs that are not predicted."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.holdout import ValidationData
-from orchestration.identify.least_squares import minimise
-from orchestration.identify.noise.model import Noise
-from orchestration.identify.problem import Problem
-from orchestration.records.joined import base_name, names_in
+from fmus.kit import UserError
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.data import Dataset, ValidationData, white_noise
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.identify import rms
+from orchestration.identify.fitting import ModelOverRuns, Problem, minimise
+from orchestration.identify.noise import Noise
+from orchestration.identify.uncertainty import parameter_covariance
+from orchestration.records import MeasuredRun, base_name, names_in
 
 Array = NDArray[np.float64]
+Errors = dict[str, dict[str, float]]  # by model and output
+_BEYOND = 3.0  # times the error to expect, from which on an output is not predicted
+_SINGLE = 0.02  # share of the samples, those farthest off, that are no course of a signal
+_FEWEST = 20  # samples from which an error is estimated
 
 
 @dataclass(frozen=True)
@@ -42,55 +49,6 @@ class Prediction:
     parameters: dict[str, float]
 
 
-def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
-    """Parameters with which a fitted model is simulated over validation data, start values included, SI.
-
-    In records of their own, what is each record's own is estimated on the samples before those that are judged: where
-    states start, and parameters that differ from record to record.
-    """
-    values = model.problem.start | model.fit.values
-    if validation.continued:
-        return values
-    before, own = validation.run_in, own_of_each(model)
-    if not own:
-        return values
-    problem = Problem(
-        model.candidate.cls,
-        before.time,
-        before.inputs,
-        before.measured,
-        names_in(before.runs, own, own),
-        values,
-        before.linear or (),
-        runs=before.several,
-    )
-    low, high = problem.bounds()
-
-    def weighted(which: int, q: Array) -> Array:
-        parts = problem.evaluate(q)[which]
-        return np.concatenate(
-            [model.fit.noise[o].from_rest(parts[o], problem.present[o]) for o in parts]
-        )
-
-    best = minimise(
-        lambda q: weighted(0, q),
-        lambda q: weighted(1, q),
-        problem.position(problem.start),
-        low,
-        high,
-    )
-    return values | problem.values(best.q)
-
-
-def own_of_each(model: FittedCandidate) -> list[str]:
-    """Parameters of a fitted model that every record has for itself: where states start, and what else is asked to."""
-    layout = model.candidate.cls.layout
-    starts = [layout.start_of[state.name] for state in layout.states]
-    return [
-        *dict.fromkeys([*starts, *(base_name(n) for n in model.problem.names if base_name(n) != n)])
-    ]
-
-
 def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     """Simulate a fitted model over validation data.
 
@@ -99,31 +57,351 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     UserError
         If the simulation fails.
     """
-    problem, data = model.problem, validation.data
+    problem = model.problem
+    data = validation.data
     values = parameters_on(validation, model)
     ran = problem.model.run(data.time, data.inputs, values, runs=data.runs)
-    by = np.array([scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)])
-    signals = {o: ran.signals[o] for o in data.measured}
-    slopes = {o: ran.sensitivities[o] * by for o in signals}
-    return Prediction(model, signals, slopes, validation.nrmse(signals), values)
+    slopes = np.array(
+        [scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)]
+    )
+    simulated = {o: ran.signals[o] for o in data.measured}
+    sensitivities = {o: ran.sensitivities[o] * slopes for o in simulated}
+    return Prediction(model, simulated, sensitivities, validation.nrmse(simulated), values)
+
+
+def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
+    """Return the parameters with which a fitted model is simulated over validation data, SI.
+
+    In records of their own, what is each record's own is estimated on the samples before those that
+    are judged: start values of states, and parameters that differ from record to record.
+    """
+    values = model.problem.start | model.fit.values
+    own = _own_of_each_record(model)
+    if validation.continued or not own:
+        return values
+    before = validation.run_in
+    problem = Problem(
+        model.candidate.cls,
+        before.time,
+        before.inputs,
+        before.measured,
+        names_in(before.runs, own, own),
+        values,
+        linear=before.linear or (),
+        runs=before.several,
+    )
+
+    def from_rest(parts: Mapping[str, Array]) -> Array:
+        noise = model.fit.noise
+        return np.concatenate(
+            [noise[o].from_rest(part, problem.present[o]) for o, part in parts.items()]
+        )
+
+    low, high = problem.bounds()
+    best = minimise(
+        lambda q: from_rest(problem.evaluate(q)[0]),
+        lambda q: from_rest(problem.evaluate(q)[1]),
+        problem.position(problem.start),
+        low,
+        high,
+    )
+    return values | problem.values(best.q)
+
+
+def _own_of_each_record(model: FittedCandidate) -> list[str]:
+    """Return the parameters of which every record has its own value, start values first."""
+    layout = model.candidate.cls.layout
+    starts = [layout.start_of[state.name] for state in layout.states]
+    differing = [base_name(n) for n in model.problem.names if base_name(n) != n]
+    return list(dict.fromkeys([*starts, *differing]))
 
 
 def judged_innovations(
     validation: ValidationData, prediction: Prediction, noise: Mapping[str, Noise]
 ) -> tuple[Array, Array]:
-    """Innovations (m,) of a prediction in noise that is given, where nothing was fitted, and their Jacobian (m, p).
+    """Return the innovations of a prediction where nothing was fitted, and their Jacobian.
 
-    In a record of its own nothing hangs on where the states start, which was estimated on its first samples.
+    In a record of its own, start values of states do not count: they were estimated on its first
+    samples.
+
+    Parameters
+    ----------
+    validation : ValidationData
+    prediction : Prediction
+    noise : Mapping of str to Noise
+        By output.
+
+    Returns
+    -------
+    innovations : ndarray, shape (m,)
+        Of all outputs, one after the other.
+    jacobian : ndarray, shape (m, p)
     """
-    residuals, slopes = [], []
-    declared = prediction.model.problem.declared
-    granted = np.array(
-        [validation.continued or not declared[n].starts for n in prediction.model.problem.names]
+    problem = prediction.model.problem
+    counted = np.array(
+        [validation.continued or not problem.declared[n].starts for n in problem.names]
     )
+    residuals = []
+    slopes = []
     for output, y in validation.data.measured.items():
         present = np.isfinite(y) & validation.judged
-        residuals.append(noise[output].whiten((y - prediction.simulated[output])[present], present))
-        slopes.append(
-            noise[output].whiten(-prediction.sensitivities[output][present] * granted, present)
-        )
+        residual = (y - prediction.simulated[output])[present]
+        slope = -prediction.sensitivities[output][present] * counted
+        residuals.append(noise[output].whiten(residual, present))
+        slopes.append(noise[output].whiten(slope, present))
     return np.concatenate(residuals), np.concatenate(slopes)
+
+
+def model_errors(
+    predictions: Sequence[Prediction], validation: ValidationData
+) -> tuple[Errors, Errors]:
+    """Return the normalised RMS errors of free runs, where was fitted and where nothing was.
+
+    Parameters
+    ----------
+    predictions : sequence of Prediction
+        Of the refitted model, which has its fit by plain least squares with it, and of those with
+        one effect after the other, over the validation data.
+    validation : ValidationData
+
+    Returns
+    -------
+    estimation, validation : dict of str to dict of str to float
+        By model - ``untouched``, ``least_squares``, ``refitted``, ``extended`` - and output. A
+        model that cannot be simulated there, or was not made, is not among them.
+    """
+    base = predictions[0].model
+    fitted: Errors = {}
+    judged: Errors = {}
+    least_squares = None if base.free_run is None else replace(base, fit=base.free_run)
+    for name, model in (("untouched", _untouched(base)), ("least_squares", least_squares)):
+        if model is None:
+            continue
+        fitted[name] = _fitted_errors(model)
+        try:
+            judged[name] = predict(validation, model).errors
+        except UserError:  # it stands for estimation data alone
+            continue
+    predicted = {"refitted": predictions[0]}
+    if len(predictions) > 1:
+        predicted["extended"] = predictions[-1]
+    fitted |= {name: _fitted_errors(prediction.model) for name, prediction in predicted.items()}
+    judged |= {name: prediction.errors for name, prediction in predicted.items()}
+    return fitted, judged
+
+
+def _untouched(base: FittedCandidate) -> FittedCandidate | None:
+    """Return the model with its start values, if it can be simulated with them."""
+    problem = base.problem
+    q = problem.position(problem.start)
+    try:
+        residual = problem.evaluate(q)[0]
+    except UserError:
+        return None
+    return replace(
+        base, fit=replace(base.fit, q=q, values=problem.values(q), residual=dict(residual))
+    )
+
+
+def _fitted_errors(model: FittedCandidate) -> dict[str, float]:
+    """Return the error of every output over its spread, on the data that were fitted to."""
+    errors = {}
+    for output, residual in model.fit.residual.items():
+        measured = model.problem.measured[output][model.problem.present[output]]
+        spread = float(np.linalg.norm(measured - measured.mean()))
+        errors[output] = float(np.linalg.norm(residual)) / spread if spread > 0.0 else float("nan")
+    return errors
+
+
+def unpredicted_outputs(validation: ValidationData, prediction: Prediction) -> list[Note]:
+    """Return a note on outputs that a model does not predict where nothing was fitted.
+
+    The error to expect is that of the fit together with what the estimates leave open (Ljung:
+    System Identification, section 9.4). Noise may be of another level there, which is no fault of
+    the model.
+
+    Parameters
+    ----------
+    validation : ValidationData
+    prediction : Prediction
+        Of the best model.
+
+    Returns
+    -------
+    list of Note
+        One if there are any, with the largest ratio of every such output to what is expected of it.
+
+    Raises
+    ------
+    UserError
+        If the simulation fails.
+    """
+    data = validation.data
+    residual = {
+        o: e for o, e in prediction.model.fit.residual.items() if o in data.measured and e.any()
+    }
+    beyond: dict[str, dict[str, float]] = {o: {} for o in residual}  # ratios by output and run
+    for run in data.runs:
+        for output, ratio in _ratios_to_expected(validation, prediction, run, residual).items():
+            if ratio > _BEYOND:
+                beyond[output][run.label] = ratio
+    errors = {o: max(by_run.values()) for o, by_run in beyond.items() if by_run}
+    if not errors:
+        return []
+    if validation.continued:
+        return [Note(NoteCode.END_NOT_FOLLOWED, "", {"errors": errors})]
+    records = tuple(
+        run.label
+        for run in data.runs
+        if run.label and any(run.label in by_run for by_run in beyond.values())
+    )
+    return [Note(NoteCode.NOT_FOLLOWED, "", {"errors": errors, "records": records})]
+
+
+def _ratios_to_expected(
+    validation: ValidationData,
+    prediction: Prediction,
+    run: MeasuredRun,
+    residual: Mapping[str, Array],
+) -> dict[str, float]:
+    """Return the error of every output in a run, over the error to expect there.
+
+    Parameters
+    ----------
+    validation : ValidationData
+    prediction : Prediction
+    run : MeasuredRun
+    residual : Mapping of str to ndarray
+        Of the fit, by output.
+    """
+    sizes = {o: rms(_without_largest(e)) for o, e in residual.items()}
+    variance = _variance_of_estimates(validation, prediction, run, sizes)
+    ratios = {}
+    for output, size in sizes.items():
+        measured = validation.data.measured[output][run.samples]
+        judged = validation.judged[run.samples] & np.isfinite(measured)
+        if judged.sum() < _FEWEST:
+            continue
+        simulated = prediction.simulated[output][run.samples][judged]
+        slopes = prediction.sensitivities[output][run.samples][judged]
+        errors = measured[judged] - simulated
+        modelled = np.column_stack([simulated, slopes])
+        expected = size * _noise_growth(errors, modelled, residual[output])
+        uncertain = float(np.sqrt(variance[output][judged].mean()))
+        ratios[output] = rms(_without_largest(errors)) / float(np.hypot(expected, uncertain))
+    return ratios
+
+
+def _without_largest(errors: Array) -> Array:
+    """Return the moduli of errors without the few that are farthest from zero."""
+    return np.sort(np.abs(errors))[: len(errors) - int(_SINGLE * len(errors))]
+
+
+def _noise_growth(errors: Array, modelled: Array, fitted: Array) -> float:
+    """Return how much higher the level of the noise is than where was fitted, at least 1.
+
+    Of two figures the lower one: what changes from sample to sample, which all of it may be under
+    an input that does; and what neither the model's output nor any of its derivatives goes along
+    with.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (m,)
+        Of the prediction.
+    modelled : ndarray, shape (m, 1 + p)
+        The output and its derivatives.
+    fitted : ndarray, shape (k,)
+        Residual of the fit.
+    """
+    usual = white_noise(fitted)
+    by_course = white_noise(errors) / usual if usual > 0.0 else np.inf
+    columns = modelled / np.maximum(np.abs(modelled).max(axis=0), np.finfo(float).tiny)
+    unmodelled = errors - columns @ np.linalg.lstsq(columns, errors)[0]
+    by_model = rms(_without_largest(unmodelled)) / rms(_without_largest(fitted))
+    return max(1.0, min(by_course, by_model))
+
+
+def _variance_of_estimates(
+    validation: ValidationData, prediction: Prediction, run: MeasuredRun, sizes: Mapping[str, float]
+) -> dict[str, Array]:
+    """Return the variance (m,) of outputs in a run that uncertain estimates make, by output.
+
+    A record's own values were estimated on its first samples, given the shared parameters: an error
+    of these comes with an error of the own values, which makes up for it there.
+
+    Parameters
+    ----------
+    validation : ValidationData
+    prediction : Prediction
+    run : MeasuredRun
+    sizes : Mapping of str to float
+        RMS of the residual of the fit, by output.
+    """
+    model = prediction.model
+    covariance = model.fit.covariance.matrix
+    if validation.continued:
+        return {o: _variance(prediction.sensitivities[o][run.samples], covariance) for o in sizes}
+    slopes = _slopes_in_run(validation.data, prediction, run, list(sizes))
+    names = model.problem.names
+    shared = [names.index(n) for n in slopes.shared]
+    before = {
+        o: ~validation.judged[run.samples] & np.isfinite(validation.data.measured[o][run.samples])
+        for o in sizes
+    }
+    own = np.vstack([slopes.by_own[o][before[o]] / size for o, size in sizes.items()])
+    common = np.vstack([slopes.by_shared[o][before[o]] / size for o, size in sizes.items()])
+    own_covariance = parameter_covariance(own.T @ own).matrix
+    along = own_covariance @ own.T @ common
+    shared_covariance = covariance[np.ix_(shared, shared)]
+    return {
+        o: _variance(slopes.by_shared[o] - slopes.by_own[o] @ along, shared_covariance)
+        + _variance(slopes.by_own[o], own_covariance)
+        for o in sizes
+    }
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """Derivatives of outputs in one run, by parameters of all records and by its own.
+
+    Attributes
+    ----------
+    shared : list of str
+        Searched parameters that all records share.
+    by_shared : dict of str to ndarray, shape (m, s)
+        By their searched coordinates.
+    by_own : dict of str to ndarray, shape (m, o)
+        By the values that the run has for itself.
+    """
+
+    shared: list[str]
+    by_shared: dict[str, Array]
+    by_own: dict[str, Array]
+
+
+def _slopes_in_run(
+    data: Dataset, prediction: Prediction, run: MeasuredRun, outputs: Sequence[str]
+) -> _Slopes:
+    """Simulate a run with derivatives by all parameters, searched or its own."""
+    model = prediction.model
+    problem = model.problem
+    own = _own_of_each_record(model)
+    bases = dict.fromkeys(map(base_name, problem.names))
+    names = names_in([run], dict.fromkeys([*bases, *own]), own)
+    runs = ModelOverRuns(model.candidate.cls, names, data.linear or (), [run])
+    inputs = {n: values[run.samples] for n, values in data.inputs.items()}
+    ran = runs.run(data.time[run.samples], inputs, run.values(prediction.parameters))
+    shared = [n for n in problem.names if n in names and base_name(n) not in own]
+    at = [problem.names.index(n) for n in shared]
+    by = np.array([problem.scales[i].slope(model.fit.q[i]) for i in at])
+    shared_columns = [names.index(n) for n in shared]
+    own_columns = [k for k, n in enumerate(names) if base_name(n) in own]
+    return _Slopes(
+        shared,
+        {o: ran.sensitivities[o][:, shared_columns] * by for o in outputs},
+        {o: ran.sensitivities[o][:, own_columns] for o in outputs},
+    )
+
+
+def _variance(slopes: Array, covariance: Array) -> Array:
+    return np.einsum("ki,ij,kj->k", slopes, covariance, slopes).clip(0.0)

@@ -14,7 +14,7 @@ __all__ = ["Finding", "check_fmu"]
 
 
 def check_fmu(path: Path) -> list[Finding]:
-    """Check an FMU, ours or anybody's.
+    """Check any FMU against the static part of the FMU contract.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The archive of an FMU: what must be in it besides binaries."""
+"""Checks of the archive of an FMU: paths, integrity, identity, documentation, and sources."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _form(archive: Archive) -> Iterator[Finding]:
             yield Finding(10, "error", f"{name!r} is a symbolic link: it may lead anywhere")
         if mode & (stat.S_ISUID | stat.S_ISGID):
             yield Finding(10, "error", f"{name!r} would run with the rights of its owner (setuid)")
-        if not archive.is_whole(entry.filename):
+        if not archive.is_intact(entry.filename):
             yield Finding(10, "error", f"{name!r} is damaged, encrypted or cannot be unpacked")
 
 
@@ -60,8 +60,8 @@ def _identity(archive: Archive) -> Iterator[Finding]:
         yield Finding(3, "error", "the GUID is empty")
     elif not re.fullmatch(r"\{?[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\}?", guid):
         yield Finding(3, "note", f"the GUID {guid!r} has not the form of a UUID")
-    elif (version := uuid.UUID(guid).version) in (1, 4, 6, 7):
-        origin = "at random" if version == 4 else "from the clock"
+    elif uuid.UUID(guid).version in (1, 4, 6, 7):
+        origin = "at random" if uuid.UUID(guid).version == 4 else "from the clock"
         yield Finding(
             3,
             "warning",
@@ -73,12 +73,12 @@ def _identity(archive: Archive) -> Iterator[Finding]:
         yield Finding(
             3,
             "warning",
-            f"generationDateAndTime is {made}, when the archive was packed: no two builds are the same bytes",
+            f"generationDateAndTime is {made}, when the archive was packed: no two builds are the"
+            " same bytes",
         )
     if len(times) > 1:
-        first, last = (
-            "{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time) for time in (times[0], times[-1])
-        )
+        first = _show_time(times[0])
+        last = _show_time(times[-1])
         yield Finding(
             3,
             "warning",
@@ -86,8 +86,12 @@ def _identity(archive: Archive) -> Iterator[Finding]:
         )
 
 
+def _show_time(time: tuple[int, ...]) -> str:
+    return "{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time)
+
+
 def _same_day(date: str, packed: tuple[int, ...]) -> bool:
-    """Whether a date is that of an entry but for the time zone: both come from the clock, and not from a release."""
+    """Return whether a date is that of an entry, up to the time zone: both are from the clock."""
     try:
         day = datetime.date.fromisoformat(date.strip()[:10])
         return abs((day - datetime.date(*packed[:3])).days) <= 1
@@ -116,7 +120,8 @@ def _documents(archive: Archive) -> Iterator[Finding]:
         yield Finding(
             10,
             "warning",
-            "needsExecutionTool is true, but documentation/externalDependencies.txt does not say which",
+            "needsExecutionTool is true, but documentation/externalDependencies.txt does not say"
+            " which",
         )
     if documents and not needed:
         yield Finding(
@@ -127,15 +132,18 @@ def _documents(archive: Archive) -> Iterator[Finding]:
 def _sources(archive: Archive) -> Iterator[Finding]:
     for element in archive.interfaces():
         files = [node.get("name", "") for node in element.iterfind("SourceFiles/File")]
-        if absent := [name for name in files if f"sources/{name}" not in archive.names]:
+        absent = [name for name in files if f"sources/{name}" not in archive.names]
+        if absent:
             yield Finding(
                 10,
                 "error",
                 f"{element.tag}: source files listed but not in sources/: {listed(absent)}",
             )
-    if any(
+    has_sources = any(
         name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names
-    ) and not any(element.find("SourceFiles") is not None for element in archive.interfaces()):
+    )
+    lists_sources = any(element.find("SourceFiles") is not None for element in archive.interfaces())
+    if has_sources and not lists_sources:
         yield Finding(
             10, "warning", "there are sources/, but SourceFiles lists none: nobody can compile them"
         )

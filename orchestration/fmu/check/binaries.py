@@ -1,4 +1,4 @@
-"""The binaries of an FMU: there, of the right kind, offering FMI's functions, and needing nothing unusual."""
+"""Checks of the binaries of an FMU: platform, exported FMI functions, and required libraries."""
 
 from __future__ import annotations
 
@@ -23,27 +23,30 @@ _PLATFORMS = {
     "win64": _Platform("PE", "x86_64", ".dll"),
     "darwin32": _Platform("Mach-O", "x86", ".dylib"),
     "darwin64": _Platform("Mach-O", "x86_64", ".dylib"),
-    "aarch64-linux": _Platform(
-        "ELF", "arm64", ".so"
-    ),  # a tuple of FMI 3.0, as FMI 2.0.4 has it for other processors
+    # a platform tuple of FMI 3.0, as FMI 2.0.4 has it for other processors
+    "aarch64-linux": _Platform("ELF", "arm64", ".so"),
 }
 _EXPECTED = ("linux64", "win64", "darwin64")
 
 _COMMON = (
-    "GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment EnterInitializationMode "
-    "ExitInitializationMode Terminate Reset GetReal GetInteger GetBoolean GetString SetReal SetInteger SetBoolean "
-    "SetString GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate "
-    "GetDirectionalDerivative"
+    "GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment"
+    " EnterInitializationMode ExitInitializationMode Terminate Reset GetReal GetInteger GetBoolean"
+    " GetString SetReal SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate"
+    " SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative"
 )
 _FUNCTIONS = {
-    "CoSimulation": f"{_COMMON} SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus "
-    "GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus",
-    "ModelExchange": f"{_COMMON} EnterEventMode NewDiscreteStates EnterContinuousTimeMode CompletedIntegratorStep "
-    "SetTime SetContinuousStates GetDerivatives GetEventIndicators GetContinuousStates "
-    "GetNominalsOfContinuousStates",
+    "CoSimulation": (
+        f"{_COMMON} SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus "
+        "GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus"
+    ),
+    "ModelExchange": (
+        f"{_COMMON} EnterEventMode NewDiscreteStates EnterContinuousTimeMode"
+        " CompletedIntegratorStep SetTime SetContinuousStates GetDerivatives GetEventIndicators"
+        " GetContinuousStates GetNominalsOfContinuousStates"
+    ),
 }
 
-# Libraries every system of a platform has. Those of the first group go without saying.
+# Libraries that every system of a platform has. Those of the first group are not reported.
 _LIBC = {"libc.so.6", "libm.so.6"}
 _GLIBC = {
     "libdl.so.2",
@@ -74,7 +77,7 @@ _WINDOWS = {
 
 
 def check_binaries(archive: Archive) -> Iterator[Finding]:
-    """Check what is in ``binaries/``.
+    """Check the folder ``binaries/``.
 
     Yields
     ------
@@ -91,7 +94,8 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
             "no binaries" + (", only sources" if compilable else ""),
         )
         return
-    if absent := [folder for folder in _EXPECTED if folder not in folders]:
+    absent = [folder for folder in _EXPECTED if folder not in folders]
+    if absent:
         yield Finding(10, "note", f"no binary for {listed(absent)}")
     for folder in folders:
         if folder not in _PLATFORMS:
@@ -101,19 +105,24 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
                 f"binaries/{folder} is no platform of FMI 2.0; hosts will not look there",
             )
             continue
-        functions: dict[str, set[str]] = {}
-        for element in archive.interfaces():
-            identifier = element.get("modelIdentifier", "")
-            functions.setdefault(identifier, set()).update(
-                "fmi2" + name for name in _FUNCTIONS[element.tag].split()
-            )
-        for identifier, required in functions.items():
+        for identifier, required in _required_functions(archive).items():
             yield from _binary(archive, folder, identifier, required)
+
+
+def _required_functions(archive: Archive) -> dict[str, set[str]]:
+    """Return the FMI functions that a binary must export, by model identifier."""
+    functions: dict[str, set[str]] = {}
+    for element in archive.interfaces():
+        identifier = element.get("modelIdentifier", "")
+        names = {"fmi2" + name for name in _FUNCTIONS[element.tag].split()}
+        functions.setdefault(identifier, set()).update(names)
+    return functions
 
 
 def _binary(
     archive: Archive, folder: str, identifier: str, required: set[str]
 ) -> Iterator[Finding]:
+    """Check the binary of a model identifier for one platform."""
     platform = _PLATFORMS[folder]
     name = f"binaries/{folder}/{identifier}{platform.extension}"
     if name not in archive.names:
@@ -134,38 +143,43 @@ def _binary(
         yield Finding(
             10, "error", f"{name} is for {', '.join(library.machines)}, expected {platform.machine}"
         )
-    if lacking := sorted(required - library.exports):
+    lacking = sorted(required - library.exports)
+    if lacking:
         yield Finding(
             4, "error", f"{name} lacks {len(lacking)} functions of FMI 2.0: {listed(lacking)}"
         )
-    yield from _needs(name, folder, library, {entry.rsplit("/", 1)[-1] for entry in archive.names})
+    inside = {entry.rsplit("/", 1)[-1] for entry in archive.names}
+    yield from _needs(name, folder, library, inside)
     if library.format == "ELF":
         others = sorted(symbol for symbol in library.exports if not symbol.startswith("fmi2"))
         if others:
             yield Finding(
                 6,
                 "note",
-                f"{name} exports {len(others)} other symbols, which two FMUs may confuse: {listed(others)}",
+                f"{name} exports {len(others)} other symbols, which two FMUs may confuse:"
+                f" {listed(others)}",
             )
 
 
 def _needs(name: str, folder: str, library: Library, inside: set[str]) -> Iterator[Finding]:
-    usual, unusual = [], []
+    """Report the libraries and symbols that a binary needs besides those of every system.
+
+    Parameters
+    ----------
+    name, folder : str
+        Of the binary, and of its platform.
+    library : Library
+    inside : set of str
+        Names of the files in the archive, without their folders.
+    """
+    usual = []
+    unusual = []
     for needed in library.needs:
-        if library.format == "ELF":
-            common, basic = needed in _GLIBC, needed in _LIBC
-        elif folder.startswith("win"):
-            basic = needed.lower() in _WINDOWS or needed.lower().startswith("api-ms-win-")
-            common = False
-        else:
-            common, basic = False, needed.startswith(("/usr/lib/", "/System/Library/"))
-        if common:
+        if library.format == "ELF" and needed in _GLIBC:
             usual.append(needed)
-        elif not basic:
-            unusual.append(
-                needed
-                + (" (which is in the archive)" if needed.rsplit("/", 1)[-1] in inside else "")
-            )
+        elif not _is_basic(needed, library.format, folder):
+            in_archive = needed.rsplit("/", 1)[-1] in inside
+            unusual.append(needed + (" (which is in the archive)" if in_archive else ""))
     if usual:
         yield Finding(10, "note", f"{name} needs {listed(usual)} besides the C library")
     if unusual:
@@ -174,11 +188,20 @@ def _needs(name: str, folder: str, library: Library, inside: set[str]) -> Iterat
             "warning",
             f"{name} needs libraries that are not part of the system: {listed(unusual)}",
         )
-    # Everything the usual libraries offer carries a version: what has none comes from nowhere in particular.
+    # All symbols of the usual libraries carry a version: one without is from none of them.
     if library.unsupplied and set(library.needs) <= _VERSIONED:
         yield Finding(
             4,
             "warning",
-            f"{name} needs {len(library.unsupplied)} symbols no library of its own supplies; it does not load in a "
-            f"host without them: {listed(library.unsupplied)}",
+            f"{name} needs {len(library.unsupplied)} symbols no library of its own supplies; it"
+            f" does not load in a host without them: {listed(library.unsupplied)}",
         )
+
+
+def _is_basic(needed: str, binary_format: str, folder: str) -> bool:
+    """Return whether every system of a platform has a library, so that it is not reported."""
+    if binary_format == "ELF":
+        return needed in _LIBC
+    if folder.startswith("win"):
+        return needed.lower() in _WINDOWS or needed.lower().startswith("api-ms-win-")
+    return needed.startswith(("/usr/lib/", "/System/Library/"))

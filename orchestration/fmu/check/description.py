@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` beyond its schema: structure, units, descriptions, ranges, capabilities."""
+"""Checks of ``modelDescription.xml``: structure, units, descriptions, ranges, and capabilities."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def check_description(path: Path, root: Element) -> Iterator[Finding]:
     path : Path
         The FMU, for fmpy's own validation.
     root : Element
-        Its ``fmiModelDescription``.
+        The element ``fmiModelDescription``.
 
     Yields
     ------
@@ -44,22 +44,20 @@ def _fmpy_problems(path: Path) -> list[str]:
 
 
 def _variables(root: Element) -> Iterator[tuple[Element, Element, dict[str, str]]]:
-    """Yield every variable, its type element, and the attributes of that with those of its declared type."""
-    types = {
-        node.get("name", ""): node[0]
+    """Yield every variable, its type element, and the attributes of its type.
+
+    The attributes of the declared type are included where the variable does not have its own.
+    """
+    declared_attributes = {
+        node.get("name", ""): dict(node[0].attrib)
         for node in root.iterfind("TypeDefinitions/SimpleType")
         if len(node)
     }
     for variable in root.iterfind("ModelVariables/ScalarVariable"):
-        for node in variable:
-            if node.tag in _TYPES:
-                declared = types.get(node.get("declaredType", ""))
-                yield (
-                    variable,
-                    node,
-                    ({} if declared is None else dict(declared.attrib)) | dict(node.attrib),
-                )
-                break
+        node = next((child for child in variable if child.tag in _TYPES), None)
+        if node is not None:
+            declared = declared_attributes.get(node.get("declaredType", ""), {})
+            yield variable, node, declared | dict(node.attrib)
 
 
 def _structure(root: Element) -> Iterator[Finding]:
@@ -67,73 +65,83 @@ def _structure(root: Element) -> Iterator[Finding]:
         variable.get("name", "") for variable in root.iterfind("ModelVariables/ScalarVariable")
     ]
     for section in ("Outputs", "Derivatives", "InitialUnknowns"):
-        silent = [
-            _named(names, unknown)
+        unstated = [
+            _name_of(unknown, names)
             for unknown in root.iterfind(f"ModelStructure/{section}/Unknown")
             if unknown.get("dependencies") is None
         ]
-        if silent:
+        if unstated:
             yield Finding(
                 1,
                 "warning",
-                f"ModelStructure/{section}: no dependencies, so hosts must assume all, for {listed(silent)}",
+                f"ModelStructure/{section}: no dependencies, so hosts must assume all, for"
+                f" {listed(unstated)}",
             )
 
 
-def _named(names: list[str], unknown: Element) -> str:
+def _name_of(unknown: Element, names: list[str]) -> str:
+    """Return the name of the variable that an element ``Unknown`` refers to by its index."""
     index = unknown.get("index", "")
     inside = index.isdecimal() and 1 <= int(index) <= len(names)
     return names[int(index) - 1] if inside else f"(index {index})"
 
 
-# --- units ----------------------------------------------------------------------------------------------------------
+# --- units
 
 
 def _units(root: Element) -> Iterator[Finding]:
     units = list(root.iterfind("UnitDefinitions/Unit"))
-    bare = [
+    without_unit = [
         variable.get("name", "")
         for variable, node, attributes in _variables(root)
         if node.tag == "Real" and not attributes.get("unit")
     ]
     if not units:
         yield Finding(2, "warning", "there are no UnitDefinitions")
-    if bare:
-        yield Finding(2, "warning", f"no unit for {listed(bare)}")
+    if without_unit:
+        yield Finding(2, "warning", f"no unit for {listed(without_unit)}")
     for unit in units:
-        name = unit.get("name", "")
-        base = unit.find("BaseUnit")
-        if base is None:
-            yield Finding(2, "warning", f"unit {name!r} has no BaseUnit: hosts cannot convert it")
-            continue
-        for attribute in _BASE_UNITS:
-            if not re.fullmatch(r"\s*[+-]?\d+\s*", base.get(attribute, "0")):
-                yield Finding(
-                    2,
-                    "error",
-                    f"unit {name!r}: exponent {attribute}={base.get(attribute)!r}, expected an integer",
-                )
-        for node, label in [(base, f"unit {name!r}")] + [
-            (display, f"display unit {display.get('name', '')!r} of {name!r}")
-            for display in unit.iterfind("DisplayUnit")
-        ]:
-            factor, offset = _number(node, "factor", 1.0), _number(node, "offset", 0.0)
-            if factor is None or factor == 0.0 or not math.isfinite(factor):
-                yield Finding(
-                    2,
-                    "error",
-                    f"{label}: factor={node.get('factor')!r}, expected a finite number but 0",
-                )
-            if offset is None or not math.isfinite(offset):
-                yield Finding(
-                    2, "error", f"{label}: offset={node.get('offset')!r}, expected a finite number"
-                )
+        yield from _unit(unit)
+
+
+def _unit(unit: Element) -> Iterator[Finding]:
+    name = unit.get("name", "")
+    base = unit.find("BaseUnit")
+    if base is None:
+        yield Finding(2, "warning", f"unit {name!r} has no BaseUnit: hosts cannot convert it")
+        return
+    for attribute in _BASE_UNITS:
+        if not re.fullmatch(r"\s*[+-]?\d+\s*", base.get(attribute, "0")):
+            yield Finding(
+                2,
+                "error",
+                f"unit {name!r}: exponent {attribute}={base.get(attribute)!r}, expected an integer",
+            )
+    yield from _conversion(base, f"unit {name!r}")
+    for display in unit.iterfind("DisplayUnit"):
+        yield from _conversion(display, f"display unit {display.get('name', '')!r} of {name!r}")
+
+
+def _conversion(node: Element, label: str) -> Iterator[Finding]:
+    """Check the factor and the offset of a unit."""
+    factor = _number(node, "factor", 1.0)
+    offset = _number(node, "offset", 0.0)
+    if factor is None or factor == 0.0 or not math.isfinite(factor):
+        yield Finding(
+            2,
+            "error",
+            f"{label}: factor={node.get('factor')!r}, expected a finite number but 0",
+        )
+    if offset is None or not math.isfinite(offset):
+        yield Finding(
+            2, "error", f"{label}: offset={node.get('offset')!r}, expected a finite number"
+        )
 
 
 def _number(
     node: Element | Mapping[str, str], attribute: str, default: float | None = None
 ) -> float | None:
-    """Value of an attribute; None if it is no number."""
+    """Return the value of an attribute; None if it is no number."""
     text = node.get(attribute)
     if text is None:
         return default
@@ -143,50 +151,56 @@ def _number(
         return None
 
 
-# --- descriptions and ranges ----------------------------------------------------------------------------------------
+# --- descriptions and ranges
 
 
 def _descriptions(root: Element) -> Iterator[Finding]:
     if not root.get("description", "").strip():
         yield Finding(2, "warning", "the model has no description")
-    bare = [
+    undescribed = [
         variable.get("name", "")
         for variable in root.iterfind("ModelVariables/ScalarVariable")
         if not variable.get("description", "").strip()
     ]
-    if bare:
-        yield Finding(2, "warning", f"no description for {listed(bare)}")
+    if undescribed:
+        yield Finding(2, "warning", f"no description for {listed(undescribed)}")
 
 
 def _ranges(root: Element) -> Iterator[Finding]:
     unlimited = []
     for variable, node, attributes in _variables(root):
         name = variable.get("name", "")
-        low, high = _number(attributes, "min"), _number(attributes, "max")
-        start, nominal = _number(attributes, "start"), _number(attributes, "nominal", 1.0)
+        low = _number(attributes, "min")
+        high = _number(attributes, "max")
+        nominal = _number(attributes, "nominal", 1.0)
         if low is not None and high is not None and low > high:
             yield Finding(2, "error", f"{name}: min = {low:g} is above max = {high:g}")
-        elif start is not None and node.tag != "Boolean":
-            if not math.isfinite(start):
-                yield Finding(2, "error", f"{name}: start = {start} is not finite")
-            elif (low is not None and start < low) or (high is not None and start > high):
-                limits = f"{'-inf' if low is None else f'{low:g}'} to {'inf' if high is None else f'{high:g}'}"
-                yield Finding(
-                    2, "error", f"{name}: start = {start:g} is outside of its range, {limits}"
-                )
+        elif node.tag != "Boolean":
+            yield from _start_value(name, _number(attributes, "start"), low, high)
         if nominal is not None and not 0.0 < nominal < math.inf:
             yield Finding(2, "error", f"{name}: nominal = {nominal:g}, expected a positive number")
-        if (
-            variable.get("causality") == "parameter"
-            and node.tag in ("Real", "Integer")
-            and low is high is None
-        ):
+        is_number = node.tag in ("Real", "Integer")
+        if variable.get("causality") == "parameter" and is_number and low is None and high is None:
             unlimited.append(name)
     if unlimited:
         yield Finding(2, "note", f"no range (min, max) for the parameters {listed(unlimited)}")
 
 
-# --- capabilities ---------------------------------------------------------------------------------------------------
+def _start_value(
+    name: str, start: float | None, low: float | None, high: float | None
+) -> Iterator[Finding]:
+    if start is None:
+        return
+    if not math.isfinite(start):
+        yield Finding(2, "error", f"{name}: start = {start} is not finite")
+    elif (low is not None and start < low) or (high is not None and start > high):
+        lower = "-inf" if low is None else f"{low:g}"
+        upper = "inf" if high is None else f"{high:g}"
+        message = f"{name}: start = {start:g} is outside of its range, {lower} to {upper}"
+        yield Finding(2, "error", message)
+
+
+# --- capabilities
 
 
 def _capabilities(root: Element) -> Iterator[Finding]:
@@ -197,9 +211,20 @@ def _capabilities(root: Element) -> Iterator[Finding]:
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier):
         yield Finding(1, "error", f"modelIdentifier {identifier!r} is no identifier of C")
+    yield from _flags(interface)
+    if root.find("LogCategories") is None:
+        yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
+    if root.find("DefaultExperiment") is None:
+        yield Finding(
+            10, "note", "there is no DefaultExperiment: users must guess stop time and step size"
+        )
+
+
+def _flags(interface: Element) -> Iterator[Finding]:
+    """Check the capability flags of co-simulation."""
 
     def can(name: str) -> bool:
-        return interface is not None and interface.get(name, "false").strip() in ("true", "1")
+        return interface.get(name, "false").strip() in ("true", "1")
 
     for name in ("canGetAndSetFMUstate", "canSerializeFMUstate"):
         if not can(name):
@@ -220,9 +245,3 @@ def _capabilities(root: Element) -> Iterator[Finding]:
         )
     if not can("needsExecutionTool") and not can("providesDirectionalDerivative"):
         yield Finding(11, "note", "providesDirectionalDerivative is false")
-    if root.find("LogCategories") is None:
-        yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
-    if root.find("DefaultExperiment") is None:
-        yield Finding(
-            10, "note", "there is no DefaultExperiment: users must guess stop time and step size"
-        )

@@ -1,4 +1,4 @@
-"""What a check reports."""
+"""Findings: what a check of an FMU reports."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
-_MOST = 8
+_MOST_LISTED = 8
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong with an FMU, or worth knowing.
+    """One fault of an FMU, or a remark on it.
 
     Attributes
     ----------
     line : int
-        Line of the FMU contract it belongs to, 1 to 11.
+        Line of the FMU contract that it is about, 1 to 11.
     severity : {"error", "warning", "note"}
-        An error breaks FMI 2.0 or keeps hosts from loading the FMU; a warning breaks the contract only; a note is
-        worth knowing.
+        An error breaks FMI 2.0 or keeps hosts from loading the FMU; a warning breaks the contract
+        only; a note is worth knowing.
     message : str
-        What, where, and what is expected, in one line.
+        The fault, its place, and what is expected instead, in one line.
     """
 
     line: int
@@ -32,7 +32,7 @@ class Finding:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names in one line; of many only the first few."""
+    """Return names in one line; of many only the first few."""
     names = list(names)
-    more = len(names) - _MOST
-    return ", ".join(names[:_MOST]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - _MOST_LISTED
+    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")

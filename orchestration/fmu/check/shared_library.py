@@ -1,36 +1,40 @@
-"""Reading shared libraries of any platform on any platform: format, machines, what they offer and what they need.
+"""Reading of shared libraries of any platform: format, processors, exports, and needed libraries.
 
-ELF (Linux), PE (Windows) and Mach-O (macOS, thin or universal), as far as the question goes whether a host can load an
-FMU's binary. The layouts are those of ``elf.h``, of Microsoft's PE specification and of ``mach-o/loader.h``.
+ELF (Linux), PE (Windows) and Mach-O (macOS, thin or universal) are read as far as needed to tell
+whether a host can load an FMU's binary. The layouts are those of ``elf.h``, of Microsoft's PE
+specification and of ``mach-o/loader.h``.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 
 class LibraryError(ValueError):
-    """The bytes are no shared library, or a damaged one; the text says which."""
+    """The error for bytes that are no shared library, or a damaged one."""
 
 
 @dataclass(frozen=True)
 class Library:
-    """What a shared library's headers say.
+    """The contents of a shared library's headers.
 
     Attributes
     ----------
     format : {"ELF", "PE", "Mach-O"}
     machines : tuple of str
-        Processors it runs on: ``x86``, ``x86_64``, ``arm64``, or a number in hexadecimal; several if it is universal.
+        Processors it runs on: ``x86``, ``x86_64``, ``arm64``, or a number in hexadecimal; several
+        if it is universal.
     needs : tuple of str
-        Libraries the loader must find, as named in it.
+        Names of the libraries that the loader must find.
     exports : frozenset of str
-        Functions and data it offers (on every machine); C names, without the underscore of macOS.
+        Functions and data that it exports for every processor; C names, without the underscore of
+        macOS.
     unsupplied : tuple of str
-        ELF only: strong symbols it needs that are bound to no version of any library. The loading process must happen
-        to have them.
+        ELF only: strong symbols that it needs from no particular library. The process that loads it
+        must happen to have them.
     """
 
     format: str
@@ -55,7 +59,8 @@ def read_library(contents: bytes) -> Library:
     Raises
     ------
     LibraryError
-        If the format is unknown, it is a program or an object file, or its tables point outside of it.
+        If the format is unknown, it is a program or an object file, or its tables point outside of
+        it.
     """
     readers = {
         b"\x7fELF": _elf,
@@ -76,66 +81,165 @@ def read_library(contents: bytes) -> Library:
 
 
 def _text(contents: bytes, offset: int) -> str:
-    """Text at an offset, up to its closing zero; ValueError when there is none."""
+    """Return the text at an offset, up to its closing zero; ValueError when there is none."""
     if not 0 <= offset < len(contents):
         raise ValueError(offset)
     return contents[offset : contents.index(b"\0", offset)].decode("utf-8", "replace")
 
 
 def _rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
-    """Rows of a table of ``size`` bytes; struct.error when it does not lie in the file."""
+    """Yield the rows of a table of ``size`` bytes; struct.error when it is not within the file."""
     if offset < 0 or size < 0 or offset + size > len(contents):
         raise struct.error
     width = struct.calcsize(layout)
     yield from struct.iter_unpack(layout, contents[offset : offset + size - size % width])
 
 
-# --- ELF ------------------------------------------------------------------------------------------------------------
+class _Section(NamedTuple):
+    """A part of a file, and the addresses to which it is loaded."""
+
+    address: int
+    size: int
+    offset: int
+
+
+def _file_offset(sections: Sequence[_Section], address: int) -> int:
+    """Return the place in the file of an address in memory; ValueError when there is none."""
+    for section in sections:
+        if section.address <= address < section.address + section.size:
+            return address - section.address + section.offset
+    raise ValueError(address)
+
+
+# --- ELF
 
 _ELF_MACHINES = {0x3: "x86", 0x3E: "x86_64", 0xB7: "arm64"}
-_SHARED_OBJECT, _LOADABLE, _DYNAMIC = 3, 1, 2
-_END, _NEEDED, _STRINGS, _VERSIONS, _SYSV_HASH, _GNU_HASH, _SYMBOLS = (
-    0,
-    1,
-    5,
-    0x6FFFFFF0,
-    4,
-    0x6FFFFEF5,
-    6,
-)
+_SHARED_OBJECT = 3  # type of file
+_LOADABLE = 1  # types of segments
+_DYNAMIC = 2
+# tags of entries in the table for dynamic loading
+_END = 0
+_NEEDED = 1
+_SYSV_HASH = 4
+_STRINGS = 5
+_SYMBOLS = 6
+_GNU_HASH = 0x6FFFFEF5
+_VERSIONS = 0x6FFFFFF0
+# bindings of symbols
+_GLOBAL = 1
+_WEAK = 2
+_NO_VERSION = 1  # largest version that is none
+
+
+class _ElfSymbol(NamedTuple):
+    name_offset: int
+    binding: int
+    section: int
+
+
+class _ElfFile:
+    """An ELF file of either word size and byte order."""
+
+    def __init__(self, contents: bytes):
+        self.contents = contents
+        self.is_64_bit = contents[4] == 2
+        self._order = {1: "<", 2: ">"}[contents[5]]
+        self._word = "Q" if self.is_64_bit else "I"
+
+    def unpack(self, layout: str, offset: int) -> tuple[int, ...]:
+        """Unpack numbers at an offset."""
+        return struct.unpack_from(self._order + layout, self.contents, offset)
+
+    def rows(self, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
+        """Yield the rows of a table of ``size`` bytes."""
+        return _rows(self.contents, self._order + layout, offset, size)
+
+    def segments(self) -> tuple[list[_Section], list[tuple[int, ...]]]:
+        """Return the segments that are loaded, and the table for dynamic loading."""
+        table_offset = self.unpack(self._word, 32 if self.is_64_bit else 28)[0]
+        width, count = self.unpack("HH", 54 if self.is_64_bit else 42)
+        loaded = []
+        dynamic: list[tuple[int, ...]] = []
+        for k in range(count):
+            place = table_offset + k * width
+            if self.is_64_bit:
+                role, _, offset, address, _, size = self.unpack("IIQQQQ", place)
+            else:
+                role, offset, address, _, size = self.unpack("IIIII", place)
+            if role == _LOADABLE:
+                loaded.append(_Section(address, size, offset))
+            elif role == _DYNAMIC:
+                dynamic = list(self.rows(self._word * 2, offset, size))
+        return loaded, dynamic
+
+    def symbol_count(self, hash_offsets: Mapping[int, int]) -> int:
+        """Return the number of dynamic symbols, which only the hash tables tell."""
+        if _SYSV_HASH in hash_offsets:
+            return self.unpack("II", hash_offsets[_SYSV_HASH])[1]
+        offset = hash_offsets[_GNU_HASH]
+        bucket_count, first, bloom, _ = self.unpack("IIII", offset)
+        buckets = offset + 16 + bloom * (8 if self.is_64_bit else 4)
+        last = max((row[0] for row in self.rows("I", buckets, 4 * bucket_count)), default=0)
+        if last < first:
+            return first
+        chains = buckets + 4 * bucket_count
+        while not self.unpack("I", chains + 4 * (last - first))[0] & 1:
+            last += 1
+        return last + 1
+
+    def symbols(self, offset: int, count: int) -> Iterator[_ElfSymbol]:
+        """Yield the rows of the table of dynamic symbols."""
+        layout = "IBBHQQ" if self.is_64_bit else "IIIBBH"
+        size = count * struct.calcsize(self._order + layout)
+        for row in self.rows(layout, offset, size):
+            if self.is_64_bit:
+                name_offset, info, _, section = row[:4]
+            else:
+                name_offset, _, _, info, _, section = row
+            yield _ElfSymbol(name_offset, info >> 4, section)
 
 
 def _elf(contents: bytes) -> Library:
-    wide = contents[4] == 2
-    order = {1: "<", 2: ">"}[contents[5]]
-    kind, machine = struct.unpack_from(order + "HH", contents, 16)
+    file = _ElfFile(contents)
+    kind, machine = file.unpack("HH", 16)
     if kind != _SHARED_OBJECT:
         raise LibraryError("an ELF file, but not a shared library")
-    word = "Q" if wide else "I"
-    segments_at = struct.unpack_from(order + word, contents, 32 if wide else 28)[0]
-    width, count = struct.unpack_from(order + "HH", contents, 54 if wide else 42)
-    loaded, dynamic = [], []
-    for k in range(count):
-        at = segments_at + k * width
-        if wide:
-            role, _, offset, address, _, size = struct.unpack_from(order + "IIQQQQ", contents, at)
-        else:
-            role, offset, address, _, size = struct.unpack_from(order + "IIIII", contents, at)
-        if role == _LOADABLE:
-            loaded.append((address, offset, size))
-        elif role == _DYNAMIC:
-            dynamic = list(_rows(contents, f"{order}{word}{word}", offset, size))
+    loaded, dynamic = file.segments()
     if not dynamic:
         raise LibraryError("an ELF file without a table for dynamic loading")
+    needed, tables = _dynamic_entries(dynamic)
+    strings = _file_offset(loaded, tables[_STRINGS])
+    symbols = _file_offset(loaded, tables[_SYMBOLS])
+    hashes = {
+        tag: _file_offset(loaded, tables[tag]) for tag in (_SYSV_HASH, _GNU_HASH) if tag in tables
+    }
+    exports = set()
+    unsupplied = []
+    for k, symbol in enumerate(file.symbols(symbols, file.symbol_count(hashes))):
+        if not symbol.name_offset or symbol.binding not in (_GLOBAL, _WEAK):
+            continue
+        name = _text(contents, strings + symbol.name_offset)
+        if symbol.section:
+            exports.add(name)
+        elif symbol.binding == _GLOBAL:
+            version = _NO_VERSION
+            if _VERSIONS in tables:
+                version = file.unpack("H", _file_offset(loaded, tables[_VERSIONS]) + 2 * k)[0]
+            if version & 0x7FFF <= _NO_VERSION:
+                unsupplied.append(name)
+    return Library(
+        format="ELF",
+        machines=(_ELF_MACHINES.get(machine, hex(machine)),),
+        needs=tuple(_text(contents, strings + offset) for offset in needed),
+        exports=frozenset(exports),
+        unsupplied=tuple(sorted(unsupplied)),
+    )
 
-    def place(address: int) -> int:
-        for start, offset, size in loaded:
-            if start <= address < start + size:
-                return address - start + offset
-        raise ValueError(address)
 
+def _dynamic_entries(dynamic: Sequence[tuple[int, ...]]) -> tuple[list[int], dict[int, int]]:
+    """Return the offsets of the names of needed libraries, and the other entries by their tag."""
     needed = []
-    tables: dict[int, int] = {}
+    tables = {}
     for tag, value in dynamic:
         if tag == _END:
             break
@@ -143,108 +247,71 @@ def _elf(contents: bytes) -> Library:
             needed.append(value)
         else:
             tables[tag] = value
-    strings = place(tables[_STRINGS])
-    symbols = place(tables[_SYMBOLS])
-    total = _elf_symbol_count(
-        contents, order, wide, {tag: place(tables[tag]) for tag in _HASHES & tables.keys()}
-    )
-    layout = order + ("IBBHQQ" if wide else "IIIBBH")
-    exports, unsupplied = set(), []
-    for k, row in enumerate(_rows(contents, layout, symbols, total * struct.calcsize(layout))):
-        name_at, info, section = (row[0], row[1], row[3]) if wide else (row[0], row[3], row[5])
-        if not name_at or info >> 4 not in (1, 2):  # global or weak
-            continue
-        name = _text(contents, strings + name_at)
-        if section:
-            exports.add(name)
-        elif info >> 4 == 1:
-            version = 1
-            if _VERSIONS in tables:
-                version = struct.unpack_from(
-                    order + "H", contents, place(tables[_VERSIONS]) + 2 * k
-                )[0]
-            if version & 0x7FFF <= 1:
-                unsupplied.append(name)
-    needs = tuple(_text(contents, strings + at) for at in needed)
-    return Library(
-        "ELF",
-        (_ELF_MACHINES.get(machine, hex(machine)),),
-        needs,
-        frozenset(exports),
-        tuple(sorted(unsupplied)),
-    )
+    return needed, tables
 
 
-_HASHES = {_SYSV_HASH, _GNU_HASH}
-
-
-def _elf_symbol_count(contents: bytes, order: str, wide: bool, places: dict[int, int]) -> int:
-    """Number of dynamic symbols: ELF does not store it but in its hash tables."""
-    if _SYSV_HASH in places:
-        return struct.unpack_from(order + "II", contents, places[_SYSV_HASH])[1]
-    at = places[_GNU_HASH]
-    buckets, first, bloom, _ = struct.unpack_from(order + "IIII", contents, at)
-    buckets_at = at + 16 + bloom * (8 if wide else 4)
-    last = max((row[0] for row in _rows(contents, order + "I", buckets_at, 4 * buckets)), default=0)
-    if last < first:
-        return first
-    chains_at = buckets_at + 4 * buckets
-    while not struct.unpack_from(order + "I", contents, chains_at + 4 * (last - first))[0] & 1:
-        last += 1
-    return last + 1
-
-
-# --- PE -------------------------------------------------------------------------------------------------------------
+# --- PE
 
 _PE_MACHINES = {0x14C: "x86", 0x8664: "x86_64", 0xAA64: "arm64"}
 _DLL = 0x2000
 
 
 def _pe(contents: bytes) -> Library:
-    at = struct.unpack_from("<I", contents, 60)[0]
-    if contents[at : at + 4] != b"PE\0\0":
+    start = struct.unpack_from("<I", contents, 60)[0]
+    if contents[start : start + 4] != b"PE\0\0":
         raise LibraryError("an MS-DOS program, no Windows library")
-    machine, sections, _, _, _, optional, flags = struct.unpack_from("<HHIIIHH", contents, at + 4)
+    header = struct.unpack_from("<HHIIIHH", contents, start + 4)
+    machine, section_count, _, _, _, optional_size, flags = header
     if not flags & _DLL:
         raise LibraryError("a Windows program, but no DLL")
-    header = at + 24
-    wide = struct.unpack_from("<H", contents, header)[0] == 0x20B
-    directories = header + (112 if wide else 96)
-    table = [
-        (address, max(size, raw), offset)
-        for size, address, raw, offset in _rows(
-            contents, "<8xIIII16x", header + optional, 40 * sections
-        )
+    optional = start + 24
+    is_64_bit = struct.unpack_from("<H", contents, optional)[0] == 0x20B
+    directories = optional + (112 if is_64_bit else 96)
+    section_rows = _rows(contents, "<8xIIII16x", optional + optional_size, 40 * section_count)
+    sections = [
+        _Section(address, max(size, raw), offset) for size, address, raw, offset in section_rows
     ]
-
-    def place(address: int) -> int:
-        for start, size, offset in table:
-            if start <= address < start + size:
-                return address - start + offset
-        raise ValueError(address)
-
-    exports_at = struct.unpack_from("<I", contents, directories)[0]
-    imports_at = struct.unpack_from("<I", contents, directories + 8)[0]
-    exports, needs = set(), []
-    if exports_at:
-        count, _, names = struct.unpack_from("<III", contents, place(exports_at) + 24)
-        for (name,) in _rows(contents, "<I", place(names), 4 * count) if count else ():
-            exports.add(_text(contents, place(name)))
-    entry = place(imports_at) if imports_at else 0
-    while entry and (name := struct.unpack_from("<IIIII", contents, entry)[3]):
-        needs.append(_text(contents, place(name)))
-        entry += 20
     return Library(
-        "PE", (_PE_MACHINES.get(machine, hex(machine)),), tuple(needs), frozenset(exports)
+        format="PE",
+        machines=(_PE_MACHINES.get(machine, hex(machine)),),
+        exports=frozenset(_pe_exports(contents, sections, directories)),
+        needs=tuple(_pe_imports(contents, sections, directories + 8)),
     )
 
 
-# --- Mach-O ---------------------------------------------------------------------------------------------------------
+def _pe_exports(contents: bytes, sections: Sequence[_Section], entry: int) -> Iterator[str]:
+    """Yield the names in the table of exports to which an entry of the directories leads."""
+    address = struct.unpack_from("<I", contents, entry)[0]
+    if not address:
+        return
+    table = _file_offset(sections, address)
+    count, _, names = struct.unpack_from("<III", contents, table + 24)
+    if not count:
+        return
+    for (name,) in _rows(contents, "<I", _file_offset(sections, names), 4 * count):
+        yield _text(contents, _file_offset(sections, name))
 
-_UNIVERSAL, _MACH_64, _MACH_32 = b"\xca\xfe\xba\xbe", b"\xcf\xfa\xed\xfe", b"\xce\xfa\xed\xfe"
+
+def _pe_imports(contents: bytes, sections: Sequence[_Section], entry: int) -> Iterator[str]:
+    """Yield the names of libraries to which an entry of the directories leads."""
+    address = struct.unpack_from("<I", contents, entry)[0]
+    if not address:
+        return
+    row = _file_offset(sections, address)
+    while name := struct.unpack_from("<IIIII", contents, row)[3]:
+        yield _text(contents, _file_offset(sections, name))
+        row += 20
+
+
+# --- Mach-O
+
+_UNIVERSAL = b"\xca\xfe\xba\xbe"
+_MACH_64 = b"\xcf\xfa\xed\xfe"
+_MACH_32 = b"\xce\xfa\xed\xfe"
 _MACH_MACHINES = {7: "x86", 0x01000007: "x86_64", 0x0100000C: "arm64"}
-_DYNAMIC_LIBRARY, _BUNDLE = 6, 8
-_SYMBOL_TABLE = 0x2
+_DYNAMIC_LIBRARY = 6  # types of files
+_BUNDLE = 8
+_SYMBOL_TABLE = 0x2  # commands
 _LOADS = {0xC, 0x80000018, 0x8000001F, 0x80000023}  # plain, weak, re-exported, upward
 
 
@@ -264,28 +331,33 @@ def _universal(contents: bytes) -> Library:
 
 
 def _mach(contents: bytes) -> Library:
-    wide = contents.startswith(_MACH_64)
+    is_64_bit = contents.startswith(_MACH_64)
     machine, _, kind, count = struct.unpack_from("<IIII", contents, 4)
     if kind not in (_DYNAMIC_LIBRARY, _BUNDLE):
         raise LibraryError("a Mach-O file, but not a shared library")
-    at = 32 if wide else 28
-    needs, exports = [], set()
+    command_offset = 32 if is_64_bit else 28
+    needs = []
+    exports: set[str] = set()
     for _ in range(count):
-        command, size = struct.unpack_from("<II", contents, at)
+        command, size = struct.unpack_from("<II", contents, command_offset)
         if command in _LOADS:
-            needs.append(_text(contents, at + struct.unpack_from("<I", contents, at + 8)[0]))
+            name_offset = struct.unpack_from("<I", contents, command_offset + 8)[0]
+            needs.append(_text(contents, command_offset + name_offset))
         elif command == _SYMBOL_TABLE:
-            symbols, total, strings, _ = struct.unpack_from("<IIII", contents, at + 8)
-            layout = "<IBBHQ" if wide else "<IBBHI"
-            for name, flags, *_ in _rows(
-                contents, layout, symbols, total * struct.calcsize(layout)
-            ):
-                # defined in a section, external, neither private nor for debuggers
-                if flags & 0x0E == 0x0E and flags & 0x01 and not flags & 0xF0:
-                    exports.add(_text(contents, strings + name).removeprefix("_"))
+            exports.update(_mach_exports(contents, command_offset + 8, is_64_bit))
         if size < 8:
             raise ValueError(size)
-        at += size
+        command_offset += size
     return Library(
         "Mach-O", (_MACH_MACHINES.get(machine, hex(machine)),), tuple(needs), frozenset(exports)
     )
+
+
+def _mach_exports(contents: bytes, offset: int, is_64_bit: bool) -> Iterator[str]:
+    """Yield the exported names in the table of symbols that a command describes."""
+    symbols, count, strings, _ = struct.unpack_from("<IIII", contents, offset)
+    layout = "<IBBHQ" if is_64_bit else "<IBBHI"
+    for name, flags, *_ in _rows(contents, layout, symbols, count * struct.calcsize(layout)):
+        # defined in a section, external, neither private nor for debuggers
+        if flags & 0x0E == 0x0E and flags & 0x01 and not flags & 0xF0:
+            yield _text(contents, strings + name).removeprefix("_")

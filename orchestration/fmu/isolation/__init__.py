@@ -1,5 +1,10 @@
-"""FMUs in a process beside this one: whatever they do to it, it is told in a line, and what they computed is kept.
+"""Running FMUs in a separate process, so that whatever they do to it is reported in one line.
 
-A whole simulation, run or part of a sweep goes on there, so that nothing crosses between processes at a step. What an
-FMU is doing, and how far it is, stands in memory that outlives its process.
+A whole simulation, run or part of a sweep is executed there, so nothing crosses between processes
+at a step. The current call and the progress are kept in shared memory that outlives the process,
+together with what was computed.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""The process beside: it is told functions and their arguments, one after the other, and tells what they return."""
+"""The main program of an isolated process: it calls the functions it receives, one by one."""
 
 from __future__ import annotations
 
@@ -13,45 +13,49 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, BinaryIO
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.isolation import box
-from orchestration.fmu.isolation.frames import receive, send
+from fmus.kit import UserError
+from orchestration.fmu.isolation import shared_progress
+from orchestration.fmu.isolation.messages import receive, send
 
-_PATIENCE = 5.0  # s that a call has to end when whoever wanted it is gone
+_GRACE = 5.0  # s that a call may go on after the parent process has gone
 
 
 def main() -> None:
-    """Serve until standard input ends; the folder and the limit of memory in bytes are the arguments."""
-    folder, memory = Path(sys.argv[1]), int(sys.argv[2])
-    asked, answers = _own_channel()
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # whatever it was for whoever started this
-    _limit(memory)
+    """Serve until standard input ends.
+
+    The command line arguments are the folder and the limit of memory in bytes.
+    """
+    folder = Path(sys.argv[1])
+    memory = int(sys.argv[2])
+    requests, replies = _take_standard_streams()
+    # whatever the handler was in the process that started this one
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    _limit_memory(memory)
     tempfile.tempdir = str(folder)
-    box.current = box.Box(folder)
-    orders: SimpleQueue[Any] = SimpleQueue()
-    threading.Thread(target=_listen, args=(asked, orders), daemon=True).start()
+    shared_progress.current = shared_progress.SharedProgress(folder)
+    queue: SimpleQueue[Any] = SimpleQueue()
+    threading.Thread(target=_listen, args=(requests, queue), daemon=True).start()
     while True:
         try:
-            order = orders.get()
-            if order is None:
+            request = queue.get()
+            if request is None:
                 return
-            _serve(order, answers)
+            _serve(request, replies)
         except KeyboardInterrupt:
-            continue  # it came when all was done
+            continue  # it came after the last call had ended
 
 
-def _own_channel() -> tuple[BinaryIO, BinaryIO]:
-    """Take the standard streams for ourselves: what FMUs print goes to the standard error, and they read nothing."""
-    asked, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+def _take_standard_streams() -> tuple[BinaryIO, BinaryIO]:
+    """Reserve the standard streams for messages: FMUs print to standard error and read nothing."""
+    requests = os.fdopen(os.dup(0), "rb")
+    replies = os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
-    return asked, answers
+    return requests, replies
 
 
-def _limit(memory: int) -> None:
+def _limit_memory(memory: int) -> None:
     with suppress(ImportError, ValueError, OSError):  # not on every platform
         import resource
 
@@ -60,34 +64,36 @@ def _limit(memory: int) -> None:
             resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
 
 
-def _listen(asked: BinaryIO, orders: SimpleQueue[Any]) -> None:
-    while (order := receive(asked)) is not None:
-        if order == "interrupt":
+def _listen(requests: BinaryIO, queue: SimpleQueue[Any]) -> None:
+    while (request := receive(requests)) is not None:
+        if request == "interrupt":
             signal.raise_signal(signal.SIGINT)
         else:
-            orders.put(order)
-    orders.put(None)
-    threading.Event().wait(_PATIENCE)
+            queue.put(request)
+    queue.put(None)
+    threading.Event().wait(_GRACE)
     os._exit(1)
 
 
-def _serve(order: Any, answers: BinaryIO) -> None:
-    function, arguments, names = order
+def _serve(request: Any, replies: BinaryIO) -> None:
+    """Call a function and send its result; calls of its callbacks are sent as they are made."""
+    function, arguments, callback_names = request
 
-    def tell(name: str) -> Any:
-        return lambda *given: send(answers, ("told", name, given))
+    def sender(name: str) -> Any:
+        return lambda *values: send(replies, ("callback", name, values))
 
+    callbacks = {name: sender(name) for name in callback_names}
     try:
-        answer = ("result", function(*arguments, **{name: tell(name) for name in names}))
+        reply = ("result", function(*arguments, **callbacks))
     except UserError as error:
-        answer = ("refused", error)
+        reply = ("refused", error)
     except KeyboardInterrupt:
-        answer = ("interrupted", None)
+        reply = ("interrupted", None)
     except MemoryError:
-        answer = ("refused", UserError("out of memory"))
+        reply = ("refused", UserError("out of memory"))
     except Exception as error:
-        answer = ("failed", error)
+        reply = ("failed", error)
     try:
-        send(answers, answer)
+        send(replies, reply)
     except (pickle.PicklingError, TypeError, AttributeError) as error:
-        send(answers, ("failed", RuntimeError(f"{type(error).__name__}: {error}")))
+        send(replies, ("failed", RuntimeError(f"{type(error).__name__}: {error}")))

@@ -1,4 +1,4 @@
-"""What a process with an FMU in it may take."""
+"""Limits of time and memory for a process in which an FMU runs."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from math import isfinite
 
-STEP_TIMEOUT = 60.0
+STEP_TIMEOUT = 60.0  # s
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a process beside this one.
+    """Limits of an isolated process.
 
     Attributes
     ----------
     step_timeout : float
         Seconds that one call of an FMU, such as a step, may take.
     memory : float, optional
-        Bytes that the process may take, where the platform has such a limit (Linux); infinite for no limit; default
-        what the machine has.
+        Bytes that the process may take, where the platform has such a limit (Linux); infinite for
+        no limit; default what the machine has.
     """
 
     step_timeout: float = STEP_TIMEOUT
@@ -30,7 +30,7 @@ class Limits:
 
     @property
     def bytes(self) -> int:
-        """Of memory; 0 for as many as there are."""
+        """The limit of memory in bytes; 0 for no limit."""
         if self.memory is not None:
             return int(self.memory) if isfinite(self.memory) else 0
         try:
@@ -45,7 +45,13 @@ _foreign: ContextVar[Limits | None] = ContextVar("limits of foreign FMUs", defau
 
 @contextmanager
 def isolating(limits: Limits | None) -> Iterator[None]:
-    """Have FMUs that somebody gave run in processes of their own wherever many runs of them are made."""
+    """Isolate foreign FMUs wherever many runs of them are made, within this context.
+
+    Parameters
+    ----------
+    limits : Limits or None
+        Limits of each process; None: do not isolate.
+    """
     token = _foreign.set(limits)
     try:
         yield
@@ -54,10 +60,18 @@ def isolating(limits: Limits | None) -> Iterator[None]:
 
 
 def limits_of(foreign: bool) -> Limits | None:
-    """Limits for a model, as `isolating` has it."""
+    """Return the limits of :func:`isolating` for a foreign FMU; None for a component of ours."""
     return _foreign.get() if foreign else None
 
 
 def isolation(asked: bool | Limits) -> Limits | None:
-    """Limits as a caller in Python asks for them: the usual ones, others, or none at all."""
-    return asked if isinstance(asked, Limits) else Limits() if asked else None
+    """Return limits as a caller in Python requests them.
+
+    Parameters
+    ----------
+    asked : bool or Limits
+        True for the default limits, False for no isolation.
+    """
+    if isinstance(asked, Limits):
+        return asked
+    return Limits() if asked else None

@@ -1,4 +1,4 @@
-"""Several processes beside this one that do what is asked side by side; one that ends takes nothing with it."""
+"""A pool of isolated processes that work in parallel; one that ends does not end the others."""
 
 from __future__ import annotations
 
@@ -8,31 +8,33 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.isolation.process import Ended, Process
 
 
 class Pool:
-    """Processes, each started when it is needed first, or needed again; a context manager.
+    """Processes that are started, and started again, when they are needed; a context manager.
 
     Parameters
     ----------
     limits : Limits
-        Of each.
+        Limits of each process.
     count : int
-        How many there are at most.
+        Largest number of processes.
     begin : callable
-        Of a module, called in each process before anything else.
+        A function of a module, called in each process before anything else.
     *arguments
-        Its arguments: paths and numbers.
+        Arguments of `begin`: paths and numbers.
     """
 
     def __init__(self, limits: Limits, count: int, begin: Callable[..., None], *arguments: Any):
-        self._limits, self._begin, self._arguments = limits, begin, arguments
+        self._limits = limits
+        self._begin = begin
+        self._arguments = arguments
         self._threads = ThreadPoolExecutor(count, "process")
         self._idle: SimpleQueue[Process] = SimpleQueue()
-        self._all: list[Process] = []  # that were started
+        self._started: list[Process] = []
 
     def __enter__(self) -> Pool:
         return self
@@ -43,10 +45,8 @@ class Pool:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if (
-            kind is not None
-        ):  # an interrupt, or nobody wants more: they are in the middle of something
-            for process in [*self._all]:
+        if kind is not None:  # nobody waits for the calls that are in progress
+            for process in [*self._started]:
                 process.kill()
         self._threads.shutdown(cancel_futures=True)
         while True:
@@ -56,12 +56,12 @@ class Pool:
                 return
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Let one of them call a function.
+        """Let one of the processes call a function.
 
         Returns
         -------
         Future
-            Of what it returns; of `Ended`, if its process ends.
+            Of what the function returns; it fails with `Ended` if the process ends.
         """
         return self._threads.submit(self._call, function, arguments)
 
@@ -69,27 +69,25 @@ class Pool:
         try:
             process = self._idle.get_nowait()
         except Empty:
-            process = self._started()
+            process = self._start()
         try:
             return process.call(function, *arguments)
         finally:
-            if (
-                process.asked
-            ):  # it has ended, or is still at it: the next answer would be of this question
+            if process.busy:  # its next answer would be that of this call
                 process.__exit__(Ended, None, None)
             else:
                 self._idle.put(process)
 
-    def _started(self, again: bool = True) -> Process:
+    def _start(self, retry: bool = True) -> Process:
         process = Process(self._limits)
         process.__enter__()
-        self._all.append(process)
+        self._started.append(process)
         try:
             process.call(self._begin, *self._arguments)
         except BaseException as error:
             process.__exit__(type(error), error, None)
-            if isinstance(error, Ended) and again:  # somebody else may have ended it
-                return self._started(again=False)
+            if isinstance(error, Ended) and retry:  # something else may have ended it
+                return self._start(retry=False)
             if isinstance(error, Ended):
                 raise UserError(f"{error.state.doing or 'to begin'}: {error.reason}") from error
             raise

@@ -1,4 +1,4 @@
-"""A process beside this one, from here: it is asked, watched, and ended if it does not answer."""
+"""An isolated process seen from its parent: called, watched, and ended if it does not answer."""
 
 from __future__ import annotations
 
@@ -16,35 +16,38 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit.storage import scratch
-from orchestration.fmu.isolation.box import Box, State
-from orchestration.fmu.isolation.frames import receive, send
 from orchestration.fmu.isolation.limits import Limits
-from orchestration.fmu.kernel.library import stepper
+from orchestration.fmu.isolation.messages import receive, send
+from orchestration.fmu.isolation.shared_progress import ProgressState, SharedProgress
+from orchestration.fmu.kernel import load_stepper
 
 if TYPE_CHECKING:
     from io import FileIO
 
-_LOOK = 0.1  # s between two looks at how far it is
-_GRACE = 2.0  # s that a call has to end after Ctrl-C, and a process that answers no more
-_MUCH = 0.8  # of the memory that is allowed: whoever ends with more of it has very likely asked for too much
+_PERIOD = 0.1  # s between two looks at the progress
+_GRACE = 2.0  # s that a call may go on after Ctrl-C, and a process after its last answer
+# share of the allowed memory; a process that ends with more of it very likely wanted too much
+_MUCH_MEMORY = 0.8
 
 
 class Ended(Exception):
-    """The process has ended, by itself or because it was ended from here.
+    """The error that an isolated process has ended, by itself or because its parent ended it.
 
     Attributes
     ----------
     reason : str
-        How, in words.
-    state : State
-        What it was doing.
+        How it ended, in words.
+    state : ProgressState
+        Its last progress.
     interrupted : bool
-        Whether that was because of Ctrl-C.
+        Whether it ended because of Ctrl-C.
     """
 
-    def __init__(self, reason: str, state: State, interrupted: bool = False):
+    def __init__(self, reason: str, state: ProgressState, interrupted: bool = False):
         super().__init__(reason)
-        self.reason, self.state, self.interrupted = reason, state, interrupted
+        self.reason = reason
+        self.state = state
+        self.interrupted = interrupted
 
 
 class Process:
@@ -56,22 +59,29 @@ class Process:
 
     Attributes
     ----------
-    box : Box
-        What it leaves, whatever becomes of it.
-    asked : bool
-        Whether it has something to answer: it is still at it, or has ended.
+    progress : SharedProgress
+        Readable also after the process has ended.
+    busy : bool
+        Whether an answer is due: a call has not returned, or the process ended during one.
     """
 
     def __init__(self, limits: Limits):
-        self._limits, self._open, self._memory, self._over = limits, ExitStack(), 0, False
-        self.asked = False
+        self._limits = limits
+        self._resources = ExitStack()
+        self._memory = 0  # largest number of bytes that was seen
+        self._closed = False
+        self.busy = False
 
     def __enter__(self) -> Process:
-        folder = self._open.enter_context(scratch.folder("fmu"))
-        self.box = Box(folder)
-        self.box.clear()
-        stepper()  # compiled here if need be: a compiler may take more memory than an FMU is allowed
-        program = f"import sys; sys.path[:] = {sys.path!r}; from orchestration.fmu.isolation.child import main; main()"
+        folder = self._resources.enter_context(scratch.folder("fmu"))
+        self.progress = SharedProgress(folder)
+        self.progress.clear()
+        # compiled here if need be: a compiler may take more memory than an FMU is allowed
+        load_stepper()
+        program = (
+            f"import sys; sys.path[:] = {sys.path!r}; from orchestration.fmu.isolation.child import"
+            " main; main()"
+        )
         self._process = subprocess.Popen(
             [sys.executable, "-c", program, str(folder), str(self._limits.bytes)],
             stdin=subprocess.PIPE,
@@ -79,9 +89,8 @@ class Process:
             start_new_session=True,
         )
         buffered: Any = self._process.stdout
-        self._stream: FileIO = (
-            buffered.detach()
-        )  # a buffer has a lock, and a reader that stays would keep it
+        # a buffer has a lock, which a reader that never returns would hold for good
+        self._stream: FileIO = buffered.detach()
         self._answers: SimpleQueue[Any] = SimpleQueue()
         self._reader = threading.Thread(target=self._listen, daemon=True)
         self._reader.start()
@@ -101,17 +110,17 @@ class Process:
             process.stdin.close()
         with suppress(subprocess.TimeoutExpired):
             process.wait(_GRACE)
-        self.kill()  # with what FMUs have started
+        self.kill()  # including processes that FMUs have started
         process.wait()
-        self._over = True
-        self._reader.join(_LOOK)
-        if not self._reader.is_alive():  # else somebody in a session of its own holds the other end
+        self._closed = True
+        self._reader.join(_PERIOD)
+        if not self._reader.is_alive():  # else a process in another session holds the other end
             self._stream.close()
-        self._open.close()
+        self._resources.close()
 
     def kill(self) -> None:
-        """End it at once, and what was started in it."""
-        if self._over:  # its number may be another's
+        """End the process at once, and those that were started in it."""
+        if self._closed:  # its number may belong to another process by now
             return
         if sys.platform == "win32":
             self._process.kill()
@@ -120,9 +129,8 @@ class Process:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def _listen(self) -> None:
-        with suppress(
-            Exception
-        ):  # FMUs may write anything to any file, and then there is no telling what follows
+        # FMUs may write anything to any file, and then no message can be read any more
+        with suppress(Exception):
             while (answer := receive(self._stream)) is not None:
                 self._answers.put(answer)
         self._answers.put(None)
@@ -131,93 +139,95 @@ class Process:
         self,
         function: Callable[..., Any],
         *arguments: Any,
-        told: dict[str, Callable[..., None]] | None = None,
+        callbacks: dict[str, Callable[..., None]] | None = None,
     ) -> Any:
-        """Call a function there.
+        """Call a function in the process.
 
         Parameters
         ----------
         function : callable
-            Of a module.
+            A function of a module.
         *arguments
-            What can be pickled.
-        told : dict of str to callable, optional
-            Keyword arguments that are called here when the function calls them there.
+            Objects that can be pickled.
+        callbacks : dict of str to callable, optional
+            Keyword arguments that are called in this process when the function calls them.
 
         Returns
         -------
         Any
-            What it returns.
+            What the function returns.
 
         Raises
         ------
-        UserError
-            What it raises.
+        Exception
+            Any that the function raises, such as UserError.
         KeyboardInterrupt
             After Ctrl-C, if the function ends with that.
         Ended
-            If the process ends, a call of an FMU takes too long, or Ctrl-C is not heard.
+            If the process ends, a call of an FMU takes too long, or does not react to Ctrl-C.
         """
-        callbacks = told or {}
-        self.asked = True
-        self._send((function, arguments, list(callbacks)))
-        before, since, interrupted = None, time.monotonic(), 0.0
+        self.busy = True
+        self._send((function, arguments, list(callbacks or {})))
+        watch = _Watch(self, self._limits.step_timeout)
         while True:
-            over = self._process.poll() is not None
+            # Ctrl-C may arrive anywhere in here, not only while an answer is awaited
             try:
-                answer = self._answers.get(timeout=_LOOK)
-            except Empty:
-                if over:  # and somebody whom it has started holds the other end
-                    raise Ended(self._how(), self.box.state(), interrupted > 0.0) from None
-                now, state = time.monotonic(), self.box.state()
-                if state != before or not state.doing:
-                    before, since = state, now
-                elif now - since > self._limits.step_timeout:
-                    raise self._end(f"no answer within {self._limits.step_timeout:g} s") from None
-                if interrupted and now - interrupted > _GRACE:
-                    raise self._end(
-                        "interrupted, for it did not answer", interrupted=True
-                    ) from None
-                self._look_at_memory()
-                continue
+                answer = self._next_answer(watch)
+                if answer is not None and answer[0] == "callback":
+                    _, name, values = answer
+                    (callbacks or {})[name](*values)
+                    continue
             except KeyboardInterrupt:
-                if interrupted:
-                    raise self._end("interrupted", interrupted=True) from None
-                interrupted = time.monotonic()
+                if watch.interrupted:
+                    raise self.end("interrupted", interrupted=True) from None
+                watch.interrupted_at = time.monotonic()
                 self._send("interrupt")
                 continue
             if answer is None:
-                raise Ended(self._how(), self.box.state(), interrupted > 0.0)
-            kind, *what = answer
-            self.asked = kind == "told"
-            if kind == "told":
-                callbacks[what[0]](*what[1])
-            elif kind == "result":
-                return what[0]
-            elif kind == "interrupted":
+                raise self._ended(watch.interrupted)
+            self.busy = False
+            kind, content = answer
+            if kind == "result":
+                return content
+            if kind == "interrupted":
                 raise KeyboardInterrupt
-            else:
-                raise what[0]
+            raise content
 
-    def _send(self, what: Any) -> None:
+    def _next_answer(self, watch: _Watch) -> Any:
+        """Wait for what the process sends next, None if nothing can follow."""
+        while True:
+            over = self._process.poll() is not None
+            try:
+                return self._answers.get(timeout=_PERIOD)
+            except Empty:
+                if over:  # and a process that it has started holds the other end
+                    return None
+                watch.look()
+                self._look_at_memory()
+
+    def _send(self, message: Any) -> None:
         stream = self._process.stdin
         assert stream is not None
-        with suppress(OSError):  # that it has ended is told where its answer is waited for
-            send(stream, what)
+        with suppress(OSError):  # where its answer is awaited, its end is noticed
+            send(stream, message)
 
-    def _end(self, reason: str, interrupted: bool = False) -> Ended:
-        state = self.box.state()
+    def end(self, reason: str, interrupted: bool = False) -> Ended:
+        """Kill the process, and return the error to raise."""
+        state = self.progress.state()
         self.kill()
         self._process.wait()
         return Ended(reason, state, interrupted)
+
+    def _ended(self, interrupted: bool) -> Ended:
+        """Return the error for a process that has ended by itself."""
+        return Ended(self._describe_end(), self.progress.state(), interrupted)
 
     def _look_at_memory(self) -> None:
         with suppress(OSError, ValueError, IndexError):  # where there is no /proc
             pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[5])
             self._memory = max(self._memory, 4096 * pages)
 
-    def _how(self) -> str:
-        """Say how it ended."""
+    def _describe_end(self) -> str:
         try:
             status = self._process.wait(_GRACE)
         except subprocess.TimeoutExpired:
@@ -226,13 +236,61 @@ class Process:
         if status < 0:
             with suppress(ValueError):
                 name = signal.Signals(-status).name
-                return f"its process was ended by {name}{self._remark()}"
-        return f"its process ended (exit status {status}{self._remark()})"
+                return f"its process was ended by {name}{self._memory_remark()}"
+        return f"its process ended (exit status {status}{self._memory_remark()})"
 
-    def _remark(self) -> str:
+    def _memory_remark(self) -> str:
         allowed = self._limits.bytes
-        if not allowed or self._memory < _MUCH * allowed:
+        if not allowed or self._memory < _MUCH_MEMORY * allowed:
             return ""
         return (
             f", with {self._memory / 1e9:.2g} GB of memory, and {allowed / 1e9:.2g} GB are allowed"
         )
+
+
+class _Watch:
+    """The watch over one call: it ends the process if an FMU is stuck or does not react to Ctrl-C.
+
+    Parameters
+    ----------
+    process : Process
+    step_timeout : float
+        Seconds that one call of an FMU may take.
+
+    Attributes
+    ----------
+    interrupted_at : float
+        Time of Ctrl-C on the monotonic clock in s; 0 before it was pressed.
+    """
+
+    def __init__(self, process: Process, step_timeout: float):
+        self._process = process
+        self._step_timeout = step_timeout
+        self._state: ProgressState | None = None
+        self._since = time.monotonic()  # when the progress was last seen to change
+        self.interrupted_at = 0.0
+
+    @property
+    def interrupted(self) -> bool:
+        """True after Ctrl-C was pressed."""
+        return self.interrupted_at > 0.0
+
+    def look(self) -> None:
+        """Compare the progress with that of the last look.
+
+        Raises
+        ------
+        Ended
+            If the call has taken too long since, or has gone on too long after Ctrl-C.
+        """
+        now = time.monotonic()
+        state = self._process.progress.state()
+        if state != self._state or not state.doing:
+            self._state = state
+            self._since = now
+        elif now - self._since > self._step_timeout:
+            raise self._process.end(f"no answer within {self._step_timeout:g} s") from None
+        if self.interrupted and now - self.interrupted_at > _GRACE:
+            raise self._process.end(
+                "interrupted, for it did not answer", interrupted=True
+            ) from None

@@ -1,4 +1,4 @@
-"""The stepping kernel as a library: compiled once on a machine, as records are, and its structures in ctypes."""
+"""The shared library of the stepping kernel, compiled once on a machine, and its structures."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library, load
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
+from fmus.kit.build import cached_library, load_library, toolchain
 
-# What an operation does, and why the kernel came back, as `kernel.c` has them.
+# Kinds of operations, as in `kernel.c`.
 (
     STEP,
     SET_REAL,
@@ -30,12 +29,13 @@ from fmus.kit.errors import UserError
     BEGIN,
     SPENT,
 ) = range(15)
+# Reasons for which the kernel returns, as in `kernel.c`.
 DONE, PAUSED, FAILED, NO_NUMBER, NOT_OF_TYPE, CALLING = range(6)
 _SOURCE = "kernel.c"
 
 
-class Link(ctypes.Structure):
-    """A value that is passed on."""
+class ValueLink(ctypes.Structure):
+    """A value that is copied from an output to an input; ``link`` in `kernel.c`."""
 
     _fields_ = (
         ("target", ctypes.c_void_p),
@@ -47,7 +47,7 @@ class Link(ctypes.Structure):
 
 
 class Operation(ctypes.Structure):
-    """One thing to do at every point."""
+    """One operation at every communication point; ``operation`` in `kernel.c`."""
 
     _fields_ = (
         ("kind", ctypes.c_int),
@@ -66,7 +66,7 @@ class Operation(ctypes.Structure):
 
 
 class Progress(ctypes.Structure):
-    """Where a run stands; ``run`` in `kernel.c`."""
+    """The progress of a run; ``run`` in `kernel.c`."""
 
     _fields_ = (
         ("program", ctypes.c_void_p),
@@ -85,23 +85,23 @@ class Progress(ctypes.Structure):
 
 @functools.cache
 def _kernel() -> Any:
-    """Compile the kernel, or take it from the cache; None if there is no compiler, or it cannot be kept or loaded."""
+    """Load the kernel, compiling it if it is not in the cache; None if that is not possible."""
     source = (Path(__file__).parent / _SOURCE).read_bytes()
     try:
-        return load(library({_SOURCE: source}, _SOURCE, toolchain.host_platform()))
+        return load_library(cached_library({_SOURCE: source}, _SOURCE, toolchain.host_platform()))
     except UserError:
         return None
 
 
 @functools.cache
-def stepper() -> Callable[[Any, int], int] | None:
-    """Return what carries out a program.
+def load_stepper() -> Callable[[Any, int], int] | None:
+    """Return the function of the kernel that carries out a program.
 
     Returns
     -------
     callable or None
-        Takes a reference to a `Progress` and the point to stop before, and returns why it came back. None without a
-        kernel: it can all be done without.
+        Takes a reference to a `Progress` and the point to stop before; returns the reason for which
+        it returned. None without a kernel: Python can do the same.
     """
     function = getattr(_kernel(), "ppy_run", None)
     if function is not None:
@@ -110,13 +110,14 @@ def stepper() -> Callable[[Any, int], int] | None:
     return function
 
 
-def exit_watch() -> Callable[[Any, Any], None] | None:
-    """Return what has the process end with words and a status of failure, as long as a count is above zero.
+def load_exit_watch() -> Callable[[Any, Any], None] | None:
+    """Return the function that makes an exit of the process a failure while a count is above zero.
 
     Returns
     -------
     callable or None
-        Takes a reference to the count, and the words, both to be kept for good. None without a kernel.
+        Takes a reference to the count, and the message to print at the exit; both must stay in
+        memory. None without a kernel.
     """
     function = getattr(_kernel(), "ppy_watch_exit", None)
     if function is not None:

@@ -1,4 +1,4 @@
-"""One FMU along its course, stepped by the kernel."""
+"""Steps of one FMU along its course, carried out by the kernel."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.fmu.course import Course, Part
+from fmus.kit import UserError
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.isolation.box import keep
+from orchestration.fmu.isolation import describe_rows
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.program import (
     WHOLE_NUMBERS,
     Execution,
     Handler,
+    KernelReturn,
     Program,
-    Return,
-    in_array,
+    Pulse,
+    Values,
 )
-from orchestration.fmu.kernel.pulse import Pulse
 from orchestration.fmu.signal import type_of
-from orchestration.fmu.stepping import Failed
+from orchestration.fmu.stepping import Course, StepFailed, StepPart
 
 Array = NDArray[np.float64]
 
 
-class Prepared:
-    """What the kernel does with an instance along a course, to be carried out from the start any number of times.
+class PreparedRun:
+    """The program for an instance along a course, to be executed any number of times.
 
     Parameters
     ----------
@@ -39,9 +38,9 @@ class Prepared:
     course : Course
     outputs : sequence of str
     result : ndarray, shape (n, outputs)
-        Where they go, the reals first until a run is over.
+        The outputs of the last run; during a run the reals stand first.
     pulse : Pulse, optional
-        That several runs share.
+        A pulse that several runs share.
     """
 
     def __init__(
@@ -52,18 +51,20 @@ class Prepared:
         result: Array,
         pulse: Pulse | None = None,
     ):
-        self._fmu, self._time, self._result = fmu, course.time, result
-        self._program = Program(owners=[fmu.label])
+        self._fmu = fmu
+        self._time = course.time
+        self._result = result
+        program = Program(owners=[fmu.label])
         for part in course.parts:
-            _add_part(self._program, fmu, course, part)
-        before_first = len(self._program.operations)  # nothing leads to the first point
-        at_point = _Failures(fmu, course.time, course.inputs, course.table, at_point=True)
-        _add_setting(self._program, fmu, course.inputs, course.table, at_point.setting)
-        _add_moves(self._program, fmu, "Get", outputs, self._result, at_point.reading(outputs))
+            _add_part(program, fmu, course, part)
+        before_first_point = len(program.operations)  # no step leads to the first point
+        failures = _TransferFailures(fmu, course.time, course.inputs, course.table, at_point=True)
+        _add_setting(program, fmu, course.inputs, course.table, failures.setting)
+        _add_transfers(program, fmu, "Get", outputs, result, failures.reading(outputs))
+        program.hold(course)  # the program points to its times
         columns = _reals_first(fmu, outputs)
         self._order = None if columns == sorted(columns) else np.argsort(columns)
-        self._program.hold(course)  # whose times it points to
-        self._execution = Execution(self._program, skipped=before_first, pulse=pulse)
+        self._execution = Execution(program, skipped=before_first_point, pulse=pulse)
 
     def run(
         self,
@@ -71,47 +72,50 @@ class Prepared:
         every: int = 0,
         longest: float = np.inf,
     ) -> None:
-        """Carry it out with the instance as it was started.
+        """Execute the program with the instance in the state after its initialization.
 
         Parameters
         ----------
         progress : callable
             Called with the number of a point that was reached, ...
         every : int
-            ... at every so many of them; 0 for never.
+            ... at every so many points; 0 for never.
         longest : float
-            Seconds that it may take.
+            Seconds that the run may take.
 
         Raises
         ------
-        Failed
-            If a call fails, or it takes longer.
+        StepFailed
+            If a call fails, or the run takes longer.
         """
-        points, execution, end = len(self._result), self._execution, monotonic() + longest
-        execution.again()
+        points = len(self._result)
+        execution = self._execution
+        end = monotonic() + longest
+        execution.restart()
         with execution:
             try:
                 for k in range(0, points if every else 0, max(1, every)):
-                    self._carry_on(k + 1, end)
+                    self._advance(k + 1, end)
                     progress(k)
-                self._carry_on(points, end)
+                self._advance(points, end)
             except UserError as error:
-                raise Failed(str(error), execution.point) from error
+                raise StepFailed(str(error), execution.point) from error
             finally:
                 self._fmu.warnings += int(execution.warnings[0])
                 if self._order is not None:
                     self._result[:] = self._result[:, self._order]
 
-    def _carry_on(self, until: int, end: float) -> None:
-        while not self._execution.carry_on(until):  # an interrupt is heard here, in Python
+    def _advance(self, until: int, end: float) -> None:
+        while not self._execution.advance(until):  # in between, Python hears Ctrl-C
             if monotonic() > end:
                 raise UserError(
-                    f"{self._fmu.path.name}: takes too long from {self._time[self._execution.point - 1]:g} s on: with "
-                    "these parameters a time constant is far too short for the steps"
+                    f"{self._fmu.path.name}: takes too long from"
+                    f" {self._time[self._execution.point - 1]:g} s on: with these parameters a time"
+                    " constant is far too short for the steps"
                 )
 
 
-def stepped(
+def follow_course(
     fmu: Fmu,
     course: Course,
     outputs: Sequence[str],
@@ -119,34 +123,41 @@ def stepped(
     progress: Callable[[int], None],
     every: int,
 ) -> None:
-    """Step a started instance along its course; as :func:`orchestration.fmu.stepping.stepped`, with the same bits."""
-    keep([outputs[k] for k in _reals_first(fmu, outputs)])
-    Prepared(fmu, course, outputs, result).run(progress, every)
+    """Step a started instance along its course in the kernel.
+
+    The parameters, errors and results, bit by bit, are those of
+    :func:`orchestration.fmu.stepping.follow_course`.
+    """
+    describe_rows([outputs[k] for k in _reals_first(fmu, outputs)])
+    PreparedRun(fmu, course, outputs, result).run(progress, every)
 
 
 def _reals_first(fmu: Fmu, names: Sequence[str]) -> list[int]:
-    """Variables in the order of the kernel's tables: those that move in one call without a copy stand together."""
+    """Return indices of variables with the reals first, which one call moves without a copy."""
     return sorted(range(len(names)), key=lambda k: type_of(fmu.variable(names[k])) != "real")
 
 
-def _add_part(program: Program, fmu: Fmu, course: Course, part: Part) -> None:
-    begins, ends = in_array(part.begins), in_array(part.ends)
+def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> None:
+    """Add setting the inputs before a part of a step, and the part."""
     if part.rows is not None:
-        failures = _Failures(fmu, part.begins, course.inputs, part.rows, at_point=False)
+        failures = _TransferFailures(fmu, part.begins, course.inputs, part.rows, at_point=False)
         _add_setting(program, fmu, course.inputs, part.rows, failures.setting)
     if part.slopes is not None:
 
-        def failed(why: Return) -> NoReturn:
-            raise fmu.failed(f"setting the slopes of {', '.join(course.linear)}", why.status)
+        def slopes_failed(returned: KernelReturn) -> NoReturn:
+            raise fmu.failed(f"setting the slopes of {', '.join(course.linear)}", returned.status)
 
         references = [fmu.variable(name).valueReference for name in course.linear]
         call = fmu.bound("fmi2SetRealInputDerivatives")
-        program.real(library.SET_SLOPES, call, references, in_array(part.slopes), failed)
+        slopes = Values.in_rows(part.slopes)
+        program.add_real(library.SET_SLOPES, call, references, slopes, slopes_failed)
 
-    def step_failed(why: Return) -> NoReturn:
-        raise fmu.failed(f"step from {part.begins[why.point]:g} s", why.status)
+    def step_failed(returned: KernelReturn) -> NoReturn:
+        raise fmu.failed(f"step from {part.begins[returned.point]:g} s", returned.status)
 
-    program.step(fmu.bound("fmi2DoStep"), begins, ends, step_failed)
+    begins = Values.in_rows(part.begins)
+    ends = Values.in_rows(part.ends)
+    program.add_step(fmu.bound("fmi2DoStep"), begins, ends, step_failed)
 
 
 def _add_setting(
@@ -155,60 +166,74 @@ def _add_setting(
     columns = _reals_first(fmu, names)
     ordered = table if columns == sorted(columns) else np.ascontiguousarray(table[:, columns])
     program.hold(ordered)
-    _add_moves(program, fmu, "Set", names, ordered, handler)
+    _add_transfers(program, fmu, "Set", names, ordered, handler)
 
 
-def _add_moves(
+def _add_transfers(
     program: Program, fmu: Fmu, verb: str, names: Sequence[str], table: Array, handler: Handler
 ) -> None:
-    """Add one call for each type among variables, whose values are in the columns of a table, the reals first."""
+    """Add one call for each type among variables, whose columns in the table have reals first."""
     columns = _reals_first(fmu, names)
-    kinds: dict[str, list[int]] = {}  # in the order in which they are called
+    positions_of: dict[str, list[int]] = {}  # by type, in the order of the calls
     for k, name in enumerate(names):
-        kinds.setdefault(type_of(fmu.variable(name)), []).append(k)
-    for kind, own in kinds.items():
+        positions_of.setdefault(type_of(fmu.variable(name)), []).append(k)
+    values = Values.in_rows(table)
+    for kind, positions in positions_of.items():
         call = fmu.bound(f"fmi2{verb}{kind.capitalize()}")
-        references = [fmu.variable(names[k]).valueReference for k in own]
+        references = [fmu.variable(names[k]).valueReference for k in positions]
         if kind == "real":
-            what = library.SET_REAL if verb == "Set" else library.GET_REAL
-            program.real(what, call, references, in_array(table), handler)
+            operation = library.SET_REAL if verb == "Set" else library.GET_REAL
+            program.add_real(operation, call, references, values, handler)
         else:
-            what = WHOLE_NUMBERS[kind] if verb == "Set" else library.GET_WHOLE
-            program.whole(
-                what, call, references, in_array(table), [columns.index(k) for k in own], handler
-            )
+            operation = WHOLE_NUMBERS[kind] if verb == "Set" else library.GET_WHOLE
+            places = [columns.index(k) for k in positions]
+            program.add_whole(operation, call, references, values, places, handler)
 
 
-class _Failures:
-    """Puts into words what fails where values are moved."""
+class _TransferFailures:
+    """Handlers that report a failure of setting inputs or reading outputs.
+
+    Parameters
+    ----------
+    fmu : Fmu
+    time : ndarray, shape (n,)
+        Times of the rows in s.
+    inputs : sequence of str
+    table : ndarray, shape (n, inputs)
+        Values of the inputs.
+    at_point : bool
+        Whether the message tells the time.
+    """
 
     def __init__(self, fmu: Fmu, time: Array, inputs: Sequence[str], table: Array, at_point: bool):
-        self._fmu, self._time, self._inputs, self._table, self._at_point = (
-            fmu,
-            time,
-            inputs,
-            table,
-            at_point,
-        )
+        self._fmu = fmu
+        self._time = time
+        self._inputs = inputs
+        self._table = table
+        self._at_point = at_point
 
-    def setting(self, why: Return) -> None:
-        """Of inputs; a value that its type cannot hold is named by who sets them in Python."""
+    def setting(self, returned: KernelReturn) -> None:
+        """Raise the error of setting inputs.
+
+        A value that its type cannot hold is set again in Python, which names it.
+        """
         try:
-            if why.reason == library.NOT_OF_TYPE:
-                self._fmu.writer(self._inputs)(self._table[why.point])
-            raise self._fmu.failed(f"setting {', '.join(self._inputs)}", why.status)
+            if returned.reason == library.NOT_OF_TYPE:
+                self._fmu.writer(self._inputs)(self._table[returned.point])
+            raise self._fmu.failed(f"setting {', '.join(self._inputs)}", returned.status)
         except UserError as error:
-            self._raise(error, why)
+            self._raise(error, returned)
 
     def reading(self, outputs: Sequence[str]) -> Handler:
-        """Of these outputs."""
+        """Return a handler that raises the error of reading these outputs."""
 
-        def failed(why: Return) -> None:
-            self._raise(self._fmu.failed(f"reading {', '.join(outputs)}", why.status), why)
+        def failed(returned: KernelReturn) -> None:
+            error = self._fmu.failed(f"reading {', '.join(outputs)}", returned.status)
+            self._raise(error, returned)
 
         return failed
 
-    def _raise(self, error: UserError, why: Return) -> NoReturn:
+    def _raise(self, error: UserError, returned: KernelReturn) -> NoReturn:
         if not self._at_point:
             raise error
-        raise UserError(f"{error} (at {self._time[why.point]:g} s)") from error
+        raise UserError(f"{error} (at {self._time[returned.point]:g} s)") from error

@@ -1,46 +1,52 @@
-"""What the kernel does at every communication point, put together from calls of FMUs, and how it is carried out."""
+"""Programs of the stepping kernel, put together from calls of FMUs, and their execution."""
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from threading import Event, Thread
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.fmu.isolation import box
+from orchestration.fmu.isolation import shared_progress
 from orchestration.fmu.kernel import library
-from orchestration.fmu.kernel.library import Link, Operation
-from orchestration.fmu.kernel.pulse import Pulse
+from orchestration.fmu.kernel.library import Operation, Progress, ValueLink
 
 Array = NDArray[np.float64]
 DOUBLE = ctypes.sizeof(ctypes.c_double)
+PULSE_PERIOD = 0.1  # s
+# operations that set a number of a type other than real
 WHOLE_NUMBERS = {"integer": library.SET_INTEGER, "boolean": library.SET_BOOLEAN}
-_SETTING = (library.SET_REAL, library.SET_INTEGER, library.SET_BOOLEAN, library.SET_SLOPES)
-_ASKED = {
+_REQUESTS = {
     library.STEP: "step",
     library.GET_REAL: "reading",
     library.GET_WHOLE: "reading",
-} | dict.fromkeys(_SETTING, "setting")
+    library.SET_REAL: "setting",
+    library.SET_INTEGER: "setting",
+    library.SET_BOOLEAN: "setting",
+    library.SET_SLOPES: "setting",
+}
 
 
-class Return(NamedTuple):
-    """Why the kernel came back.
+class KernelReturn(NamedTuple):
+    """A return of the kernel to Python in the middle of a run.
 
     Attributes
     ----------
     reason : int
-        One of `library`: a call failed, a value is no number or not of its type, or Python has to do something.
+        One of the reasons in `library`: a call failed, a value is not finite or not of its type, or
+        Python has to do something.
     status : int
-        What a call that failed has answered.
+        The FMI status of a call that failed.
     which : int
-        Of the values, if it is one of them.
+        Index of the value, if it is about one value.
     point : int
-        At which communication point.
+        The communication point.
     """
 
     reason: int
@@ -49,53 +55,75 @@ class Return(NamedTuple):
     point: int
 
 
-Handler = Callable[[Return], object]  # raises, unless the run shall go on
+Handler = Callable[[KernelReturn], object]  # raises, unless the run is to go on
 
 
 class Values(NamedTuple):
-    """Numbers in memory: those of point k are `stride` numbers after those of the point before."""
+    """Numbers in memory; those of the next point follow after `stride` numbers.
+
+    Attributes
+    ----------
+    address : int
+        Address of the first number.
+    stride : int
+        Numbers from point to point; 0: the same memory at every point.
+    """
 
     address: int
     stride: int = 0
 
-    def shifted(self, by: int) -> Values:
-        """The same, so many numbers further on."""
-        return Values(self.address + DOUBLE * by, self.stride)
+    @classmethod
+    def in_rows(cls, array: Array) -> Values:
+        """Return the rows of an array, which must be contiguous and stay in memory."""
+        return cls(array.ctypes.data, array.strides[0] // DOUBLE)
 
-
-def in_array(array: Array) -> Values:
-    """Rows of an array, which has to be contiguous and to stay where it is."""
-    return Values(array.ctypes.data, array.strides[0] // DOUBLE)
+    def shifted(self, count: int) -> Values:
+        """Return the values that begin `count` numbers later."""
+        return Values(self.address + DOUBLE * count, self.stride)
 
 
 @dataclass
 class Program:
-    """Operations in the order in which they are carried out, and what is done when one comes back.
+    """The operations at every communication point, in their order.
 
     Attributes
     ----------
     operations : list of Operation
     handlers : list of callable
-        One for each operation.
+        For each operation, what to do when the kernel returns from it.
     owners : sequence of str
-        What they are called.
+        Names of the FMUs.
     """
 
     operations: list[Operation] = field(default_factory=list)
     handlers: list[Handler] = field(default_factory=list)
     owners: Sequence[str] = ()
-    _kept: list[object] = field(default_factory=list, init=False)  # memory that operations point to
+    _held: list[object] = field(default_factory=list, init=False)  # memory that operations point to
 
-    def step(
+    def add_step(
         self,
         call: partial[int],
         begins: Values,
         ends: Values,
         handler: Handler,
+        *,
         owner: int = 0,
         final: bool = True,
     ) -> None:
-        """Add a step of an FMU from `begins` to `ends`, in s; `final` if no state before it will be set again."""
+        """Add a step of an FMU.
+
+        Parameters
+        ----------
+        call : functools.partial
+            Its function ``fmi2DoStep``.
+        begins, ends : Values
+            Start and end time in s.
+        handler : callable
+        owner : int
+            Number of the FMU.
+        final : bool
+            Whether no earlier state will be restored.
+        """
         self._add(
             handler,
             library.STEP,
@@ -104,20 +132,21 @@ class Program:
             values=begins.address,
             stride=begins.stride,
             ends=ends.address,
-            integers=self._keep(ctypes.c_int(final)),
+            integers=self._address(ctypes.c_int(final)),
         )
 
-    def real(
+    def add_real(
         self,
         kind: int,
         call: partial[int],
         references: Sequence[int],
         values: Values,
         handler: Handler,
+        *,
         owner: int = 0,
     ) -> None:
-        """Add setting or getting reals, or the slopes of inputs, whose values stand together."""
-        orders = self._keep((ctypes.c_int * len(references))(*[1] * len(references)))
+        """Add setting or getting contiguous reals, or setting the slopes of inputs."""
+        orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
         self._add(
             handler,
             kind,
@@ -130,7 +159,7 @@ class Program:
             integers=orders,
         )
 
-    def whole(
+    def add_whole(
         self,
         kind: int,
         call: partial[int],
@@ -138,9 +167,10 @@ class Program:
         values: Values,
         places: Sequence[int],
         handler: Handler,
+        *,
         owner: int = 0,
     ) -> None:
-        """Add setting or getting integers or booleans, which are at these places among the values."""
+        """Add setting or getting integers or booleans, at given places among the values."""
         count = len(references)
         self._add(
             handler,
@@ -151,37 +181,36 @@ class Program:
             count=count,
             values=values.address,
             stride=values.stride,
-            integers=self._keep((ctypes.c_int * count)()),
-            places=self._keep((ctypes.c_size_t * count)(*places)),
+            integers=self._address((ctypes.c_int * count)()),
+            places=self._address((ctypes.c_size_t * count)(*places)),
         )
 
-    def links(self, kind: int, links: Sequence[Link], handler: Handler) -> None:
-        """Add passing values on, if there are any."""
+    def add_links(self, kind: int, links: Sequence[ValueLink], handler: Handler) -> None:
+        """Add copying values to inputs, if there are any."""
         if links:
-            self._add(
-                handler, kind, count=len(links), links=self._keep((Link * len(links))(*links))
-            )
+            memory = (ValueLink * len(links))(*links)
+            self._add(handler, kind, count=len(links), links=self._address(memory))
 
-    def keep(self, source: int, count: int, rows: Array) -> None:
-        """Add copying a row of numbers into the next of `rows`."""
-        self._kept.append(rows)
-        self._add(_goes_on, library.KEEP, count=count, values=rows.ctypes.data, ends=source)
+    def add_row_copy(self, source: int, count: int, rows: Array) -> None:
+        """Add copying `count` numbers from an address into the next row of an array."""
+        self._held.append(rows)
+        self._add(_cannot_fail, library.KEEP, count=count, values=rows.ctypes.data, ends=source)
 
-    def hold(self, memory: object) -> None:
-        """Keep what values are moved from or to, such as an array, from being freed."""
-        self._kept.append(memory)
-
-    def call(self, handler: Handler) -> None:
+    def add_python_call(self, handler: Handler) -> None:
         """Add something that Python does."""
         self._add(handler, library.CALL)
 
-    def begin(self) -> None:
-        """Take the time from here."""
-        self._add(_goes_on, library.BEGIN)
+    def add_timer_start(self) -> None:
+        """Add starting the timer."""
+        self._add(_cannot_fail, library.BEGIN)
 
-    def spent(self, owner: int) -> None:
-        """Count the time since it was taken last as an owner's."""
-        self._add(_goes_on, library.SPENT, owner=owner)
+    def add_time_spent(self, owner: int) -> None:
+        """Add counting the time since the timer was last started or read as that of an FMU."""
+        self._add(_cannot_fail, library.SPENT, owner=owner)
+
+    def hold(self, memory: object) -> None:
+        """Keep memory that operations use, such as an array, from being freed."""
+        self._held.append(memory)
 
     def _add(
         self,
@@ -194,57 +223,101 @@ class Program:
         operation = Operation(kind=kind, owner=owner, **fields)
         if call is not None:
             function: Any = call.func
-            self._kept.append(call)
+            self._held.append(call)
             operation.function = ctypes.cast(function, ctypes.c_void_p).value
             operation.component = call.args[0].value
         self.operations.append(operation)
         self.handlers.append(handler)
 
     def _references(self, references: Sequence[int]) -> int:
-        return self._keep((ctypes.c_uint * len(references))(*references))
+        return self._address((ctypes.c_uint * len(references))(*references))
 
-    def _keep(self, memory: Any) -> int:
-        self._kept.append(memory)
+    def _address(self, memory: Any) -> int:
+        """Return the address of memory, which is kept from being freed."""
+        self._held.append(memory)
         return ctypes.addressof(memory)
 
     def legend(self) -> list[tuple[str, bool]]:
-        """What is asked of whom in each operation, empty where it is no FMU, and whether that is a step."""
+        """Describe the operations for the shared progress.
+
+        Returns
+        -------
+        list of (str, bool)
+            For each operation what is asked of which FMU, empty if of none, and whether it is a
+            step.
+        """
         return [
-            (
-                f"{self.owners[o.owner]}: {_ASKED[o.kind]}"
-                if o.kind in _ASKED and self.owners
-                else "",
-                o.kind == library.STEP,
-            )
-            for o in self.operations
+            (self._description(operation), operation.kind == library.STEP)
+            for operation in self.operations
         ]
 
+    def _description(self, operation: Operation) -> str:
+        if operation.kind not in _REQUESTS or not self.owners:
+            return ""
+        return f"{self.owners[operation.owner]}: {_REQUESTS[operation.kind]}"
 
-def _goes_on(why: Return) -> None:
-    raise RuntimeError(
-        f"the stepping kernel came back for nothing: {why}"
-    )  # such an operation cannot fail
+
+def _cannot_fail(returned: KernelReturn) -> None:
+    """Handle the return from an operation that never returns to Python."""
+    raise RuntimeError(f"the stepping kernel came back for nothing: {returned}")
+
+
+class Pulse:
+    """A thread that makes the kernel return regularly, so that Ctrl-C is heard; a context manager.
+
+    A clock that the kernel itself looked at would cost as much as a step of a small FMU, and the
+    number of steps between two looks would be a guess. Starting a thread takes as long as a
+    thousand small steps, so runs that follow each other share one.
+    """
+
+    def __init__(self) -> None:
+        self._over = Event()
+        self._run: Progress | None = None
+        self._thread = Thread(target=self._beat, name="kernel pulse", daemon=True)
+
+    def __enter__(self) -> Pulse:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._over.set()
+        self._thread.join()
+
+    @contextmanager
+    def interrupting(self, progress: Progress) -> Iterator[None]:
+        """Interrupt this run and no other; one more interruption after its end does no harm."""
+        self._run = progress
+        try:
+            yield
+        finally:
+            self._run = None
+
+    def _beat(self) -> None:
+        while not self._over.wait(PULSE_PERIOD):
+            run = self._run
+            if run is not None:
+                run.interrupted = 1
 
 
 class Execution:
-    """A program that is carried out; a context manager, for there is a thread that calls the kernel back.
+    """The execution of a program by the kernel; a context manager, for it needs a pulse.
 
     Parameters
     ----------
     program : Program
     owners : int
-        How many there are to count warnings and time for.
+        Number of FMUs for which warnings and time are counted.
     first : int
-        Communication point to begin with.
+        The first communication point.
     skipped : int
-        Operations that are left out at that one.
+        Operations that are left out at the first point.
     pulse : Pulse, optional
-        That beats already; else it has its own.
+        A running pulse; default one of its own.
 
     Attributes
     ----------
     seconds, warnings : ndarray, shape (owners,)
-        Time in s and calls that ended with a warning, by owner.
+        Time in s and number of calls that returned a warning, by FMU.
     """
 
     def __init__(
@@ -257,96 +330,101 @@ class Execution:
     ):
         self._program = program
         self._operations = (Operation * len(program.operations))(*program.operations)
-        self.seconds, self.warnings = np.zeros(owners), np.zeros(owners, dtype=np.int64)
-        self._box = box.current
-        self._progress = self._box.run(program.legend()) if self._box else library.Progress()
-        for name, value in {
-            "program": ctypes.addressof(self._operations),
-            "length": len(program.operations),
-            "point": first,
-            "position": skipped,
-            "row": 0,
-            "interrupted": 0,
-            "seconds": self.seconds.ctypes.data,
-            "warnings": self.warnings.ctypes.data,
-        }.items():
-            setattr(self._progress, name, value)
-        run = library.stepper()
+        self.seconds = np.zeros(owners)
+        self.warnings = np.zeros(owners, dtype=np.int64)
+        self._start = (first, skipped)
+        self._shared = shared_progress.current
+        self._progress = self._allocate_progress()
+        run = library.load_stepper()
         if run is None:
             raise RuntimeError("there is no stepping kernel")
-        self._run, self._here = run, ctypes.byref(self._progress)
-        self._pulse, self._felt = pulse, ExitStack()
-        self._begins_with = (first, skipped)
+        self._run = run
+        self._reference = ctypes.byref(self._progress)
+        self._pulse = pulse
+        self._contexts = ExitStack()
+
+    def _allocate_progress(self) -> Progress:
+        progress = Progress()
+        if self._shared:
+            progress = self._shared.allocate_run(self._program.legend())
+        progress.program = ctypes.addressof(self._operations)
+        progress.length = len(self._operations)
+        progress.point, progress.position = self._start
+        progress.row = 0
+        progress.interrupted = 0
+        progress.seconds = self.seconds.ctypes.data
+        progress.warnings = self.warnings.ctypes.data
+        return progress
 
     def __enter__(self) -> Execution:
-        pulse = self._pulse or self._felt.enter_context(Pulse())
-        self._felt.enter_context(pulse.of(self._progress))
-        if self._box:
-            self._box.begin(self._progress)
+        pulse = self._pulse or self._contexts.enter_context(Pulse())
+        self._contexts.enter_context(pulse.interrupting(self._progress))
+        if self._shared:
+            self._shared.begin_run(self._progress)
         return self
 
     def __exit__(self, *error: Any) -> None:
-        self._felt.close()
-        if self._box:
-            self._box.end()
+        self._contexts.close()
+        if self._shared:
+            self._shared.end_run()
 
     def __del__(self) -> None:
-        there = getattr(self, "_box", None)
-        if there is not None:
-            there.give_back(self._progress)
+        shared = getattr(self, "_shared", None)
+        if shared is not None:
+            shared.release_run(self._progress)
 
     @property
     def point(self) -> int:
-        """The communication point that is next; all before it are complete."""
+        """The next communication point; all before it are complete."""
         return self._progress.point
 
     @property
-    def inside(self) -> bool:
-        """Whether something was done at it already."""
+    def within_point(self) -> bool:
+        """True if some operations of that point were carried out."""
         return self._progress.position > 0
 
     @property
-    def kept(self) -> int:
-        """How many rows were kept since `rewind`."""
+    def row_count(self) -> int:
+        """Number of rows that were copied since `rewind_rows`."""
         return self._progress.row
 
-    def again(self) -> None:
-        """Carry it out from where it began; nothing is counted yet."""
+    def restart(self) -> None:
+        """Go back to the first point, with all counts at zero."""
         progress = self._progress
-        progress.point, progress.position = self._begins_with
+        progress.point, progress.position = self._start
         progress.row = progress.interrupted = 0
-        self.seconds[:], self.warnings[:] = 0.0, 0
+        self.seconds[:] = 0.0
+        self.warnings[:] = 0
 
-    def rewind(self) -> None:
-        """Keep the next row as the first."""
+    def rewind_rows(self) -> None:
+        """Let the next row be the first of the array again."""
         self._progress.row = 0
 
-    def carry_on(self, until: int) -> bool:
-        """Go on up to a communication point, which is left out.
+    def advance(self, until: int) -> bool:
+        """Carry the program out up to a communication point.
 
         Parameters
         ----------
         until : int
+            The point, not included.
 
         Returns
         -------
         bool
-            Whether it got there; false if some time has passed and Python should look around.
+            Whether it was reached; false if the pulse has interrupted the kernel.
 
         Raises
         ------
         Exception
-            Whatever the handler of an operation raises.
+            Any that the handler of an operation raises.
         """
         progress = self._progress
-        while reason := self._run(self._here, until):
+        while reason := self._run(self._reference, until):
             if reason == library.PAUSED:
                 progress.interrupted = 0
                 return False
-            position = progress.position - (
-                reason == library.CALLING
-            )  # a call is behind it when it comes back
-            self._program.handlers[position](
-                Return(reason, progress.status, progress.index, progress.point)
-            )
+            # the kernel has moved on from a call of Python when it returns
+            position = progress.position - (reason == library.CALLING)
+            returned = KernelReturn(reason, progress.status, progress.index, progress.point)
+            self._program.handlers[position](returned)
         return True

@@ -1,4 +1,4 @@
-"""Inputs and one output at a fixed sample period: what a black-box model is identified from."""
+"""Input-output data at a fixed sample period, from which a black-box model is identified."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class InputOutputData:
-    """Inputs and one output at a fixed sample period; :func:`input_output_data` makes and checks it.
+    """Inputs and one output at a fixed sample period, as :func:`input_output_data` checks them.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class InputOutputData:
     output_name: str
 
     def __len__(self) -> int:
-        """Count its samples."""
+        """Return the number of samples."""
         return len(self.output)
 
     def part(self, start: int, stop: int | None = None) -> InputOutputData:
@@ -47,14 +47,14 @@ class InputOutputData:
             If there are none.
         """
         kept = slice(start, stop)
-        if not len(self.output[kept]):
+        if len(self.output[kept]) == 0:
             raise UserError(
                 f"part from sample {start} to {stop}: there are none, of {len(self)} samples"
             )
         return replace(self, inputs=self.inputs[kept], output=self.output[kept])
 
     def split(self, share: float = 0.5) -> tuple[InputOutputData, InputOutputData]:
-        """Divide it into estimation and validation data, in the order of time.
+        """Divide the data into estimation and validation data, in the order of time.
 
         Parameters
         ----------
@@ -101,48 +101,62 @@ def input_output_data(
     Raises
     ------
     UserError
-        If shapes do not agree, a sample is not a finite number, the step is not above zero, or names are no names.
+        If shapes do not agree, a sample is not a finite number, the step is not above zero, or
+        names are no names.
     """
-    u, y = _as_numbers(inputs, "inputs"), _as_numbers(output, f"output {output_name}")
-    u = u[:, np.newaxis] if u.ndim == 1 else u
+    u = _as_numbers(inputs, "inputs")
+    y = _as_numbers(output, f"output {output_name}")
+    if u.ndim == 1:
+        u = u[:, np.newaxis]
     if u.ndim != 2 or y.ndim != 1 or len(u) != len(y) or u.shape[1] < 1:
         raise UserError(
-            f"inputs have shape {np.shape(inputs)} and the output {np.shape(output)}: must be (n, m) and (n,)"
+            f"inputs have shape {np.shape(inputs)} and the output {np.shape(output)}: must be (n,"
+            " m) and (n,)"
         )
     if not (np.isfinite(step) and step > 0.0):
         raise UserError(f"step = {step:g} s: must be a finite number above 0")
-    names = (
-        tuple(f"u{i + 1}" for i in range(u.shape[1])) if input_names is None else tuple(input_names)
-    )
-    if len(names) != u.shape[1]:
-        raise UserError(
-            f"input names {', '.join(names)}: there are {len(names)}, for {u.shape[1]} inputs"
-        )
-    if output_name in names:
-        raise UserError(f"{output_name} is an input and the output: name it once")
-    if twice := [name for k, name in enumerate(names) if name in names[:k]]:
-        raise UserError(f"{twice[0]} is an input twice: name it once")
-    for kind, name, values in [
-        *(("input", n, c) for n, c in zip(names, u.T, strict=True)),
-        ("output", output_name, y),
-    ]:
-        if (bad := np.flatnonzero(~np.isfinite(values))).size:
-            at, value = bad[0], values[bad[0]]
-            raise UserError(
-                f"{kind} {name}, sample {at}: is {value:g}, must be a finite number; fill gaps, or cut them out"
-            )
+    numbered = [f"u{i + 1}" for i in range(u.shape[1])]
+    names = tuple(numbered if input_names is None else input_names)
+    _check_names(names, output_name, u.shape[1])
+    for name, column in zip(names, u.T, strict=True):
+        _check_finite(f"input {name}", column)
+    _check_finite(f"output {output_name}", y)
     return InputOutputData(u, y, float(step), names, output_name)
 
 
-def _as_numbers(values: ArrayLike, what: str) -> Array:
+def _as_numbers(values: ArrayLike, label: str) -> Array:
+    """Return a copy of values as an array of floats; refuse what is none."""
     try:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise UserError(f"{what}: must be an array of numbers ({error})") from None
+        raise UserError(f"{label}: must be an array of numbers ({error})") from None
+
+
+def _check_names(names: tuple[str, ...], output_name: str, inputs: int) -> None:
+    """Refuse names that are not one for each signal."""
+    if len(names) != inputs:
+        raise UserError(
+            f"input names {', '.join(names)}: there are {len(names)}, for {inputs} inputs"
+        )
+    if output_name in names:
+        raise UserError(f"{output_name} is an input and the output: name it once")
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise UserError(f"{name} is an input twice: name it once")
+
+
+def _check_finite(label: str, values: Array) -> None:
+    """Refuse a signal with a sample that is not a finite number."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise UserError(
+            f"{label}, sample {bad[0]}: is {values[bad[0]]:g}, must be a finite number; fill gaps,"
+            " or cut them out"
+        )
 
 
 def check_varies(data: InputOutputData) -> None:
-    """Refuse data from which nothing can be learnt.
+    """Refuse data with a constant signal, from which nothing can be learnt.
 
     Raises
     ------
@@ -162,7 +176,7 @@ def check_varies(data: InputOutputData) -> None:
 
 
 def input_index(names: Sequence[str], which: int | str) -> int:
-    """Return the number of an input that is given by number or name.
+    """Return the index of an input that is given by number or name.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""Persistence of excitation: how much of its path an input can tell (thesis, eq. 3.16; Ljung, section 13.2)."""
+"""Persistence of excitation: the number of parameters of its path that an input can determine.
+
+Sources: thesis, eq. 3.16; Ljung, section 13.2.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +9,23 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.identify.black_box.data import InputOutputData
 
 Array = NDArray[np.float64]
-CUTOFF = 0.01  # of the largest singular value: that of the thesis, section 3.3.2
-SINGULAR = 1e-9  # of the largest: what is below is zero but for rounding
-_HIGHEST = 50
+# Singular values, relative to the largest, that do not count: the cut-off of the thesis, section
+# 3.3.2, and what is zero but for rounding.
+CUTOFF = 0.01
+SINGULAR = 1e-9
+_HIGHEST = 50  # default order of the autocovariance matrix
 
 
 def autocovariance_matrix(values: ArrayLike, order: int) -> Array:
     """Return R_n of eq. 3.16, (order, order), about the mean.
 
-    Expectations are means over the stretch for which all delayed samples are on record, so that the matrix of a sum of
-    k sinusoids has the rank 2k, however long they last; as the record grows it becomes the equation's Toeplitz matrix.
+    Expectations are means over the stretch for which all delayed samples are on record, so that the
+    matrix of a sum of k sinusoids has the rank 2k, however long they last; as the record grows it
+    becomes the equation's Toeplitz matrix.
 
     Parameters
     ----------
@@ -50,7 +56,8 @@ def pexcit(values: ArrayLike, cutoff: float = CUTOFF, highest: int | None = None
     cutoff : float
         Singular values of the autocovariance matrix count that are above this share of the largest.
     highest : int, optional
-        Order of the matrix, and so the highest that can be found; by default 50, or a third of the samples if less.
+        Order of the matrix, and so the highest that can be found; by default 50, or a third of the
+        samples if less.
 
     Returns
     -------
@@ -74,7 +81,7 @@ def pexcit(values: ArrayLike, cutoff: float = CUTOFF, highest: int | None = None
 
 
 def check_excitation(data: InputOutputData, needed: tuple[int, ...]) -> tuple[str, ...]:
-    """Hold inputs against the orders that a model asks for.
+    """Check that every input excites persistently to the order that a model needs.
 
     Parameters
     ----------
@@ -85,7 +92,8 @@ def check_excitation(data: InputOutputData, needed: tuple[int, ...]) -> tuple[st
     Returns
     -------
     tuple of str
-        A line for every input that excites the model weakly: to less than is needed, by the cut-off of the thesis.
+        A line for every input that excites the model weakly: to less than is needed, by the cut-off
+        of the thesis.
 
     Raises
     ------
@@ -95,14 +103,17 @@ def check_excitation(data: InputOutputData, needed: tuple[int, ...]) -> tuple[st
     weak = []
     for name, values, order in zip(data.input_names, data.inputs.T, needed, strict=True):
         highest = max(order, min(_HIGHEST, len(data) // 3))
-        if (found := pexcit(values, SINGULAR, highest)) < order:
+        possible = pexcit(values, SINGULAR, highest)
+        if possible < order:
             raise UserError(
-                f"input {name} is persistently exciting of order {found} only, and the orders ask for {order}: "
-                "lower them (nb + nf, or nb + na), or excite with more frequencies"
+                f"input {name} is persistently exciting of order {possible} only, and the orders"
+                f" ask for {order}: lower them (nb + nf, or nb + na), or excite with more"
+                " frequencies"
             )
-        if (found := pexcit(values, CUTOFF, highest)) < order:
+        strong = pexcit(values, CUTOFF, highest)
+        if strong < order:
             weak.append(
-                f"input {name} excites weakly: to order {found} where singular values below {CUTOFF:g} of the largest "
-                f"do not count, and the orders ask for {order}"
+                f"input {name} excites weakly: to order {strong} where singular values below"
+                f" {CUTOFF:g} of the largest do not count, and the orders ask for {order}"
             )
     return tuple(weak)

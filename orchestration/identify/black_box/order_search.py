@@ -1,4 +1,4 @@
-"""Which structure and orders: all of a grid are identified, and compared as in the thesis' table 3-2."""
+"""The search for structure and orders: a grid of models, compared as in the thesis' table 3-2."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.estimation import identify
 from orchestration.identify.black_box.orders import Count, Orders, orders
@@ -19,7 +19,7 @@ CRITERIA = ("AIC", "BIC")
 
 
 class _Trial(NamedTuple):
-    """What is to be identified."""
+    """A structure with its orders, to be identified."""
 
     structure: str
     path_orders: tuple[int, ...]
@@ -37,7 +37,8 @@ class Row:
     ----------
     structure : str
     path_orders : tuple of int
-        Order of the path from every input, that is of its denominator; the number of states alone for SS.
+        Order of the path from every input, that is of its denominator; the number of states alone
+        for SS.
     noise_order : int or None
         Of the noise model; None for SS, which has a constant gain.
     identification : Identification
@@ -55,6 +56,13 @@ class Row:
     validation_fit: float
     aic: float
     bic: float
+
+    def order_cells(self, inputs: int) -> list[str]:
+        """Write the orders as cells of a table: one for each input, and that of the noise model."""
+        paths = [str(order) for order in self.path_orders]
+        blank = [""] * (inputs - len(paths))
+        noise = "constant" if self.noise_order is None else str(self.noise_order)
+        return [*paths, *blank, noise]
 
 
 @dataclass(frozen=True)
@@ -85,10 +93,12 @@ class OrderSearch:
     @property
     def best(self) -> tuple[Row, ...]:
         """The row that the criterion prefers of every structure."""
-        kept = [
-            [row for row in self.rows if row.structure == structure] for structure in STRUCTURES
-        ]
-        return tuple(min(rows, key=self._value) for rows in kept if rows)
+        best = []
+        for structure in STRUCTURES:
+            rows = [row for row in self.rows if row.structure == structure]
+            if rows:
+                best.append(min(rows, key=self._value))
+        return tuple(best)
 
     def table(self, rows: Sequence[Row] | None = None) -> str:
         """Lay rows out like the thesis' table 3-2, with BIC in a column of its own.
@@ -103,22 +113,13 @@ class OrderSearch:
         str
             Lines of equal length.
         """
-        shown = self.best if rows is None else rows
         inputs = self.rows[0].identification.model.input_names
         head = ["Model type", "% fit ID data", "% fit validation data", "AIC", "BIC"]
         lines = [[*head, *(f"{name} model order" for name in inputs), "Noise model order"]]
-        for row in shown:
-            figures = [
-                f"{row.fit:.1f}",
-                f"{row.validation_fit:.1f}",
-                f"{row.aic:.2f}",
-                f"{row.bic:.2f}",
-            ]
-            paths = [str(order) for order in row.path_orders] + [""] * (
-                len(inputs) - len(row.path_orders)
-            )
-            noise = "constant" if row.noise_order is None else str(row.noise_order)
-            lines.append([row.structure, *figures, *paths, noise])
+        for row in self.best if rows is None else rows:
+            fits = [f"{row.fit:.1f}", f"{row.validation_fit:.1f}"]
+            criteria = [f"{row.aic:.2f}", f"{row.bic:.2f}"]
+            lines.append([row.structure, *fits, *criteria, *row.order_cells(len(inputs))])
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         aligned = [
             [cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines
@@ -133,14 +134,16 @@ def search_orders(
     path_orders: Sequence[int] = (1, 2, 3),
     noise_orders: Sequence[int] = (1, 2, 3),
     nk: Count = 1,
+    *,
     criterion: str = "BIC",
     progress: Callable[[int, int], None] = lambda done, whole: None,
 ) -> OrderSearch:
     """Identify every structure with every combination of orders, and compare the models.
 
-    Every path has as many coefficients in its numerator as it has poles, and one more where its delay is zero. The
-    denominator that ARX and ARMAX share has the highest order of any path; a state-space model, as many states as any
-    combination has poles. C has the order of the noise model, and so has D where there is one.
+    Every path has as many coefficients in its numerator as it has poles, and one more where its
+    delay is zero. The denominator that ARX and ARMAX share has the highest order of any path; a
+    state-space model, as many states as any combination has poles. C has the order of the noise
+    model, and so has D where there is one.
 
     Parameters
     ----------
@@ -152,9 +155,10 @@ def search_orders(
     nk : int or sequence of int
         Delays in samples.
     criterion : str
-        AIC or BIC. AIC is what the thesis minimised; BIC does not prefer ever larger models as records grow.
+        AIC or BIC. AIC is what the thesis minimised; BIC does not prefer ever larger models as
+        records grow.
     progress : callable
-        Told how many models are done, and of how many.
+        Called with how many models are done, and of how many.
 
     Returns
     -------
@@ -165,35 +169,23 @@ def search_orders(
     UserError
         If there is no such structure or criterion, or none of the models can be identified.
     """
-    for kind, names, known in (
-        ("structure", structures, STRUCTURES),
-        ("criterion", [criterion], CRITERIA),
-    ):
-        for name in names:
-            if name not in known:
-                raise UserError(f"{kind} {name}: there is none{suggestion(name, known)}")
-    if not (structures and path_orders and noise_orders) or min(*path_orders, *noise_orders) < 1:
-        raise UserError(
-            f"path orders {list(path_orders)}, noise orders {list(noise_orders)}, structures {list(structures)}: "
-            "at least one of each, and no order below 1"
-        )
     inputs = len(estimation.input_names)
-    if isinstance(nk, Sequence) and len(nk) != inputs:
-        raise UserError(
-            f"delays {list(nk)}: must be one number, or one for each of {inputs} inputs"
-        )
+    _check_known("structure", structures, STRUCTURES)
+    _check_known("criterion", [criterion], CRITERIA)
+    _check_grid(inputs, structures, path_orders, noise_orders, nk)
     planned: list[tuple[_Trial, Orders]] = []
-    rows, left_out = [], []
+    rows: list[Row] = []
+    left_out: list[str] = []
     for trial in _grid(inputs, structures, path_orders, noise_orders):
         try:
             planned.append((trial, _orders(estimation, trial, nk)))
         except UserError as error:
             left_out.append(f"{trial}: {error}")
-    first = max((orders.first for _, orders in planned), default=0)
-    for done, (trial, wanted) in enumerate(planned):
+    first = max((chosen.first for _, chosen in planned), default=0)
+    for done, (trial, chosen) in enumerate(planned):
         progress(done, len(planned))
         try:
-            rows.append(_row(estimation, validation, trial, wanted, first))
+            rows.append(_row(estimation, validation, trial, chosen, first))
         except UserError as error:
             left_out.append(f"{trial}: {error}")
     if not rows:
@@ -201,21 +193,51 @@ def search_orders(
     return OrderSearch(tuple(rows), criterion, tuple(left_out))
 
 
+def _check_known(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
+    """Refuse a name that is none of those known."""
+    for name in names:
+        if name not in known:
+            raise UserError(f"{kind} {name}: there is none{suggestion(name, known)}")
+
+
+def _check_grid(
+    inputs: int,
+    structures: Sequence[str],
+    path_orders: Sequence[int],
+    noise_orders: Sequence[int],
+    nk: Count,
+) -> None:
+    """Refuse an empty grid, an order below 1, and delays that are not as many as the inputs."""
+    if not (structures and path_orders and noise_orders) or min(*path_orders, *noise_orders) < 1:
+        raise UserError(
+            f"path orders {list(path_orders)}, noise orders {list(noise_orders)}, structures"
+            f" {list(structures)}: at least one of each, and no order below 1"
+        )
+    if isinstance(nk, Sequence) and len(nk) != inputs:
+        raise UserError(
+            f"delays {list(nk)}: must be one number, or one for each of {inputs} inputs"
+        )
+
+
 def _grid(
     inputs: int, structures: Sequence[str], path_orders: Sequence[int], noise_orders: Sequence[int]
 ) -> Iterator[_Trial]:
+    """Yield every structure with every combination of orders that it has."""
     combinations = sorted(set(product(path_orders, repeat=inputs)))
     states = [(total,) for total in sorted({sum(path) for path in combinations})]
     for structure in structures:
+        paths = states if structure == "SS" else combinations
         noises = sorted(set(noise_orders)) if structure in ("ARMAX", "BJ") else [0]
-        for path, noise in product(states if structure == "SS" else combinations, noises):
+        for path, noise in product(paths, noises):
             yield _Trial(structure, path, noise)
 
 
 def _orders(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
+    """Return the orders of every polynomial of a model on the grid."""
     inputs = len(data.input_names)
     delays = list(nk) if isinstance(nk, Sequence) else [nk] * inputs
-    path, noise = trial.path_orders, trial.noise_order
+    path = trial.path_orders
+    noise = trial.noise_order
     if trial.structure == "SS":
         return orders(data, 1, nk, nf=1)  # how far back it looks, and the delays
     nb = [order + (delay == 0) for order, delay in zip(path, delays, strict=False)]
@@ -228,13 +250,23 @@ def _row(
     estimation: InputOutputData,
     validation: InputOutputData,
     trial: _Trial,
-    wanted: Orders,
+    chosen: Orders,
     first: int,
 ) -> Row:
+    """Identify one model of the grid, and assess it."""
     if trial.structure == "SS":
-        found = state_space(estimation, trial.path_orders[0], wanted.nk, first)
+        noise_order = None
+        result = state_space(estimation, trial.path_orders[0], chosen.nk, first)
     else:
-        found = identify(estimation, trial.structure, wanted, first)
-    noise = None if trial.structure == "SS" else trial.noise_order
-    fits = found.fit, found.model.fit(validation)
-    return Row(trial.structure, trial.path_orders, noise, found, *fits, found.aic, found.bic)
+        noise_order = trial.noise_order
+        result = identify(estimation, trial.structure, chosen, first)
+    return Row(
+        trial.structure,
+        trial.path_orders,
+        noise_order,
+        result,
+        fit=result.fit,
+        validation_fit=result.model.fit(validation),
+        aic=result.aic,
+        bic=result.bic,
+    )

@@ -1,4 +1,4 @@
-"""The orders of a polynomial model, and whether data can be fitted with them (Ljung, section 4.2)."""
+"""The orders of a polynomial model, checked against the data (Ljung, section 4.2)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import index
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.identify.black_box.data import InputOutputData
 
 Count = int | Sequence[int]
@@ -38,12 +38,12 @@ class Orders:
 
     @property
     def parameters(self) -> int:
-        """How many coefficients there are."""
+        """The number of coefficients."""
         return self.na + sum(self.nb) + self.nc + self.nd + sum(self.nf)
 
     @property
     def first(self) -> int:
-        """The first sample for which all inputs and outputs that the equation names are on record."""
+        """The first sample for which the record has all inputs and outputs of the equation."""
         return max(self.na, *(b + k - 1 for b, k in zip(self.nb, self.nk, strict=True)), 0)
 
     @property
@@ -51,31 +51,38 @@ class Orders:
         """Largest order of any polynomial."""
         return max(self.na, self.nc, self.nd, *self.nb, *self.nf)
 
-    def excitation(self, which: int) -> int:
-        """Order to which an input must excite: one for every parameter of its path (Ljung, section 13.2)."""
-        return self.nb[which] + max(self.nf[which], self.na)
+    def excitation(self, i: int) -> int:
+        """Return the order to which input i must excite persistently (Ljung, section 13.2).
+
+        It is one for every parameter of its path.
+        """
+        return self.nb[i] + max(self.nf[i], self.na)
 
     def names(self) -> tuple[str, ...]:
-        """Name the coefficients, in the order in which they are estimated: a1, b1_1 (of the first input), ..., d1."""
-        path = [
-            name
-            for i, (b, f, k) in enumerate(zip(self.nb, self.nf, self.nk, strict=True), start=1)
-            for name in [*(f"b{i}_{k + j}" for j in range(b)), *(f"f{i}_{j + 1}" for j in range(f))]
-        ]
-        return (*_numbered("a", self.na), *path, *_numbered("c", self.nc), *_numbered("d", self.nd))
+        """Name the coefficients in the order in which they are estimated: a1, b1_1, ..., f1_1, ...
+
+        The coefficient ``b2_3`` is that of q^-3 in the B of the second input.
+        """
+        paths = []
+        for i, (b, f, k) in enumerate(zip(self.nb, self.nf, self.nk, strict=True), start=1):
+            paths += [f"b{i}_{k + j}" for j in range(b)]
+            paths += [f"f{i}_{j + 1}" for j in range(f)]
+        noise = [*_numbered("c", self.nc), *_numbered("d", self.nd)]
+        return (*_numbered("a", self.na), *paths, *noise)
 
     def __str__(self) -> str:
-        """Say those that are not zero, as ``na = 2, nb = 2 1, nk = 1 1``."""
+        """Write those that are not zero, as ``na = 2, nb = 2 1, nk = 1 1``."""
         named = {"na": (self.na,), "nb": self.nb, "nf": self.nf, "nc": (self.nc,), "nd": (self.nd,)}
-        said = [
+        written = [
             f"{name} = {' '.join(map(str, values))}"
             for name, values in named.items()
             if any(values)
         ]
-        return ", ".join([*said, f"nk = {' '.join(map(str, self.nk))}"])
+        return ", ".join([*written, f"nk = {' '.join(map(str, self.nk))}"])
 
 
 def _numbered(letter: str, count: int) -> list[str]:
+    """Name the coefficients of one polynomial: a1, a2, ..."""
     return [f"{letter}{j + 1}" for j in range(count)]
 
 
@@ -84,11 +91,12 @@ def orders(
     nb: Count,
     nk: Count = 1,
     na: int = 0,
+    *,
     nf: Count = 0,
     nc: int = 0,
     nd: int = 0,
 ) -> Orders:
-    """Make orders for data, one number standing for all inputs alike, and check them.
+    """Make orders and check them against data; one number stands for all inputs alike.
 
     Parameters
     ----------
@@ -104,7 +112,8 @@ def orders(
     Raises
     ------
     UserError
-        If an order is not a whole number in its range, there are not as many as inputs, or there are too few samples.
+        If an order is not a whole number in its range, there are not as many as inputs, or there
+        are too few samples.
     """
     inputs = len(data.input_names)
     made = Orders(
@@ -118,13 +127,14 @@ def orders(
     needed = made.first + _EQUATIONS * (made.parameters + sum(made.nf) + 1)
     if len(data) < needed:
         raise UserError(
-            f"{len(data)} samples of {data.output_name} are too few for {made} ({made.parameters} parameters): "
-            f"at least {needed} are needed"
+            f"{len(data)} samples of {data.output_name} are too few for {made} ({made.parameters}"
+            f" parameters): at least {needed} are needed"
         )
     return made
 
 
 def _each(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
+    """Return one whole number for each input, not below the least that is allowed."""
     values = tuple(value) if isinstance(value, Sequence) else (value,) * inputs
     if len(values) != inputs:
         raise UserError(
@@ -134,7 +144,7 @@ def _each(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
 
 
 def whole(name: str, value: int, least: int) -> int:
-    """Return a number, if it is a whole one and not below the least that is allowed.
+    """Return a number if it is whole and not below the least that is allowed.
 
     Raises
     ------

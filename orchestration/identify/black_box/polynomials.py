@@ -1,4 +1,4 @@
-"""Polynomials in the delay operator q^-1: stability, reflection at the unit circle, and roots in the s-plane.
+"""Polynomials in the delay operator q^-1: stability, reflection of roots, roots in the s-plane.
 
 A polynomial is an array of coefficients of q^0, q^-1, q^-2, ...; its roots are those in z.
 """
@@ -16,7 +16,7 @@ _AT_ORIGIN = 1e-9  # modulus of a root in z that is a delay, and has no place in
 
 
 def monic(coefficients: ArrayLike) -> Array:
-    """Put the leading one before coefficients of q^-1, q^-2 and so on."""
+    """Return a monic polynomial: a leading one before coefficients of q^-1, q^-2 and so on."""
     return np.concatenate([[1.0], np.asarray(coefficients, dtype=np.float64)])
 
 
@@ -26,14 +26,16 @@ def roots(polynomial: Array) -> Roots:
 
 
 def is_stable(polynomial: Array) -> bool:
-    """Whether all roots are within the unit circle."""
+    """Tell whether all roots are within the unit circle."""
     return bool(
         np.isfinite(polynomial).all() and np.abs(roots(polynomial)).max(initial=0.0) < _INSIDE
     )
 
 
 def stabilised(polynomial: Array, within: float = 0.995) -> Array:
-    """Reflect roots on or beyond the unit circle into it; magnitude is kept but for a factor (Ljung, section 10.2).
+    """Reflect roots on or beyond the unit circle into it (Ljung, section 10.2).
+
+    The magnitude of the frequency response is kept but for a factor.
 
     Parameters
     ----------
@@ -54,27 +56,27 @@ def stabilised(polynomial: Array, within: float = 0.995) -> Array:
     outside = size >= _INSIDE
     z[outside] *= np.minimum(1.0 / size[outside], within) / size[outside]
     reflected = np.real(np.poly(z))
-    # roots that are delays are not among those found
+    # `roots` leaves out those that are delays
     return np.concatenate([reflected, np.zeros(len(polynomial) - len(reflected))])
 
 
 def filtered(numerator: Array, denominator: Array, values: Array) -> Array:
-    """Filter from rest, along the first axis."""
+    """Filter values along the first axis, from rest."""
     if not values.size:
-        return values  # of which SciPy makes an error
+        return values  # SciPy refuses an empty array
     return np.asarray(lfilter(numerator, denominator, values, axis=0), dtype=np.float64)
 
 
 def solved(columns: Array, target: Array) -> Array:
-    """Solve linear least squares; the shortest solution where there are several."""
+    """Return the solution of linear least squares, the shortest where there are several."""
     return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], dtype=np.float64)
 
 
 def s_plane(z: ArrayLike, step: float) -> Roots:
     """Map poles or zeros from the z-plane to the s-plane, ``s = ln(z) / step`` (thesis, fig. 3-16).
 
-    Poles are exact for an input that is held between samples; zeros have no such counterpart, and are shown where the
-    same rule puts them (Åström, Hagander, Sternby: Automatica 20, 1984).
+    Poles are exact for an input that is held between samples; zeros have no such counterpart, and
+    are shown where the same rule puts them (Åström, Hagander, Sternby: Automatica 20, 1984).
 
     Parameters
     ----------
@@ -85,7 +87,8 @@ def s_plane(z: ArrayLike, step: float) -> Roots:
     Returns
     -------
     ndarray of complex, shape (r,)
-        rad/s, imaginary parts up to the Nyquist frequency; roots at z = 0, which are delays, are left out.
+        rad/s, imaginary parts up to the Nyquist frequency; roots at z = 0, which are delays, are
+        left out.
     """
     values = np.asarray(z, dtype=np.complex128)
     return np.asarray(np.log(values[np.abs(values) > _AT_ORIGIN]) / step, dtype=np.complex128)

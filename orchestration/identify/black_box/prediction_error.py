@@ -1,14 +1,15 @@
-"""Prediction errors of a polynomial model, and their exact derivatives by filtering (Ljung, sections 10.2 and 10.3).
+"""Prediction errors of a polynomial model, and their exact derivatives by filtering.
 
 For ``A y = sum_i B_i/F_i u_i + offset + C/D e`` the prediction error is
 
     e = D/C v,   v = A y - sum_i w_i - offset,   w_i = B_i/F_i u_i
 
-and its derivatives are ``D/C y(t-k)`` by a_k, ``-D/(C F_i) u_i(t-k)`` by b_ik, ``D/(C F_i) w_i(t-k)`` by f_ik,
-``-1/C e(t-k)`` by c_k, ``1/C v(t-k)`` by d_k and ``-D/C 1`` by the offset.
+and its derivatives are ``D/C y(t-k)`` by a_k, ``-D/(C F_i) u_i(t-k)`` by b_ik, ``D/(C F_i)
+w_i(t-k)`` by f_ik, ``-1/C e(t-k)`` by c_k, ``1/C v(t-k)`` by d_k and ``-D/C 1`` by the offset.
 
-Errors begin at the first sample for which all that the equation names is on record. What w_i was before is unknown: its
-free response from there, ``T_i/F_i`` of an impulse, is estimated with the parameters.
+Errors begin at the first sample for which the record has all signals of the equation. The past of
+w_i before it is unknown: its free response from there, ``T_i/F_i`` of an impulse, is estimated with
+the parameters. Source: Ljung, sections 10.2 and 10.3.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class Coefficients(NamedTuple):
-    """Parameters of a model as polynomials; those of B without its delay.
+    """The parameters of a model as polynomials; B without its delay.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class Coefficients(NamedTuple):
 
 
 class PredictionError:
-    """Prediction errors over one record.
+    """Prediction errors over one record as functions of a vector of parameters.
 
     Parameters
     ----------
@@ -67,50 +68,57 @@ class PredictionError:
     def __init__(
         self, inputs: Array, output: Array, orders: Orders, first: int = 0, offset: bool = True
     ):
-        self.inputs, self.output, self.orders, self.offset = inputs, output, orders, offset
+        self.inputs = inputs
+        self.output = output
+        self.orders = orders
+        self.offset = offset
         self.first = max(first, orders.first)
         self.samples = len(output) - self.first
 
     @property
     def size(self) -> int:
-        """How many parameters are estimated: those of the polynomials, the offset, the free responses."""
+        """The number of estimated parameters: polynomials, offset and free responses."""
         return self.orders.parameters + self.offset + sum(self.orders.nf)
 
     def _past(self, values: Array, lag: int) -> Array:
-        """Return what a signal was so many samples ago, from the first sample on."""
+        """Return a signal delayed by so many samples, from the first sample on."""
         return values[self.first - lag : len(values) - lag]
 
-    def past_inputs(self, which: int) -> Array:
-        """Return an input as every coefficient of its B sees it (samples, nb)."""
-        lags = range(self.orders.nk[which], self.orders.nk[which] + self.orders.nb[which])
-        return np.array([self._past(self.inputs[:, which], lag) for lag in lags]).T
+    def past_inputs(self, i: int) -> Array:
+        """Return the regressors of B_i (samples, nb): input i, delayed."""
+        delay = self.orders.nk[i]
+        lags = range(delay, delay + self.orders.nb[i])
+        return np.array([self._past(self.inputs[:, i], lag) for lag in lags]).T
 
     def past_outputs(self) -> Array:
-        """Return the output as every coefficient of A sees it (samples, na)."""
+        """Return the regressors of the coefficients of A: delayed outputs (samples, na)."""
         columns = [self._past(self.output, lag) for lag in range(1, self.orders.na + 1)]
         return np.array(columns).reshape(len(columns), self.samples).T
 
     def coefficients(self, theta: Array) -> Coefficients:
-        """Take a vector of parameters (p,) apart."""
-        n, at = self.orders, 0
+        """Split a vector of parameters (p,) into polynomials, offset and free responses."""
+        n = self.orders
+        position = 0
 
         def take(count: int) -> Array:
-            nonlocal at
-            at += count
-            return theta[at - count : at]
+            nonlocal position
+            position += count
+            return theta[position - count : position]
 
         a = monic(take(n.na))
         paths = [(take(b), monic(take(f))) for b, f in zip(n.nb, n.nf, strict=True)]
-        c, d, offset = (
-            monic(take(n.nc)),
-            monic(take(n.nd)),
-            float(take(1)[0]) if self.offset else 0.0,
+        return Coefficients(
+            a=a,
+            b=tuple(b for b, _ in paths),
+            f=tuple(f for _, f in paths),
+            c=monic(take(n.nc)),
+            d=monic(take(n.nd)),
+            offset=float(take(1)[0]) if self.offset else 0.0,
+            transient=tuple(take(count) for count in n.nf),
         )
-        b, f = tuple(p[0] for p in paths), tuple(p[1] for p in paths)
-        return Coefficients(a, b, f, c, d, offset, tuple(take(count) for count in n.nf))
 
     def vector(self, parts: Coefficients) -> Array:
-        """Put polynomials together to a vector of parameters (p,)."""
+        """Join polynomials, offset and free responses into a vector of parameters (p,)."""
         paths = [x for b, f in zip(parts.b, parts.f, strict=True) for x in (b, f[1:])]
         offset = np.full(int(self.offset), parts.offset)
         return np.concatenate(
@@ -118,20 +126,21 @@ class PredictionError:
         )
 
     def admissible(self, theta: Array) -> bool:
-        """Whether the predictor and the noise model are stable."""
+        """Tell whether the predictor and the noise model are stable."""
         parts = self.coefficients(theta)
         return all(is_stable(polynomial) for polynomial in (*parts.f, parts.c, parts.d))
 
     def _paths(self, parts: Coefficients) -> list[Array]:
-        """Output of every path (samples,), its free response with it."""
-        found = []
+        """Return the output of every path (samples,), its free response included."""
+        paths = []
         for i, (b, f, transient) in enumerate(zip(parts.b, parts.f, parts.transient, strict=True)):
-            forced = self.past_inputs(i) @ b
-            forced[: len(transient)] += transient
-            found.append(filtered(np.ones(1), f, forced))
-        return found
+            driven = self.past_inputs(i) @ b
+            driven[: len(transient)] += transient
+            paths.append(filtered(np.ones(1), f, driven))
+        return paths
 
     def _disturbance(self, parts: Coefficients, paths: list[Array]) -> Array:
+        """Return v (samples,): the part of the output that the paths do not explain."""
         return (
             self._past(self.output, 0)
             + self.past_outputs() @ parts.a[1:]
@@ -140,7 +149,7 @@ class PredictionError:
         )
 
     def disturbance(self, theta: Array) -> Array:
-        """Return v (samples,): what inputs do not explain."""
+        """Return v (samples,): the part of the output that the inputs do not explain."""
         parts = self.coefficients(theta)
         return self._disturbance(parts, self._paths(parts))
 
@@ -157,14 +166,14 @@ class PredictionError:
         e = filtered(parts.d, parts.c, v)
         impulse = np.zeros(self.samples)
         impulse[0] = 1.0
-        columns, free = [filtered(parts.d, parts.c, self.past_outputs())], []
+        columns = [filtered(parts.d, parts.c, self.past_outputs())]
+        free = []
         for i, (f, w) in enumerate(zip(parts.f, paths, strict=True)):
-            both = np.convolve(parts.c, f)
-            columns += [
-                -filtered(parts.d, both, self.past_inputs(i)),
-                _lags(filtered(parts.d, both, w), len(f) - 1),
-            ]
-            free.append(-_lags(filtered(parts.d, both, impulse), len(f) - 1, 0))
+            denominator = np.convolve(parts.c, f)
+            count = len(f) - 1
+            columns.append(-filtered(parts.d, denominator, self.past_inputs(i)))
+            columns.append(_lags(filtered(parts.d, denominator, w), count))
+            free.append(-_lags(filtered(parts.d, denominator, impulse), count, 0))
         columns.append(-_lags(filtered(np.ones(1), parts.c, e), self.orders.nc))
         columns.append(_lags(filtered(np.ones(1), parts.c, v), self.orders.nd))
         columns.append(-filtered(parts.d, parts.c, np.ones((self.samples, int(self.offset)))))

@@ -1,4 +1,4 @@
-"""Whether a residual is white, and independent of the inputs (Ljung, section 16.6)."""
+"""Residual tests: whiteness, and independence of the inputs (Ljung, section 16.6)."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from scipy.linalg import toeplitz
 from scipy.signal import correlate
 from scipy.stats import chi2, norm
 
-from fmus.kit.errors import UserError
-from orchestration.identify.metrics import Whiteness, whiteness
+from fmus.kit import UserError
+from orchestration.identify.noise import Whiteness, whiteness
 
 Array = NDArray[np.float64]
-_SINGULAR = (
-    1e-9  # of the largest eigenvalue of a correlation matrix, below which a direction says nothing
-)
+# eigenvalue of a correlation matrix, relative to the largest, below which its direction is ignored
+_SINGULAR = 1e-9
 
 
 @dataclass(frozen=True)
-class CrossCorrelation:
+class ResidualInputCorrelation:
     """Cross-correlation of a residual with an input, dimensionless.
 
     Attributes
     ----------
     lags : ndarray of int, shape (2 k + 1,)
-        In samples; where positive the input comes first, where negative the residual does, as under feedback.
+        In samples; where positive the input comes first, where negative the residual does, as under
+        feedback.
     values : ndarray, shape (2 k + 1,)
     limit : float
         Confidence limit of every value if the two are independent.
@@ -44,13 +44,13 @@ class CrossCorrelation:
 
     @property
     def is_independent(self) -> bool:
-        """Whether independence of past inputs is not rejected."""
+        """True if independence of past inputs is not rejected."""
         return self.p_value >= self.significance
 
 
 @dataclass(frozen=True)
 class ResidualTests:
-    """Residual analysis of a model.
+    """The results of :func:`residual_tests`.
 
     Attributes
     ----------
@@ -60,28 +60,29 @@ class ResidualTests:
         Confidence limit of every value but the first if the residual is white.
     whiteness : Whiteness
         Of all lags together, by Ljung and Box.
-    inputs : tuple of CrossCorrelation, length m
+    inputs : tuple of ResidualInputCorrelation, length m
     """
 
     autocorrelation: Array
     limit: float
     whiteness: Whiteness
-    inputs: tuple[CrossCorrelation, ...]
+    inputs: tuple[ResidualInputCorrelation, ...]
 
     @property
     def passed(self) -> bool:
-        """Whether the residual is white and independent of every past input."""
+        """True if the residual is white and independent of every past input."""
         return self.whiteness.is_white and all(cross.is_independent for cross in self.inputs)
 
 
 def residual_tests(
     residual: ArrayLike, inputs: ArrayLike, lags: int = 25, significance: float = 0.01
 ) -> ResidualTests:
-    """Test a residual for whiteness and independence.
+    """Test whether a residual is white, and independent of the inputs.
 
-    The limits for cross-correlations allow for the colour of both signals, ``P = sum_k R_e(k) R_u(k)`` (Ljung, section
-    16.6), with the residual's colour as far as the lags go. Parameters that were fitted are not allowed for, so that
-    the tests reject a right model somewhat less often than the significance says.
+    The limits for cross-correlations allow for the colour of both signals, ``P = sum_k R_e(k)
+    R_u(k)`` (Ljung, section 16.6), with the residual's colour as far as the lags go. Parameters
+    that were fitted are not allowed for, so that the tests reject a right model somewhat less often
+    than the significance says.
 
     Parameters
     ----------
@@ -100,11 +101,13 @@ def residual_tests(
     Raises
     ------
     UserError
-        If shapes do not agree, a sample is not finite, the residual is constant, the significance is no probability,
-        there are no lags or more than a quarter of the samples.
+        If shapes do not agree, a sample is not finite, the residual is constant, the significance
+        is no probability, there are no lags or more than a quarter of the samples.
     """
-    e, u = np.asarray(residual, dtype=np.float64), np.asarray(inputs, dtype=np.float64)
-    u = u[:, np.newaxis] if u.ndim == 1 else u
+    e = np.asarray(residual, dtype=np.float64)
+    u = np.asarray(inputs, dtype=np.float64)
+    if u.ndim == 1:
+        u = u[:, np.newaxis]
     if e.ndim != 1 or u.ndim != 2 or len(u) != len(e):
         raise UserError(
             f"residual of shape {e.shape} and inputs of {u.shape}: must be (n,) and (n, m)"
@@ -125,29 +128,47 @@ def residual_tests(
 
 
 def _covariance(x: Array, y: Array, lags: int) -> Array:
-    """Mean of ``x(t) y(t - k)`` about the means, k from minus to plus the lags."""
-    x, y = x - x.mean(), y - y.mean()
+    """Return the mean of ``x(t) y(t - k)`` about the means, k from minus to plus the lags."""
     middle = len(x) - 1
-    whole = correlate(x, y, method="fft")
-    return np.asarray(whole[middle - lags : middle + lags + 1] / len(x), dtype=np.float64)
+    products = correlate(x - x.mean(), y - y.mean(), method="fft")
+    return np.asarray(products[middle - lags : middle + lags + 1] / len(x), dtype=np.float64)
 
 
-def _cross(e: Array, u: Array, auto: Array, lags: int, significance: float) -> CrossCorrelation:
+def _cross(
+    e: Array, u: Array, auto: Array, lags: int, significance: float
+) -> ResidualInputCorrelation:
+    """Correlate a residual, of which the autocovariance is known, with one input."""
     n = len(e)
-    at = np.arange(-lags, lags + 1)
+    both_ways = np.arange(-lags, lags + 1)
     own = _covariance(u, u, 2 * lags)[2 * lags :]
     if own[0] == 0.0:
-        return CrossCorrelation(at, np.zeros(len(at)), 0.0, 0.0, 1.0, significance)
+        none = np.zeros(len(both_ways))
+        return ResidualInputCorrelation(both_ways, none, 0.0, 0.0, 1.0, significance)
     values = _covariance(e, u, lags)
     # covariance of the estimates at lags k and l: sum_s R_e(s) R_u(s + k - l) / n
     spread = np.zeros(lags + 1)
     for s in range(-lags, lags + 1):
         spread += auto[abs(s)] * own[np.abs(np.arange(lags + 1) + s)]
-    past = values[lags:]
-    eigenvalues, directions = np.linalg.eigh(toeplitz(spread / n))
-    kept = eigenvalues > _SINGULAR * eigenvalues[-1]
-    statistic = float(np.sum((directions[:, kept].T @ past) ** 2 / eigenvalues[kept]))
+    statistic, freedom = _joint_statistic(values[lags:], spread / n)
     scale = np.sqrt(auto[0] * own[0])
     limit = float(norm.isf(significance / 2.0)) * np.sqrt(max(spread[0], 0.0) / n) / scale
-    p_value = float(chi2.sf(statistic, int(np.count_nonzero(kept))))
-    return CrossCorrelation(at, values / scale, float(limit), statistic, p_value, significance)
+    p_value = float(chi2.sf(statistic, freedom))
+    return ResidualInputCorrelation(
+        both_ways, values / scale, float(limit), statistic, p_value, significance
+    )
+
+
+def _joint_statistic(values: Array, covariance: Array) -> tuple[float, int]:
+    """Return the sum of squares of decorrelated values over their variances, and how many.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        Covariances at the lags from zero on.
+    covariance : ndarray, shape (k,)
+        Of any two of them, by the difference of their lags.
+    """
+    eigenvalues, directions = np.linalg.eigh(toeplitz(covariance))
+    kept = eigenvalues > _SINGULAR * eigenvalues[-1]
+    statistic = float(np.sum((directions[:, kept].T @ values) ** 2 / eigenvalues[kept]))
+    return statistic, int(np.count_nonzero(kept))

@@ -1,4 +1,4 @@
-"""What an identification gives: a model, how uncertain it is, and how well it does."""
+"""The result of an identification: a model, its uncertainty, and how well it fits."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestration.identify.black_box.data import InputOutputData
-from orchestration.identify.black_box.models.linear import LinearModel
+from orchestration.identify.black_box.models import LinearModel
 from orchestration.identify.black_box.residual_tests import ResidualTests, residual_tests
 
 Array = NDArray[np.float64]
-_LAGS = 25  # of tests of a residual
-_LEAST = 1e-300  # loss that still has a logarithm, where data are without noise
+_LAGS = 25  # default of residual tests
+_LEAST = 1e-300  # smallest loss of which a logarithm is taken; data without noise have none
 
 
 @dataclass(frozen=True)
@@ -41,18 +41,19 @@ class Identification:
     ----------
     model : LinearModel
     data : InputOutputData
-        What it was identified from.
+        Data it was identified from.
     parameters : tuple of Parameter
         Empty for a state-space model, whose coordinates are arbitrary.
     covariance : ndarray, shape (p, p)
         Of the parameters, in their order.
     count : int
-        How many parameters AIC and BIC charge for: the offset is one, where it is estimated; initial states are none.
+        Number of parameters in AIC and BIC: the offset counts where it is estimated, initial states
+        do not.
     residual : ndarray, shape (r,)
         One-step prediction errors of the last r samples, in the unit of the output.
     converged : bool
     messages : tuple of str
-        What one should know: offsets, weak excitation, instability, one line each.
+        One line each on offsets, weak excitation and instability.
     """
 
     model: LinearModel
@@ -70,16 +71,22 @@ class Identification:
         return float(self.residual @ self.residual) / len(self.residual)
 
     @property
+    def _log_loss(self) -> float:
+        return float(np.log(max(self.loss, _LEAST)))
+
+    @property
     def aic(self) -> float:
-        """Akaike's criterion per sample, ``log V + 2 d / N`` (Ljung, eq. 16.47; the thesis' table 3-2)."""
-        return float(np.log(max(self.loss, _LEAST))) + 2.0 * self.count / len(self.residual)
+        """Akaike's criterion per sample, ``log V + 2 d / N``.
+
+        Sources: Ljung, eq. 16.47; thesis, table 3-2.
+        """
+        return self._log_loss + 2.0 * self.count / len(self.residual)
 
     @property
     def bic(self) -> float:
         """Schwarz's criterion per sample, ``log V + d log(N) / N`` (Ljung, section 16.4)."""
-        return float(np.log(max(self.loss, _LEAST))) + self.count * float(
-            np.log(len(self.residual))
-        ) / len(self.residual)
+        samples = len(self.residual)
+        return self._log_loss + self.count * float(np.log(samples)) / samples
 
     @property
     def fit(self) -> float:
@@ -87,7 +94,7 @@ class Identification:
         return self.model.fit(self.data)
 
     def parameter(self, name: str) -> Parameter:
-        """Return a parameter by name.
+        """Return the parameter of a name.
 
         Raises
         ------
@@ -97,16 +104,17 @@ class Identification:
         return {p.name: p for p in self.parameters}[name]
 
     def residual_tests(self, lags: int | None = None, significance: float = 0.01) -> ResidualTests:
-        """Test whether the residual is white and independent of the inputs; see :func:`residual_tests`.
+        """Test whether the residual is white and independent of the inputs.
 
-        By default up to lag 25, or as far as so few samples tell: a quarter of them.
+        See :func:`residual_tests`. By default up to lag 25, or a quarter of the samples if less.
         """
         count = len(self.residual)
-        far = min(_LAGS, count // 4) if lags is None else lags
-        return residual_tests(self.residual, self.data.inputs[-count:], far, significance)
+        if lags is None:
+            lags = min(_LAGS, count // 4)
+        return residual_tests(self.residual, self.data.inputs[-count:], lags, significance)
 
     def summary(self) -> str:
-        """Return structure, figures, parameters with standard errors, and messages, one line each."""
+        """Describe the model: figures, parameters with standard errors, messages, line by line."""
         lines = [
             f"{self.model.structure} from {len(self.data)} samples every {self.data.step:g} s",
             f"free-run fit {self.fit:.1f} %, one-step fit {self.model.fit(self.data, 1):.1f} %, "

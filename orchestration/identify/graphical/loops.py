@@ -1,8 +1,8 @@
-"""Slope, with and without forced zero crossing, and area of the loops that one signal makes over another.
+"""Slope, with and without forced zero crossing, and area of loops of one signal over another.
 
-So the thesis reads the strain to charge ratio off displacement over charge (section 3.3.1, figs. 3-10 and 3-11; eq.
-3.4). Intervals are those of one cycle against another: what repeats in every cycle, a hysteresis or a lag, is no noise
-of theirs, and what drifts is told by the gap.
+The thesis reads the strain to charge ratio off displacement over charge like this (section 3.3.1,
+figs. 3-10 and 3-11; eq. 3.4). Intervals are those of one cycle against another: a hysteresis or a
+lag, which repeats in every cycle, does not widen them, and a drift is seen in the gap.
 """
 
 from __future__ import annotations
@@ -13,41 +13,42 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmus.kit.errors import UserError
-from orchestration.identify.covariance import clustered, covariance
-from orchestration.identify.graphical.quantity import Quantity, mean, quantity
+from fmus.kit import UserError
+from orchestration.identify.graphical.quantity import GraphicalEstimate, mean, quantity
 from orchestration.identify.graphical.signals import over_time
+from orchestration.identify.uncertainty import clustered_covariance, parameter_covariance
 
 Array = NDArray[np.float64]
-_ROUNDING = 1e-6  # of a cycle: a sample that rounding puts just before a cycle's end is its end
+_ROUNDING = 1e-6  # of a cycle: a sample so close before a cycle's end is its end
 _FEWEST = 4  # samples of a cycle that can enclose an area
 
 
 @dataclass(frozen=True)
 class Loops:
-    """What repeated loops of y over x tell.
+    """Slopes, areas and gaps of repeated loops of y over x.
 
     Attributes
     ----------
-    slope : Quantity
+    slope : GraphicalEstimate
         Of the straight line of least squares, in the unit of y over that of x.
-    intercept : Quantity
+    intercept : GraphicalEstimate
         Of that line, in the unit of y.
-    slope_through_zero : Quantity
+    slope_through_zero : GraphicalEstimate
         Of the line that is made to cross zero.
-    area : Quantity
-        Enclosed by a cycle, closed by its chord; the mean over cycles, in the unit of x times that of y. Positive if
-        traversed counterclockwise, with x to the right and y upwards: y lags behind x. Negative if it leads.
-    gap : Quantity
+    area : GraphicalEstimate
+        Enclosed by a cycle, closed by its chord; the mean over cycles, in the unit of x times that
+        of y. Positive if traversed counterclockwise, with x to the right and y upwards: y lags
+        behind x. Negative if it leads.
+    gap : GraphicalEstimate
         Change of y from the beginning of a cycle to its end: of a closed loop 0.
     cycles : int
     """
 
-    slope: Quantity
-    intercept: Quantity
-    slope_through_zero: Quantity
-    area: Quantity
-    gap: Quantity
+    slope: GraphicalEstimate
+    intercept: GraphicalEstimate
+    slope_through_zero: GraphicalEstimate
+    area: GraphicalEstimate
+    gap: GraphicalEstimate
     cycles: int
 
     def to_dict(self) -> dict[str, Any]:
@@ -56,11 +57,12 @@ class Loops:
         return {name: getattr(self, name).to_dict() for name in names} | {"cycles": self.cycles}
 
 
-def loops(
+def read_loops(
     time: ArrayLike,
     x: ArrayLike,
     y: ArrayLike,
     period: float,
+    *,
     units: tuple[str, str] = ("C", "m"),
     start: float = 0.0,
     drift: bool = False,
@@ -77,10 +79,11 @@ def loops(
     units : tuple of str
         Of x and y.
     start : float
-        Seconds from the first sample that are left out; what is short of a cycle in the end is left out too.
+        Seconds from the first sample that are left out, as is an incomplete cycle at the end.
     drift : bool
-        Whether y may also change steadily with time, as a film does that flows under its load. The rate is estimated
-        with either line, and that of the free one is taken off y before area and gap are.
+        True if y may also change steadily with time, as a film does that flows under its load. The
+        rate is estimated with either line, and that of the free one is subtracted from y before
+        area and gap are computed.
 
     Returns
     -------
@@ -89,11 +92,41 @@ def loops(
     Raises
     ------
     UserError
-        If the signals do not fit together or are not finite, there is no whole cycle of at least 4 samples, or x stands
-        still.
+        If the signals do not fit together or are not finite, there is no whole cycle of at least 4
+        samples, or x stands still.
     """
-    t, across, up = over_time(time, x=x, y=y)
-    t = t - t[0] - start
+    clock, across, up = over_time(time, x=x, y=y)
+    t = clock - clock[0] - start
+    cycle, count = _cycles(t, period, start)
+    inside = (cycle >= 0) & (cycle < count)
+    if np.ptp(across[inside]) == 0.0:
+        raise UserError("x does not change: there is no slope over it")
+    points = _Points(across[inside], up[inside], t[inside], cycle[inside])
+    free = _line(points, through_zero=False, drift=drift)
+    forced = _line(points, through_zero=True, drift=drift)
+    steady = up - free.rate * t
+    of_x, of_y = units
+    loops = [_cycle(t, across, steady, number, period) for number in range(count)]
+    return Loops(
+        slope=quantity(*free.slope, count, f"{of_y}/{of_x}"),
+        intercept=quantity(*free.intercept, count, of_y),
+        slope_through_zero=quantity(*forced.slope, count, f"{of_y}/{of_x}"),
+        area=mean([enclosed for enclosed, _ in loops], f"{of_x}*{of_y}"),
+        gap=mean([gap for _, gap in loops], of_y),
+        cycles=count,
+    )
+
+
+def _cycles(t: Array, period: float, start: float) -> tuple[NDArray[np.intp], int]:
+    """Return the number of the cycle that every sample is in, and how many cycles are complete.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Seconds from the beginning of the first cycle.
+    period, start : float
+        See :func:`read_loops`.
+    """
     if not (np.isfinite(period) and period > 0.0):
         raise UserError(f"period = {period:g} s: must be above 0")
     if not start >= 0.0:
@@ -102,29 +135,19 @@ def loops(
     if count < 1:
         raise UserError(f"record of {t[-1]:g} s after the start: a cycle takes {period:g} s")
     cycle = np.floor(t / period + _ROUNDING).astype(np.intp)
-    inside = (cycle >= 0) & (cycle < count)
-    counted = np.bincount(cycle[inside], minlength=count)
-    if counted.min() < _FEWEST:
-        scarce = int(np.argmin(counted))
+    samples = np.bincount(cycle[(cycle >= 0) & (cycle < count)], minlength=count)
+    if samples.min() < _FEWEST:
+        scarce = int(np.argmin(samples))
         raise UserError(
-            f"cycle {scarce + 1} has {counted[scarce]} samples: at least {_FEWEST} enclose an area"
+            f"cycle {scarce + 1} has {samples[scarce]} samples: at least {_FEWEST} enclose an area"
         )
-    if np.ptp(across[inside]) == 0.0:
-        raise UserError("x does not change: there is no slope over it")
-    lines = [
-        _line(across[inside], up[inside], t[inside], cycle[inside], zero, drift)
-        for zero in (False, True)
-    ]
-    up = up - lines[0].rate * t
-    enclosed, gaps = zip(*(_cycle(t, across, up, k, period) for k in range(count)), strict=True)
-    of_x, of_y = units
-    free, forced = (quantity(*line.slope, count, f"{of_y}/{of_x}") for line in lines)
-    intercept = quantity(*lines[0].intercept, count, of_y)
-    return Loops(free, intercept, forced, mean(enclosed, f"{of_x}*{of_y}"), mean(gaps, of_y), count)
+    return cycle, count
 
 
 def area(x: ArrayLike, y: ArrayLike) -> float:
-    """Return the area of a polygon (Gauss), positive if traversed counterclockwise; its ends are joined by a chord.
+    """Return the area of a polygon by Gauss's formula, positive if traversed counterclockwise.
+
+    Its ends are joined by a chord.
 
     Parameters
     ----------
@@ -135,23 +158,36 @@ def area(x: ArrayLike, y: ArrayLike) -> float:
     float
         In the unit of x times that of y.
     """
-    across, up = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    across, up = (
-        across - across.mean(),
-        up - up.mean(),
-    )  # far from the origin the products would lose digits
+    given_x = np.asarray(x, dtype=float)
+    given_y = np.asarray(y, dtype=float)
+    # about the centre: far from the origin the products would lose digits
+    across = given_x - given_x.mean()
+    up = given_y - given_y.mean()
     return float(0.5 * np.sum(across * np.roll(up, -1) - np.roll(across, -1) * up))
 
 
 def _cycle(t: Array, x: Array, y: Array, number: int, period: float) -> tuple[float, float]:
-    """Area of a cycle and its gap; its two ends are interpolated."""
-    ends = number * period, (number + 1) * period
-    within = (t > ends[0]) & (t < ends[1])
-    path = [
-        np.concatenate([[np.interp(ends[0], t, s)], s[within], [np.interp(ends[1], t, s)]])
-        for s in (x, y)
-    ]
-    return area(*path), float(path[1][-1] - path[1][0])
+    """Return the area of a cycle and its gap; its two ends are interpolated."""
+    begin = number * period
+    end = (number + 1) * period
+    within = (t > begin) & (t < end)
+
+    def path(signal: Array) -> Array:
+        first = np.interp(begin, t, signal)
+        last = np.interp(end, t, signal)
+        return np.concatenate([[first], signal[within], [last]])
+
+    over = path(y)
+    return area(path(x), over), float(over[-1] - over[0])
+
+
+class _Points(NamedTuple):
+    """Samples of all complete cycles, with the number of the cycle that each is in."""
+
+    x: Array
+    y: Array
+    t: Array
+    cycle: NDArray[np.intp]
 
 
 class _Line(NamedTuple):
@@ -162,20 +198,21 @@ class _Line(NamedTuple):
     rate: float
 
 
-def _line(x: Array, y: Array, t: Array, cycle: NDArray[np.intp], zero: bool, drift: bool) -> _Line:
-    """Fit a line by least squares; its errors are from how far single cycles pull it."""
-    columns = (
-        {"slope": x}
-        | ({} if zero else {"intercept": np.ones_like(x)})
-        | ({"rate": t} if drift else {})
-    )
+def _line(points: _Points, through_zero: bool, drift: bool) -> _Line:
+    """Fit a line by least squares; its errors are those of cycles against each other."""
+    columns = {"slope": points.x}
+    if not through_zero:
+        columns["intercept"] = np.ones_like(points.x)
+    if drift:
+        columns["rate"] = points.t
     jacobian = np.column_stack(list(columns.values()))
-    estimate = np.linalg.lstsq(jacobian, y)[0]
-    errors = clustered(
-        covariance(jacobian.T @ jacobian), jacobian, y - jacobian @ estimate, cycle
-    ).standard_errors
-    found = {
-        name: (float(v), float(e)) for name, v, e in zip(columns, estimate, errors, strict=True)
+    estimate = np.linalg.lstsq(jacobian, points.y)[0]
+    bread = parameter_covariance(jacobian.T @ jacobian)
+    residual = points.y - jacobian @ estimate
+    errors = clustered_covariance(bread, jacobian, residual, points.cycle).standard_errors
+    fitted = {
+        name: (float(value), float(error))
+        for name, value, error in zip(columns, estimate, errors, strict=True)
     }
-    nothing = 0.0, 0.0
-    return _Line(found["slope"], found.get("intercept", nothing), found.get("rate", nothing)[0])
+    absent = (0.0, 0.0)
+    return _Line(fitted["slope"], fitted.get("intercept", absent), fitted.get("rate", absent)[0])

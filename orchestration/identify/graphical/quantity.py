@@ -1,4 +1,4 @@
-"""A number with its unit and its confidence interval, as repeated measurements give it."""
+"""A graphical estimate: a number with its unit and its confidence interval."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
-from orchestration.identify.metrics import number
+from orchestration.identify.metrics import finite_or_none
 
 _LEVEL = 0.975  # of a two-sided interval of 95 %
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """A measured number.
+class GraphicalEstimate:
+    """A number with its unit and its confidence interval.
 
     Attributes
     ----------
@@ -35,36 +35,35 @@ class Quantity:
         return f"{self.value:.4g} {self.unit} (95 % interval {low:.4g} to {high:.4g})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it ready for JSON: ``value``, ``ci95`` (None for an open end) and ``unit``."""
+        """Return the figures, ready for JSON: None for an open end of ``ci95``."""
         return {
             "value": self.value,
-            "ci95": [number(end) for end in self.interval],
+            "ci95": [finite_or_none(end) for end in self.interval],
             "unit": self.unit,
         }
 
 
-def quantity(value: float, standard_error: float, repetitions: int, unit: str) -> Quantity:
+def quantity(value: float, standard_error: float, repetitions: int, unit: str) -> GraphicalEstimate:
     """Return a number with Student's interval.
 
     Parameters
     ----------
     value, standard_error : float
     repetitions : int
-        Independent ones that the standard error is of; a single one tells nothing of it.
+        Independent ones from which the standard error is; the interval of a single one is
+        infinite.
     unit : str
     """
     half = float("inf")
     if repetitions > 1:
         half = float(student.ppf(_LEVEL, repetitions - 1)) * standard_error
-    return Quantity(value, (value - half, value + half), unit)
+    return GraphicalEstimate(value, (value - half, value + half), unit)
 
 
-def mean(values: ArrayLike, unit: str) -> Quantity:
+def mean(values: ArrayLike, unit: str) -> GraphicalEstimate:
     """Return the mean of repeated measurements, (n,), with Student's interval."""
     repeated = np.asarray(values, dtype=float)
-    error = (
-        float(np.std(repeated, ddof=1) / np.sqrt(repeated.size))
-        if repeated.size > 1
-        else float("inf")
-    )
+    error = float("inf")
+    if repeated.size > 1:
+        error = float(np.std(repeated, ddof=1) / np.sqrt(repeated.size))
     return quantity(float(np.mean(repeated)), error, repeated.size, unit)

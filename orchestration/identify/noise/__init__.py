@@ -1,1 +1,5 @@
-"""Noise of a measured output: its colour, its tails, and how likely it makes a residual."""
+"""The noise of a measured output: its colour, its tails, its likelihood, and whiteness tests."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

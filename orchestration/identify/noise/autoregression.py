@@ -1,4 +1,4 @@
-"""Autoregressions: the colour of what a simulation leaves (Box and Jenkins), estimated by Yule and Walker."""
+"""Autoregressions as models of the colour of a residual (Box and Jenkins), by Yule and Walker."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-ORDER = 4  # highest that is tried
+ORDER = 4  # highest order that is tried
 
 
 def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Stretches without a gap.
+    """Return the stretches of a record without a gap.
 
     Parameters
     ----------
@@ -29,8 +29,8 @@ def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(a, b) for a, b in pairwise(ends) if b > a]
 
 
-def colour_of(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -> Array:
-    """Coefficients of the autoregression of a residual, its order chosen by BIC.
+def estimate_colour(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -> Array:
+    """Return the coefficients of the autoregression of a residual, its order chosen by BIC.
 
     Parameters
     ----------
@@ -46,16 +46,21 @@ def colour_of(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -
     """
     if order == 0 or not residual.any():
         return np.empty(0)
-    ends, n = segments(present), len(residual)
-    lags = range(min(order, max(n // 10, 0)) + 1)
+    n = len(residual)
+    ends = segments(present)
     covariance = [
-        sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k)
-        for k in lags
+        sum(float(residual[a : b - lag] @ residual[a + lag : b]) for a, b in ends if b - a > lag)
+        for lag in range(_highest_order(order, n) + 1)
     ]
     return yule_walker(np.array(covariance) / n, n)[0]
 
 
-def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:
+def _highest_order(order: int, samples: int) -> int:
+    """Return the highest order that so many samples allow."""
+    return min(order, max(samples // 10, 0))
+
+
+def fit_autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:
     """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
 
     Parameters
@@ -73,8 +78,9 @@ def autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:
         Of the innovations w.
     """
     n = len(values)
-    most = min(most, max(n // 10, 0))
-    return yule_walker(np.array([values[: n - k] @ values[k:] for k in range(most + 1)]) / n, n)
+    lags = range(_highest_order(most, n) + 1)
+    covariance = np.array([values[: n - lag] @ values[lag:] for lag in lags]) / n
+    return yule_walker(covariance, n)
 
 
 def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
@@ -90,7 +96,7 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
     Returns
     -------
     coefficients, variance
-        As of :func:`autoregression`.
+        As of :func:`fit_autoregression`.
 
     Raises
     ------
@@ -101,13 +107,15 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
     if covariance[0] <= 0.0:
         return best
     if len(covariance) > 1 and not np.isfinite(covariance[0]):
-        # of a residual that has run away; LAPACK would come to the same, and complain on standard error
+        # of a residual that has run away; LAPACK would fail as well, and print to standard error
         raise np.linalg.LinAlgError("the covariance of a residual is not finite")
     least = n * np.log(covariance[0])
     for order in range(1, len(covariance)):
         toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
         coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
         variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
-        if variance > 0.0 and (bic := n * np.log(variance) + order * np.log(n)) < least:
-            least, best = bic, (coefficients, variance)
+        bic = n * np.log(variance) + order * np.log(n) if variance > 0.0 else np.inf
+        if bic < least:
+            least = bic
+            best = (coefficients, variance)
     return best

@@ -1,7 +1,8 @@
-"""The noise of an output: an autoregression of its residual, and the filter that makes it white (Box and Jenkins).
+"""The noise model of an output: an autoregression of its residual, and the whitening filter.
 
-Innovations are Gaussian, or where samples far out are too many for that, of Student's t distribution, which weighs them
-by how likely they are (Lange, Little, Taylor: J. Amer. Statist. Assoc. 84, 1989).
+Source: Box and Jenkins. Innovations are Gaussian or, where there are too many outliers for that, of
+Student's t distribution, which gives each a weight by its likelihood (Lange, Little, Taylor: J.
+Amer. Statist. Assoc. 84, 1989).
 """
 
 from __future__ import annotations
@@ -18,15 +19,17 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from orchestration.identify.noise.autoregression import ORDER, colour_of, segments
+from orchestration.identify.noise.autoregression import ORDER, estimate_colour, segments
 from orchestration.identify.noise.tails import heavy_tails, weights
 
 Array = NDArray[np.float64]
-_LEAST = 1e-30  # deviation, of records without noise: what is measured in units of it must still have a fourth power
+# least deviation, for records without noise: values over it must still have a fourth power
+_LEAST = 1e-30
 _STATIONARY = 1.0 - 1e-9  # largest modulus of a pole; beyond, a first sample would have no variance
-_SETTLING = 5  # samples from a step of an input on, in which what a model lacks is seen most
-_FEWEST_CALM = 100  # samples
-_FAR = 4.0  # robust deviations at which a sample of a heavy tail is held while correlations are estimated
+_SETTLING = 5  # samples from a step of an input on, in which errors of a model are largest
+_FEWEST = 100  # samples that estimate noise away from steps of the inputs
+# robust deviations at which a sample of a heavy tail is held while correlations are estimated
+_FAR = 4.0
 
 
 @dataclass(frozen=True)
@@ -48,48 +51,55 @@ class Noise:
 
     @property
     def parameters(self) -> int:
-        """How many were estimated beside the deviation."""
+        """The number of estimated parameters beside the deviation."""
         return len(self.coefficients) + int(self.freedom < inf)
 
     @property
     def information(self) -> float:
-        """What a sample tells of a mean, times its variance if it were Gaussian (Lange, Little, Taylor)."""
+        """Fisher information of a sample about a mean, over that of a Gaussian sample.
+
+        Source: Lange, Little, Taylor.
+        """
         return 1.0 if self.freedom == inf else (self.freedom + 1.0) / (self.freedom + 3.0)
 
     def whiten(self, values: Array, present: NDArray[np.bool_]) -> Array:
-        """Filter a residual, or every column of its Jacobian, into innovations over their deviation.
+        """Filter a residual, or the columns of its Jacobian, into innovations over their deviation.
 
-        The likelihood is exact: the first samples after a gap are held against what the stationary process lets them
-        be (Box, Jenkins, Reinsel: Time Series Analysis, section 7.1.2), so that none is lost.
+        The likelihood is exact: the first samples after a gap are scaled by the covariance of the
+        stationary process (Box, Jenkins, Reinsel: Time Series Analysis, section 7.1.2), so that
+        none is lost.
 
         Parameters
         ----------
         values : ndarray, shape (m,) or (m, p)
-            Where something was measured.
+            At the samples that were measured.
         present : ndarray of bool, shape (n,)
-            Where that was; m of them.
+            True where a sample was measured; m of them.
 
         Returns
         -------
         ndarray, shape (m,) or (m, p)
         """
         pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
-        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces) if pieces else values[:0]
+        if not pieces:
+            return values[:0]
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
     def from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
         """Filter like :meth:`whiten`, as if everything before the first sample had been zero.
 
-        What a simulation gets wrong grows from where it starts, so that the first samples tell most of the start.
+        The error of a simulation grows from where it starts, so that the first samples are the most
+        informative about the start.
         """
-        whole = [1.0, *-self.coefficients]
+        numerator = [1.0, *-self.coefficients]
         pieces = [
-            lfilter(whole, [1.0], values[a:b], axis=0) / self.deviation
+            lfilter(numerator, [1.0], values[a:b], axis=0) / self.deviation
             for a, b in segments(present)
         ]
         return np.concatenate(pieces) if pieces else values[:0]
 
     def weights(self, innovation: Array) -> Array:
-        """How much every innovation counts in a sum of squares that has its optimum where the likelihood has.
+        """Return the weights of innovations with which least squares has the likelihood's optimum.
 
         Parameters
         ----------
@@ -103,7 +113,9 @@ class Noise:
         return weights(innovation, self.freedom)
 
     def deviance(self, innovation: Array, present: NDArray[np.bool_]) -> float:
-        """Minus twice the logarithm of a likelihood, less that of as many Gaussian samples of unit density at zero.
+        """Return minus twice the log likelihood.
+
+        It is relative to as many Gaussian samples of unit density at zero.
 
         Parameters
         ----------
@@ -115,20 +127,20 @@ class Noise:
         if self.freedom == inf:
             shape = float(innovation @ innovation)
         else:
-            shape = -float(2.0 * student.logpdf(innovation, self.freedom).sum()) - n * float(
-                np.log(2.0 * np.pi)
-            )
+            density = float(2.0 * student.logpdf(innovation, self.freedom).sum())
+            shape = -density - n * float(np.log(2.0 * np.pi))
         first = 0.0  # the first samples scatter more than innovations do
-        if p := len(self.coefficients):
+        p = len(self.coefficients)
+        if p:
             spread = np.log(np.diag(self._start))
             first = sum(float(spread[: min(b - a, p)].sum()) for a, b in segments(present))
         return shape + 2.0 * n * float(np.log(self.deviation)) + 2.0 * first
 
     def backwards(self, values: Array) -> Array:
-        """Filter the columns of a Jacobian by the noise model, backwards in time.
+        """Filter the columns of a Jacobian with the noise model, backwards in time.
 
-        With e = H w the scores J'e have the covariance J'HH'J var(w), and this is H'J times the deviation of w (Ljung:
-        System Identification, section 9.4).
+        With e = H w the scores J'e have the covariance J'HH'J var(w), and this is H'J times the
+        deviation of w (Ljung: System Identification, section 9.4).
 
         Parameters
         ----------
@@ -144,7 +156,7 @@ class Noise:
 
     @cached_property
     def _start(self) -> Array:
-        """Lower Cholesky factor (p, p) of the covariance of as many samples as the memory is long, over its square."""
+        """Cholesky factor (p, p) of the covariance of the first samples, over the variance."""
         p = len(self.coefficients)
         companion = np.eye(p, k=-1)
         companion[0] = self.coefficients
@@ -157,13 +169,17 @@ class Noise:
         )
 
     def _filtered(self, piece: Array) -> Array:
-        n, p = len(piece), len(self.coefficients)
-        k = min(n, p)
+        """Filter a stretch without a gap."""
+        n = len(piece)
+        p = len(self.coefficients)
+        first = min(n, p)
         result = piece.copy()
         for lag, coefficient in enumerate(self.coefficients, start=1):
-            result[k:] -= coefficient * piece[k - lag : n - lag] if n > p else 0.0
-        if k:
-            result[:k] = solve_triangular(self._start[:k, :k], piece[:k], lower=True)
+            result[first:] -= coefficient * piece[first - lag : n - lag] if n > p else 0.0
+        if first:
+            result[:first] = solve_triangular(
+                self._start[:first, :first], piece[:first], lower=True
+            )
         result /= self.deviation
         return np.asarray(result)
 
@@ -177,7 +193,7 @@ class Whitening:
     noise : Mapping of str to Noise
         By output.
     present : Mapping of str to ndarray of bool, shape (n,)
-        Where an output was measured.
+        True where an output was measured.
     weights : Mapping of str to ndarray, shape (m,)
     """
 
@@ -192,7 +208,7 @@ class Whitening:
         residual: Mapping[str, Array],
         present: Mapping[str, NDArray[np.bool_]],
     ) -> Whitening:
-        """Weigh innovations by how likely the noise makes those of a residual."""
+        """Make the filter, with weights for the innovations of a residual."""
         return cls(
             noise,
             present,
@@ -211,23 +227,25 @@ class Whitening:
         return np.concatenate(rows)
 
 
-def white(residual: Mapping[str, Array]) -> dict[str, Noise]:
-    """White Gaussian noise of the size of residuals, (m,) by output."""
+def white_noise(residual: Mapping[str, Array]) -> dict[str, Noise]:
+    """Return white Gaussian noise of the size of residuals, (m,) by output."""
     return {
         o: Noise(np.empty(0), max(float(np.sqrt(np.mean(e**2))), _LEAST))
         for o, e in residual.items()
     }
 
 
-def estimate(
+def estimate_noise(
     residual: Array,
     present: NDArray[np.bool_],
     order: int = ORDER,
-    calm: NDArray[np.bool_] | None = None,
+    undisturbed: NDArray[np.bool_] | None = None,
     freedom: float | None = None,
     colour: Array | None = None,
 ) -> Noise:
-    """Noise of a residual; its order is chosen by BIC, and so are heavy tails.
+    """Estimate the noise of a residual.
+
+    BIC chooses its order, and between Gaussian and heavy tails.
 
     Parameters
     ----------
@@ -235,9 +253,9 @@ def estimate(
     present : ndarray of bool, shape (n,)
     order : int
         Highest that is considered; 0 for white noise.
-    calm : ndarray of bool, shape (m,), optional
-        Samples at which a model that lacks something has no reason to be far off. Tails are heavy where these and all
-        samples tell it; without them noise is Gaussian.
+    undisturbed : ndarray of bool, shape (m,), optional
+        Samples at which an incomplete model has no reason to be far off, see `noise_samples`. Tails
+        are heavy where these and all samples agree; without them noise is Gaussian.
     freedom : float, optional
         Of the distribution of innovations, where it is known; estimated otherwise.
     colour : ndarray, shape (p,), optional
@@ -247,41 +265,55 @@ def estimate(
     -------
     Noise
     """
-    noise = _gaussian(residual, present, order, colour)
-    if calm is None:
-        return noise
-
-    def tails(noise: Noise) -> float:
-        """Heavy ones are seen in all samples, and in those too at which a model has no reason to be far off."""
-        innovation = noise.whiten(residual, present)
-        return max(heavy_tails(innovation)[0], heavy_tails(innovation[calm])[0])
-
-    if (tails(noise) if freedom is None else freedom) == inf:
-        return noise
+    gaussian = _gaussian(residual, present, order, colour)
+    if undisturbed is None:
+        return gaussian
+    seen = _freedom(gaussian, residual, present, undisturbed) if freedom is None else freedom
+    if seen == inf:
+        return gaussian
     # far samples make colour look weaker than it is
     far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
-    noise = _gaussian(np.clip(residual, -far, far), present, order, colour)
-    freedom, scale = heavy_tails(noise.whiten(residual, present)[calm], freedom or tails(noise))
-    return Noise(noise.coefficients, max(noise.deviation * scale, _LEAST), freedom)
+    clipped = _gaussian(np.clip(residual, -far, far), present, order, colour)
+    known = freedom or _freedom(clipped, residual, present, undisturbed)
+    heavy, scale = heavy_tails(clipped.whiten(residual, present)[undisturbed], known)
+    return Noise(clipped.coefficients, max(clipped.deviation * scale, _LEAST), heavy)
+
+
+def _freedom(
+    noise: Noise,
+    residual: Array,
+    present: NDArray[np.bool_],
+    undisturbed: NDArray[np.bool_],
+) -> float:
+    """Return the degrees of freedom of innovations.
+
+    Tails are heavy only if they are so in all samples and in the undisturbed ones alone.
+    """
+    innovation = noise.whiten(residual, present)
+    return max(heavy_tails(innovation)[0], heavy_tails(innovation[undisturbed])[0])
 
 
 def _gaussian(
     residual: Array, present: NDArray[np.bool_], order: int, colour: Array | None
 ) -> Noise:
-    coefficients = colour_of(residual, present, order) if colour is None else colour
+    """Estimate Gaussian noise."""
+    coefficients = estimate_colour(residual, present, order) if colour is None else colour
     innovation = Noise(coefficients, 1.0).whiten(residual, present)
     return Noise(coefficients, max(float(np.sqrt(np.mean(innovation**2))), _LEAST))
 
 
 def noise_std(values: Array, differences: int = 2) -> float:
-    """Standard deviation of white noise on a signal, robustly from its differences; steps of the signal do no harm.
+    """Return the standard deviation of white noise on a signal, robustly from its differences.
+
+    Steps of the signal do no harm.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         NaN is a gap.
     differences : int
-        How often the signal is differenced: the k-th difference of white noise has its variance times (2k)! / k!^2.
+        How often the signal is differenced: the k-th difference of white noise has its variance
+        times (2k)! / k!^2.
 
     Returns
     -------
@@ -293,15 +325,19 @@ def noise_std(values: Array, differences: int = 2) -> float:
     return float(np.median(np.abs(steps)) / scale) if steps.size else 0.0
 
 
-def calm(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
-    """Return samples (n,) of which the noise, and little else, makes what a model leaves.
+def noise_samples(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
+    """Return the samples (n,) at which the noise dominates the error of an incomplete model.
+
+    The output did not stand still, and no step of an input came close before. Where these are too
+    few, the steps are not minded.
 
     Parameters
     ----------
     moved : ndarray of bool, shape (n,)
-        Where an input steps.
+        True where an input steps.
     measured : ndarray, shape (n,)
     """
     alive = np.diff(measured, prepend=np.nan) != 0.0
-    far = alive & ~(np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0)
-    return np.asarray(far if far.sum() > max(_FEWEST_CALM, 0.1 * alive.sum()) else alive)
+    settled = alive & ~(np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0)
+    enough = settled.sum() > max(_FEWEST, 0.1 * alive.sum())
+    return np.asarray(settled if enough else alive)

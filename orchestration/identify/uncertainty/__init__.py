@@ -1,1 +1,5 @@
-"""How well a parameter is known where an ellipse does not tell: profiles of the likelihood."""
+"""Uncertainty of fitted parameters: covariances, estimates with intervals, likelihood profiles."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""A picture of likelihood profiles: what the record says of a parameter, beside what an ellipse makes of it."""
+"""Pictures of likelihood profiles, beside the parabola and the interval of the ellipse."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-_TOP = 2.2  # levels that a picture is high
-_BEYOND = 0.15  # of what is shown to either side, beyond the widest interval
+_TOP = 2.2  # height of a picture, in levels of the interval
+_BEYOND = 0.15  # margin to either side of the widest interval, relative to it
 _WIDE = 30.0  # ratio of ends from which on an axis is logarithmic
 
 
 def draw(profiles: Sequence[Profile], path: Path | None = None) -> Figure:
-    """Draw the deviance over each parameter, with the parabola of its ellipse, the 95 % level and both intervals.
+    """Draw the deviance over each parameter, with parabola, 95 % level and both intervals.
 
     Parameters
     ----------
@@ -49,24 +49,26 @@ def draw(profiles: Sequence[Profile], path: Path | None = None) -> Figure:
 
 
 def _draw(profile: Profile, axis: Axes) -> None:
-    unit, shown = profile.declared.unit, profile.declared.display or profile.declared.unit
+    """Draw one profile."""
+    unit = profile.declared.unit
+    shown = profile.declared.display or unit
     low, high = _ends(profile)
     wide = profile.logarithmic and high > _WIDE * low
-    values = np.geomspace(low, high, 400) if wide else np.linspace(low, high, 400)
+    even = np.geomspace(low, high, 400) if wide else np.linspace(low, high, 400)
 
     def in_unit(x: Any) -> Any:
         return convert(x, unit, shown)
 
     if np.isfinite(profile.standard_error) and profile.standard_error > 0.0:
         axis.plot(
-            in_unit(values),
-            profile.parabola(values),
+            in_unit(even),
+            profile.parabola(even),
             color=pictures.MODEL,
             ls="--",
             lw=1.2,
             label="parabola of the ellipse",
         )
-    values = np.union1d(values, profile.values)
+    values = np.union1d(even, profile.values)
     axis.plot(
         in_unit(values), _between(profile, values), color=pictures.FITTED, lw=1.5, label="profile"
     )
@@ -74,22 +76,15 @@ def _draw(profile: Profile, axis: Axes) -> None:
     axis.axhline(LEVEL, color="black", lw=0.8, ls=":", label=f"95 % of chi-square, {LEVEL:.2f}")
     axis.plot(in_unit(profile.estimate), 0.0, "k^", ms=6, clip_on=False, label="estimate")
     for interval, name, colour, height in (
-        (profile.ellipse, "ellipse", pictures.MODEL, 1.12),
-        (profile.interval, "profile", pictures.FITTED, 1.28),
+        (profile.ellipse, "ellipse", pictures.MODEL, 1.12 * LEVEL),
+        (profile.interval, "profile", pictures.FITTED, 1.28 * LEVEL),
     ):
         bar = [in_unit(float(np.clip(end, low, high))) for end in interval]
-        of = f"95 % interval of the {name}"
-        axis.plot(bar, [height * LEVEL] * 2, color=colour, lw=3, solid_capstyle="butt", label=of)
-        for end, marker in ((interval[0], "<"), (interval[1], ">")):
+        label = f"95 % interval of the {name}"
+        axis.plot(bar, [height] * 2, color=colour, lw=3, solid_capstyle="butt", label=label)
+        for end, x, marker in zip(interval, bar, "<>", strict=True):
             if not low <= end <= high:
-                axis.plot(
-                    in_unit(np.clip(end, low, high)),
-                    height * LEVEL,
-                    marker,
-                    color=colour,
-                    ms=7,
-                    clip_on=False,
-                )
+                axis.plot(x, height, marker, color=colour, ms=7, clip_on=False)
     if wide:
         axis.set_xscale("log")
     axis.set_xlim(in_unit(low), in_unit(high))
@@ -99,23 +94,31 @@ def _draw(profile: Profile, axis: Axes) -> None:
 
 
 def _between(profile: Profile, values: Array) -> Array:
-    """Deviance (n,) at values (n,) by interpolation of its square root, NaN beyond what was followed."""
-    known, wanted = (np.log(v) if profile.logarithmic else v for v in (profile.values, values))
+    """Return the deviance (n,) at values (n,), interpolated; NaN beyond the last fits.
+
+    Its square root is interpolated, which is nearly a straight line.
+    """
     signed = np.sign(profile.values - profile.estimate) * np.sqrt(np.maximum(profile.deviance, 0.0))
-    return np.asarray(PchipInterpolator(known, signed, extrapolate=False)(wanted) ** 2)
+    if profile.logarithmic:
+        curve = PchipInterpolator(np.log(profile.values), signed, extrapolate=False)
+        return np.asarray(curve(np.log(values)) ** 2)
+    curve = PchipInterpolator(profile.values, signed, extrapolate=False)
+    return np.asarray(curve(values) ** 2)
 
 
 def _ends(profile: Profile) -> tuple[float, float]:
-    """Values between which a profile is shown: both intervals, and where one is open, as far as it was followed."""
-    told = profile.values[profile.deviance <= LEVEL]
-    sides = []
-    for k, farthest in enumerate((told.min(), told.max())):
-        ends = [end for end in (profile.ellipse[k], profile.interval[k]) if np.isfinite(end)]
-        inner = [end for end in ends if end > 0.0 or not profile.logarithmic]
-        sides.append((min, max)[k]([float(farthest), *inner]))
-    low, high = sides
+    """Return the ends of the axis: both intervals; where they are open, the last fits."""
+    inside = profile.values[profile.deviance <= LEVEL]
+    low = min(_finite_ends(profile, 0, float(inside.min())))
+    high = max(_finite_ends(profile, 1, float(inside.max())))
     if profile.logarithmic:
-        more = (high / low) ** _BEYOND
-        return low / more, high * more
-    more = _BEYOND * (high - low) or abs(profile.estimate) or 1.0
-    return low - more, high + more
+        factor = (high / low) ** _BEYOND
+        return low / factor, high * factor
+    margin = _BEYOND * (high - low) or abs(profile.estimate) or 1.0
+    return low - margin, high + margin
+
+
+def _finite_ends(profile: Profile, side: int, farthest: float) -> list[float]:
+    """Return the ends of both intervals on a side that can be drawn, and the last fit there."""
+    ends = [end for end in (profile.ellipse[side], profile.interval[side]) if np.isfinite(end)]
+    return [farthest, *(end for end in ends if end > 0.0 or not profile.logarithmic)]

@@ -1,13 +1,15 @@
-"""Likelihood profiles: an interval for a parameter where the ellipse of a fit does not tell it.
+"""Likelihood profiles: intervals of parameters without linearising the model.
 
-The parameter is held at values around its estimate, the others are fitted anew, and where the deviance has risen to the
-95 % quantile of chi-square with one degree of freedom the interval ends (Bates and Watts: Nonlinear Regression Analysis
-and Its Applications, 1988, section 6.1; Raue et al., Bioinformatics 25, 2009). It may end on one side only, or not at
-all. The noise is held as it was estimated, so that the profile of a linear model is the parabola of its ellipse.
+The parameter is held at values around its estimate, the others are fitted anew, and where the
+deviance has risen to the 95 % quantile of chi-square with one degree of freedom the interval ends
+(Bates and Watts: Nonlinear Regression Analysis and Its Applications, 1988, section 6.1; Raue et
+al., Bioinformatics 25, 2009). It may end on one side only, or not at all. The noise is held as it
+was estimated, so that the profile of a linear model is the parabola of its ellipse. The square root
+of the deviance is followed, because it is a straight line for a linear model.
 
-A residual that is coloured, or whose level varies, makes a deviance rise faster than it should: it is then chi-square
-times the ratio of the variance that allows for it, the ellipse's, to the one that the likelihood has by itself (Kent,
-Biometrika 69, 1982). The deviance is divided by that.
+A residual that is coloured, or whose level varies, makes a deviance rise faster than it should: it
+is then chi-square times the ratio of the variance that allows for it, the ellipse's, to the one
+that the likelihood has by itself (Kent, Biometrika 69, 1982). The deviance is divided by that.
 """
 
 from __future__ import annotations
@@ -18,20 +20,30 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.stats import chi2
 
-from fmus.kit.units import Described, shown
-from orchestration.identify.metrics import number
-from orchestration.identify.uncertainty.tracing import Refit, Side, trace
+from fmus.kit import UserError
+from fmus.kit.units import Described, format_value
+from orchestration.identify.metrics import finite_or_none
 
 Array = NDArray[np.float64]
 LEVEL = float(chi2.ppf(0.95, 1))
-_FIRST = 0.25  # of half the ellipse's interval, that the first step is long; or of a large step, if that is less
+Refit = Callable[[Array], tuple[Array, float]]
+# length of the first step, in halves of the ellipse's interval, or in units of the coordinate if
+# that is less
+_FIRST = 0.25
 _SHORTEST = 1e-9  # first step, in searched coordinates
 _FARTHEST = float(np.log(1e6))  # in a logarithm, beyond which an end is taken to be open
 _SIZES = 1e3  # likewise, in sizes of a parameter that is not searched in its logarithm
 _WIDTHS = 100.0  # or in halves of the ellipse's interval, if that is farther
-_BETTER = 0.1  # fall of the deviance below that of the estimate that is told
+_BETTER = 0.1  # fall of the deviance below that of the estimate that is worth a warning
+_RISE = 0.25  # of the square root of the deviance from 0 to the level, that a step aims at
+_LONGER = 2.0  # most that a step grows by from the one before
+_SHORTER = 0.25  # most that a step shrinks by
+_MOST = 40  # fits on a side, those that failed and those of a crossing among them
+_PRECISE = 1e-4  # of the last step: precision of a crossing
+_LEAST = 1e-2  # of the first step: a shorter one is not tried where the model fails
 
 
 @dataclass(frozen=True)
@@ -44,22 +56,22 @@ class Profile:
     estimate : float
         SI, as are all values.
     values, deviance : ndarray, shape (n,)
-        Ascending, and minus twice the logarithm of the likelihood above that of the estimate, over what coloured noise
-        makes of it.
+        Ascending values, and the deviance above that of the estimate, divided by the factor of
+        coloured noise.
     interval : tuple of float
         95 %; the end of the parameter's range, or infinite, where it is open.
     open : tuple of bool
-        Whether the deviance does not reach the level below, and above.
+        True where the deviance does not reach the level, below and above the estimate.
     ellipse : tuple of float
         The interval that the covariance of the fit gives.
     standard_error : float
         Of the logarithm, or of the value.
     logarithmic : bool
-        Whether the parabola of the ellipse is one over the logarithm.
+        True if the parabola of the ellipse is one over the logarithm.
     declared : Described
         Unit in which it is read.
     fits : int
-        Begun for it, those that failed among them.
+        Number of fits begun, those that failed among them.
     warnings : tuple of str
     """
 
@@ -77,27 +89,28 @@ class Profile:
     warnings: tuple[str, ...]
 
     def parabola(self, values: Array) -> Array:
-        """Deviance (n,) at values (n,), SI, were the model as linear as the ellipse takes it to be."""
+        """Return the deviance (n,) of a linear model with the same ellipse at values (n,), SI."""
         away = np.log(values / self.estimate) if self.logarithmic else values - self.estimate
         return np.asarray((away / self.standard_error) ** 2)
 
     def __str__(self) -> str:
-        return (
-            f"{self.name} = {shown(self.estimate, self.declared)}, 95 % by profile: {self.written}"
-        )
+        estimate = format_value(self.estimate, self.declared)
+        return f"{self.name} = {estimate}, 95 % by profile: {self.written}"
 
     @property
     def written(self) -> str:
         """The interval as it is printed."""
         ends = zip(self.interval, self.open, strict=True)
-        return " … ".join("open" if is_open else shown(end, self.declared) for end, is_open in ends)
+        return " … ".join(
+            "open" if is_open else format_value(end, self.declared) for end, is_open in ends
+        )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it ready for JSON; None for an end beyond all numbers."""
+        """Return the figures, ready for JSON: None for an end that is infinite."""
         return {
-            "ci95": [number(end) for end in self.interval],
+            "ci95": [finite_or_none(end) for end in self.interval],
             "open": [*self.open],
-            "ci95_of_ellipse": [number(end) for end in self.ellipse],
+            "ci95_of_ellipse": [finite_or_none(end) for end in self.ellipse],
             "unit": self.declared.unit,
             "values": self.values.tolist(),
             "deviance": self.deviance.tolist(),
@@ -120,7 +133,7 @@ class Coordinate:
         Ends of its range in this coordinate; may be infinite.
     logarithmic : bool
     tangent : ndarray, shape (p,)
-        How the other coordinates follow it from the estimate.
+        Slopes of the other coordinates by it, at the estimate.
     standard_error : float
         In this coordinate; infinite where the record does not determine it.
     """
@@ -134,7 +147,37 @@ class Coordinate:
     standard_error: float
 
 
-def profile(name: str, declared: Described, refit: Refit, q: Array, along: Coordinate) -> Profile:
+@dataclass
+class Side:
+    """One side of a profile.
+
+    Attributes
+    ----------
+    points : list of ndarray, shape (p,)
+        Where the others were fitted, in the order in which it was done; the estimate is the first.
+    deviance : list of float
+        At these points, above that of the estimate and over the level of the interval.
+    crossing : float or None
+        Coordinate at which it is one; None if it was not reached.
+    failed : bool
+        True if the model could not be simulated farther on.
+    between : tuple of float or None
+        Coordinates between which the crossing was interpolated, where a fit between them failed.
+    fits : int
+        Number of fits begun, those that failed among them.
+    """
+
+    points: list[Array]
+    deviance: list[float]
+    crossing: float | None = None
+    failed: bool = False
+    between: tuple[float, float] | None = None
+    fits: int = 0
+
+
+def profile_likelihood(
+    name: str, declared: Described, refit: Refit, q: Array, along: Coordinate
+) -> Profile:
     """Follow the deviance to both sides of an estimate.
 
     Parameters
@@ -150,80 +193,201 @@ def profile(name: str, declared: Described, refit: Refit, q: Array, along: Coord
     Returns
     -------
     Profile
-        Its interval is the part about the estimate: there may be others, where the deviance has several minima.
+        Its interval is the part about the estimate: there may be others, where the deviance has
+        several minima.
     """
-    i, half = along.index, float(np.sqrt(LEVEL)) * along.standard_error
+    half = float(np.sqrt(LEVEL)) * along.standard_error
+    centre = q[along.index]
+    ends = _search_ends(centre, half, along)
     step = max(_FIRST * min(half, 1.0), _SHORTEST)
+    below = trace(refit, q, along.index, along.tangent, -1.0 * step, ends[0])
+    above = trace(refit, q, along.index, along.tangent, 1.0 * step, ends[1])
+    points = np.array([point[along.index] for point in (*below.points, *above.points)])
+    deviance = np.concatenate([below.deviance, above.deviance])
+    values = np.array([along.value(x) for x in points])
+    order = np.unique(points, return_index=True)[1]
+    warnings = [
+        *_end_warnings("below", name, declared, below, ends[0], along),
+        *_end_warnings("above", name, declared, above, ends[1], along),
+        *_better_warnings(name, declared, values, deviance),
+    ]
+    estimate = along.value(centre)
+    size = 1.0 if along.logarithmic else along.value(centre + 1.0) - estimate
+    return Profile(
+        name=name,
+        estimate=estimate,
+        values=values[order],
+        deviance=LEVEL * deviance[order],
+        interval=(
+            declared.min if below.crossing is None else along.value(below.crossing),
+            declared.max if above.crossing is None else along.value(above.crossing),
+        ),
+        open=(below.crossing is None, above.crossing is None),
+        ellipse=(along.value(centre - half), along.value(centre + half)),
+        standard_error=size * along.standard_error,
+        logarithmic=along.logarithmic,
+        declared=declared,
+        fits=below.fits + above.fits,
+        warnings=tuple(warnings),
+    )
+
+
+def _search_ends(centre: float, half: float, along: Coordinate) -> tuple[float, float]:
+    """Return the coordinates beyond which a profile is not followed.
+
+    Parameters
+    ----------
+    centre : float
+        Coordinate of the estimate.
+    half : float
+        Half of the ellipse's interval.
+    along : Coordinate
+    """
     wide = _WIDTHS * half if np.isfinite(half) else 0.0
     far = _FARTHEST if along.logarithmic else max(_SIZES, wide)
-    ends = max(along.low, q[i] - far), min(along.high, q[i] + far)
-    sides = [
-        trace(refit, q, i, along.tangent, sign * step, end)
-        for sign, end in zip((-1.0, 1.0), ends, strict=True)
-    ]
-    at = np.array([point[i] for side in sides for point in side.points])
-    order, deviance = (
-        np.unique(at, return_index=True)[1],
-        np.concatenate([side.deviance for side in sides]),
-    )
-    values = np.array([along.value(x) for x in at])
-    low, high = (s.crossing if s.crossing is None else along.value(s.crossing) for s in sides)
-    value = along.value(q[i])
-    size = 1.0 if along.logarithmic else along.value(q[i] + 1.0) - value
-    return Profile(
-        name,
-        value,
-        values[order],
-        LEVEL * deviance[order],
-        (declared.min if low is None else low, declared.max if high is None else high),
-        (low is None, high is None),
-        (along.value(q[i] - half), along.value(q[i] + half)),
-        size * along.standard_error,
-        along.logarithmic,
-        declared,
-        sum(side.fits for side in sides),
-        tuple(_warnings(name, declared, sides, values, deviance, ends, at)),
-    )
+    return max(along.low, centre - far), min(along.high, centre + far)
 
 
-def _warnings(
-    name: str,
-    declared: Described,
-    sides: list[Side],
-    values: Array,
-    deviance: Array,
-    ends: tuple[float, float],
-    at: Array,
+def _end_warnings(
+    word: str, name: str, declared: Described, side: Side, end: float, along: Coordinate
 ) -> list[str]:
-    """What is to be known of a profile."""
-    found = []
+    """Return a warning if one end of the interval is open or inexact."""
 
-    def at_point(x: float) -> str:
-        return shown(float(values[np.flatnonzero(at == x)[0]]), declared)
+    def at(x: float) -> str:
+        return format_value(float(along.value(x)), declared)
 
-    for word, side, farthest, end in zip(
-        ("below", "above"), sides, (at.min(), at.max()), ends, strict=True
-    ):
-        to = at_point(farthest)
-        if side.between is not None:
-            inner, outer = map(at_point, side.between)
-            found.append(
-                f"the end {word} of {name} is interpolated between {inner} and {outer}: no fit could be made there"
-            )
-        elif side.crossing is None and side.failed:
-            found.append(
-                f"the profile of {name} ends {word} at {to}: the model cannot be simulated farther on"
-            )
-        elif side.crossing is None and farthest != end:
-            found.append(f"the profile of {name} ends {word} at {to}, after {side.fits} fits")
-        elif side.crossing is None:
-            found.append(
-                f"this record does not bound {name} {word}: its profile stays below the level as far as {to}"
-            )
-    if (least := float(LEVEL * deviance.min())) < -_BETTER:
-        there = shown(float(values[int(np.argmin(deviance))]), declared)
-        found.append(
-            f"{name} = {there} is likelier than the estimate (deviance {least:.3g}): fit again from there, with "
-            f"--set {name}=VALUE"
-        )
-    return found
+    coordinates = [point[along.index] for point in side.points]
+    farthest = min(coordinates) if word == "below" else max(coordinates)
+    if side.between is not None:
+        inner, outer = map(at, side.between)
+        return [
+            f"the end {word} of {name} is interpolated between {inner} and {outer}: no fit could be"
+            " made there"
+        ]
+    if side.crossing is not None:
+        return []
+    if side.failed:
+        return [
+            f"the profile of {name} ends {word} at {at(farthest)}: the model cannot be simulated"
+            " farther on"
+        ]
+    if farthest != end:
+        return [f"the profile of {name} ends {word} at {at(farthest)}, after {side.fits} fits"]
+    return [
+        f"this record does not bound {name} {word}: its profile stays below the level as far as"
+        f" {at(farthest)}"
+    ]
+
+
+def _better_warnings(name: str, declared: Described, values: Array, deviance: Array) -> list[str]:
+    """Return a warning if another value is clearly likelier than the estimate."""
+    least = float(LEVEL * deviance.min())
+    if least >= -_BETTER:
+        return []
+    there = format_value(float(values[int(np.argmin(deviance))]), declared)
+    return [
+        f"{name} = {there} is likelier than the estimate (deviance {least:.3g}): fit again from"
+        f" there, with --set {name}=VALUE"
+    ]
+
+
+def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: float) -> Side:
+    """Follow the deviance along one coordinate until it is above one, or to an end.
+
+    Every fit begins where the line through the two before it leads. Steps adapt to how fast the
+    deviance rises, and become shorter where the model fails.
+
+    Parameters
+    ----------
+    refit : callable
+        Returns where a fit ends that begins at a point and holds coordinate i there, (p,), and the
+        deviance, as in `Side`. Where there is no fit it raises a UserError, or the deviance is not
+        finite.
+    q : ndarray, shape (p,)
+        The estimate.
+    i : int
+        The coordinate.
+    tangent : ndarray, shape (p,)
+        Slopes of the others by it, at the estimate; one for itself.
+    step : float
+        The first one; its sign is that of the side.
+    end : float
+        Coordinate that is not passed.
+
+    Returns
+    -------
+    Side
+    """
+    side = Side([q], [0.0])
+    shortest = _LEAST * abs(step)
+    low = min(q[i], end)
+    high = max(q[i], end)
+    near = q
+    slope = tangent
+    while side.fits < _MOST:
+        x = float(np.clip(near[i] + step, low, high))
+        try:
+            far = _fit(refit, side, near + (x - near[i]) * slope, i, x)
+        except UserError:
+            step *= _SHORTER
+            if abs(step) < shortest:
+                side.failed = True
+                break
+            continue
+        if side.deviance[-1] >= 1.0:
+            _find_crossing(refit, side, near, far, i)
+        if side.crossing is not None or x == end:
+            break
+        rise = _root(side.deviance[-1]) - _root(side.deviance[-2])
+        step *= float(np.clip(_RISE / max(rise, _RISE / _LONGER), _SHORTER, _LONGER))
+        slope = (far - near) / (far[i] - near[i])
+        near = far
+    return side
+
+
+def _fit(refit: Refit, side: Side, start: Array, i: int, x: float) -> Array:
+    """Fit with coordinate i held at x, and add the point to a side."""
+    start[i] = x
+    side.fits += 1
+    point, deviance = refit(start)
+    if not np.isfinite(deviance):
+        raise UserError(f"the deviance is {deviance:g}")
+    side.points.append(point)
+    side.deviance.append(deviance)
+    return point
+
+
+def _find_crossing(refit: Refit, side: Side, near: Array, far: Array, i: int) -> None:
+    """Find the coordinate between the last two points at which the deviance is one.
+
+    Where a fit fails, or no more are to be made, the crossing is interpolated on a straight line
+    between the nearest point below and the nearest above.
+    """
+    heights = {
+        float(near[i]): _root(side.deviance[-2]) - 1.0,
+        float(far[i]): _root(side.deviance[-1]) - 1.0,
+    }
+
+    def height(x: float) -> float:
+        if x not in heights:
+            if side.fits >= _MOST:
+                raise UserError("no more fits are made")
+            _fit(refit, side, near + (x - near[i]) / (far[i] - near[i]) * (far - near), i, x)
+            heights[x] = _root(side.deviance[-1]) - 1.0
+        return heights[x]
+
+    precision = _PRECISE * abs(far[i] - near[i])
+    try:
+        side.crossing = float(brentq(height, near[i], far[i], xtol=precision))
+    except UserError:
+        # the root search brackets ever closer, so that the last point of either sign is the nearest
+        inner = [x for x in heights if heights[x] < 0.0][-1]
+        outer = [x for x in heights if not heights[x] < 0.0][-1]
+        rise = heights[outer] - heights[inner]
+        side.crossing = inner - heights[inner] * (outer - inner) / rise
+        side.between = (inner, outer)
+
+
+def _root(deviance: float) -> float:
+    """Return the square root of a deviance, zero for one below zero."""
+    return float(np.sqrt(max(deviance, 0.0)))

@@ -1,38 +1,38 @@
-"""Fused systems: the laws of all members as one flat model, without communication steps between them.
+"""Fused systems: the laws of all members as one flat model without communication steps.
 
-A connected input is replaced by the expression it is connected to, down to states and inputs of the system. The result
-is a graph like that of a single component, and everything made of a graph can be made of a system: a simulation
-in compiled C, exact sensitivities, a linearisation. Its trajectories are those to which co-simulation tends as the
-communication step goes to zero.
+A connected input is replaced by the expression it is connected to, down to states and inputs of the
+system. The result is a graph like that of a single component, and everything made of a graph can be
+made of a system: a simulation in compiled C, exact sensitivities, a linearisation. Its trajectories
+are those to which co-simulation tends as the communication step goes to zero.
 
-Sample instants that coincide are taken in the order of the members, and a later member sees the new values of an
-earlier one, as the groups within a component do. That is the limit of Gauss-Seidel with members that step in this
-order, for the later one receives what the earlier one made of the step. With Jacobi nobody sees a new value before the
-next communication point, however near it is: where members look at each other at one instant, its limit is another.
+Sample instants that coincide are taken in the order of the members, and a later member sees the new
+values of an earlier one, as the groups within a component do. That is the limit of Gauss-Seidel
+with members that step in this order, for the later one receives what the earlier one made of the
+step. With Jacobi nobody sees a new value before the next communication point, however near it is:
+where members sample each other at one instant, its limit is another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import casadi as ca
 
-from fmus.kit.declare import (
+from fmus.kit import (
     Declaration,
     DiscreteDeclaration,
     InputDeclaration,
+    Layout,
     ParameterDeclaration,
-    named,
-    starting,
+    UserError,
+    make_start_parameter,
+    name_declaration,
 )
-from fmus.kit.errors import UserError
-from fmus.kit.layout import Layout
-from fmus.kit.symbolic.trace import Graph, trace
-from orchestration.system.check import check
-from orchestration.system.model import Member, System
+from fmus.kit.symbolic import Graph, trace
+from orchestration.system import Member, System, check
 
 
 def fuse(system: System) -> Graph:
@@ -45,146 +45,173 @@ def fuse(system: System) -> Graph:
     Returns
     -------
     Graph
-        Variables are named ``member.variable``, inputs of the system as they are named there. Parameters and inputs
-        have the values of the members as defaults; an input that nothing is connected to stays an input. The
-        tolerance is the smallest of the members'.
+        Variables are named ``member.variable``, inputs of the system as they are named there.
+        Parameters and inputs have the values of the members as defaults; an input that nothing is
+        connected to stays an input. The tolerance is the smallest of the members'.
 
     Raises
     ------
     UserError
-        If the system makes no sense, a member is a foreign FMU, or there is an algebraic loop.
+        If the system does not pass its check, a member is a foreign FMU, or there is an algebraic
+        loop.
     """
     check(system)
-    parts = [_part(system, member) for member in system.members]
-    layout = Layout(
-        *(
-            tuple(v for part in parts for v in getattr(part.layout, group))
-            for group in ("parameters", "inputs", "states", "discretes", "outputs")
-        )
-    )
-    symbols = {v.name: s for part in parts for v, s in _values(part.layout.inputs, part.inputs)}
-    values = {
-        v.name: value
-        for part in parts
-        for group, vector in (
-            ("states", part.states),
-            ("discretes", part.discretes),
-            ("outputs", part.outputs),
-        )
-        for v, value in _values(getattr(part.layout, group), vector)
-    }
-    outer = {name: ca.SX.sym(name) for name in system.inputs}
-    given = {str(port): outer[name] for name, ports in system.inputs.items() for port in ports}
-    given |= {
-        str(c.target): c.factor * values[str(c.source)] + c.offset for c in system.connections
-    }
-
-    def joined(vectors: Sequence[ca.SX]) -> ca.SX:
-        return ca.vertcat(ca.SX(0, 1), *vectors)
-
-    updates = [
-        joined([update if part is sampled else part.discretes for part in parts])
-        for sampled in parts
-        for update in sampled.updates
-    ]
+    parts = [_trace_member(system, member) for member in system.members]
+    layout = _join_layouts(parts)
+    symbols = {v.name: s for part in parts for v, s in _pairs(part.layout.inputs, part.inputs)}
+    system_inputs = {name: ca.SX.sym(name) for name in system.inputs}
+    received = _received_expressions(system, parts, system_inputs)
     expressions = [
-        joined([part.rates for part in parts]),
-        joined([part.outputs for part in parts]),
-        *updates,
+        _join(part.rates for part in parts),
+        _join(part.outputs for part in parts),
+        *_join_updates(parts),
     ]
-    order = _order(system, symbols, given)
+    order = _order_inputs(system, symbols, received)
     time = ca.SX.sym("time")
     _, flat = ca.substitute_inplace(
         [*(part.time for part in parts), *(symbols[name] for name in order)],
-        [*(time for _ in parts), *(given[name] for name in order)],
+        [*(time for _ in parts), *(received[name] for name in order)],
         expressions,
     )
-    declared = {v.name: v for v in layout.inputs}
-    inputs = {
-        name: named(replace(declared[str(ports[0])]) if ports else InputDeclaration(unit="1"), name)
-        for name, ports in system.inputs.items()
-    }
-    inputs |= {name: v for name, v in declared.items() if name not in given}
+    inputs = _remaining_inputs(system, layout, received)
     return Graph(
         name=system.name,
         tolerance=min(part.tolerance for part in parts),
         layout=replace(layout, inputs=tuple(inputs.values())),
         time=time,
-        parameters=joined([part.parameters for part in parts]),
-        inputs=joined([(outer | symbols)[name] for name in inputs]),
-        states=joined([part.states for part in parts]),
-        discretes=joined([part.discretes for part in parts]),
+        parameters=_join(part.parameters for part in parts),
+        inputs=_join((system_inputs | symbols)[name] for name in inputs),
+        states=_join(part.states for part in parts),
+        discretes=_join(part.discretes for part in parts),
         rates=flat[0],
         outputs=flat[1],
         updates=tuple(flat[2:]),
     )
 
 
-def _values(group: Sequence[Declaration], vector: ca.SX) -> list[tuple[Declaration, ca.SX]]:
+def _join(vectors: Iterable[ca.SX]) -> ca.SX:
+    return ca.vertcat(ca.SX(0, 1), *vectors)
+
+
+def _pairs(group: Sequence[Declaration], vector: ca.SX) -> list[tuple[Declaration, ca.SX]]:
+    """Return the declarations of variables with their symbols or expressions."""
     return [(v, vector[i]) for i, v in enumerate(group)]
 
 
-def _part(system: System, member: Member) -> Graph:
-    """Trace a member, its variables under their names in the system and with the values it has there."""
+def _join_layouts(parts: Sequence[Graph]) -> Layout:
+    groups = ("parameters", "inputs", "states", "discretes", "outputs")
+    return Layout(
+        *(tuple(v for part in parts for v in getattr(part.layout, group)) for group in groups)
+    )
+
+
+def _join_updates(parts: Sequence[Graph]) -> list[ca.SX]:
+    """Return the discrete states of the system after each sample of each member."""
+    return [
+        _join([update if part is sampled else part.discretes for part in parts])
+        for sampled in parts
+        for update in sampled.updates
+    ]
+
+
+def _received_expressions(
+    system: System, parts: Sequence[Graph], system_inputs: Mapping[str, ca.SX]
+) -> dict[str, ca.SX]:
+    """Return the expression that each connected input receives, by ``member.variable``."""
+    values: dict[str, ca.SX] = {}
+    for part in parts:
+        for group, vector in (
+            (part.layout.states, part.states),
+            (part.layout.discretes, part.discretes),
+            (part.layout.outputs, part.outputs),
+        ):
+            values |= {v.name: value for v, value in _pairs(group, vector)}
+    received = {
+        str(port): system_inputs[name] for name, ports in system.inputs.items() for port in ports
+    }
+    return received | {
+        str(c.target): c.factor * values[str(c.source)] + c.offset for c in system.connections
+    }
+
+
+def _remaining_inputs(
+    system: System, layout: Layout, received: Mapping[str, ca.SX]
+) -> dict[str, InputDeclaration]:
+    """Return the inputs of the fused model: those of the system, and those without a source."""
+    declared = {v.name: v for v in layout.inputs}
+    inputs = {}
+    for name, ports in system.inputs.items():
+        like = replace(declared[str(ports[0])]) if ports else InputDeclaration(unit="1")
+        inputs[name] = name_declaration(like, name)
+    return inputs | {name: v for name, v in declared.items() if name not in received}
+
+
+def _trace_member(system: System, member: Member) -> Graph:
+    """Trace a member, its variables under their names in the system and with its values there."""
     if member.cls is None:
         raise UserError(
-            f"system {system.name}: {member.name} ({member.fmu.name}) cannot be fused, for only its binary is known: "
-            "the laws must be those of a component of this project"
+            f"system {system.name}: {member.name} ({member.fmu.name}) cannot be fused, for only its"
+            " binary is known: the laws must be those of a component of this project"
         )
     graph = trace(member.cls)
-
-    def own(v: Any) -> Any:
-        start = {"start": member.parameters[v.name]} if v.name in member.parameters else {}
-        renamed = named(replace(v, **start), f"{member.name}.{v.name}")
-        return (
-            starting(renamed, f"{member.name}.{state}")
-            if (state := getattr(v, "starts", None))
-            else renamed
-        )
-
     layout = graph.layout
-    # literal periods become parameters: members that happen to have the same one are not sampled as one group
-    names = {
+    # literal periods become parameters, or members that happen to have the same one would be
+    # sampled as one group
+    period_names = {
         d.period: d.period if isinstance(d.period, str) else f"period({d.period})"
         for d in layout.discretes
     }
-    literal = {name: period for period, name in names.items() if not isinstance(period, str)}
-    about = f"a sample period of {member.name}"
+    literal = {name: period for period, name in period_names.items() if not isinstance(period, str)}
 
-    def sampled(d: DiscreteDeclaration) -> DiscreteDeclaration:
-        return named(
-            replace(own(d), period=f"{member.name}.{names[d.period]}"), f"{member.name}.{d.name}"
-        )
+    def rename(variable: Any) -> Any:
+        return _rename(variable, member)
 
+    def rename_discrete(discrete: DiscreteDeclaration) -> DiscreteDeclaration:
+        period = f"{member.name}.{period_names[discrete.period]}"
+        renamed = replace(rename(discrete), period=period)
+        return name_declaration(renamed, f"{member.name}.{discrete.name}")
+
+    def period_parameter(name: str, period: Any) -> ParameterDeclaration:
+        doc = f"a sample period of {member.name}"
+        return name_declaration(ParameterDeclaration(start=period, unit="s", doc=doc), name)
+
+    periods = [rename(period_parameter(name, period)) for name, period in literal.items()]
     return replace(
         graph,
         layout=Layout(
-            parameters=(
-                *map(own, layout.parameters),
-                *(
-                    own(named(ParameterDeclaration(start=p, unit="s", doc=about), name))
-                    for name, p in literal.items()
-                ),
-            ),
-            inputs=tuple(map(own, layout.inputs)),
-            states=tuple(map(own, layout.states)),
-            discretes=tuple(map(sampled, layout.discretes)),
-            outputs=tuple(map(own, layout.outputs)),
+            parameters=(*map(rename, layout.parameters), *periods),
+            inputs=tuple(map(rename, layout.inputs)),
+            states=tuple(map(rename, layout.states)),
+            discretes=tuple(map(rename_discrete, layout.discretes)),
+            outputs=tuple(map(rename, layout.outputs)),
         ),
         parameters=ca.vertcat(graph.parameters, ca.SX.sym("period", len(literal))),
     )
 
 
-def _order(system: System, symbols: Mapping[str, ca.SX], given: Mapping[str, ca.SX]) -> list[str]:
-    """Connected inputs, each after those that what it receives depends on."""
-    by_symbol = {symbols[name].element_hash(): name for name in given}
+def _rename(variable: Any, member: Member) -> Any:
+    """Return a declaration under its name in the system, and with its value there."""
+    if variable.name in member.parameters:
+        changed = replace(variable, start=member.parameters[variable.name])
+    else:
+        changed = replace(variable)
+    renamed = name_declaration(changed, f"{member.name}.{variable.name}")
+    state = getattr(variable, "starts", None)
+    return make_start_parameter(renamed, f"{member.name}.{state}") if state else renamed
+
+
+def _order_inputs(
+    system: System, symbols: Mapping[str, ca.SX], received: Mapping[str, ca.SX]
+) -> list[str]:
+    """Return the connected inputs in an order in which each depends on earlier ones only."""
+    by_symbol = {symbols[name].element_hash(): name for name in received}
     needed = {
         name: [
             by_symbol[s.element_hash()]
             for s in ca.symvar(expression)
             if s.element_hash() in by_symbol
         ]
-        for name, expression in given.items()
+        for name, expression in received.items()
     }
     try:
         return list(TopologicalSorter(needed).static_order())

@@ -1,4 +1,4 @@
-"""Files that a parser in native code reads: in a process of its own, which a damaged one may end."""
+"""Files that a parser in native code reads: in a process that a damaged one may end."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.records.record import refuse
 from orchestration.records.table import Reader, Table
 
-_SECONDS = 60.0  # that a file may take at least: a busy machine with a cold disk is long at starting Python
+# that a file may take at least: a busy machine with a cold disk is long at starting Python
+_SECONDS = 60.0
 _RATE = 1e7  # bytes that a reader gets through in a second
 _MEMORY, _GROWTH = (
     2**30,

@@ -12,8 +12,8 @@ from orchestration.records.table import Column, Table, as_numbers, split_header_
 def read_parquet(path: Path, content: bytes) -> Table:
     """Read a Parquet file; a `Reader`.
 
-    Units come from the column names ``name [unit]``, else from the fields' metadata entry ``unit``. Refused: a
-    damaged file, and any if pyarrow is absent.
+    Units come from the column names ``name [unit]``, else from the fields' metadata entry ``unit``.
+    Refused: a damaged file, and any if pyarrow is absent.
     """
     try:
         import pyarrow.parquet as parquet
@@ -42,8 +42,8 @@ def read_parquet(path: Path, content: bytes) -> Table:
 def read_netcdf(path: Path, content: bytes) -> Table:
     """Read a NetCDF 3 file, such as a result of ``ppy run``; a `Reader`.
 
-    One column per vector over the first dimension; units come from the attribute ``units``. Refused: a damaged
-    file, and one without vectors.
+    One column per vector over the first dimension; units come from the attribute ``units``.
+    Refused: a damaged file, and one without vectors.
     """
     from scipy.io import netcdf_file
 
@@ -67,8 +67,9 @@ def read_netcdf(path: Path, content: bytes) -> Table:
 def read_mat(path: Path, content: bytes) -> Table:
     """Read a MATLAB file, version 4 to 7 but not 7.3; a `Reader`.
 
-    One column per numeric vector; units come from a variable ``units``, which is a struct with a text field per
-    variable, or texts ``name [unit]``. Refused: a damaged file, version 7.3, vectors that differ in length.
+    One column per numeric vector; units come from a variable ``units``, which is a struct with a
+    text field per variable, or texts ``name [unit]``. Refused: a damaged file, version 7.3, vectors
+    that differ in length.
     """
     from scipy.io import loadmat
 
@@ -98,7 +99,8 @@ def read_mat(path: Path, content: bytes) -> Table:
     if not columns:
         raise refuse(
             path,
-            f"no numeric vector among the variables {sorted(variables)} (structs and matrices are not read)",
+            f"no numeric vector among the variables {sorted(variables)} (structs and matrices are"
+            " not read)",
         )
     reference = next(
         (column for column in columns if column.name.lower() in ("time", "t")), columns[0]
@@ -135,7 +137,8 @@ def _mat_units(path: Path, value: object) -> dict[str, str]:
         if not name or unit is None:
             raise refuse(
                 path,
-                f"variable units: '{_mat_text(item)}' is not of the form 'name [unit]' (or make units a struct)",
+                f"variable units: '{_mat_text(item)}' is not of the form 'name [unit]' (or make"
+                " units a struct)",
             )
         units[name] = unit
     return units

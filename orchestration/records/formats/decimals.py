@@ -1,4 +1,4 @@
-"""Decimal commas: turned into points where a file uses them throughout, refused where the two are mixed."""
+"""Decimal commas: turned into points where used throughout, refused where mixed with points."""
 
 import re
 
@@ -19,7 +19,8 @@ def replace_decimal_commas(table: Table) -> None:
     Raises
     ------
     UserError
-        If one file has both numbers with a comma and numbers with a point: the comma may then group thousands.
+        If one file has both numbers with a comma and numbers with a point: the comma may then group
+        thousands.
     """
     comma_at: tuple[int, str] | None = None
     point_at: tuple[int, str] | None = None
@@ -50,8 +51,8 @@ def replace_decimal_commas(table: Table) -> None:
     if point_at is not None:
         raise refuse(
             table.path,
-            f"row {comma_at[0]} has '{comma_at[1].strip()}' and row {point_at[0]} has '{point_at[1].strip()}': "
-            "decimal comma or decimal point? Use one of them throughout",
+            f"row {comma_at[0]} has '{comma_at[1].strip()}' and row {point_at[0]} has"
+            f" '{point_at[1].strip()}': decimal comma or decimal point? Use one of them throughout",
         )
     for column in changed:
         column.cells = [

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestration.records.formats.text import decode, split_line, tabulate
+from orchestration.records.formats.text import Lines, decode, tabulate
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, as_numbers, split_header_cell
 
@@ -20,63 +20,82 @@ _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 def read_lvm(path: Path, content: bytes) -> Table:
     """Read a LabVIEW text file of one segment; a `Reader`.
 
-    Column ``X_Value`` comes first, in seconds, then the channels with the units of ``Y_Unit_Label``. Refused: no
-    end of the header, more than one segment, an X column per channel.
+    Column ``X_Value`` comes first, in seconds, then the channels with the units of
+    ``Y_Unit_Label``. Refused: no end of the header, more than one segment, an X column per channel.
     """
-    lines, ended, repairs = decode(path, content)
-    ends = [index for index, line in enumerate(lines) if line.strip().startswith(_END)]
+    text = decode(path, content)
+    ends = [index for index, line in enumerate(text.lines) if line.strip().startswith(_END)]
     if not ends:
         raise refuse(path, f"LabVIEW text without a line {_END}")
-    separator = next(
-        (line for line in lines[: ends[0]] if line.lower().startswith("separator")),
-        "Separator\tTab",
-    )
-    word = separator[len("separator") :].strip(" \t,;").lower() or "tab"
-    if word not in _DELIMITERS:
-        raise refuse(path, f"Separator '{word}' is not known (allowed: Tab, Comma)")
-    delimiter = _DELIMITERS[word]
-    start = ends[min(1, len(ends) - 1)] + 1
-    while start < len(lines) and not lines[start].strip():
-        start += 1
-    if start >= len(lines):
-        raise refuse(path, "LabVIEW text with a header but no data")
-    if len(ends) > 2:
-        raise refuse(
-            path,
-            f"row {ends[2] + 1}: a second segment starts (its clock restarts); save each segment in a file of its own",
-        )
-    fields = {}
-    for row, line in enumerate(lines[: start - 1], start=1):
-        cells = [cell.strip() for cell in split_line(path, row, line, delimiter)]
-        fields[cells[0]] = cells[1:]
-    if [cell.lower() for cell in fields.get("X_Columns", ["One"])][:1] == ["multi"]:
-        raise refuse(
-            path, "every channel has its own X column (X_Columns Multi); save it with one X column"
-        )
-    dimension = (fields.get("X_Dimension") or ["Time"])[0]
-    if dimension not in ("", "Time"):
-        raise refuse(path, f"X_Dimension is '{dimension}' (allowed: Time)")
-    header = [cell.strip() for cell in split_line(path, start + 1, lines[start], delimiter)]
+    delimiter = _delimiter(path, text.lines[: ends[0]])
+    start = _start_of_data(text, ends)
+    fields = _header_fields(text, start - 1, delimiter)
+    header = [cell.strip() for cell in text.split(start, delimiter)]
     if header[0] != "X_Value":
         raise refuse(
             path, f"row {start + 1}: '{header[0]}' where X_Value should be the first column"
         )
     commented = header[-1] == "Comment"
-    table = tabulate(path, lines, start, header, delimiter, ended, repairs, optional_last=commented)
-    if (
-        commented
-        and table.columns[-1].name == "Comment"
-        and not any(str(cell).strip() for cell in table.columns[-1].cells)
-    ):
+    table = tabulate(text, start, header, delimiter, optional_last=commented)
+    last = table.columns[-1]
+    if commented and last.name == "Comment" and _is_empty(last):
         table.columns.pop()
     units = fields.get("Y_Unit_Label", [])
     for index, column in enumerate(table.columns[1:]):
         if column.unit is None and index < len(units) and column.name != "Comment":
             column.unit = units[index] or None
-    table.columns[0].unit = "s"
-    if not any(str(cell).strip() for cell in table.columns[0].cells):
-        table.columns[0].cells = _clock_from_header(path, fields, len(table.rows), table.repairs)
+    clock = table.columns[0]
+    clock.unit = "s"
+    if _is_empty(clock):
+        clock.cells = _clock_from_header(path, fields, len(table.rows), table.repairs)
     return table
+
+
+def _is_empty(column: Column) -> bool:
+    return not any(str(cell).strip() for cell in column.cells)
+
+
+def _delimiter(path: Path, header: list[str]) -> str:
+    """Delimiter that a header names; the tab unless it does."""
+    named = [line for line in header if line.lower().startswith("separator")]
+    separator = named[0] if named else "Separator\tTab"
+    word = separator[len("separator") :].strip(" \t,;").lower() or "tab"
+    if word not in _DELIMITERS:
+        raise refuse(path, f"Separator '{word}' is not known (allowed: Tab, Comma)")
+    return _DELIMITERS[word]
+
+
+def _start_of_data(text: Lines, ends: list[int]) -> int:
+    """Index of the line with the names of the columns, behind the header of the one segment."""
+    start = ends[min(1, len(ends) - 1)] + 1
+    while start < len(text.lines) and not text.lines[start].strip():
+        start += 1
+    if start >= len(text.lines):
+        raise refuse(text.path, "LabVIEW text with a header but no data")
+    if len(ends) > 2:
+        raise refuse(
+            text.path,
+            f"row {ends[2] + 1}: a second segment starts (its clock restarts); save each segment in"
+            " a file of its own",
+        )
+    return start
+
+
+def _header_fields(text: Lines, end: int, delimiter: str) -> dict[str, list[str]]:
+    """Fields of a header by name, checked to be those of one clock."""
+    fields = {}
+    for index in range(end):
+        cells = [cell.strip() for cell in text.split(index, delimiter)]
+        fields[cells[0]] = cells[1:]
+    if [cell.lower() for cell in fields.get("X_Columns", ["One"])][:1] == ["multi"]:
+        raise refuse(
+            text.path,
+            "every channel has its own X column (X_Columns Multi); save it with one X column",
+        )
+    dimension = (fields.get("X_Dimension") or ["Time"])[0]
+    if dimension not in ("", "Time"):
+        raise refuse(text.path, f"X_Dimension is '{dimension}' (allowed: Time)")
+    return fields
 
 
 def _clock_from_header(
@@ -103,8 +122,9 @@ def _clock_from_header(
 def read_tdms(path: Path, content: bytes) -> Table:
     """Read a LabVIEW TDMS file; a `Reader`.
 
-    One column per channel; the time column is made from the waveform properties where no channel is called time.
-    Refused: a damaged file, channels that differ in length or clock, and any file if npTDMS is absent.
+    One column per channel; the time column is made from the waveform properties where no channel is
+    called time. Refused: a damaged file, channels that differ in length or clock, and any file if
+    npTDMS is absent.
     """
     try:
         from nptdms import TdmsFile
@@ -125,7 +145,10 @@ def read_tdms(path: Path, content: bytes) -> Table:
         count = min((values.size for values in data), default=0)
         lost = max((values.size for values in data), default=0) - count
         data = [values[:count] for values in data]
-        message = f"the file ends inside its last segment: {count} rows are complete, {lost} incomplete ones dropped"
+        message = (
+            f"the file ends inside its last segment: {count} rows are complete, {lost} incomplete"
+            " ones dropped"
+        )
         repairs.append(Repair("partial line", message, tuple(range(count + 1, count + lost + 1))))
     if not channels or not any(values.size for values in data):
         raise refuse(path, "the TDMS file holds no complete row of data")
@@ -164,7 +187,8 @@ def _waveform_clock(
     if len(steps) > 1:
         raise refuse(
             path,
-            f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save one per file",
+            f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save"
+            " one per file",
         )
     columns = []
     for offset, step in steps:

@@ -1,4 +1,4 @@
-"""Which reader a file needs: its first bytes say so, and a wrong extension does no harm."""
+"""Choice of a file's reader: its first bytes decide, and a wrong extension does no harm."""
 
 from pathlib import Path
 

@@ -1,11 +1,13 @@
-"""Delimited text: CSV in its usual dialects, decoded, sniffed and split into columns with the editor's line numbers."""
+"""Delimited text: CSV in its usual dialects, decoded and split, with the editor's line numbers."""
 
 import csv
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from fmus.kit import UserError
 from orchestration.records.formats.decimals import replace_decimal_commas
 from orchestration.records.record import Repair, list_rows, refuse
 from orchestration.records.table import Column, Table, parse_cell, split_header_cell
@@ -15,7 +17,33 @@ _LINE_END = re.compile(r"\r\n|\n|\r")
 EXPECTED = "expected a header such as 'time [s],current [A]' and rows of numbers below it"
 
 
-def decode(path: Path, content: bytes) -> tuple[list[str], bool, list[Repair]]:
+@dataclass(frozen=True)
+class Lines:
+    """A text file by its lines.
+
+    Attributes
+    ----------
+    path : Path
+        The file, for messages.
+    lines : list of str
+        Without their ends and without empty ones at the end of the file.
+    ended : bool
+        Whether the file's last line is ended by a line end.
+    repairs : list of Repair
+        What was noticed so far; the table takes it over.
+    """
+
+    path: Path
+    lines: list[str]
+    ended: bool
+    repairs: list[Repair]
+
+    def split(self, index: int, delimiter: str) -> list[str]:
+        """Split the line at an index into cells, as :func:`split_line`."""
+        return split_line(self.path, index + 1, self.lines[index], delimiter)
+
+
+def decode(path: Path, content: bytes) -> Lines:
     """Turn the bytes of a text file into lines.
 
     Parameters
@@ -27,8 +55,7 @@ def decode(path: Path, content: bytes) -> tuple[list[str], bool, list[Repair]]:
 
     Returns
     -------
-    tuple of (list of str, bool, list of Repair)
-        The lines, whether the last one is ended by a line end, and what was noticed.
+    Lines
 
     Raises
     ------
@@ -50,7 +77,7 @@ def decode(path: Path, content: bytes) -> tuple[list[str], bool, list[Repair]]:
     ended = lines[-1].strip() == ""
     while lines and not lines[-1].strip():
         lines.pop()
-    return lines, ended, repairs
+    return Lines(path, lines, ended, repairs)
 
 
 def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
@@ -86,7 +113,7 @@ def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
 
 
 def _sniff_delimiter(header: str) -> str | None:
-    """Find the delimiter of a header line: tab, else semicolon, else comma, outside quotes and unit brackets."""
+    """Find the delimiter of a header line outside quotes and brackets: tab, semicolon or comma."""
     bare = re.sub(r'"[^"]*"|\[[^\]]*\]', "", header)
     return next((delimiter for delimiter in "\t;," if delimiter in bare), None)
 
@@ -96,7 +123,8 @@ def read_text(path: Path, content: bytes) -> Table:
 
     Columns are text cells with a decimal point.
     """
-    lines, ended, repairs = decode(path, content)
+    text = decode(path, content)
+    lines = text.lines
     start = 0
     while start < len(lines) and (
         not lines[start].strip() or lines[start].lstrip().startswith("#")
@@ -108,34 +136,26 @@ def read_text(path: Path, content: bytes) -> Table:
     if delimiter is None:
         raise refuse(
             path,
-            f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns; {EXPECTED}",
+            f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns;"
+            f" {EXPECTED}",
         )
-    header = split_line(path, start + 1, lines[start], delimiter)
+    header = text.split(start, delimiter)
     if all(parse_cell(cell) is not None for cell in header):
         commented = " (a header behind '#' is a comment: remove the '#')" if start else ""
         raise refuse(
             path, f"row {start + 1}: numbers where the header should be{commented}; {EXPECTED}"
         )
-    return tabulate(path, lines, start, header, delimiter, ended, repairs)
+    return tabulate(text, start, header, delimiter)
 
 
 def tabulate(
-    path: Path,
-    lines: list[str],
-    start: int,
-    header: list[str],
-    delimiter: str,
-    ended: bool,
-    repairs: list[Repair],
-    optional_last: bool = False,
+    text: Lines, start: int, header: list[str], delimiter: str, optional_last: bool = False
 ) -> Table:
     """Split the lines below a header into columns.
 
     Parameters
     ----------
-    path : Path
-        The file.
-    lines : list of str
+    text : Lines
         All lines of the file.
     start : int
         Index of the header line.
@@ -143,10 +163,6 @@ def tabulate(
         Its cells.
     delimiter : str
         One character.
-    ended : bool
-        Whether the file's last line is ended by a line end.
-    repairs : list of Repair
-        What was noticed so far; the table takes it over.
     optional_last : bool
         Whether a row may leave out the last cell (the comment column of LabVIEW text).
 
@@ -163,61 +179,60 @@ def tabulate(
     records: list[list[str]] = []
     rows: list[int] = []
     blank: list[int] = []
-    width = len(header)
-    last = len(lines) - 1
-    for index in range(start + 1, len(lines)):
-        line = lines[index]
-        if not line.strip():
-            blank.append(index + 1)
+    for index in range(start + 1, len(text.lines)):
+        row = index + 1
+        if not text.lines[index].strip():
+            blank.append(row)
             continue
-        try:
-            cells = split_line(path, index + 1, line, delimiter)
-        except ValueError:
-            if index < last or ended:
-                raise
-            cells = []  # the file was cut inside a quoted cell
-        while len(cells) > width and not cells[-1].strip():
-            cells.pop()  # delimiters at the end of a line
-        if optional_last and len(cells) == width - 1:
-            cells.append("")
-        if _is_partial(cells, header, index == last, ended):
-            repairs.append(
-                Repair(
-                    "partial line", f"row {index + 1}, the last, is cut off: dropped", (index + 1,)
-                )
-            )
+        cells = _cells(text, index, delimiter, len(header), optional_last)
+        if _is_partial(cells, header, index == len(text.lines) - 1, text.ended):
+            message = f"row {row}, the last, is cut off: dropped"
+            text.repairs.append(Repair("partial line", message, (row,)))
             continue
-        if len(cells) != width:
-            hint = (
-                " (a decimal comma needs ';' between the columns)"
-                if delimiter == "," and len(cells) > width
-                else ""
-            )
-            raise refuse(
-                path, f"row {index + 1}: {len(cells)} cells where the header has {width}{hint}"
-            )
+        if len(cells) != len(header):
+            raise _wrong_width(text.path, row, len(cells), len(header), delimiter)
         records.append(cells)
-        rows.append(index + 1)
+        rows.append(row)
     if not records:
         raise refuse(
-            path, f"there is a header (row {start + 1}) but no complete row of data below it"
+            text.path, f"there is a header (row {start + 1}) but no complete row of data below it"
         )
     if blank:
-        repairs.append(
-            Repair(
-                "blank lines",
-                f"{len(blank)} blank lines skipped ({list_rows(blank)})",
-                tuple(blank),
-            )
+        message = f"{len(blank)} blank lines skipped ({list_rows(blank)})"
+        text.repairs.append(Repair("blank lines", message, tuple(blank)))
+    if not text.ended and rows[-1] == len(text.lines):
+        message = (
+            f"row {rows[-1]}, the last, has no line end: its last number may be cut short; it was"
+            " kept"
         )
-    if not ended and rows[-1] == len(lines):
-        message = f"row {rows[-1]}, the last, has no line end: its last number may be cut short; it was kept"
-        repairs.append(Repair("no line end", message, (rows[-1],)))
+        text.repairs.append(Repair("no line end", message, (rows[-1],)))
     columns = _make_columns(header, records)
-    table = Table(path, columns, np.array(rows, dtype=np.int64), repairs)
+    table = Table(text.path, columns, np.array(rows, dtype=np.int64), text.repairs)
     if delimiter != ",":
         replace_decimal_commas(table)
     return table
+
+
+def _cells(text: Lines, index: int, delimiter: str, width: int, optional_last: bool) -> list[str]:
+    """Split a row of data, without delimiters that are too many at its end."""
+    try:
+        cells = text.split(index, delimiter)
+    except ValueError:
+        if index < len(text.lines) - 1 or text.ended:
+            raise
+        return []  # the file was cut inside a quoted cell
+    while len(cells) > width and not cells[-1].strip():
+        cells.pop()
+    if optional_last and len(cells) == width - 1:
+        cells.append("")
+    return cells
+
+
+def _wrong_width(path: Path, row: int, found: int, width: int, delimiter: str) -> UserError:
+    hint = ""
+    if delimiter == "," and found > width:
+        hint = " (a decimal comma needs ';' between the columns)"
+    return refuse(path, f"row {row}: {found} cells where the header has {width}{hint}")
 
 
 def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool) -> bool:
@@ -238,7 +253,7 @@ def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool)
 
 
 def _make_columns(header: list[str], records: list[list[str]]) -> list[Column]:
-    """Turn rows of cells into named columns, leaving out columns that have neither a name nor content."""
+    """Turn rows of cells into named columns, without those that have neither name nor content."""
     columns = []
     for cell, cells in zip(header, zip(*records, strict=True), strict=True):
         name, unit = split_header_cell(cell)

@@ -1,1 +1,5 @@
-"""What a server can stand in front of: one file each, with one small interface (:mod:`.backend`)."""
+"""Backends of a rig, one module each, behind one small interface (:mod:`.backend`)."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,21 +1,22 @@
-"""What a rig has to be able to do to be served: read all, write all, limits, safe state, close."""
+"""Interface of a backend: what a rig must be able to do in order to be served."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
-from orchestration.rig.limit import Limit
+from orchestration.rig.signals import Limit
 
 __all__ = ["Backend", "Limit", "Steppable"]
 
 
 class Backend(ABC):
-    """One rig. A subclass in a file of its own can be served: ``ppy rig serve --backend file.py:Class``.
+    """One rig behind the server.
 
-    It is made in the process that uses it, with the options of the command line as keyword arguments, all of them
-    texts; made means open, and ready for any of the calls below. All values are SI. Whatever a call raises, the rig
-    goes to its safe state and the message is told.
+    A subclass in a file of its own can be served: ``ppy rig serve --backend file.py:Class``. It is
+    made in the process that uses it, with the options of the command line as keyword arguments, all
+    of them texts; once made it is open, and ready for any of the calls below. All values are SI.
+    Whatever a call raises, the rig goes to its safe state and the message is logged.
 
     Attributes
     ----------
@@ -51,15 +52,18 @@ class Backend(ABC):
 
     @abstractmethod
     def safe(self) -> None:
-        """Bring the rig to its safe state: no current, no coil voltage; at any time, also right after opening."""
+        """Bring the rig to its safe state: no current, no coil voltage.
+
+        It may be called at any time, also right after opening.
+        """
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the device; the rig stays as it is."""
+        """Release the device; the rig stays as it is."""
 
 
 class Steppable(Backend):
-    """A rig whose time can be somebody else's: an emulated one, for lockstep."""
+    """A rig whose time the client can advance, such as an emulated one, for lockstep."""
 
     @abstractmethod
     def advance(self, step: float) -> None:

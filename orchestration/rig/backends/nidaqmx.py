@@ -1,9 +1,10 @@
-"""Analog inputs and outputs of a National Instruments device, through the driver NI-DAQmx.
+"""Backend of the analog inputs and outputs of a National Instruments device, through NI-DAQmx.
 
-Inputs are sampled by the device's own clock where it has one for them, and a read takes the newest sample; otherwise a
-read converts at once. Outputs are written at once: a buffer in front of them would delay commands. Where the device
-has a watchdog timer it takes the outputs to their safe volts if this computer stops; where it has none, `watchdog` says
-so, and the outputs of a computer that has stopped keep what they were.
+Inputs are sampled by the device's own clock where it has one for them, and a read takes the newest
+sample; otherwise a read converts at once. Outputs are written at once: a buffer in front of them
+would delay commands. Where the device has a watchdog timer it takes the outputs to their safe volts
+if this computer stops; where it has none, `watchdog` says so, and the outputs stay as they are
+when the computer has stopped.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from nidaqmx.stream_writers import AnalogMultiChannelWriter
 from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, WatchdogTask
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.rig.backends.backend import Backend, Limit
 from orchestration.rig.calibration import Channel, read_calibration
 from orchestration.rig.signals import commands, one_of, seconds
@@ -39,11 +40,12 @@ _TERMINALS = {
     "referenced": TerminalConfiguration.RSE,
     "non-referenced": TerminalConfiguration.NRSE,
 }
-_LATER = 2.0  # times the rig's watchdog, after which the device's acts: the rig's has to have failed first
+# times the rig's watchdog, after which the device's acts: the rig's has to have failed first
+_LATER = 2.0
 
 
 class NiDaqmx(Backend):
-    """Channels of a device, as a calibration lists them. Opening it changes no output.
+    """The channels of a device that a calibration lists; opening it changes no output.
 
     Parameters
     ----------
@@ -77,21 +79,14 @@ class NiDaqmx(Backend):
         timeout: str = "1",
     ) -> None:
         self._calibration = read_calibration(calibration)
-        self._ins, self._outs = self._calibration.inputs, self._calibration.outputs
+        self._ins = self._calibration.inputs
+        self._outs = self._calibration.outputs
         self._timeout = seconds("timeout", timeout, 10.0)
         one_of("timing", timing, ("auto", "hardware", "software"))
         self.inputs = {name: channel.unit for name, channel in self._ins.items()}
         self.outputs = {name: channel.unit for name, channel in self._outs.items()}
         self.limits: Mapping[str, Limit] = self._calibration.limits
-        for channel in (*self._ins.values(), *self._outs.values()):
-            if channel.command:
-                raise UserError(
-                    f"{calibration}: {channel.name} is a signal of an instrument, not of this device"
-                )
-        if not device or "/" in device:
-            raise UserError(
-                f"option device = {device!r}: the name of a device is wanted, such as Dev1"
-            )
+        self._check(calibration, device)
         self._name = device
         self._tasks: list[nidaqmx.Task] = []
         self._guard: WatchdogTask | None = None
@@ -100,22 +95,34 @@ class NiDaqmx(Backend):
         self._writer: AnalogMultiChannelWriter | None = None
         self._samples = np.full(len(self._outs), math.nan)
         try:
-            with _told(f"{device} cannot be opened"):
+            with _errors_in_one_line(f"{device} cannot be opened"):
                 self._device = Device(device)
-                self.watchdog = (
-                    self._open_watchdog()
-                )  # before other tasks, which keep it from being reserved
+                # before other tasks, which keep it from being reserved
+                self.watchdog = self._open_watchdog()
                 self._open_outputs()
                 self.timing = self._open_inputs(timing)
         except BaseException:
             self.close()
             raise
 
+    def _check(self, calibration: str, device: str) -> None:
+        """Refuse signals of instruments, and a name that is not that of a device."""
+        for channel in (*self._ins.values(), *self._outs.values()):
+            if channel.command:
+                raise UserError(
+                    f"{calibration}: {channel.name} is a signal of an instrument, not of this"
+                    " device"
+                )
+        if not device or "/" in device:
+            raise UserError(
+                f"option device = {device!r}: the name of a device is wanted, such as Dev1"
+            )
+
     def _place(self, channel: Channel) -> str:
         return channel.place if "/" in channel.place else f"{self._name}/{channel.place}"
 
     def _open_watchdog(self) -> str:
-        """Have the device's own timer take the outputs to their safe volts."""
+        """Set up the device's own timer, which takes the outputs to their safe volts."""
         if not self._ins:
             return "none: there are no outputs to guard"
         after = _LATER * self._calibration.watchdog
@@ -131,8 +138,14 @@ class NiDaqmx(Backend):
             self._guard.control(TaskMode.TASK_VERIFY)  # what the device cannot do, it says now
         except DaqError as error:
             self._close_guard()
-            return f"none: {self._name} refuses one ({_line(error)}); its outputs stay as they are if this computer stops"
-        return f"{self._name} takes its outputs to their safe volts after {after:g} s without a command"
+            return (
+                f"none: {self._name} refuses one ({_line(error)}); its outputs stay as they are if"
+                " this computer stops"
+            )
+        return (
+            f"{self._name} takes its outputs to their safe volts after {after:g} s without a"
+            " command"
+        )
 
     def _open_outputs(self) -> None:
         if not self._ins:
@@ -191,7 +204,7 @@ class NiDaqmx(Backend):
         """
         if self._reader is None:
             return dict.fromkeys(self.outputs, math.nan)
-        with _told(f"{self._name} cannot be read"):
+        with _errors_in_one_line(f"{self._name} cannot be read"):
             self._reader.read_one_sample(self._samples, self._timeout)
         return {
             name: channel.measured(volts)
@@ -206,18 +219,19 @@ class NiDaqmx(Backend):
         Raises
         ------
         UserError
-            If a command is missing, unknown, not finite or beyond its channel's range, which changes nothing, or the
-            driver reports an error.
+            If a command is missing, unknown, not finite or beyond its channel's range, which
+            changes nothing, or the driver reports an error.
         """
         checked = commands(values, self.inputs)
         volts = [channel.volts(checked[name]) for name, channel in self._ins.items()]
         if self._writer is None:
             if self._ins:
                 raise UserError(
-                    f"{self._name} cannot be written: it is closed, or was reset to reach a safe state"
+                    f"{self._name} cannot be written: it is closed, or was reset to reach a safe"
+                    " state"
                 )
             return
-        with _told(f"{self._name} cannot be written"):
+        with _errors_in_one_line(f"{self._name} cannot be written"):
             if self._guard is not None:
                 if self._armed:
                     self._guard.reset_timer()
@@ -227,7 +241,7 @@ class NiDaqmx(Backend):
             self._writer.write_one_sample(np.array(volts), self._timeout)
 
     def safe(self) -> None:
-        """Put out the safe value of every command; if the device does not take it, reset the device.
+        """Put out the safe value of every command, or reset a device that does not take it.
 
         Raises
         ------
@@ -243,14 +257,14 @@ class NiDaqmx(Backend):
             self._writer.write_one_sample(volts, self._timeout)
         except Error as error:
             self.close()
-            with _told(f"{self._name} cannot be brought to its safe state"):
+            with _errors_in_one_line(f"{self._name} cannot be brought to its safe state"):
                 self._device.reset_device()
             raise UserError(
                 f"{self._name} was reset, because it did not take safe values: {_line(error)}"
             ) from error
 
     def _disarm(self) -> None:
-        """Stop the device's timer: what it guards against is over, and an expired one refuses values."""
+        """Stop the device's timer, for an expired one refuses values."""
         if self._guard is None or not self._armed:
             return
         self._armed = False
@@ -259,16 +273,19 @@ class NiDaqmx(Backend):
         self._guard.stop()
 
     def close(self) -> None:
-        """Let go of the device; its outputs stay as they are."""
-        self._reader = self._writer = None
-        tasks, self._tasks = self._tasks, []
+        """Release the device; its outputs stay as they are."""
+        self._reader = None
+        self._writer = None
+        tasks = self._tasks
+        self._tasks = []
         for task in tasks:
             with suppress(Error):
                 task.close()
         self._close_guard()
 
     def _close_guard(self) -> None:
-        guard, self._guard = self._guard, None
+        guard = self._guard
+        self._guard = None
         if guard is None:
             return
         if self._armed:  # a task that is cleared while it runs may expire
@@ -280,12 +297,12 @@ class NiDaqmx(Backend):
 
 
 @contextmanager
-def _told(what: str) -> Iterator[None]:
-    """Turn an error of the driver into one line."""
+def _errors_in_one_line(failure: str) -> Iterator[None]:
+    """Turn errors of the driver into UserErrors of one line."""
     try:
         yield
     except Error as error:
-        raise UserError(f"{what}: {_line(error)}") from error
+        raise UserError(f"{failure}: {_line(error)}") from error
 
 
 def _line(error: Exception) -> str:

@@ -1,4 +1,4 @@
-"""Backends by name, and those of a user by file."""
+"""Registry of backends: those that ship by name, those of a user by file and class."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import importlib
 import inspect
 from collections.abc import Mapping
 
-from fmus.kit.errors import UserError, suggestion
-from orchestration.fmu.loading import load_subclass, names_class
+from fmus.kit import UserError, suggestion
+from orchestration.fmu import load_subclass, names_class
 from orchestration.rig.backends.backend import Backend
 
 BACKENDS = {
-    "emulator": "emulator:Emulator",
-    "replay": "replay:Replay",
-    "nidaqmx": "nidaqmx:NiDaqmx",
-    "visa": "visa:Visa",
+    "emulator": "studies.emulator.backend:Emulator",
+    "replay": "orchestration.rig.backends.replay:Replay",
+    "nidaqmx": "orchestration.rig.backends.nidaqmx:NiDaqmx",
+    "visa": "orchestration.rig.backends.visa:Visa",
 }
 """Name of a backend -> module and class; strings, so that listing them imports nothing."""
 
@@ -29,7 +29,7 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
     spec : str
         ``emulator``, ``replay``, ``nidaqmx``, ``visa``, or ``path/to/file.py:Class``.
     options : Mapping of str to str
-        Its options by name; which there are is told when one is wrong.
+        Its options by name; the error for a wrong one lists those that exist.
 
     Returns
     -------
@@ -39,16 +39,15 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
     Raises
     ------
     UserError
-        If there is no such backend, an option is unknown, missing or wrong, a library is not installed, or the device
-        cannot be opened.
+        If there is no such backend, an option is unknown, missing or wrong, a library is not
+        installed, or the device cannot be opened.
     """
     cls = backend_class(spec)
     known = _options(cls)
     for name in options:
         if name not in known:
-            raise UserError(
-                f"backend {spec}: no option {name!r}{suggestion(name, list(known)) or ' (it has none)'}"
-            )
+            hint = suggestion(name, list(known)) or " (it has none)"
+            raise UserError(f"backend {spec}: no option {name!r}{hint}")
     for name, parameter in known.items():
         if parameter.default is parameter.empty and name not in options:
             raise UserError(f"backend {spec}: option {name} is missing; write {name}=...")
@@ -93,13 +92,14 @@ def backend_class(spec: str) -> type[Backend]:
         )
     module, name = BACKENDS[spec].split(":")
     try:
-        loaded: type[Backend] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
+        loaded: type[Backend] = getattr(importlib.import_module(module), name)
     except ModuleNotFoundError as error:
         extra = _EXTRAS.get((error.name or "").partition(".")[0])
         if extra is None:
             raise
         raise UserError(
-            f"backend {spec}: {error.name} is not installed; install it with: pip install 'ppy-rig[{extra}]'"
+            f"backend {spec}: {error.name} is not installed; install it with: pip install"
+            f" 'ppy-rig[{extra}]'"
         ) from error
     return loaded
 
@@ -114,7 +114,7 @@ def _options(cls: type[Backend]) -> dict[str, inspect.Parameter]:
 
 
 def _check(spec: str, backend: Backend) -> None:
-    """Refuse a backend that does not say what it is, before anybody relies on it."""
+    """Refuse a backend without inputs, outputs or limits, or with limits of an unknown signal."""
     for attribute in ("inputs", "outputs", "limits"):
         if not isinstance(getattr(backend, attribute, None), Mapping):
             raise UserError(

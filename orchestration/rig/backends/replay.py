@@ -1,4 +1,4 @@
-"""A recorded file behind the interface of a backend: the rig does again what it did, whatever it is told."""
+"""Backend that plays back a record, whatever it is commanded."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from fmus.kit.units import parse
 from orchestration.records import Record, parse_mapping, read_record
 from orchestration.rig.backends.backend import Limit, Steppable
-from orchestration.rig.signals import KNOWN_LIMITS, SIGNALS, UNITS, commands, one_of, passed
+from orchestration.rig.signals import KNOWN_LIMITS, SIGNALS, UNITS, checked_step, commands, one_of
 
 _LONGEST = 86400.0  # s, of one step
 
 
 class Replay(Steppable):
-    """A record, from its first row.
+    """Playback of a record from its first row.
 
-    Its time starts with the first :meth:`write`, and is real until :meth:`advance` is called for the first time; from
-    then on it is the caller's. Commands are accepted and change nothing.
+    Its time starts with the first :meth:`write`, and is real until :meth:`advance` is called for
+    the first time; from then on it is the caller's. Commands are accepted and change nothing.
 
     Parameters
     ----------
@@ -30,10 +30,11 @@ class Replay(Steppable):
     signals : {"force-driven", "length-driven", "bench"}
         Names of inputs and outputs, unless these are given.
     inputs, outputs : str
-        Names with commas between them; one that is not known by name has its SI unit behind it: ``temperature[K]``.
-        Without them all of the signals are inputs, and those that the file has are outputs.
+        Names with commas between them; one that is not known by name has its SI unit behind it:
+        ``temperature[K]``. Without them all of the signals are inputs, and those that the file has
+        are outputs.
     at_end : {"hold", "loop", "fail"}
-        What the last row is followed by: itself, the first one, or an error.
+        Whether the last row is followed by itself, the first one, or an error.
     map : str
         ``column=signal`` with commas between them, for columns that have other names.
 
@@ -54,8 +55,8 @@ class Replay(Steppable):
     ) -> None:
         chosen = SIGNALS[one_of("signals", signals, SIGNALS)]
         self._at_end = one_of("at_end", at_end, ("hold", "loop", "fail"))
-        self.inputs = _named("inputs", inputs or ",".join(chosen.inputs))
-        wanted = _named("outputs", outputs or ",".join(chosen.outputs))
+        self.inputs = _signal_units("inputs", inputs or ",".join(chosen.inputs))
+        wanted = _signal_units("outputs", outputs or ",".join(chosen.outputs))
         columns = parse_mapping([part for part in map.split(",") if part.strip()])
         record = read_record(
             file, self.inputs | wanted, mapping=columns, required=list(wanted) if outputs else ()
@@ -71,7 +72,7 @@ class Replay(Steppable):
         self._values = {name: record.signals[name] for name in self.outputs}
         self._length = _length(record)
         self._time = 0.0
-        self._since: float | None = None  # of the clock, where time is real
+        self._since: float | None = None  # on the clock, where time is real
         self._stepped = False
 
     def read(self) -> Mapping[str, float]:
@@ -88,14 +89,16 @@ class Replay(Steppable):
         """
         if self._since is not None:
             now = time.perf_counter()
-            self._time, self._since = self._time + now - self._since, now
+            self._time = self._time + now - self._since
+            self._since = now
         at = self._time
         if at >= self._length:
             if self._at_end == "fail":
                 raise UserError(
                     f"{self._file}: the record is at its end after {self._length:.6g} s"
                 )
-            at = math.fmod(at, self._length) if self._at_end == "loop" else at
+            if self._at_end == "loop":
+                at = math.fmod(at, self._length)
         # rounding of many steps must not show the row before
         row = max(int(np.searchsorted(self._times, at + 1e-9, side="right")) - 1, 0)
         return {name: float(values[row]) for name, values in self._values.items()}
@@ -113,7 +116,7 @@ class Replay(Steppable):
             self._since = time.perf_counter()
 
     def advance(self, step: float) -> None:
-        """Go on by a step.
+        """Advance by a step.
 
         Parameters
         ----------
@@ -125,8 +128,9 @@ class Replay(Steppable):
         UserError
             If it is out of range.
         """
-        self._stepped, self._since = True, None
-        self._time += passed(step, _LONGEST)
+        self._stepped = True
+        self._since = None
+        self._time += checked_step(step, _LONGEST)
 
     def safe(self) -> None:
         """Do nothing: a record harms nobody."""
@@ -135,26 +139,31 @@ class Replay(Steppable):
         """Do nothing: the file has been read."""
 
 
-def _named(option: str, text: str) -> dict[str, str]:
-    """Return names and units of ``current,temperature[K]``."""
-    found: dict[str, str] = {}
-    for part in filter(None, (part.strip() for part in text.split(","))):
-        name, bracket, unit = part.partition("[")
-        name, unit = name.strip(), unit.removesuffix("]").strip()
-        if not bracket:
-            if name not in UNITS:
-                raise UserError(
-                    f"option {option}: {name} is not known by name; write its SI unit: {name}[K]"
-                )
+def _signal_units(option: str, text: str) -> dict[str, str]:
+    """Return names and units of signals such as ``current,temperature[K]``."""
+    signals: dict[str, str] = {}
+    for part in text.split(","):
+        if not part.strip():
+            continue
+        before, bracket, after = part.strip().partition("[")
+        name = before.strip()
+        if bracket:
+            unit = after.removesuffix("]").strip()
+        elif name in UNITS:
             unit = UNITS[name]
+        else:
+            raise UserError(
+                f"option {option}: {name} is not known by name; write its SI unit: {name}[K]"
+            )
         parse(unit)
-        found[name] = unit
-    if not found:
+        signals[name] = unit
+    if not signals:
         raise UserError(f"option {option} = {text!r}: names no signal")
-    return found
+    return signals
 
 
 def _length(record: Record) -> float:
-    """Return how long the record is, its last row held as long as rows usually are."""
+    """Return the duration of a record, s; its last row counts as long as rows usually are."""
     steps = np.diff(record.time)
-    return float(record.time[-1] - record.time[0] + (np.median(steps) if steps.size else 1.0))
+    last = np.median(steps) if steps.size else 1.0
+    return float(record.time[-1] - record.time[0] + last)

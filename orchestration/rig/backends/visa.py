@@ -1,4 +1,7 @@
-"""Bench instruments that understand messages (SCPI), such as a function generator that drives the galvanostat."""
+"""Backend of bench instruments that understand messages (SCPI), through VISA.
+
+A function generator that drives the galvanostat is one of them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import pyvisa
 from pyvisa.errors import Error
 from pyvisa.resources import MessageBasedResource
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.rig.backends.backend import Backend, Limit
 from orchestration.rig.calibration import Channel, Instrument, read_calibration
 from orchestration.rig.signals import commands
@@ -19,24 +22,26 @@ _MOST_ERRORS = 20  # that an instrument keeps
 
 
 class Visa(Backend):
-    """Instruments, as a calibration lists them. Opening sends them their setup.
+    """The instruments that a calibration lists; opening sends them their setup.
 
     Parameters
     ----------
     calibration : str
         A file, or the name of one that ships.
     library : str
-        Of VISA, as pyvisa names it: nothing for the one that is installed, ``@py`` for pyvisa-py.
+        Of VISA, as pyvisa names it: empty for the one that is installed, ``@py`` for pyvisa-py.
 
     Raises
     ------
     UserError
-        If the calibration is wrong, or there is no VISA library, or an instrument does not answer or reports an error.
+        If the calibration is wrong, or there is no VISA library, or an instrument does not answer
+        or reports an error.
     """
 
     def __init__(self, calibration: str = "thesis_generator", library: str = "") -> None:
         self._calibration = read_calibration(calibration)
-        self._ins, self._outs = self._calibration.inputs, self._calibration.outputs
+        self._ins = self._calibration.inputs
+        self._outs = self._calibration.outputs
         for channel in (*self._ins.values(), *self._outs.values()):
             if not channel.command:
                 raise UserError(
@@ -50,20 +55,18 @@ class Visa(Backend):
         self._manager: pyvisa.ResourceManager | None = None
         try:
             self._manager = pyvisa.ResourceManager(library)
-        except (
-            Exception
-        ) as error:  # pyvisa raises ValueError, OSError or its own, depending on what is missing
+        except Exception as error:  # ValueError, OSError or its own: what is missing decides
             raise UserError(
                 f"no VISA library: {_line(error)}; install one, or write library=@py"
             ) from error
         try:
-            for instrument in self._calibration.instruments.values():
-                self._open(instrument, self._manager)
+            for name, instrument in self._calibration.instruments.items():
+                self._open(name, instrument, self._manager)
         except BaseException:
             self.close()
             raise
 
-    def _open(self, instrument: Instrument, manager: pyvisa.ResourceManager) -> None:
+    def _open(self, name: str, instrument: Instrument, manager: pyvisa.ResourceManager) -> None:
         wait = round(1000 * instrument.timeout)
         try:
             session = manager.open_resource(
@@ -75,18 +78,18 @@ class Visa(Backend):
             )
         except Exception as error:  # of pyvisa, or of whichever library it uses
             raise UserError(
-                f"{instrument.name} ({instrument.resource}) cannot be opened: {_line(error)}"
+                f"{name} ({instrument.resource}) cannot be opened: {_line(error)}"
             ) from error
         if not isinstance(session, MessageBasedResource):
             session.close()
-            raise UserError(f"{instrument.name} ({instrument.resource}): understands no messages")
-        self._sessions[instrument.name] = session
+            raise UserError(f"{name} ({instrument.resource}): understands no messages")
+        self._sessions[name] = session
         for message in instrument.setup:
-            self._send(instrument.name, message)
-        self._check(instrument.name)
+            self._send(name, message)
+        self._check(name)
 
     def read(self) -> Mapping[str, float]:
-        """Ask every instrument; NaN where an answer makes no sense.
+        """Query every instrument; NaN where an answer makes no sense.
 
         Returns
         -------
@@ -115,17 +118,14 @@ class Visa(Backend):
         Raises
         ------
         UserError
-            If a command is missing, unknown, not finite or beyond its channel's range, which sends nothing, or an
-            instrument refuses one or does not answer.
+            If a command is missing, unknown, not finite or beyond its channel's range, which sends
+            nothing, or an instrument refuses one or does not answer.
         """
         checked = commands(values, self.inputs)
         messages = {name: _message(channel, checked[name]) for name, channel in self._ins.items()}
-        self._deliver(
-            {name: text for name, text in messages.items() if self._sent.get(name) != text}
-        )
-
-    def _deliver(self, messages: Mapping[str, str]) -> None:
         for name, message in messages.items():
+            if self._sent.get(name) == message:
+                continue
             place = self._ins[name].place
             self._sent.pop(name, None)
             self._send(place, message)
@@ -133,7 +133,7 @@ class Visa(Backend):
             self._sent[name] = message
 
     def safe(self) -> None:
-        """Send every safe value, and what an instrument wants beside it; each instrument has its turn.
+        """Send all safe values and messages; an instrument that fails does not stop the others.
 
         Raises
         ------
@@ -142,21 +142,21 @@ class Visa(Backend):
         """
         if not self._sessions:
             return
-        failed: list[UserError] = []
+        errors: list[UserError] = []
         for name, channel in self._ins.items():
             try:
                 self._insist(channel.place, _message(channel, channel.safe))
                 self._sent.pop(name, None)
             except UserError as error:
-                failed.append(error)
-        for instrument in self._calibration.instruments.values():
+                errors.append(error)
+        for name, instrument in self._calibration.instruments.items():
             for message in instrument.safe:
                 try:
-                    self._insist(instrument.name, message)
+                    self._insist(name, message)
                 except UserError as error:
-                    failed.append(error)
-        if failed:
-            raise failed[0]
+                    errors.append(error)
+        if errors:
+            raise errors[0]
 
     def _insist(self, place: str, message: str) -> None:
         """Send a message; if it does not get through, clear the interface and send it again."""
@@ -170,12 +170,14 @@ class Visa(Backend):
             self._check(place)
 
     def close(self) -> None:
-        """Let go of the instruments; they stay as they are."""
-        sessions, self._sessions = self._sessions, {}
+        """Close the sessions with the instruments, which stay as they are."""
+        sessions = self._sessions
+        self._sessions = {}
         for session in sessions.values():
             with suppress(Exception):
                 session.close()
-        manager, self._manager = self._manager, None
+        manager = self._manager
+        self._manager = None
         if manager is not None:
             with suppress(Exception):
                 manager.close()
@@ -201,10 +203,12 @@ class Visa(Backend):
             raise UserError(f"{place}: no answer to {message}: {_line(error)}") from error
 
     def _check(self, place: str) -> None:
-        """Ask an instrument for its errors until it has none left; the first is told."""
+        """Query an instrument for its errors until it has none left, and raise the first."""
         query = self._calibration.instruments[place].error
+        if not query:
+            return
         first = ""
-        for _ in range(_MOST_ERRORS if query else 0):
+        for _ in range(_MOST_ERRORS):
             answer = self._ask(place, query)
             if answer.lstrip("+-").split(",")[0].strip() == "0":
                 break

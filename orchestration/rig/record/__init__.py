@@ -1,1 +1,5 @@
-"""Drives a rig with the inputs of an experiment, without any model, and records what it does."""
+"""Records of a rig that is driven with the inputs of an experiment, without any model."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""A record of a rig as the results of an experiment are: signals with units and names, and how it came about."""
+"""Record of a rig as a dataset: signals with units and names, and how they were measured."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orchestration.experiment import results
-from orchestration.experiment.about import about_experiment, about_pace
-from orchestration.fmu.signal import Signal
-from orchestration.rig.record.drive import Recorded
-from orchestration.rig.record.plan import Plan
+from orchestration.experiment import about_experiment, about_pace, results
+from orchestration.fmu import Signal
+from orchestration.rig.record.driving import RecordedRun
+from orchestration.rig.record.planning import RecordingPlan
 
 if TYPE_CHECKING:
     import xarray
 
 
-def units(planned: Plan) -> dict[str, str]:
-    """Signals of a record in their order, and their units: inputs, outputs, and the age of each output."""
+def units(planned: RecordingPlan) -> dict[str, str]:
+    """Return the units of a record's signals in their order: inputs, outputs, ages of outputs."""
     return {**planned.inputs, **planned.outputs, **{f"{name}_age": "s" for name in planned.outputs}}
 
 
-def sketch(planned: Plan) -> xarray.Dataset:
-    """Return a first point without values, to see whether a file's format can hold such a record."""
-    return results.dataset(
-        planned.time[:1], {n: np.zeros(1) for n in units(planned)}, _signals(planned), (), {}
-    )
+def empty_dataset(planned: RecordingPlan) -> xarray.Dataset:
+    """Return a dataset of one point of zeros, to check that a file's format can hold the record."""
+    zeros = {name: np.zeros(1) for name in units(planned)}
+    return results.dataset(planned.time[:1], zeros, _signals(planned), (), {})
 
 
-def dataset(planned: Plan, recorded: Recorded, where: str, endpoint: str) -> xarray.Dataset:
-    """Gather a record.
+def dataset(
+    planned: RecordingPlan, recorded: RecordedRun, where: str, endpoint: str
+) -> xarray.Dataset:
+    """Return a record as a dataset.
 
     Parameters
     ----------
-    planned : Plan
-    recorded : Recorded
+    planned : RecordingPlan
+    recorded : RecordedRun
     where : str
         File or name of the experiment.
     endpoint : str
@@ -46,8 +46,8 @@ def dataset(planned: Plan, recorded: Recorded, where: str, endpoint: str) -> xar
     Returns
     -------
     xarray.Dataset
-        Inputs, outputs and the ages of outputs over time, with the attributes of results of ``ppy run``, as far as
-        there are any without a model.
+        Inputs, outputs and the ages of outputs over time, with the attributes of results of ``ppy
+        run``, as far as there are any without a model.
     """
     count = len(recorded.inputs)
     columns = np.hstack([recorded.inputs, recorded.outputs, recorded.ages]).T
@@ -69,7 +69,7 @@ def dataset(planned: Plan, recorded: Recorded, where: str, endpoint: str) -> xar
     )
 
 
-def _about_rig(planned: Plan, endpoint: str) -> dict[str, Any]:
+def _about_rig(planned: RecordingPlan, endpoint: str) -> dict[str, Any]:
     limits: Mapping[str, Any] = planned.limits
     return {
         "subject": f"the rig at {endpoint}",
@@ -82,7 +82,7 @@ def _about_rig(planned: Plan, endpoint: str) -> dict[str, Any]:
     }
 
 
-def _signals(planned: Plan) -> dict[str, Signal]:
+def _signals(planned: RecordingPlan) -> dict[str, Signal]:
     described = dict.fromkeys(planned.inputs, "As applied to the rig")
     described |= dict.fromkeys(planned.outputs, "As measured at the rig")
     described |= {f"{name}_age": f"Age of {name} when the rig sent it" for name in planned.outputs}

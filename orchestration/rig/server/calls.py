@@ -1,4 +1,4 @@
-"""Calls of a backend, which may raise whatever it likes, and what it may say of itself."""
+"""Calls of a backend, which may raise anything, and the check of what it says of itself."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, TypeVar
 
-from fmus.kit.errors import UserError
-from orchestration.rig.backends.backend import Backend
-from orchestration.rig.limit import Limit
-from orchestration.rig.server.board import SIGNALS, Description
+from fmus.kit import UserError
+from orchestration.rig.backends import Backend
+from orchestration.rig.server.shared_memory import SIGNALS, Description
+from orchestration.rig.signals import Limit
 
 _LONGEST = 200  # characters of somebody else's message
 Result = TypeVar("Result")
 
 
 class BackendError(Exception):
-    """A backend failed; the text says in which call and how, in one line."""
+    """A failure of a backend; the text says in one line in which call, and how."""
 
 
 def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
@@ -43,7 +43,7 @@ def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
     Raises
     ------
     BackendError
-        Whatever it raises.
+        In place of whatever it raises.
     """
     try:
         return function(*arguments)
@@ -54,17 +54,16 @@ def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
 
 
 @contextmanager
-def bounded(seconds: float) -> Iterator[None]:
-    """End this process, with exit status 1, if what is in the context takes too long: whatever holds it in a driver.
+def deadline(seconds: float) -> Iterator[None]:
+    """End this process with exit status 1 if the context lasts too long, even inside a driver.
 
     Parameters
     ----------
     seconds : float
     """
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        faulthandler.dump_traceback_later(
-            seconds, exit=True, file=nowhere
-        )  # a thread in C: it needs no lock of Python
+        # a thread in C, which needs no lock of Python
+        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
         try:
             yield
         finally:
@@ -72,7 +71,7 @@ def bounded(seconds: float) -> Iterator[None]:
 
 
 def leave(status: int) -> NoReturn:
-    """End this process, even if a thread that a driver has started goes on.
+    """End this process at once, even if a thread that a driver has started goes on.
 
     Parameters
     ----------
@@ -90,8 +89,8 @@ def _short(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Signals:
-    """What a backend says of itself.
+class BackendSignals:
+    """The signals of a backend, as it describes them.
 
     Attributes
     ----------
@@ -99,7 +98,7 @@ class Signals:
         Units.
     limits : dict of str to Limit
     notes : list of str
-        What else whoever started the server should know.
+        Further remarks for whoever started the server.
     """
 
     inputs: dict[str, str]
@@ -108,8 +107,8 @@ class Signals:
     notes: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, backend: Backend) -> Signals:
-        """Ask a backend, and check what it says.
+    def from_backend(cls, backend: Backend) -> BackendSignals:
+        """Read the description of a backend, and check it.
 
         Parameters
         ----------
@@ -117,7 +116,7 @@ class Signals:
 
         Returns
         -------
-        Signals
+        BackendSignals
 
         Raises
         ------
@@ -128,12 +127,13 @@ class Signals:
             "the backend's description",
             lambda: (dict(backend.inputs), dict(backend.outputs), dict(backend.limits)),
         )
-        for what, units in (("inputs", inputs), ("outputs", outputs)):
+        for kind, units in (("inputs", inputs), ("outputs", outputs)):
             if not all(isinstance(text, str) for pair in units.items() for text in pair):
-                raise BackendError(f"{what} of the backend must be names and units, both texts")
+                raise BackendError(f"{kind} of the backend must be names and units, both texts")
             if len(units) > SIGNALS:
-                raise BackendError(f"the backend has {len(units)} {what}; {SIGNALS} can be served")
-        if both := sorted(inputs.keys() & outputs.keys()):
+                raise BackendError(f"the backend has {len(units)} {kind}; {SIGNALS} can be served")
+        both = sorted(inputs.keys() & outputs.keys())
+        if both:
             raise BackendError(
                 f"the backend both commands and measures {', '.join(both)}; a signal is one of them"
             )
@@ -146,12 +146,11 @@ class Signals:
                 raise BackendError(
                     f"limits of {name} are no limits: {limit.min} to {limit.max}, {limit.rate}/s"
                 )
-        return cls(
-            inputs, outputs, {name: Limit(li.min, li.max, li.rate) for name, li in limits.items()}
-        )
+        plain = {name: Limit(one.min, one.max, one.rate) for name, one in limits.items()}
+        return cls(inputs, outputs, plain)
 
-    def record(self) -> Description:
-        """Write it for the board.
+    def to_record(self) -> Description:
+        """Return the description as a record for the shared memory.
 
         Returns
         -------
@@ -171,12 +170,11 @@ class Signals:
         return Description(text)
 
     @classmethod
-    def read(cls, record: Description) -> Signals:
-        """Read it from the board."""
-        inputs, outputs, limits, notes = json.loads(record.text.rstrip(b"\0"))
-        return cls(
-            inputs, outputs, {name: Limit(*bounds) for name, bounds in limits.items()}, notes
-        )
+    def from_record(cls, record: Description) -> BackendSignals:
+        """Return the description that a record of the shared memory has."""
+        inputs, outputs, bounds, notes = json.loads(record.text.rstrip(b"\0"))
+        limits = {name: Limit(*one) for name, one in bounds.items()}
+        return cls(inputs, outputs, limits, notes)
 
 
 def _are_limits(limit: Limit) -> bool:
@@ -186,13 +184,13 @@ def _are_limits(limit: Limit) -> bool:
         return False
 
 
-def reading(backend: Backend, signals: Signals) -> dict[str, float]:
-    """Read a backend.
+def measure(backend: Backend, signals: BackendSignals) -> dict[str, float]:
+    """Take a reading of a backend.
 
     Parameters
     ----------
     backend : Backend
-    signals : Signals
+    signals : BackendSignals
 
     Returns
     -------

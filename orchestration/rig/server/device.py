@@ -1,8 +1,9 @@
-"""The process that has the device: a loop at fixed times, which goes safe by itself.
+"""Device process of the server: a loop around the backend that goes safe by itself.
 
-It takes the newest command from the board, writes it, reads, and puts the sample on the board. When the newest command
-is too old, a measured value is beyond its limit or the backend raises, it brings the rig to its safe state and says so.
-A backend that raised is not used any more: the process ends, and another one opens it when an operator acknowledges.
+It takes the newest command from the shared memory, writes it, reads, and publishes the sample
+there, at fixed times. When the newest command is too old, a measured value is beyond its limit or
+the backend raises, it brings the rig to its safe state and says so. A backend that raised is not
+used any more: the process ends, and another one opens it when an operator acknowledges.
 """
 
 from __future__ import annotations
@@ -16,45 +17,52 @@ from multiprocessing.connection import wait
 from time import monotonic, sleep
 from typing import Any
 
-from orchestration.rig.backends.registry import open_backend
+from orchestration.rig.backends import open_backend
 from orchestration.rig.safety import MeasurementMonitor, expired
-from orchestration.rig.server.board import (
+from orchestration.rig.server.calls import (
+    BackendError,
+    BackendSignals,
+    call,
+    deadline,
+    leave,
+    measure,
+)
+from orchestration.rig.server.scheduling import Collector, Deadlines, prefer
+from orchestration.rig.server.settings import ServerSettings
+from orchestration.rig.server.shared_memory import (
     END,
     RUN,
     Beat,
-    Board,
     Command,
     Sample,
+    SharedMemory,
     Trip,
     pack,
     unpack,
     write_text,
 )
-from orchestration.rig.server.calls import BackendError, Signals, bounded, call, leave, reading
-from orchestration.rig.server.scheduling import Collector, Deadlines, prefer
-from orchestration.rig.server.settings import Settings
 
-_LOOK = 0.01  # s: while the device waits for its deadline it looks this often whether it is to go safe or to end
-SLEEP, ENDED = "sleep", "ended"  # what a beat says beside the call of the backend that it is in
-_LONGEST_END = (
-    5.0  # s that the last calls of the backend may take if nobody is left to kill this process
-)
-_ALONE = Command(END)  # what holds when nothing can be read, which does not happen
+# s: while the device waits for its deadline it looks this often whether it is to go safe or to end
+_LOOK = 0.01
+SLEEP = "sleep"  # besides calls of the backend, what the device may be doing
+ENDED = "ended"
+# s that the last calls of the backend may take if nobody remains to kill this process
+_LONGEST_END = 5.0
+_END = Command(END)  # the order that holds when none can be read, which does not happen
 
 
-def main(settings: Settings, memory: Any) -> None:
+def main(settings: ServerSettings, memory: Any) -> None:
     """Run the process.
 
     Parameters
     ----------
-    settings : Settings
+    settings : ServerSettings
     memory : ctypes array
-        Of the board.
+        Shared with front and guard.
     """
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # of a terminal, to all at once; the front tells us when to end
-    device = Device(settings, Board(memory))
+    # in a terminal it goes to all processes at once; the front says when this one is to end
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    device = Device(settings, SharedMemory(memory))
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, device.end)
     device.run(prefer(settings.priority, settings.cpu))
@@ -62,7 +70,9 @@ def main(settings: Settings, memory: Any) -> None:
 
 
 def look(watchdog: float) -> float:
-    """How long the device may sleep at once: the guard holds one that is silent for too long to hang.
+    """Return the longest time that the device may sleep at once.
+
+    The guard takes one that is silent for too long to hang.
 
     Parameters
     ----------
@@ -78,18 +88,20 @@ def look(watchdog: float) -> float:
 
 
 class Device:
-    """A backend, driven in real time from a board.
+    """A backend that is driven in real time from the shared memory.
 
     Parameters
     ----------
-    settings : Settings
-    board : Board
+    settings : ServerSettings
+    shared : SharedMemory
     """
 
-    def __init__(self, settings: Settings, board: Board) -> None:
-        self._settings, self._board = settings, board
-        self._told_to_end = False
-        self._opened = self._safe = False
+    def __init__(self, settings: ServerSettings, shared: SharedMemory) -> None:
+        self._settings = settings
+        self._shared = shared
+        self._ending = False
+        self._opened = False
+        self._safe = False
         self._tripped: int | None = None  # acknowledgements so far when the rig went safe by itself
         self._applied: tuple[float, ...] = ()
         self._number = 0
@@ -97,21 +109,21 @@ class Device:
         self._look = look(settings.watchdog)
 
     def end(self, *_: object) -> None:
-        """Let the loop end in the safe state."""
-        self._told_to_end = True
+        """End the loop, with the rig in its safe state."""
+        self._ending = True
 
     def run(self, notes: Sequence[str] = ()) -> None:
-        """Open the backend, serve it until told to end, and leave the rig in its safe state.
+        """Open the backend, serve it until it is to end, and leave the rig in its safe state.
 
         Parameters
         ----------
         notes : sequence of str
-            What else whoever started the server should know.
+            Further remarks for whoever started the server.
         """
         try:
             self._open(notes)
             self._loop()
-            with bounded(_LONGEST_END):
+            with deadline(_LONGEST_END):
                 self._rest()
                 self._call("close()", self._backend.close)
         except BackendError as error:
@@ -121,7 +133,7 @@ class Device:
     def _open(self, notes: Sequence[str]) -> None:
         settings = self._settings
         self._backend = self._call("opening", open_backend, settings.backend, settings.options)
-        self._signals = Signals.of(self._backend)
+        self._signals = BackendSignals.from_backend(self._backend)
         self._signals.notes.extend(notes)
         self._rest()
         self._monitor = MeasurementMonitor(
@@ -131,7 +143,7 @@ class Device:
         self._taken = [0.0] * len(self._signals.outputs)
         self._applied = (0.0,) * len(self._signals.inputs)
         self._deadlines = Deadlines(settings.period, monotonic())
-        self._board.description.write(self._signals.record())
+        self._shared.description.write(self._signals.to_record())
         self._tick(self._command())
         self._opened = True
 
@@ -142,7 +154,10 @@ class Device:
             collector.collect(monotonic())
 
     def _wait(self) -> Command:
-        """Sleep until the next deadline or until the command expires; shorter if the rig is to rest or to end."""
+        """Sleep until the next deadline, and return the newest command.
+
+        The sleep ends earlier if the command expires, the rig is to rest or the process is to end.
+        """
         self._deadlines.advance(monotonic())
         while True:
             command = self._command()
@@ -157,20 +172,22 @@ class Device:
             sleep(min(until - now, self._look))
 
     def _command(self) -> Command:
+        """Return the newest command, or the order to end."""
         now = monotonic()
-        if (
-            now - self._looked > _LOOK
-        ):  # a look takes some 20 microseconds, a thousand periods a second have not that
+        # a look takes some 20 microseconds, which a thousand periods a second cannot spare
+        if now - self._looked > _LOOK:
             self._looked = now
-            parent, watch = parent_process(), self._board.watch.read()
-            if (parent is not None and wait([parent.sentinel], 0)) or (
-                watch is not None and watch.ending
-            ):
-                self._told_to_end = True
-        return _ALONE if self._told_to_end else self._board.command.read() or _ALONE
+            parent = parent_process()
+            watch = self._shared.watch.read()
+            guard_is_gone = parent is not None and wait([parent.sentinel], 0)
+            if guard_is_gone or (watch is not None and watch.ending):
+                self._ending = True
+        if self._ending:
+            return _END
+        return self._shared.command.read() or _END
 
     def _tick(self, command: Command) -> None:
-        """Command, measure, publish."""
+        """Command, measure and publish."""
         if self._tripped != command.acknowledged:
             self._tripped = None
         if command.order != RUN or self._tripped is not None:
@@ -181,7 +198,7 @@ class Device:
             self._write(unpack(command.values, len(self._applied)))
         now = monotonic()
         self._beat("read()", now)
-        measured = reading(self._backend, self._signals)
+        measured = measure(self._backend, self._signals)
         reason = self._monitor.check(measured, now)
         if reason and self._tripped is None:
             self._trip(command.acknowledged, reason)
@@ -189,9 +206,8 @@ class Device:
 
     def _write(self, values: tuple[float, ...]) -> None:
         self._safe = False
-        self._call(
-            "write()", self._backend.write, dict(zip(self._signals.inputs, values, strict=True))
-        )
+        commands = dict(zip(self._signals.inputs, values, strict=True))
+        self._call("write()", self._backend.write, commands)
         self._applied = values
 
     def _rest(self) -> None:
@@ -202,6 +218,7 @@ class Device:
             self._applied = (0.0,) * len(self._applied)
 
     def _trip(self, acknowledged: int, reason: str) -> None:
+        """Go safe by itself, and stay safe until the next acknowledgement."""
         self._tripped = acknowledged
         try:
             self._rest()
@@ -210,7 +227,7 @@ class Device:
         self._report(reason, reached=True, ended=False)
 
     def _fail(self, reason: str) -> None:
-        """Go safe with a backend that raised, if it still can; else it is the guard's turn."""
+        """Go safe with a backend that raised, if that is still possible; else the guard has to."""
         self._safe = False
         if hasattr(self, "_backend"):
             try:
@@ -221,19 +238,20 @@ class Device:
         self._report(reason, reached=self._safe, ended=True)
 
     def _report(self, reason: str, *, reached: bool, ended: bool) -> None:
-        self._board.trip.write(Trip(monotonic(), reached, ended, write_text(reason)))
+        self._shared.trip.write(Trip(monotonic(), reached, ended, write_text(reason)))
 
     def _publish(self, measured: dict[str, float], now: float) -> None:
         for k, value in enumerate(measured.values()):
             if isfinite(value):
-                self._values[k], self._taken[k] = value, now
+                self._values[k] = value
+                self._taken[k] = now
         self._number += 1
         packed = map(pack, (self._applied, self._values, self._taken))
-        self._board.sample.write(Sample(self._number, now, self._deadlines.missed, *packed))
+        self._shared.sample.write(Sample(self._number, now, self._deadlines.missed, *packed))
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
         self._beat(name, monotonic())
         return call(name, function, *arguments)
 
     def _beat(self, where: str, now: float) -> None:
-        self._board.beat.write(Beat(now, os.getpid(), self._opened, self._safe, where.encode()))
+        self._shared.beat.write(Beat(now, os.getpid(), self._opened, self._safe, where.encode()))

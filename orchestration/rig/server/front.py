@@ -1,4 +1,4 @@
-"""The process that speaks with clients: takes what arrives, answers at once, publishes, heeds signals."""
+"""Front process of the server: it answers clients, publishes telemetry and heeds signals."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import Any
 
 import zmq
 
-from fmus.rig_proxy.protocol import REQUESTS, ProtocolError, decode
-from orchestration.rig.server.desk import Desk
+from fmus.rig_proxy import REQUESTS, ProtocolError, decode
 from orchestration.rig.server.lockstep import LockstepRig
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.real_time import RealTimeRig
+from orchestration.rig.server.request_handler import RequestHandler
 from orchestration.rig.server.rig import Rig
 from orchestration.rig.server.scheduling import Collector
-from orchestration.rig.server.settings import Settings
+from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import Sockets, opened
 
 _LONGEST_WAIT = 10  # ms for a message, before whatever else there is to do
@@ -27,19 +27,19 @@ _TELEMETRY = 1 / 30  # s between two samples that are published, at least
 _SILENCE = 0.2  # s between two messages of telemetry, at most
 
 
-class Signals:
-    """What the operating system asked for."""
+class ReceivedSignals:
+    """Names of the signals of the operating system that ask to end or to stop; empty without."""
 
     ending = ""
     stopping = ""
 
 
-def serve(settings: Settings) -> int:
-    """Serve a rig until told to end.
+def serve(settings: ServerSettings) -> int:
+    """Serve a rig until a signal ends it.
 
     Parameters
     ----------
-    settings : Settings
+    settings : ServerSettings
 
     Returns
     -------
@@ -53,14 +53,14 @@ def serve(settings: Settings) -> int:
     """
     log = EventLog(settings.log)
     try:
-        with heeded() as signals, opened(settings, log.tell) as sockets:
+        with received_signals() as signals, opened(settings, log.tell) as sockets:
             rig: Rig = LockstepRig(settings) if settings.lockstep else RealTimeRig(settings)
             trouble = "the server failed"
             try:
                 log.tell(_ready(settings, sockets, rig))
                 for note in rig.signals.notes:
                     log.tell(note)
-                Front(sockets, Desk(rig, settings.period, log), log, signals).run()
+                Front(sockets, RequestHandler(rig, settings.period, log), log, signals).run()
             finally:
                 trouble = rig.close()
                 if trouble:
@@ -73,36 +73,40 @@ def serve(settings: Settings) -> int:
 
 
 class Front:
-    """The loop around the two sockets.
+    """The loop around the two sockets of the server.
 
     Parameters
     ----------
     sockets : Sockets
-    desk : Desk
+    handler : RequestHandler
     log : EventLog
-    signals : Signals
+    signals : ReceivedSignals
     """
 
-    def __init__(self, sockets: Sockets, desk: Desk, log: EventLog, signals: Signals) -> None:
-        self._sockets, self._desk, self._log, self._signals = sockets, desk, log, signals
-        self._looked = self._published = 0.0
+    def __init__(
+        self, sockets: Sockets, handler: RequestHandler, log: EventLog, signals: ReceivedSignals
+    ) -> None:
+        self._sockets = sockets
+        self._handler = handler
+        self._log = log
+        self._signals = signals
+        self._looked = 0.0
+        self._published = 0.0
         self._number = -1
         sockets.requests.rcvtimeo = _LONGEST_WAIT
 
     def run(self) -> None:
-        """Serve until told to end."""
+        """Serve until a signal ends it."""
         collector = Collector()
         while not self._signals.ending:
             self._take_messages()
-            if (
-                self._signals.ending
-            ):  # the same signal may have ended the guard, which is no trouble then
+            if self._signals.ending:  # it may have ended the guard, too, which is no trouble then
                 break
             now = monotonic()
             if self._signals.stopping:
-                self._desk.stop(self._signals.stopping)
+                self._handler.stop(self._signals.stopping)
                 self._signals.stopping = ""
-            self._desk.supervise()
+            self._handler.supervise()
             self._publish(now)
             if now - self._looked > 0.1:
                 self._looked = now
@@ -110,7 +114,7 @@ class Front:
             collector.collect(now)
 
     def _take_messages(self) -> None:
-        """Take all that has arrived; of exchanges that wait only the newest is carried out."""
+        """Take all messages that have arrived; of waiting exchanges carry out only the newest."""
         waiting: tuple[bytes, dict[str, Any]] | None = None
         flags = 0
         for _ in range(_AT_ONCE):
@@ -127,11 +131,11 @@ class Front:
                 continue
             if waiting is not None:
                 before = waiting[1]
-                if message["sequence"] <= before["sequence"] and self._desk.supersedes(
+                if message["sequence"] <= before["sequence"] and self._handler.supersedes(
                     before, message
                 ):
                     continue
-                if not self._desk.supersedes(message, before):
+                if not self._handler.supersedes(message, before):
                     self._answer(*waiting)
             waiting = (frames[0], message)
         if waiting is not None:
@@ -142,15 +146,15 @@ class Front:
             if len(frames) != 2:
                 raise ProtocolError(f"a message of {len(frames) - 1} frames; it must be one")
             message = decode(frames[1], REQUESTS)
-            self._desk.check(message)
+            self._handler.check(message)
         except ProtocolError as error:
-            self._desk.counts["malformed"] += 1
+            self._handler.counts["malformed"] += 1
             self._log.tell(f"dropped {error}", "malformed")
             return None
         return message
 
     def _answer(self, peer: bytes, message: dict[str, Any]) -> None:
-        reply = self._desk.answer(peer, message)
+        reply = self._handler.answer(peer, message)
         if reply is not None:
             try:
                 self._sockets.requests.send_multipart([peer, reply], zmq.NOBLOCK)
@@ -160,15 +164,16 @@ class Front:
     def _publish(self, now: float) -> None:
         if now - self._published < _TELEMETRY:
             return
-        number = self._desk.sample_number()
+        number = self._handler.sample_number()
         if number != self._number or now - self._published > _SILENCE:
-            self._published, self._number = now, number
-            self._sockets.telemetry.send(self._desk.telemetry(), zmq.NOBLOCK)
+            self._published = now
+            self._number = number
+            self._sockets.telemetry.send(self._handler.telemetry(), zmq.NOBLOCK)
 
     def _count_turned_away(self) -> None:
         number = self._sockets.turned_away()
         if number:
-            self._desk.counts["turned away"] += number
+            self._handler.counts["turned away"] += number
             self._log.tell(
                 "a peer was turned away: it has no key, a wrong one, or speaks no ZeroMQ",
                 "turned away",
@@ -176,14 +181,14 @@ class Front:
 
 
 @contextmanager
-def heeded() -> Iterator[Signals]:
+def received_signals() -> Iterator[ReceivedSignals]:
     """Take note of Ctrl-C, SIGTERM and SIGUSR1 while the context lasts.
 
     Yields
     ------
-    Signals
+    ReceivedSignals
     """
-    signals = Signals()
+    signals = ReceivedSignals()
 
     def end(number: int, frame: object) -> None:
         signals.ending = signal.Signals(number).name
@@ -191,36 +196,35 @@ def heeded() -> Iterator[Signals]:
     def stop(number: int, frame: object) -> None:
         signals.stopping = signal.Signals(number).name
 
-    wanted = {"SIGINT": end, "SIGTERM": end, "SIGBREAK": end, "SIGHUP": end, "SIGUSR1": stop}
-    there = {
-        getattr(signal, name): handler for name, handler in wanted.items() if hasattr(signal, name)
-    }
+    handlers = {"SIGINT": end, "SIGTERM": end, "SIGBREAK": end, "SIGHUP": end, "SIGUSR1": stop}
+    there = {}  # on this platform
+    for name, handler in handlers.items():
+        if hasattr(signal, name):
+            there[getattr(signal, name)] = handler
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # nohup
         del there[signal.SIGHUP]
     before = {number: signal.signal(number, handler) for number, handler in there.items()}
     try:
         yield signals
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, previous in before.items():
+            signal.signal(number, previous)
 
 
-def _ready(settings: Settings, sockets: Sockets, rig: Rig) -> str:
-    """Say in one line what is served, where, and what is allowed."""
+def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
+    """Return a line about what is served, where, and what is allowed."""
     signals = rig.signals
     pace = "lockstep, no watchdog"
     if rig.watchdog:
         pace = f"real time at {settings.rate:g} Hz, watchdog {rig.watchdog:g} s"
 
     def listed(units: dict[str, str]) -> str:
-        return (
-            ", ".join(f"{name} [{unit}]{_limits(rig, name)}" for name, unit in units.items())
-            or "nothing"
-        )
+        items = [f"{name} [{unit}]{_limits(rig, name)}" for name, unit in units.items()]
+        return ", ".join(items) or "nothing"
 
     return (
-        f"ready: {sockets.endpoint} (telemetry {sockets.telemetry_endpoint}), {settings.backend}, {pace}; "
-        f"commands {listed(signals.inputs)}; measures {listed(signals.outputs)}"
+        f"ready: {sockets.endpoint} (telemetry {sockets.telemetry_endpoint}), {settings.backend},"
+        f" {pace}; commands {listed(signals.inputs)}; measures {listed(signals.outputs)}"
     )
 
 
@@ -228,5 +232,9 @@ def _limits(rig: Rig, name: str) -> str:
     limit = rig.signals.limits.get(name)
     if limit is None:
         return ""
-    text = f" {limit.min:g} to {limit.max:g}" if isfinite(limit.min) or isfinite(limit.max) else ""
-    return text + (f" at most {limit.rate:g}/s" if isfinite(limit.rate) else "")
+    text = ""
+    if isfinite(limit.min) or isfinite(limit.max):
+        text += f" {limit.min:g} to {limit.max:g}"
+    if isfinite(limit.rate):
+        text += f" at most {limit.rate:g}/s"
+    return text

@@ -1,26 +1,25 @@
-"""A rig that waits for the client: an emulated one, stepped in the process of the front."""
+"""A rig in lockstep with its client: an emulated one, stepped in the process of the front."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
 
-from fmus.kit.errors import UserError
-from fmus.rig_proxy.protocol import LOCKSTEP
-from orchestration.rig.backends.backend import Backend, Steppable
-from orchestration.rig.backends.registry import backend_class, open_backend
+from fmus.kit import UserError
+from fmus.rig_proxy import LOCKSTEP
+from orchestration.rig.backends import Backend, Steppable, backend_class, open_backend
 from orchestration.rig.safety import MeasurementMonitor
-from orchestration.rig.server.calls import BackendError, Signals, call, reading
-from orchestration.rig.server.rig import State, cannot_open
-from orchestration.rig.server.settings import Settings
+from orchestration.rig.server.calls import BackendError, BackendSignals, call, measure
+from orchestration.rig.server.rig import RigState, cannot_open
+from orchestration.rig.server.settings import ServerSettings
 
 
 class LockstepRig:
-    """A backend whose time is the client's; there is nothing to watch over.
+    """A backend whose time the client advances; there is nothing to watch over.
 
     Parameters
     ----------
-    settings : Settings
+    settings : ServerSettings
 
     Raises
     ------
@@ -31,10 +30,11 @@ class LockstepRig:
     mode = LOCKSTEP
     watchdog = 0.0
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: ServerSettings) -> None:
         if not issubclass(backend_class(settings.backend), Steppable):
             raise UserError(
-                f"--lockstep: the time of {settings.backend} is its own; emulator and replay can wait"
+                f"--lockstep: the time of {settings.backend} is its own; emulator and replay can"
+                " wait"
             )
         self._settings = settings
         self._troubles: list[str] = []
@@ -49,8 +49,9 @@ class LockstepRig:
         self._backend: Backend = call(
             "opening", open_backend, self._settings.backend, self._settings.options
         )
-        self._failed = self._resting = False
-        self.signals = Signals.of(self._backend)
+        self._failed = False
+        self._resting = False
+        self.signals = BackendSignals.from_backend(self._backend)
         self._measured = dict.fromkeys(self.signals.outputs, nan)
         self._monitor = MeasurementMonitor(
             self.signals.outputs, self.signals.limits, self._settings.watchdog
@@ -62,17 +63,15 @@ class LockstepRig:
         self._read()
 
     def clock(self) -> float:
-        """Time of the rig: the sum of all steps in s."""
+        """Return the time of the rig: the sum of all steps, s."""
         return self._clock
 
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input."""
-        self._applied, self._resting = tuple(values), False
-        self._guarded(
-            lambda: call(
-                "write()", self._backend.write, dict(zip(self.signals.inputs, values, strict=True))
-            )
-        )
+        self._applied = tuple(values)
+        self._resting = False
+        commands = dict(zip(self.signals.inputs, values, strict=True))
+        self._guarded(lambda: call("write()", self._backend.write, commands))
 
     def advance(self, step: float) -> None:
         """Let time pass with the commands held, then read.
@@ -95,28 +94,32 @@ class LockstepRig:
             self._troubles.append(reason)
 
     def _read(self) -> None:
-        self._measured = reading(self._backend, self.signals)
+        self._measured = measure(self._backend, self.signals)
         for k, value in enumerate(self._measured.values()):
             if isfinite(value):
-                self._values[k], self._taken[k] = value, self._clock
+                self._values[k] = value
+                self._taken[k] = self._clock
         self._number += 1
 
-    def rest(self) -> None:
+    def go_safe(self) -> None:
         """Go to the safe state."""
         if not self._resting:
             self._guarded(self._safe)
 
     def _safe(self) -> None:
         call("safe()", self._backend.safe)
-        self._applied, self._resting = (0.0,) * len(self.signals.inputs), True
+        self._applied = (0.0,) * len(self.signals.inputs)
+        self._resting = True
 
     def _guarded(self, work: Callable[[], None]) -> None:
+        """Do something with the backend, and go safe if it raises."""
         if self._failed:
             return
         try:
             work()
         except BackendError as error:
-            self._failed, reason = True, str(error)
+            self._failed = True
+            reason = str(error)
             try:
                 self._safe()
             except BackendError as second:
@@ -124,7 +127,7 @@ class LockstepRig:
             self._troubles.append(reason)
 
     def release(self) -> None:
-        """Serve again; a backend that failed is opened anew."""
+        """Serve again, with a backend that failed opened anew."""
         if self._failed:
             try:
                 self._open()
@@ -133,17 +136,18 @@ class LockstepRig:
                 self._troubles.append(str(error))
 
     def opening(self) -> str:
-        """Say nothing: there is nothing to wait for."""
+        """Return an empty text, for there is nothing to wait for."""
         return ""
 
     def troubles(self) -> list[str]:
-        """Say what failed or was beyond its limit since this was last asked."""
-        found, self._troubles = self._troubles, []
-        return found
+        """Return what failed or was beyond its limit since the last call."""
+        troubles = self._troubles
+        self._troubles = []
+        return troubles
 
-    def state(self) -> State:
-        """Take the newest sample."""
-        return State(self._number, self._applied, tuple(self._values), tuple(self._taken), 0)
+    def state(self) -> RigState:
+        """Return the newest sample."""
+        return RigState(self._number, self._applied, tuple(self._values), tuple(self._taken), 0)
 
     def close(self) -> str:
         """End in the safe state."""

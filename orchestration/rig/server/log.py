@@ -1,4 +1,4 @@
-"""What happens, one line each with wall time: to standard output and into a file, without ever waiting for either."""
+"""Event log of the server: lines with wall time, to standard output and a file, never waiting."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from threading import Thread
 from time import monotonic
 from typing import TextIO
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 
 _LONGEST_QUEUE = 1000  # lines that wait for a terminal that does not take them
 _LONGEST_LINE = 1000  # characters
@@ -22,7 +22,9 @@ _PAUSE = 1.0  # s between two lines of one kind, where a kind is given
 
 
 class EventLog:
-    """Lines, each place of them written by a thread: who writes into a pipe that nobody reads waits for ever.
+    """Log of events, one line each.
+
+    Each destination has a thread that writes to it: a pipe that nobody reads would block for ever.
 
     Parameters
     ----------
@@ -39,16 +41,16 @@ class EventLog:
 
     def __init__(self, path: Path | None = None, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
-        self._told: dict[str, float] = {}
+        self._newest: dict[str, float] = {}
         self._withheld: dict[str, int] = {}
-        self._places = [_Place(sys.stdout)]
+        self._destinations = [_Destination(sys.stdout)]
         if path is not None:
             try:
                 file = path.open("a", encoding="utf-8")
             except OSError as error:
                 raise UserError(f"--log {path}: {error.strerror}") from error
-            self._places.append(
-                _Place(
+            self._destinations.append(
+                _Destination(
                     file, lambda error: self.tell(f"--log {path} is not written any more: {error}")
                 )
             )
@@ -60,38 +62,39 @@ class EventLog:
         ----------
         text : str
         kind : str
-            Of those alike, at most one a second is written, with the number of those in between.
+            Of one kind at most one line a second is written, with the number of those left out.
         """
         now = self._clock()
         if kind:
-            if now - self._told.get(kind, -inf) < _PAUSE:
+            if now - self._newest.get(kind, -inf) < _PAUSE:
                 self._withheld[kind] = self._withheld.get(kind, 0) + 1
                 return
-            self._told[kind] = now
+            self._newest[kind] = now
             more = self._withheld.pop(kind, 0)
             text = f"{text} (and {more} like it before)" if more else text
-        shown = "".join(
-            c if c.isprintable() else "?" for c in " ".join(text.split())[:_LONGEST_LINE]
-        )  # of strangers, too
+        # a text may be a stranger's, too
+        one_line = " ".join(text.split())[:_LONGEST_LINE]
+        shown = "".join(c if c.isprintable() else "?" for c in one_line)
         line = f"{datetime.now().isoformat(' ', 'milliseconds')} {shown}\n"
-        for place in self._places:
-            place.put(line)
+        for destination in self._destinations:
+            destination.put(line)
 
     def close(self) -> None:
-        """Write what is left, for as long as that may take."""
+        """Write the lines that remain, within a bounded time."""
         for kind, number in self._withheld.items():
             self.tell(f"{kind}: {number} more")
-        for place in self._places:
-            place.close()
+        for destination in self._destinations:
+            destination.close()
 
 
-class _Place:
-    """Where lines go to, until that fails."""
+class _Destination:
+    """A stream that a thread writes lines to, until that fails."""
 
     def __init__(
         self, stream: TextIO, failed: Callable[[Exception], None] = lambda error: None
     ) -> None:
-        self._stream, self._failed = stream, failed
+        self._stream = stream
+        self._failed = failed
         self._lines: Queue[str | None] = Queue(_LONGEST_QUEUE)
         self._closing = False
         self._writer = Thread(target=self._write, daemon=True, name="log")

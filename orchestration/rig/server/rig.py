@@ -1,4 +1,4 @@
-"""The rig as the front sees it, whether its time is real or the client's."""
+"""Interface of a rig as the front sees it, whether its time is real or the client's."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from fmus.kit.errors import UserError
-from orchestration.rig.server.calls import Signals
-from orchestration.rig.server.settings import Settings
+from fmus.kit import UserError
+from orchestration.rig.server.calls import BackendSignals
+from orchestration.rig.server.settings import ServerSettings
 
 
 @dataclass(frozen=True)
-class State:
-    """The newest sample.
+class RigState:
+    """The newest sample of a rig.
 
     Attributes
     ----------
     number : int
         Counts the samples.
     applied : tuple of float
-        What is commanded, by input; zero in the safe state.
+        The command of each input; zero in the safe state.
     values : tuple of float or None
         The newest finite value of every output.
     taken : tuple of float
@@ -36,7 +36,7 @@ class State:
     missed: int
 
     def ages(self, now: float) -> list[float | None]:
-        """How old each value is.
+        """Return the age of each value.
 
         Parameters
         ----------
@@ -46,7 +46,7 @@ class State:
         Returns
         -------
         list of float or None
-            In s; None for a value that there is not.
+            In s; None where there is no value.
         """
         return [
             None if value is None else max(0.0, now - then)
@@ -55,7 +55,7 @@ class State:
 
 
 class Rig(Protocol):
-    """What the front asks of a rig.
+    """A rig in real time or in lockstep.
 
     Attributes
     ----------
@@ -63,15 +63,15 @@ class Rig(Protocol):
         Of the protocol.
     watchdog : float
         In s; 0 if there is none.
-    signals : Signals
+    signals : BackendSignals
     """
 
     mode: str
     watchdog: float
-    signals: Signals
+    signals: BackendSignals
 
     def clock(self) -> float:
-        """Time of the rig in s."""
+        """Return the time of the rig, s."""
         ...
 
     def apply(self, values: Sequence[float], now: float) -> None:
@@ -82,24 +82,27 @@ class Rig(Protocol):
         """Let time pass, if it is the client's."""
         ...
 
-    def rest(self) -> None:
+    def go_safe(self) -> None:
         """Go to the safe state."""
         ...
 
     def release(self) -> None:
-        """Serve again after a safe state that was latched; it may take a while until :meth:`opening` is empty."""
+        """Begin to serve again after a latched safe state.
+
+        It may take a while, until :meth:`opening` returns an empty text.
+        """
         ...
 
     def opening(self) -> str:
-        """Why the rig cannot be used yet; empty if it can."""
+        """Return the reason for which the rig cannot be used yet; empty if it can."""
         ...
 
     def troubles(self) -> list[str]:
-        """Say what made the rig go safe by itself since this was last asked, the newest last."""
+        """Return what made the rig go safe by itself since the last call, the newest last."""
         ...
 
-    def state(self) -> State:
-        """Take the newest sample."""
+    def state(self) -> RigState:
+        """Return the newest sample."""
         ...
 
     def close(self) -> str:
@@ -108,12 +111,12 @@ class Rig(Protocol):
         Returns
         -------
         str
-            Why that was not reached; empty if it was.
+            The reason for which it was not reached; empty if it was.
         """
         ...
 
 
-def cannot_open(settings: Settings, reason: str) -> UserError:
-    """Say that a backend cannot be served."""
+def cannot_open(settings: ServerSettings, reason: str) -> UserError:
+    """Return the error that a backend cannot be served; the caller raises it."""
     named = f"backend {settings.backend}: "
     return UserError(named + reason.removeprefix(named))

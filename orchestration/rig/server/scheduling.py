@@ -1,4 +1,8 @@
-"""Real time as far as the system allows: absolute deadlines, priority, a core of its own, no garbage collection."""
+"""Scheduling in real time, as far as the system allows it.
+
+Deadlines are absolute, a process has a priority and a core of its own, and garbage is collected by
+hand.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from math import floor
 
 
 class Deadlines:
-    """Deadlines a period apart, which never drift: what is missed is left out, and counted.
+    """Deadlines a period apart, which never drift; those that are missed are skipped and counted.
 
     Parameters
     ----------
@@ -22,12 +26,15 @@ class Deadlines:
     next : float
         The next one: always a whole number of periods from the start.
     missed : int
-        How many were left out.
+        How many were skipped.
     """
 
     def __init__(self, period: float, start: float) -> None:
-        self._period, self._start, self._number = period, start, 0
-        self.next, self.missed = start, 0
+        self._period = period
+        self._start = start
+        self._number = 0
+        self.next = start
+        self.missed = 0
 
     def advance(self, now: float) -> None:
         """Go on to the first deadline after this one that is not over yet.
@@ -44,7 +51,10 @@ class Deadlines:
 
 
 class Collector:
-    """Garbage collection by hand, between two deadlines; what is alive now is never looked at again."""
+    """Garbage collection by hand, between two deadlines.
+
+    Objects that are alive when it is made are never looked at again.
+    """
 
     _EVERY = 1.0  # s: so few objects are made in between that it takes some 10 microseconds
 
@@ -55,7 +65,7 @@ class Collector:
         self._last = 0.0
 
     def collect(self, now: float) -> None:
-        """Collect what is garbage, once a second at most.
+        """Collect garbage, once a second at most.
 
         Parameters
         ----------
@@ -80,7 +90,7 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
     Returns
     -------
     list of str
-        What could not be had, and why.
+        Lines about what could not be had, and why.
     """
     notes = []
     if priority is not None:

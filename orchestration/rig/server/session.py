@@ -1,4 +1,4 @@
-"""One client and what the rig is to do for it: who may command, with what, and until when."""
+"""Session of a client: who may command the rig, with which signals, and until when."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ from dataclasses import dataclass, field
 from secrets import token_hex
 from typing import Any
 
-from fmus.kit.errors import suggestion
-from orchestration.rig.server.calls import Signals
+from fmus.kit import suggestion
+from orchestration.rig.server.calls import BackendSignals
 
 _FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
-_SILENCE = (
-    2.0  # s, in lockstep, after which another client may take the place of one that says nothing
-)
+_SILENCE = 2.0  # s, in lockstep, after which another client may replace one that says nothing
 
 
 @dataclass
 class Session:
-    """A client that was accepted.
+    """The session of a client that was accepted.
 
     Attributes
     ----------
@@ -56,7 +54,7 @@ class Session:
         self.heard = self.begun
 
     def repeats(self, message: Mapping[str, Any], counts: dict[str, int]) -> bool:
-        """Whether an exchange came before, or was overtaken; it is counted then."""
+        """Return True, and count it, if an exchange came before or was overtaken."""
         sequence = message["sequence"]
         if sequence > self.sequence:
             return False
@@ -64,50 +62,50 @@ class Session:
         return True
 
     def never_began(self, now: float) -> bool:
-        """Whether the client has not commanded anything for too long after it was accepted."""
+        """Return True if the client has commanded nothing for too long since it was accepted."""
         return self.sequence == 0 and now - self.begun > _FIRST_COMMAND
 
     def is_silent(self, now: float) -> bool:
-        """Whether the client has said nothing for a while."""
+        """Return True if the client has said nothing for a while."""
         return now - self.heard > _SILENCE
 
 
-def misfit(message: Mapping[str, Any], signals: Signals) -> str:
-    """Hold what a client wants against what the rig has.
+def misfit(message: Mapping[str, Any], signals: BackendSignals) -> str:
+    """Describe why a client's signals do not fit those of the rig.
 
     Parameters
     ----------
     message : Mapping
         ``connect``.
-    signals : Signals
+    signals : BackendSignals
 
     Returns
     -------
     str
-        Why it cannot be served; empty if it can.
+        The reason for which it cannot be served; empty if it can.
     """
-    for what, offered in (("inputs", signals.inputs), ("outputs", signals.outputs)):
-        for name, unit in message[what].items():
+    for kind, offered in (("inputs", signals.inputs), ("outputs", signals.outputs)):
+        for name, unit in message[kind].items():
             if name not in offered:
-                return f"the rig has no {name} among its {what}{suggestion(name, offered)}"
+                return f"the rig has no {name} among its {kind}{suggestion(name, offered)}"
             if unit != offered[name]:
                 return f"{name} is in {offered[name]!r} on the rig, not in {unit!r}"
     missing = [name for name in signals.inputs if name not in message["inputs"]]
-    return (
-        f"the client must command every input of the rig; {', '.join(missing)} is missing"
-        if missing
-        else ""
-    )
+    if missing:
+        return f"the client must command every input of the rig; {', '.join(missing)} is missing"
+    return ""
 
 
-def session_of(message: Mapping[str, Any], signals: Signals, peer: bytes, now: float) -> Session:
+def new_session(
+    message: Mapping[str, Any], signals: BackendSignals, peer: bytes, now: float
+) -> Session:
     """Make a session for a client that fits.
 
     Parameters
     ----------
     message : Mapping
         ``connect``.
-    signals : Signals
+    signals : BackendSignals
     peer : bytes
     now : float
         In s of the server's clock.
@@ -116,7 +114,8 @@ def session_of(message: Mapping[str, Any], signals: Signals, peer: bytes, now: f
     -------
     Session
     """
-    names, outputs = list(message["inputs"]), list(signals.outputs)
+    names = list(message["inputs"])
+    outputs = list(signals.outputs)
     return Session(
         message["client"],
         peer,

@@ -1,4 +1,4 @@
-"""What a server is told on its command line."""
+"""ServerSettings of a rig's server, as its command line has them."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from ipaddress import ip_address
 from math import isfinite
 from pathlib import Path
 
-from fmus.kit.errors import UserError
-from fmus.rig_proxy.protocol import PORT
+from fmus.kit import UserError
+from fmus.rig_proxy import PORT
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.01, 60.0)  # s
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What to serve, how fast and where.
+class ServerSettings:
+    """ServerSettings of a server: its backend, its pace and its address.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Settings:
     Raises
     ------
     UserError
-        If something is out of range, or would let strangers command the rig.
+        If a value is out of range, or would let strangers command the rig.
     """
 
     backend: str
@@ -91,7 +91,7 @@ def _check_range(name: str, value: float, least: float, most: float, unit: str) 
 
 
 def is_loopback(host: str) -> bool:
-    """Whether nobody on another machine can reach an address.
+    """Return True if nobody on another machine can reach an address.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def is_loopback(host: str) -> bool:
 
 
 def read_options(texts: list[str]) -> dict[str, str]:
-    """Read what is handed on to the backend.
+    """Read the options of the backend.
 
     Parameters
     ----------

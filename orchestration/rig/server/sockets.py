@@ -1,4 +1,4 @@
-"""The two sockets of a server: where they are bound, who gets in, and what they hold at most."""
+"""The two sockets of a server: their addresses, their keys, and their bounded queues."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ import zmq
 from zmq.auth.thread import ThreadAuthenticator
 from zmq.utils.monitor import parse_monitor_message
 
-from fmus.kit.errors import UserError
-from fmus.rig_proxy.protocol import MAX_FRAME
+from fmus.kit import UserError
+from fmus.rig_proxy import MAX_FRAME
 from orchestration.rig.keys import ServerKeys, read_server_keys
-from orchestration.rig.server.settings import Settings
+from orchestration.rig.server.settings import ServerSettings
 
 _LONGEST_QUEUE = 100  # messages in each direction, of each peer
 _HANDSHAKE = 2000  # ms that a peer has to say who it is
-_LARGEST = (
-    16 * MAX_FRAME
-)  # bytes; what is larger ends its connection, what is smaller is counted and told
+# bytes; a larger message ends its connection, a smaller one is counted and reported
+_LARGEST = 16 * MAX_FRAME
 _TRIES = 20  # for two free ports that are neighbours
 _FAILED = (
     zmq.EVENT_HANDSHAKE_FAILED_AUTH
@@ -31,7 +30,7 @@ _FAILED = (
 
 @dataclass
 class Sockets:
-    """What a server listens and speaks with.
+    """The open sockets of a server.
 
     Attributes
     ----------
@@ -49,7 +48,10 @@ class Sockets:
     _monitor: zmq.Socket[bytes]
 
     def turned_away(self) -> int:
-        """How many peers were turned away since this was last asked: without a key, with a wrong one, no ZeroMQ."""
+        """Return how many peers were turned away since the last call.
+
+        They had no key or a wrong one, or did not speak ZeroMQ.
+        """
         number = 0
         while self._monitor.poll(0):
             number += parse_monitor_message(self._monitor.recv_multipart())["event"] & _FAILED != 0
@@ -57,7 +59,7 @@ class Sockets:
 
 
 class _Allowed:
-    """The keys that a server lets in."""
+    """Check of the keys that a server lets in, as ZeroMQ calls it."""
 
     def __init__(self, keys: ServerKeys) -> None:
         self._keys = {key.encode() for key in keys.clients}
@@ -68,13 +70,13 @@ class _Allowed:
 
 @contextmanager
 def opened(
-    settings: Settings, warn: Callable[[str], None] = lambda text: None
+    settings: ServerSettings, warn: Callable[[str], None] = lambda text: None
 ) -> Iterator[Sockets]:
-    """Bind both sockets, and close them in the end, whatever is still in them.
+    """Bind both sockets, and close them at the end, whatever is still in them.
 
     Parameters
     ----------
-    settings : Settings
+    settings : ServerSettings
     warn : callable
         Called with a line if others can read the key file.
 
@@ -89,12 +91,12 @@ def opened(
     """
     keys = None if settings.keys is None else read_server_keys(settings.keys, warn)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    door = ThreadAuthenticator(context)
+    authenticator = ThreadAuthenticator(context)
     made: list[zmq.Socket[bytes]] = []
     try:
         if keys is not None:
-            door.start()
-            door.configure_curve_callback("*", _Allowed(keys))
+            authenticator.start()
+            authenticator.configure_curve_callback("*", _Allowed(keys))
         requests, port = _bound(context, settings, keys, made)
         monitor = requests.get_monitor_socket(_FAILED)
         made.append(monitor)
@@ -104,7 +106,7 @@ def opened(
         )
         requests.disable_monitor()
     finally:
-        door.stop()
+        authenticator.stop()
         for socket in made:
             socket.close(linger=0)
         context.destroy(linger=0)
@@ -112,7 +114,7 @@ def opened(
 
 def _bound(
     context: zmq.Context[zmq.Socket[bytes]],
-    settings: Settings,
+    settings: ServerSettings,
     keys: ServerKeys | None,
     made: list[zmq.Socket[bytes]],
 ) -> tuple[zmq.Socket[bytes], int]:
@@ -130,13 +132,14 @@ def _bound(
             for socket in pair:
                 socket.close(linger=0)
             if settings.port:
-                raise UserError(_why(error, settings)) from error
+                raise UserError(_refusal(error, settings)) from error
             if port < 65535 and getattr(error, "errno", 0) != zmq.EADDRINUSE:
                 raise UserError(f"cannot bind to {settings.host}: {error}") from error
     raise UserError(f"found no two free ports in a row on {settings.host}; choose one with --port")
 
 
-def _why(error: Exception, settings: Settings) -> str:
+def _refusal(error: Exception, settings: ServerSettings) -> str:
+    """Describe why the chosen ports cannot be had."""
     place = f"port {settings.port} or {settings.port + 1} of {settings.host}"
     if getattr(error, "errno", 0) == zmq.EADDRINUSE:
         return f"{place} is in use, by another server perhaps; choose another one with --port"
@@ -146,7 +149,8 @@ def _why(error: Exception, settings: Settings) -> str:
 def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int, keys: ServerKeys | None) -> Any:
     socket = context.socket(kind)
     socket.linger = 0
-    socket.sndhwm = socket.rcvhwm = _LONGEST_QUEUE
+    socket.sndhwm = _LONGEST_QUEUE
+    socket.rcvhwm = _LONGEST_QUEUE
     socket.maxmsgsize = _LARGEST
     socket.handshake_ivl = _HANDSHAKE
     socket.ipv6 = True

@@ -1,4 +1,8 @@
-"""What pages are told: the last minute of samples, what happened, and whether the rig is in contact."""
+"""Feed of the live page: recent samples and events of a rig, gathered from its telemetry.
+
+A :class:`Listener` receives what the rig's server publishes, and asks for its status a few times a
+second. A :class:`Feed` keeps it for pages that are opened, and says whether contact was lost.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +10,34 @@ import math
 import threading
 from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
 from time import monotonic, time
 from typing import Any
 
-from fmus.rig_proxy.protocol import REAL_TIME
+import zmq
+
+from fmus.rig_proxy import REAL_TIME, protocol
+from orchestration.rig.endpoint import Endpoint
 
 MINUTE = 60.0  # s of samples that are kept for a page that is opened later
-SILENCE = 0.7  # s without a sign of life after which contact is lost, so that a page says so within a second
+# s without a sign of life after which contact is lost, so that a page says so within a second
+SILENCE = 0.7
 _PERIODS = 3.0  # of the rig, without a sample, where that is longer
 _SAMPLES = 2000  # a minute of 30 a second, and some
 _ITEMS = 4000  # that a page may be behind, before it misses some
 _EVENTS = 100
-_AGAIN = 5.0  # s in which the same refusal is told once
+_AGAIN = 5.0  # s in which the same refusal is shown once
 _LONGEST = 500  # characters of a text
 _MOST = 64  # signals
 _OVERTAKEN = 1.0  # s on the rig's clock; a step back that is larger is another server's clock
+_ASKING = 0.3  # s between two requests for the status
+_LOOK = 0.1  # s between two looks at whether contact was lost
+_AT_ONCE = 200  # messages of one socket before the other has its turn
+_LONGEST_END = 5.0  # s that the listening thread has to end
 
 
 class Feed:
-    """Gathers what is heard of the rig, and hands it to pages; any thread may call it."""
+    """Samples, events and state of a rig for pages; any thread may call it."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -36,11 +49,12 @@ class Feed:
         self._contact = {"server": False, "samples": False}
         self._state: tuple[str, str, str] | None = None
         self._clock = -math.inf
-        self._heard = self._sampled = -math.inf
+        self._heard = -math.inf
+        self._sampled = -math.inf
         self._refused: dict[str, float] = {}
 
     def status(self, message: Mapping[str, Any]) -> None:
-        """Take what the server answered: what the rig is, and its state."""
+        """Take a status of the server: what the rig is, and its state."""
         rig = {
             "mode": _text(message["mode"]),
             "period": message["period"],
@@ -70,7 +84,8 @@ class Feed:
             "command_age": _number(message.get("command_age")),
         }
         with self._changed:
-            self._heard = self._sampled = now
+            self._heard = now
+            self._sampled = now
             self._samples.append(sample)
             self._add(sample)
             self._observe(message)
@@ -81,25 +96,24 @@ class Feed:
             self._judge()
 
     def look(self) -> None:
-        """See whether contact was lost; to be called a few times a second."""
+        """Check whether contact was lost; to be called a few times a second."""
         with self._changed:
             self._judge()
 
     def event(self, kind: str, text: str) -> None:
-        """Tell pages that something happened."""
+        """Add an event for the pages."""
         with self._changed:
             self._event(kind, text)
 
     def everything(self) -> tuple[int, list[dict[str, Any]]]:
-        """Return what a page needs that has just been opened, and the number of the newest item."""
+        """Return the number of the newest item, and what a page that was just opened needs."""
         with self._changed:
             first = monotonic() - MINUTE
             items = [{"kind": "rig", **self._rig}] if self._rig else []
             items += [{"kind": "contact", **self._contact}, *self._events]
             items += [self._state_item(*self._state)] if self._state else []
-            return self._serial, items + [
-                sample for sample in self._samples if sample["at"] >= first
-            ]
+            items += [sample for sample in self._samples if sample["at"] >= first]
+            return self._serial, items
 
     def since(self, serial: int, timeout: float) -> tuple[int, list[dict[str, Any]]]:
         """Wait for items that are newer than a number.
@@ -131,7 +145,7 @@ class Feed:
         self._add(event)
 
     def _observe(self, message: Mapping[str, Any]) -> None:
-        """Take the rig's state, unless the message was overtaken on its way, and tell a change."""
+        """Take the rig's state, unless the message was overtaken on its way, and note a change."""
         if self._clock - _OVERTAKEN < message["clock"] < self._clock:
             return
         self._clock = message["clock"]
@@ -140,37 +154,95 @@ class Feed:
             self._state = state
             self._add(self._state_item(*state))
             name, reason, client = state
-            self._event(
-                name,
-                " · ".join(part for part in (name, reason, client and f"client {client}") if part),
-            )
+            parts = (name, reason, client and f"client {client}")
+            self._event(name, " · ".join(part for part in parts if part))
 
     @staticmethod
     def _state_item(state: str, reason: str, client: str) -> dict[str, Any]:
         return {"kind": "state", "state": state, "reason": reason, "client": client}
 
     def _judge(self) -> None:
+        """Note whether the server is in contact, and whether samples arrive."""
         now = monotonic()
         patience = SILENCE
-        if (
-            self._rig.get("mode") == REAL_TIME
-        ):  # in lockstep there are samples when the client wants them
+        if self._rig.get("mode") == REAL_TIME:
             patience = max(SILENCE, _PERIODS * self._rig["period"])
-        samples = now - self._sampled < patience or self._rig.get("mode", REAL_TIME) != REAL_TIME
+        # in lockstep there are samples when the client wants them
+        is_lockstep = self._rig.get("mode", REAL_TIME) != REAL_TIME
+        samples = now - self._sampled < patience or is_lockstep
         contact = {"server": now - self._heard < SILENCE, "samples": samples}
         if contact == self._contact:
             return
-        was, self._contact = self._contact, contact
+        was = self._contact
+        self._contact = contact
         self._add({"kind": "contact", **contact})
         if contact["server"] != was["server"]:
-            self._event(
-                "contact", "contact with the rig's server" if contact["server"] else "contact lost"
-            )
+            text = "contact with the rig's server" if contact["server"] else "contact lost"
+            self._event("contact", text)
         elif contact["server"]:
-            self._event(
-                "contact",
-                "samples arrive" if samples else "the server answers, but no samples arrive",
-            )
+            text = "samples arrive" if samples else "the server answers, but no samples arrive"
+            self._event("contact", text)
+
+
+class Listener:
+    """A thread that feeds pages with the messages of a rig's server; a context manager.
+
+    Parameters
+    ----------
+    remote : Endpoint
+    feed : Feed
+    """
+
+    def __init__(self, remote: Endpoint, feed: Feed):
+        self._remote = remote
+        self._feed = feed
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="rig telemetry", daemon=True)
+
+    def __enter__(self) -> Listener:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ends.set()
+        self._thread.join(_LONGEST_END)
+
+    def _run(self) -> None:
+        context = zmq.Context()
+        telemetry = context.socket(zmq.SUB)
+        requests = context.socket(zmq.DEALER)
+        requests.immediate = True  # no queue of requests for a server that is not there
+        self._remote.connect(telemetry, self._remote.telemetry)
+        self._remote.connect(requests, self._remote.requests)
+        telemetry.subscribe(b"")
+        poller = zmq.Poller()
+        next_request = monotonic()
+        for socket in (telemetry, requests):
+            poller.register(socket, zmq.POLLIN)
+        while not self._ends.is_set():
+            now = monotonic()
+            if now >= next_request:
+                next_request = now + _LOOK
+                with suppress(zmq.Again):  # not connected yet
+                    requests.send(protocol.encode("status"), zmq.DONTWAIT)
+                    next_request = now + _ASKING
+            for socket, _ in poller.poll(round(1000 * _LOOK)):
+                self._take(socket)
+            self._feed.look()
+        context.destroy(linger=0)
+
+    def _take(self, socket: zmq.Socket[bytes]) -> None:
+        for _ in range(_AT_ONCE):
+            try:
+                frame = socket.recv(zmq.DONTWAIT)
+            except zmq.Again:
+                return
+            with suppress(protocol.ProtocolError):
+                message = protocol.decode(frame, protocol.REPLIES)
+                if message["type"] == "telemetry":
+                    self._feed.telemetry(message)
+                elif message["type"] == "status":
+                    self._feed.status(message)
 
 
 def _text(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""The page and what it asks for, over HTTP on this machine alone: a stream of events, and the stop button."""
+"""HTTP server of the live page, on this machine alone: page, stream of events, stop button."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from importlib.resources import files
 from time import monotonic
 from typing import Any
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.rig.watch.feed import Feed
 
 LOOPBACK = "127.0.0.1"
 _PAGES = 16  # that may be open at a time
 _PULSE = 0.25  # s: a page hears from us at least that often, and so notices when it does not
 _PATIENCE = 5.0  # s that a browser may take to send its request, or to take what it is sent
-_LARGEST = 4096  # bytes that a request may have beside its head; they are not looked at
+_LARGEST = 4096  # bytes of a request beside its head; they are read and ignored
 _TYPES = {"page.css": "text/css", "page.js": "text/javascript", "chart.js": "text/javascript"}
 _HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
@@ -39,7 +41,7 @@ Stop = Callable[[], dict[str, Any]]
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves the page; made means listening.
+    """Server of the live page, listening as soon as it is made.
 
     Parameters
     ----------
@@ -68,26 +70,31 @@ class PageServer(ThreadingHTTPServer):
             raise UserError(
                 f"cannot listen at {LOOPBACK}:{port}: {error.strerror}; --port chooses another one"
             ) from error
-        self.name, self.feed, self.stop = name, feed, stop
+        self.name = name
+        self.feed = feed
+        self.stop = stop
         self.port = int(self.server_address[1])
         self.hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
-        self.token, self.instance = secrets.token_urlsafe(32), secrets.token_hex(8)
+        self.token = secrets.token_urlsafe(32)
+        self.instance = secrets.token_hex(8)
         self.pages = threading.BoundedSemaphore(_PAGES)
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://{LOOPBACK}:{self.port}/"
 
     def server_bind(self) -> None:
-        """Listen; without asking a name server what this machine is called, as the standard library does."""
+        """Bind the port, without the look-up of this machine's name of the standard library."""
         socketserver.TCPServer.server_bind(self)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing: a browser that goes away in the middle of an answer is no fault."""
+        """Ignore errors: a browser that goes away in the middle of an answer is no fault."""
 
 
 class _Handler(BaseHTTPRequestHandler):
+    """Handler of one connection of a browser."""
+
     server: PageServer
     timeout = _PATIENCE
 
@@ -99,7 +106,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.OK, "text/html", self._page())
         elif path == "/stream":
             self._stream()
-        elif (name := path.removeprefix("/")) in _TYPES:
+        elif path.removeprefix("/") in _TYPES:
+            name = path.removeprefix("/")
             self._send(HTTPStatus.OK, _TYPES[name], _file(name))
         else:
             self._send(HTTPStatus.NOT_FOUND, "text/plain", "there is no such page")
@@ -109,9 +117,8 @@ class _Handler(BaseHTTPRequestHandler):
             return
         with suppress(ValueError):
             self.rfile.read(min(max(int(self.headers.get("Content-Length", 0)), 0), _LARGEST))
-        if not hmac.compare_digest(
-            self.headers.get("X-Rig-Token", "").encode(), self.server.token.encode()
-        ):
+        token = self.headers.get("X-Rig-Token", "")
+        if not hmac.compare_digest(token.encode(), self.server.token.encode()):
             self._send(HTTPStatus.FORBIDDEN, "text/plain", "not from this page")
         elif self.path != "/stop":
             self._send(HTTPStatus.NOT_FOUND, "text/plain", "there is nothing to command but stop")
@@ -125,7 +132,7 @@ class _Handler(BaseHTTPRequestHandler):
         return page
 
     def _is_ours(self) -> bool:
-        """Answer nobody who came by another name: a foreign site's name may lead to this machine."""
+        """Refuse a request by another name, as a foreign site's name may lead to this machine."""
         origin = self.headers.get("Origin")
         if self.headers.get("Host") in self.server.hosts and (
             origin is None or origin.removeprefix("http://") in self.server.hosts
@@ -153,16 +160,16 @@ class _Handler(BaseHTTPRequestHandler):
             self._head(HTTPStatus.OK, "text/event-stream")
             self.wfile.write(b"retry: 500\n\n")
             serial, items = self.server.feed.everything()
-            self._tell(items, first=True)
+            self._push(items, first=True)
             while True:
                 serial, items = self.server.feed.since(serial, _PULSE)
-                self._tell(items)
+                self._push(items)
         except OSError:
             return  # the page was closed, or takes nothing any more
         finally:
             self.server.pages.release()
 
-    def _tell(self, items: list[dict[str, Any]], first: bool = False) -> None:
+    def _push(self, items: list[dict[str, Any]], first: bool = False) -> None:
         about = {"now": monotonic(), "first": first, "instance": self.server.instance}
         message = json.dumps({**about, "items": items}, allow_nan=False)
         self.wfile.write(f"data: {message}\n\n".encode())
@@ -186,7 +193,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Say nothing: the terminal is the user's."""
+        """Log nothing, for the terminal is the user's."""
 
 
 def _file(name: str) -> str:

@@ -1,1 +1,5 @@
-"""What a sweep says of its parameters: Sobol indices, tornado plots, bands of what was drawn at random."""
+"""Sensitivity analyses of sweeps: Sobol indices, tornado plots, and bands of random draws."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""What a sweep comes to besides its cases, by what it was made for."""
+"""Analysis of a sweep by its design: Sobol indices, bands or a tornado plot."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from typing import NamedTuple
 import xarray
 from rich.table import Table
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.sweeps.reductions import TRACE
-from orchestration.sweeps.sensitivity import bands, indices, tornado
+from orchestration.sweeps.sensitivity import indices
+from orchestration.sweeps.sensitivity import one_at_a_time as tornado
+from orchestration.sweeps.sensitivity import prediction_bands as bands
 
 
 class Analysis(NamedTuple):
-    """How a swept dataset is analysed, and the result printed and drawn."""
+    """The functions that analyse a swept dataset, and print and draw the result."""
 
     analyse: Callable[[xarray.Dataset], xarray.Dataset]
     table: Callable[[xarray.Dataset], Table]
@@ -23,19 +25,19 @@ class Analysis(NamedTuple):
 
 
 _BY_DESIGN = {
-    indices.KIND: Analysis(indices.sensitivity, indices.table, indices.draw),
-    bands.KIND: Analysis(bands.bands, bands.table, bands.draw),
-    tornado.KIND: Analysis(tornado.tornado, tornado.table, tornado.draw),
+    indices.SOBOL_INDICES: Analysis(indices.sensitivity, indices.table, indices.draw),
+    bands.BANDS: Analysis(bands.bands, bands.table, bands.draw),
+    tornado.TORNADO: Analysis(tornado.tornado, tornado.table, tornado.draw),
 }
 
 
 def analysis_of(design: str) -> Analysis | None:
-    """Return what a sweep of a design is made for; None for its cases themselves."""
+    """Return the analysis of a design; None for a design whose cases are the result."""
     return _BY_DESIGN.get(design)
 
 
 def check_picture(path: Path, design: str, keep: Sequence[str]) -> None:
-    """Refuse a picture of what a sweep does not keep, before it is run.
+    """Refuse a picture of values that a sweep will not keep, before it is run.
 
     Parameters
     ----------
@@ -48,26 +50,27 @@ def check_picture(path: Path, design: str, keep: Sequence[str]) -> None:
     ------
     UserError
     """
-    if design == bands.KIND and TRACE not in keep:
+    if design == bands.BANDS and TRACE not in keep:
         raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
-    if design != bands.KIND and not {*keep} - {TRACE}:
+    if design != bands.BANDS and not {*keep} - {TRACE}:
         raise UserError(
             f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none"
         )
 
 
-def together(data: xarray.Dataset, analysed: xarray.Dataset) -> xarray.Dataset:
-    """Put cases and what they come to into one dataset.
+def merge_analysis(data: xarray.Dataset, analysed: xarray.Dataset) -> xarray.Dataset:
+    """Merge cases and their analysis into one dataset.
 
     Raises
     ------
     UserError
-        If something of the model is called as a part of the analysis is.
+        If the model and the analysis have a name in common.
     """
     shared = {*data.variables} & {*analysed.variables}
     both = {str(name) for name in shared if not data[name].identical(analysed[name])}
     if both:
         raise UserError(
-            f"{data.attrs['model']}: {', '.join(sorted(both))} is a name of the analysis, too; keep them apart"
+            f"{data.attrs['model']}: {', '.join(sorted(both))} is a name of the analysis, too; keep"
+            " them apart"
         )
     return data.merge(analysed, combine_attrs="no_conflicts")

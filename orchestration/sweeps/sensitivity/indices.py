@@ -1,4 +1,4 @@
-"""Which share of an output's variance each parameter explains: Sobol indices, by SALib."""
+"""Sobol indices: the share of an output's variance that each parameter explains, by SALib."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ import xarray
 from numpy.typing import NDArray
 from rich.table import Table
 
-from fmus.kit.errors import UserError
-from orchestration.reporting import pictures
-from orchestration.reporting.console import plain_table
+from fmus.kit import UserError
+from orchestration.reporting import pictures, plain_table
 from orchestration.sweeps.sensitivity.numbers import (
-    complete,
-    designed,
-    drawn,
+    names_to_draw,
     numbers,
     parameters_of,
+    require_complete,
+    require_design,
 )
 
 Array = NDArray[np.float64]
-KIND = "sobol-indices"
+SOBOL_INDICES = "sobol-indices"
 ORDERS = ("first", "total")
 _RESAMPLES = 1000  # of the bootstrap
 _LARGEST = 4_000_000  # values of one array of the bootstrap, which holds half a dozen of them
 
 
 def sampled(count: int, samples: int, seed: int) -> Array:
-    """Choose cases from which indices can be told (Saltelli et al., Comput. Phys. Commun. 181, 2010).
+    """Choose cases from which indices are estimated.
+
+    As in Saltelli et al., Comput. Phys. Commun. 181, 2010.
 
     Parameters
     ----------
@@ -45,9 +46,8 @@ def sampled(count: int, samples: int, seed: int) -> Array:
     """
     from SALib.sample import sobol
 
-    return np.asarray(
-        sobol.sample(_problem(count), samples, calc_second_order=False, seed=seed), dtype=float
-    )
+    points = sobol.sample(_problem(count), samples, calc_second_order=False, seed=seed)
+    return np.asarray(points, dtype=float)
 
 
 def _problem(count: int) -> dict[str, object]:
@@ -59,11 +59,12 @@ def _problem(count: int) -> dict[str, object]:
 
 
 def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) -> xarray.Dataset:
-    """Tell which share of an output's variance each parameter explains, from a sweep of ``sobol-indices``.
+    """Return the share of an output's variance that each parameter explains.
 
-    Parameters vary independently and evenly over their ranges, over the logarithm where a range has ``log`` behind it.
-    The first-order index of a parameter is the share of the variance that it explains by itself; the total index has
-    what it explains together with others besides (Sobol; Saltelli et al., Comput. Phys. Commun. 181, 2010).
+    It takes a sweep of ``sobol-indices``. Parameters vary independently and evenly over their
+    ranges, over the logarithm where a range has ``log`` behind it. The first-order index of a
+    parameter is the share of the variance that it explains by itself; the total index has what it
+    explains together with others besides (Sobol; Saltelli et al., Comput. Phys. Commun. 181, 2010).
 
     Parameters
     ----------
@@ -77,9 +78,9 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
     Returns
     -------
     xarray.Dataset
-        For each number of the sweep its indices, such as ``voltage_last_index`` over ``index`` (``first``, ``total``)
-        and ``parameter``, and ``voltage_last_index_interval`` with ``end`` (``lower``, ``upper``) besides. NaN for a
-        number that does not vary.
+        For each number of the sweep its indices, such as ``voltage_last_index`` over ``index``
+        (``first``, ``total``) and ``parameter``, and ``voltage_last_index_interval`` with ``end``
+        (``lower``, ``upper``) besides. NaN for a number that does not vary.
 
     Raises
     ------
@@ -90,48 +91,50 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
     --------
     >>> import orchestration as ppy
     >>> over = {"R1": "0.3..0.7", "C": "5..10"}
-    >>> found = ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=10.0, kind="sobol-indices", samples=64)
+    >>> found = ppy.sweep(
+    ...     "ppy_actuator", over, {"current": 0.5}, stop=10.0, kind="sobol-indices", samples=64
+    ... )
     >>> shares = ppy.sensitivity(found)["voltage_last_index"]
     >>> bool(shares.sel(index="first", parameter="R1") < shares.sel(index="first", parameter="C"))
     True
     """
-    designed(found, KIND)
+    require_design(found, SOBOL_INDICES)
     if not 0.0 < level < 1.0:
         raise UserError(f"level {level:g}: of a confidence interval, between 0 and 1")
-    complete(found, "Sobol indices")
+    require_complete(found, "Sobol indices")
     parameters = parameters_of(found)
     if found.sizes["case"] % (len(parameters) + 2):
         raise UserError(f"{found.sizes['case']} cases are not all of a sweep for Sobol indices")
     values: dict[str, object] = {}
     for name in numbers(found):
         index, half = _analysed(found[name].values, len(parameters), level, seed)
-        about = {"units": "1", "long_name": f"Sobol indices of {name}"}
-        ends = {
-            "units": "1",
-            "long_name": f"{100.0 * level:g} % confidence interval of {name}_index, by bootstrap",
-        }
-        values[f"{name}_index"] = (("index", "parameter"), index, about)
+        interval = np.stack([index - half, index + half], axis=-1)
+        title = f"Sobol indices of {name}"
+        values[f"{name}_index"] = (
+            ("index", "parameter"),
+            index,
+            {"units": "1", "long_name": title},
+        )
+        title_of_interval = f"{100.0 * level:g} % confidence interval of {name}_index, by bootstrap"
         values[f"{name}_index_interval"] = (
             ("index", "parameter", "end"),
-            np.stack([index - half, index + half], axis=-1),
-            ends,
+            interval,
+            {"units": "1", "long_name": title_of_interval},
         )
     coordinates = {"index": list(ORDERS), "parameter": parameters, "end": ["lower", "upper"]}
-    return xarray.Dataset(
-        values, coordinates, {"model": found.attrs["model"], "design": KIND, "level": level}
-    )
+    attributes = {"model": found.attrs["model"], "design": SOBOL_INDICES, "level": level}
+    return xarray.Dataset(values, coordinates, attributes)
 
 
 def _analysed(values: Array, count: int, level: float, seed: int) -> tuple[Array, Array]:
-    """Indices (2, p) of values (n,), and half of their intervals."""
+    """Return indices (2, p) of values (n,), and half the widths of their intervals (2, p)."""
     from SALib.analyze import sobol
 
-    if (
-        np.ptp(values) <= 1e-12 * np.abs(values).max()
-    ):  # nothing but rounding has a variance to be shared
+    is_constant = np.ptp(values) <= 1e-12 * np.abs(values).max()  # up to rounding
+    if is_constant:
         return np.full((2, count), np.nan), np.full((2, count), np.nan)
     resamples = int(np.clip(_LARGEST * (count + 2) // len(values), 100, _RESAMPLES))
-    found = sobol.analyze(
+    indices = sobol.analyze(
         _problem(count),
         values,
         calc_second_order=False,
@@ -139,37 +142,26 @@ def _analysed(values: Array, count: int, level: float, seed: int) -> tuple[Array
         num_resamples=resamples,
         seed=seed + 1,  # SALib takes zero for none
     )
-    return np.array([found["S1"], found["ST"]]), np.array([found["S1_conf"], found["ST_conf"]])
+    half = np.array([indices["S1_conf"], indices["ST_conf"]])
+    return np.array([indices["S1"], indices["ST"]]), half
 
 
 def table(indices: xarray.Dataset) -> Table:
-    """Return indices as they are printed, parameters with the largest total first."""
+    """Return a table of indices; the parameter with the largest total is first."""
     interval = f"{100.0 * indices.attrs['level']:g} % interval"
-    made = plain_table(
-        None,
-        "variance of",
-        "from",
-        "first order",
-        interval,
-        "total",
-        interval,
-        right=("first order", interval, "total"),
-    )
-    for name in _of(indices):
+    columns = ("first order", interval, "total", interval)
+    made = plain_table(None, "variance of", "from", *columns, right=columns[:3])
+    for name in _numbers(indices):
         for parameter in _ranked(indices[f"{name}_index"]):
-            cells = []
+            at = indices.sel(parameter=parameter)
+            cells: list[str] = []
             for order in ORDERS:
-                at = {"index": order, "parameter": parameter}
-                value, ends = (
-                    indices[f"{name}_index"].sel(at),
-                    indices[f"{name}_index_interval"].sel(at),
-                )
-                lower, upper = ends.values
-                cells += (
-                    [f"{float(value):.3f}", f"{lower:.3f} … {upper:.3f}"]
-                    if np.isfinite(value)
-                    else ["none", ""]
-                )
+                value = float(at[f"{name}_index"].sel(index=order))
+                lower, upper = at[f"{name}_index_interval"].sel(index=order).values
+                if np.isfinite(value):
+                    cells += [f"{value:.3f}", f"{lower:.3f} … {upper:.3f}"]
+                else:
+                    cells += ["none", ""]
             made.add_row(name, parameter, *cells)
     return made
 
@@ -182,16 +174,14 @@ def draw(indices: xarray.Dataset, path: Path) -> None:
     UserError
         If the file cannot be written.
     """
-    names = drawn(_of(indices))
-    figure, panels = pictures.panels(
-        len(names), f"{indices.attrs['model']}: shares of the variance"
-    )
+    names = names_to_draw(_numbers(indices))
+    title = f"{indices.attrs['model']}: shares of the variance"
+    figure, panels = pictures.panels(len(names), title)
     parameters = [str(p) for p in indices["parameter"].values]
     at = np.arange(len(parameters))
+    colours = (pictures.MODEL, pictures.MEASURED)
     for panel, name in zip(panels, names, strict=True):
-        for k, (order, colour) in enumerate(
-            zip(ORDERS, (pictures.MODEL, pictures.MEASURED), strict=True)
-        ):
+        for k, (order, colour) in enumerate(zip(ORDERS, colours, strict=True)):
             value = indices[f"{name}_index"].sel(index=order).values
             upper = indices[f"{name}_index_interval"].sel(index=order, end="upper").values
             panel.bar(
@@ -215,11 +205,12 @@ def draw(indices: xarray.Dataset, path: Path) -> None:
     pictures.save(figure, path)
 
 
-def _of(indices: xarray.Dataset) -> list[str]:
-    """Numbers that indices are of."""
+def _numbers(indices: xarray.Dataset) -> list[str]:
+    """Return the names of the numbers that have indices."""
     return [str(name).removesuffix("_index") for name in indices if str(name).endswith("_index")]
 
 
 def _ranked(index: xarray.DataArray) -> list[str]:
+    """Return the parameters, the one with the largest total index first."""
     totals = index.sel(index="total")
     return [str(p) for p in totals["parameter"].values[np.argsort(-totals.values, kind="stable")]]

@@ -1,4 +1,4 @@
-"""What of a swept dataset is asked about: its numbers, its parameters, whether it is whole."""
+"""Numbers and parameters of a swept dataset, and checks that it is the right one and whole."""
 
 from __future__ import annotations
 
@@ -7,80 +7,72 @@ from collections.abc import Sequence
 import numpy as np
 import xarray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 
 MOST = 6  # panels of a picture
 
 
-def designed(found: xarray.Dataset, kind: str) -> None:
+def require_design(data: xarray.Dataset, kind: str) -> None:
     """Refuse a dataset that is not of a sweep of a design.
 
     Raises
     ------
     UserError
     """
-    if found.attrs.get("design") != kind or "case" not in found.dims:
-        other = found.attrs.get("design", "no sweep")
+    if data.attrs.get("design") != kind or "case" not in data.dims:
+        other = data.attrs.get("design", "no sweep")
         raise UserError(
             f"this is of a sweep of the design {kind}, not {other}: sweep(..., kind={kind!r})"
         )
 
 
-def parameters_of(found: xarray.Dataset) -> list[str]:
-    """What was swept, by name."""
-    return str(found.attrs["over"]).split(" ")
+def parameters_of(data: xarray.Dataset) -> list[str]:
+    """Return the names of the parameters that were swept."""
+    return str(data.attrs["over"]).split(" ")
 
 
-def numbers(found: xarray.Dataset) -> list[str]:
-    """Names of the numbers that a sweep left of each case."""
+def numbers(data: xarray.Dataset) -> list[str]:
+    """Return the names of the numbers that a sweep has of each case."""
     names = [
-        str(name) for name, value in found.items() if value.dims == ("case",) and name != "failure"
+        str(name) for name, value in data.items() if value.dims == ("case",) and name != "failure"
     ]
     if not names:
         raise UserError("the sweep kept no numbers, such as --keep last")
     return names
 
 
-def drawn(names: Sequence[str]) -> list[str]:
-    """As many as a picture has room for."""
+def names_to_draw(names: Sequence[str]) -> list[str]:
+    """Return as many of the names as a picture has room for."""
     return list(names[:MOST])
 
 
-def failures(found: xarray.Dataset) -> list[str]:
-    """Why cases left nothing."""
-    return (
-        [str(reason) for reason in found["failure"].values.ravel() if reason]
-        if "failure" in found
-        else []
-    )
+def failures(data: xarray.Dataset) -> list[str]:
+    """Return the reasons of failed cases."""
+    if "failure" not in data:
+        return []
+    return [str(reason) for reason in data["failure"].values.ravel() if reason]
 
 
-def complete(found: xarray.Dataset, what: str) -> None:
-    """Refuse a sweep of which a case is missing, or has a number that is none.
+def require_complete(data: xarray.Dataset, analysis: str) -> None:
+    """Refuse a sweep with a failed case, or with a number that is not finite.
 
     Parameters
     ----------
-    found : xarray.Dataset
-    what : str
-        That there cannot be then.
+    data : xarray.Dataset
+    analysis : str
+        Name of the analysis, for the message.
 
     Raises
     ------
     UserError
     """
-    failed = failures(found)
+    failed = failures(data)
     if failed:
         raise UserError(
-            f"no {what}: {len(failed)} of {found.sizes['case']:,} cases failed, and nothing stands in for them; the "
-            f"first: {failed[0]}"
+            f"no {analysis}: {len(failed)} of {data.sizes['case']:,} cases failed, and nothing"
+            f" stands in for them; the first: {failed[0]}"
         )
-    whole = {
-        name: value
-        for name, value in found.items()
-        if value.dims == ("case",) and name != "failure"
-    }
-    endless = next(
-        (name for name, value in whole.items() if not np.isfinite(value.values).all()), None
-    )
-    if endless is not None:
-        raise UserError(f"no {what}: {endless} is no finite number in a case")
+    for name, value in data.items():
+        is_number = value.dims == ("case",) and name != "failure"
+        if is_number and not np.isfinite(value.values).all():
+            raise UserError(f"no {analysis}: {name} is no finite number in a case")

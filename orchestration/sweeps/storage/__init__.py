@@ -1,1 +1,5 @@
-"""What a sweep leaves on disk: while it runs, and when it is done."""
+"""Storage of sweeps on disk: the journal of a running sweep, and the store of its result."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

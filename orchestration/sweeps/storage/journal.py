@@ -1,41 +1,88 @@
-"""What a sweep has done so far, on disk: numbers as they come, so that an interrupted one goes on."""
+"""Journal of a sweep in a folder: its outcomes as they come, so that an interrupted sweep goes on.
+
+One process at a time works on a folder.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
-from fmus.kit import files
-from fmus.kit.errors import UserError
-from orchestration.sweeps.storage import lock
+from fmus.kit import UserError, files
 from orchestration.sweeps.storage.traces import TraceFile, opened, reserve
 from orchestration.sweeps.task import Outcomes, Task, failed
 
 Array = NDArray[np.float64]
-_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES = (
-    "sweep.json",
-    "done.npy",
-    "numbers.npy",
-    "traces.npy",
-    "failures.jsonl",
-)
-_KNOWN = (_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES, lock.NAME)
+_ABOUT = "sweep.json"
+_DONE = "done.npy"
+_NUMBERS = "numbers.npy"
+_TRACES = "traces.npy"
+_FAILURES = "failures.jsonl"
+_LOCK = "lock"
+_KNOWN = (_ABOUT, _DONE, _NUMBERS, _TRACES, _FAILURES, _LOCK)
 
 
-def check(folder: Path) -> None:
-    """Refuse a folder that holds anything else than a journal: it would be in the way of what is removed at the end.
+@contextlib.contextmanager
+def locked_folder(folder: Path) -> Iterator[None]:
+    """Lock a folder for this process while the context lasts; it is made if it does not exist.
+
+    The operating system holds the lock, which therefore ends with the process, however that ends.
 
     Raises
     ------
     UserError
-        Names the first thing that is none of a journal.
+        If another process has it, or it cannot be written.
+    """
+    path = folder.absolute() / _LOCK
+    lock = FileLock(path, timeout=0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except FileExistsError as error:
+        raise UserError(f"{folder}: is no folder") from error
+    except Timeout as error:
+        raise UserError(
+            f"{folder}: another process works on it ({_owner(path) or 'just begun'}); wait for it"
+        ) from error
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
+    had_journal = (folder / _ABOUT).exists()
+    with contextlib.suppress(OSError):  # for that message alone
+        path.write_text(f"{os.getpid()}\n", encoding="ascii")
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # Windows removes it when it is released
+            path.unlink()
+        lock.release()
+        if had_journal:  # where the lock was still in the folder, `remove` could not remove that
+            with contextlib.suppress(OSError):
+                path.parent.rmdir()
+
+
+def _owner(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return ""
+
+
+def check(folder: Path) -> None:
+    """Refuse a folder that holds anything else than a journal, which is removed at the end.
+
+    Raises
+    ------
+    UserError
+        About the first thing that does not belong to a journal.
     """
     try:
         strange = next((path for path in _within(folder) if not _own(path)), None)
@@ -43,17 +90,18 @@ def check(folder: Path) -> None:
         raise UserError(f"{folder}: cannot be read ({error.strerror})") from error
     if strange is not None:
         raise UserError(
-            f"{folder}: holds {strange.name}, which is not of a sweep, and what a sweep has done goes there: "
-            "move that elsewhere, or name another --out"
+            f"{folder}: holds {strange.name}, which is not of a sweep, and what a sweep has done"
+            " goes there: move that elsewhere, or name another --out"
         )
 
 
 def remove(folder: Path) -> None:
-    """Remove a journal and nothing else, and its folder if nothing is left in it."""
+    """Remove a journal and nothing else, and its folder if that is empty then."""
     with contextlib.suppress(OSError):
         for path in _within(folder):
             if _own(path):
-                path.unlink(missing_ok=True)
+                with contextlib.suppress(OSError):  # Windows keeps the lock until it is released
+                    path.unlink()
         folder.rmdir()
 
 
@@ -62,20 +110,22 @@ def _within(folder: Path) -> list[Path]:
 
 
 def _own(path: Path) -> bool:
-    """Whether something is a file of a journal, or what was left of one that was not written to its end."""
-    parts = path.name.endswith(".part") and any(
+    """Return True if a path is a file of a journal, or one that was not written to its end."""
+    is_part = path.name.endswith(".part") and any(
         path.name.startswith(f"{known}.") for known in _KNOWN
     )
-    return (path.name in _KNOWN or parts) and path.is_file() and not path.is_symlink()
+    return (path.name in _KNOWN or is_part) and path.is_file() and not path.is_symlink()
 
 
-class Journal:
-    """Outcomes of all cases of a sweep in a folder; arrays there are as large as all of them from the start.
+class SweepJournal:
+    """Outcomes of all cases of a sweep, in a folder.
+
+    Arrays have their whole size from the start.
 
     Parameters
     ----------
     folder : Path
-        There already, and `lock.held`; of a sweep that is the same it is gone on with.
+        An existing one, which this process holds; the journal of the same sweep is continued.
     task : Task
     cases : ndarray, shape (n, p)
     guid : str
@@ -88,9 +138,11 @@ class Journal:
     """
 
     def __init__(self, folder: Path, task: Task, cases: Array, guid: str):
-        self.folder, self._task = folder, task
+        self.folder = folder
+        self._task = task
         about = _about(task, cases, guid)
-        nothing, mode = failed(task, ""), ""
+        nothing = failed(task, "")
+        mode = ""
         try:
             if (folder / _ABOUT).exists():
                 _check(folder, json.loads((folder / _ABOUT).read_text(encoding="utf-8")), about)
@@ -108,69 +160,70 @@ class Journal:
             self.failures = _failures(folder / _FAILURES, self._done)
         except OSError as error:
             if mode == "w+":
-                for name in (
-                    _DONE,
-                    _NUMBERS,
-                    _TRACES,
-                ):  # what has no room is not left in the way of others
+                for name in (_DONE, _NUMBERS, _TRACES):  # they take room that there is not
                     (folder / name).unlink(missing_ok=True)
             raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
         except (ValueError, TypeError, RecursionError) as error:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
     def _open_traces(self, mode: str, cases: int, nothing: Outcomes) -> TraceFile | None:
+        if not nothing.traces.size:
+            return None
         _, points, outputs = nothing.traces.shape
-        return (
-            TraceFile(self.folder / _TRACES, mode, (cases, outputs, points))
-            if nothing.traces.size
-            else None
-        )
+        return TraceFile(self.folder / _TRACES, mode, (cases, outputs, points))
 
     def traces(self, output: int, shape: tuple[int, ...]) -> Any:
-        """Traces of one output over cases in a shape, and time, which are read when they are used."""
+        """Return traces of one output, over cases in a shape and time; they are read when used."""
         assert self._traces is not None
-        return self._traces.of(output, shape)
+        return self._traces.traces(output, shape)
 
     @property
-    def left(self) -> list[int]:
-        """Cases that are not done."""
+    def open_cases(self) -> list[int]:
+        """Rows of the cases that are not done."""
         return [int(row) for row in np.flatnonzero(self._done == 0)]
 
-    def write(self, rows: Sequence[int], found: Outcomes) -> None:
-        """Keep what cases left; they are done once their numbers are there."""
-        self.numbers[[*rows]] = found.numbers
+    def write(self, rows: Sequence[int], outcomes: Outcomes) -> None:
+        """Keep the outcomes of cases, which then count as done."""
+        self.numbers[[*rows]] = outcomes.numbers
         try:
             if self._traces is not None:
-                self._traces.write(rows, found.traces)
-            if found.failures:
-                told = {rows[place]: reason for place, reason in found.failures.items()}
-                self.failures.update(told)
+                self._traces.write(rows, outcomes.traces)
+            if outcomes.failures:
+                failures = {rows[place]: why for place, why in outcomes.failures.items()}
+                self.failures.update(failures)
                 with (self.folder / _FAILURES).open("a", encoding="utf-8") as file:
-                    file.writelines(
-                        json.dumps([row, reason]) + "\n" for row, reason in told.items()
-                    )
+                    file.writelines(_lines(failures))
         except OSError as error:
             raise UserError(
-                f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
+                f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to"
+                " go on with"
             ) from error
         self._done[[*rows]] = 1
 
 
 def _failures(path: Path, done: Array) -> dict[int, str]:
-    """Why cases left nothing; of a case that is not done, as in a line that was not written to its end, it goes."""
+    """Return the reasons of failed cases by row.
+
+    Reasons of cases that are not done are removed from the file, as is an unfinished last line.
+    """
     text = path.read_text(encoding="utf-8") if path.exists() else ""
     lines = text[: text.rfind("\n") + 1].splitlines()
-    told = [(int(row), str(reason)) for row, reason in map(json.loads, lines)]
-    if any(not 0 <= row < len(done) for row, _ in told):
+    reasons = [(int(row), str(reason)) for row, reason in map(json.loads, lines)]
+    if any(not 0 <= row < len(done) for row, _ in reasons):
         raise ValueError(f"{path.name} is of another number of cases")
-    kept = {row: reason for row, reason in told if done[row]}
-    whole = "".join(json.dumps([row, reason]) + "\n" for row, reason in kept.items())
+    kept = {row: reason for row, reason in reasons if done[row]}
+    whole = "".join(_lines(kept))
     if whole != text:
         files.write(path, whole.encode())
     return kept
 
 
+def _lines(failures: Mapping[int, str]) -> list[str]:
+    return [json.dumps([row, reason]) + "\n" for row, reason in failures.items()]
+
+
 def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
+    """Map an array on disk, made anew with mode w+."""
     if 0 in shape:
         return np.empty(shape, kind)
     if mode == "r+":
@@ -181,7 +234,7 @@ def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
 
 
 def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
-    """Digests of what a sweep is."""
+    """Return digests of the parts that define a sweep."""
 
     def digest(*parts: Any) -> str:
         whole = hashlib.sha256()
@@ -201,10 +254,12 @@ def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
 
 
 def _check(folder: Path, known: Any, about: Mapping[str, str]) -> None:
+    """Refuse the journal of another sweep, by its digests."""
     if not isinstance(known, dict):
         raise ValueError(f"{_ABOUT} holds no table")
-    other = [what for what, digest in about.items() if known.get(what) != digest]
+    other = [part for part, digest in about.items() if known.get(part) != digest]
     if other:
         raise UserError(
-            f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another --out"
+            f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another"
+            " --out"
         )

@@ -1,4 +1,4 @@
-"""Whole courses of outputs on disk: written case by case, read in parts, so that they need not fit into memory."""
+"""Traces of outputs on disk: written case by case and read in parts, as they may exceed memory."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _AT_ONCE = 8_000_000  # bytes of a piece
 
 
 class TraceFile:
-    """Traces of all cases in one file, by cases, outputs and points; as large as all of them from the start.
+    """File of all traces, by cases, outputs and points, with its whole size from the start.
 
-    It is written into, and not mapped: what is mapped counts as memory of the process, and where there is no room for
-    it, writing ends the process.
+    It is written into and not mapped: what is mapped counts as memory of the process, and where
+    there is no room for it, writing ends the process.
 
     Parameters
     ----------
     path : Path
     mode : {"w+", "r+"}
-        Made anew, or gone on with.
+        Made anew, or continued.
     shape : tuple of int
         Cases n, outputs m and points.
 
@@ -42,12 +42,14 @@ class TraceFile:
     """
 
     def __init__(self, path: Path, mode: str, shape: tuple[int, int, int]):
-        self.path, self.shape = path, shape
+        self.path = path
+        self.shape = shape
         if mode == "w+":
             np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape)
             reserve(path)
-        there = opened(path, "r", shape, "f8")
-        self._first, self._bytes = int(there.offset), 8 * shape[1] * shape[2]
+        mapped = opened(path, "r", shape, "f8")
+        self._first = int(mapped.offset)  # byte of the first case
+        self._bytes = 8 * shape[1] * shape[2]  # of a case
 
     def write(self, rows: Sequence[int], traces: Array) -> None:
         """Write the traces (k, points, m) of cases."""
@@ -56,8 +58,8 @@ class TraceFile:
                 file.seek(self._first + row * self._bytes)
                 file.write(np.ascontiguousarray(trace.T).data)
 
-    def of(self, output: int, shape: tuple[int, ...]) -> Any:
-        """Return the traces of one output, the cases in a shape, as something that reads what is asked of it."""
+    def traces(self, output: int, shape: tuple[int, ...]) -> Any:
+        """Return the traces of one output, the cases in a shape, as an array read lazily."""
         first = self._first + 8 * output * self.shape[2]
         return indexing.LazilyIndexedArray(
             _Traces(self.path, first, self._bytes, (*shape, self.shape[2]))
@@ -65,16 +67,25 @@ class TraceFile:
 
 
 class _Traces(BackendArray):
-    """Traces of one output in a file, read when they are used: those of the first case at a byte, of others later."""
+    """Traces of one output in a file, read when they are used.
 
-    def __init__(self, path: Path, first: int, apart: int, shape: tuple[int, ...]):
-        self._path, self._first, self._apart, self.shape, self.dtype = (
-            path,
-            first,
-            apart,
-            shape,
-            np.dtype("f8"),
-        )
+    Parameters
+    ----------
+    path : Path
+    first : int
+        Byte of the trace of the first case.
+    spacing : int
+        Bytes from the trace of one case to that of the next.
+    shape : tuple of int
+        Cases in any shape, and points.
+    """
+
+    def __init__(self, path: Path, first: int, spacing: int, shape: tuple[int, ...]):
+        self._path = path
+        self._first = first
+        self._spacing = spacing
+        self.shape = shape
+        self.dtype = np.dtype("f8")
 
     def __getitem__(self, key: Any) -> Any:
         return indexing.explicit_indexing_adapter(
@@ -82,55 +93,56 @@ class _Traces(BackendArray):
         )
 
     def _read(self, key: tuple[Any, ...]) -> Array:
-        """Read what a key of integers and slices asks for, and nothing else: mapped, it would count as memory."""
+        """Read what a key of integers and slices selects, and nothing else."""
         *cases, points = key
         rows = np.arange(int(np.prod(self.shape[:-1]))).reshape(self.shape[:-1])[tuple(cases)]
         at = np.arange(self.shape[-1])[points]
-        found = np.empty((*rows.shape, *at.shape))
-        if not found.size:
-            return found
-        low, high = int(at.min()), int(at.max())
+        traces = np.empty((*rows.shape, *at.shape))
+        if not traces.size:
+            return traces
+        low = int(at.min())
+        high = int(at.max())
         with self._path.open("rb") as file:
             for row, place in zip(rows.ravel(), np.ndindex(rows.shape), strict=True):
-                file.seek(self._first + int(row) * self._apart + 8 * low)
-                found[place] = np.fromfile(file, "f8", high - low + 1)[at - low]
-        return found
+                file.seek(self._first + int(row) * self._spacing + 8 * low)
+                traces[place] = np.fromfile(file, "f8", high - low + 1)[at - low]
+        return traces
 
 
-def pieces(array: xarray.DataArray) -> Iterator[Array]:
-    """Give the values of an array in pieces that are small enough for memory, of its cases one after the other."""
+def iterate_pieces(array: xarray.DataArray) -> Iterator[Array]:
+    """Yield the values of an array in pieces that fit into memory, one case after the other."""
     divided = next((dim for dim in array.dims if array.sizes[dim] > 1), None)
     if array.nbytes <= _AT_ONCE or divided is None:
         yield array.values
         return
     half = array.sizes[divided] // 2
     for part in (slice(half), slice(half, None)):
-        yield from pieces(array.isel({divided: part}))
+        yield from iterate_pieces(array.isel({divided: part}))
 
 
 def opened(path: Path, mode: Literal["r", "r+"], shape: tuple[int, ...], kind: str) -> Any:
-    """Map an array of a shape and a type that is there already.
+    """Map an existing array of a shape and a type.
 
     Raises
     ------
     ValueError
-        If it is not there, or is none of them.
+        If it does not exist, or is of another shape or type.
     """
     if not path.exists():
         raise ValueError(f"{path.name} is missing")
-    there = np.lib.format.open_memmap(path, mode)
-    if there.shape != shape or there.dtype != np.dtype(kind):
+    array = np.lib.format.open_memmap(path, mode)
+    if array.shape != shape or array.dtype != np.dtype(kind):
         raise ValueError(f"{path.name} is of another shape")
-    return there
+    return array
 
 
 def reserve(path: Path) -> None:
-    """Take room on the disk for all of a file, which nothing else can take then.
+    """Reserve room on the disk for all of a file.
 
     Raises
     ------
     OSError
-        If there is none.
+        If there is no room.
     """
     size = path.stat().st_size
     if hasattr(os, "posix_fallocate"):

@@ -1,8 +1,5 @@
-"""Systems as files of SSP 1.0: archives ``.ssp`` with the FMUs in them, and bare ``.ssd`` descriptions beside them."""
+"""Files of SSP 1.0: archives ``.ssp`` with FMUs, and descriptions ``.ssd`` beside their files."""
 
-from __future__ import annotations
+import lazy_loader
 
-from orchestration.system.ssp.reading import read
-from orchestration.system.ssp.writing import write
-
-__all__ = ["read", "write"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

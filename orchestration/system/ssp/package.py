@@ -1,4 +1,4 @@
-"""The files of a system: an archive that nobody has to trust, or a folder."""
+"""The files of a system: an untrusted archive, or a description in a folder."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from pathlib import Path, PurePosixPath
 from types import TracebackType
 from urllib.parse import unquote
 
-from fmus.kit import files
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, files
 from orchestration.fmu.bounded import TEXT, UNREADABLE, check_size, open_zip
 from orchestration.system.ssp.vocabulary import DESCRIPTION
 
 
 class Package:
-    """A system's files; a context manager.
+    """The files of a system; a context manager.
 
     Parameters
     ----------
@@ -25,21 +24,20 @@ class Package:
     Raises
     ------
     UserError
-        If it cannot be opened, is no SSP, or is one that would write outside its folder or fill the disk.
+        If it cannot be opened, is no SSP, or would write outside its folder or fill the disk.
     """
 
     def __init__(self, path: Path):
         self.path = path
         self._zip: zipfile.ZipFile | None = None
         if not path.is_file():
-            raise UserError(
-                f"{path}: {'a folder, not a system' if path.is_dir() else 'no such file'}"
-            )
+            reason = "a folder, not a system" if path.is_dir() else "no such file"
+            raise UserError(f"{path}: {reason}")
         if path.suffix.lower() == ".ssd":
             self.description = path.name
             return
         self.description = DESCRIPTION
-        self._zip = _opened(path, str(path))
+        self._zip = _open_safely(path, str(path))
         try:
             if DESCRIPTION not in self._zip.namelist():
                 raise UserError(f"{path}: a zip archive but no SSP ({DESCRIPTION} is not in it)")
@@ -60,14 +58,14 @@ class Package:
             self._zip.close()
 
     def text(self, name: str) -> bytes:
-        """Contents of an XML file.
+        """Return the contents of an XML file.
 
         Raises
         ------
         UserError
-            If it is not there, damaged or too large.
+            If it is missing, damaged or too large.
         """
-        name = self._inside(name)
+        name = self._relative_path(name)
         if self._zip is None:
             file = self.path.parent / name
             size = file.stat().st_size if file.is_file() else 0
@@ -78,44 +76,48 @@ class Package:
 
     def _read(self, name: str) -> bytes:
         try:
-            return (
-                (self.path.parent / name).read_bytes()
-                if self._zip is None
-                else self._zip.read(name)
-            )
+            if self._zip is None:
+                return (self.path.parent / name).read_bytes()
+            return self._zip.read(name)
         except (KeyError, FileNotFoundError) as error:
             raise UserError(f"{self.path}: {name} is missing") from error
         except UNREADABLE as error:
             raise UserError(f"{self.path}: {name} cannot be read ({error})") from error
 
     def fmu(self, source: str, folder: Path) -> Path:
-        """Path of an FMU; one from an archive is unpacked into a folder.
+        """Return the path of an FMU; one from an archive is unpacked into a folder.
+
+        Parameters
+        ----------
+        source : str
+            Its URI in the description.
+        folder : Path
 
         Raises
         ------
         UserError
-            If it is not there, damaged, or would write outside its own folder or fill the disk.
+            If it is missing, damaged, or would write outside its own folder or fill the disk.
         """
-        name = self._inside(source)
+        name = self._relative_path(source)
         path = self.path.parent / name
         if self._zip is not None:
             path = folder / name
             files.write(path, self._read(name))
         elif not path.is_file():
             raise UserError(f"{self.path}: {name} is missing")
-        _opened(path, f"{self.path}: {name}").close()
+        _open_safely(path, f"{self.path}: {name}").close()
         return path
 
-    def _inside(self, source: str) -> str:
-        """Path of a file, as the description names it by its URI, which must not lead elsewhere."""
+    def _relative_path(self, source: str) -> str:
+        """Return the path of a file, given its URI, which must not lead out of the folder."""
         name = unquote(source)
         if _leads_out(name) or "://" in name:
             raise UserError(f"{self.path}: {name!r} leads out of the folder of the system")
         return str(PurePosixPath(name))
 
 
-def _opened(path: Path, label: str) -> zipfile.ZipFile:
-    """Open a zip archive after a look at what is in it."""
+def _open_safely(path: Path, label: str) -> zipfile.ZipFile:
+    """Open a zip archive; UserError if an entry would be unpacked outside of its folder."""
     opened = open_zip(path, label, "not a zip archive, or one that is cut off")
     try:
         for entry in opened.infolist():
@@ -132,12 +134,6 @@ def _opened(path: Path, label: str) -> zipfile.ZipFile:
 
 
 def _leads_out(name: str) -> bool:
-    """Whether a path is absolute anywhere, climbs, or names a drive."""
-    return (
-        not name
-        or "\\" in name
-        or ":" in name
-        or "\0" in name
-        or name.startswith("/")
-        or ".." in name.split("/")
-    )
+    """Return whether a path is absolute on any platform, has ``..``, or names a drive."""
+    has_special = any(character in name for character in "\\:\0")
+    return not name or has_special or name.startswith("/") or ".." in name.split("/")

@@ -1,28 +1,46 @@
-"""Reading a system from SSP 1.0, anybody's; what this program cannot do is refused, not passed over."""
+"""Reading of systems from SSP 1.0 files; contents that this program cannot process are refused."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
-from fmus.kit import units
-from fmus.kit.errors import UserError
+from fmus.kit import UserError, suggestion, units
+from orchestration.fmu import Value, read_description
 from orchestration.fmu.bounded import parse_xml
-from orchestration.fmu.signal import Value
-from orchestration.system.check import conversion, interface, variable
+from orchestration.fmu.signal import read_signal, type_of
+from orchestration.system.checking import conversion, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
-from orchestration.system.ssp.connectors import check_connectors, check_declared, variables_of
-from orchestration.system.ssp.grammar import check_elements, local
 from orchestration.system.ssp.package import Package
-from orchestration.system.ssp.vocabulary import CONNECTORS, FMU, NAMESPACES, OUTSIDE, STEP, tag
+from orchestration.system.ssp.vocabulary import (
+    CONNECTORS,
+    FMU,
+    NAMESPACES,
+    OUTSIDE,
+    STEP,
+    check_elements,
+    local_name,
+    tag,
+)
 
-_TYPES = {
+_PARAMETER_TYPES = {
     tag(f"ssv:{kind.capitalize()}"): kind for kind in ("real", "integer", "boolean", "string")
 }
+_CONNECTOR_TYPES = {
+    tag("ssc:Real"): "real",
+    tag("ssc:Integer"): "integer",
+    tag("ssc:Enumeration"): "integer",
+    tag("ssc:Boolean"): "boolean",
+    tag("ssc:String"): "string",
+    tag("ssc:Binary"): "binary",
+}
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
+_IDENTITY = (1.0, 0.0)  # factor and offset
 
 
 def read(path: Path, folder: Path) -> System:
@@ -33,57 +51,82 @@ def read(path: Path, folder: Path) -> System:
     path : Path
         An ``.ssp`` archive, or an ``.ssd`` description with its files beside it.
     folder : Path
-        Into it the FMUs of an archive are unpacked.
+        The FMUs of an archive are unpacked into it.
 
     Returns
     -------
     System
-        With ``cls`` of no member set: an FMU does not tell it.
+        With ``cls`` of no member set, for it is not known of an FMU.
 
     Raises
     ------
     UserError
-        If it cannot be read, is not safe to unpack, declares connectors that the FMUs do not have, or holds what this
-        program cannot do: nested systems, models other than FMUs, signal dictionaries, parameter mappings,
-        transformations that are not linear.
+        If it cannot be read, is not safe to unpack, declares connectors that the FMUs do not have,
+        or contains what this program cannot process: nested systems, models other than FMUs, signal
+        dictionaries, parameter mappings, transformations that are not linear.
     """
     with Package(path) as package:
         root = _parse(package, package.description)
         if root.tag != tag("ssd:SystemStructureDescription"):
             raise UserError(
-                f"{path}: {package.description} is a {local(root)}, not a SystemStructureDescription"
+                f"{path}: {package.description} is a {local_name(root)}, not a"
+                " SystemStructureDescription"
             )
-        if not (version := root.get("version", "")).startswith("1."):
+        version = root.get("version", "")
+        if not version.startswith("1."):
             raise UserError(
                 f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0"
             )
-        tops = root.findall("ssd:System", NAMESPACES)
-        if len(tops) != 1:
+        systems = root.findall("ssd:System", NAMESPACES)
+        if len(systems) != 1:
             raise UserError(
-                f"{path}: {'more than one' if tops else 'no'} System in {package.description}"
+                f"{path}: {'more than one' if systems else 'no'} System in {package.description}"
             )
-        reader = _Reader(package, folder)
+        reader = _SspReader(package, folder)
         reader.check_elements(root)
-        return reader.system(root, tops[0])
+        return reader.read_system(root, systems[0])
 
 
 def _parse(package: Package, name: str) -> Element:
     return parse_xml(package.text(name), str(package.path), name)
 
 
-class _Reader:
-    """Reads a system from a package."""
+def _find_all(parts: Sequence[Element], path: str) -> list[Element]:
+    return [node for part in parts for node in part.findall(path, NAMESPACES)]
+
+
+@dataclass
+class _SystemConnectors:
+    """The connectors of the system, and the ports of members to which they are connected.
+
+    Attributes
+    ----------
+    inputs : dict of str to list of Port
+    output_names : list of str
+        In the order of their declaration.
+    outputs : dict of str to Port
+        Those whose connection was read.
+    """
+
+    inputs: dict[str, list[Port]]
+    output_names: list[str]
+    outputs: dict[str, Port] = field(default_factory=dict)
+
+
+class _SspReader:
+    """A reader of a system from the files of a package."""
 
     def __init__(self, package: Package, folder: Path):
         self._package = package
         self._folder = folder
 
-    def _wrong(self, what: str) -> UserError:
-        return UserError(f"{self._package.path}: {what}")
+    def _error(self, message: str) -> UserError:
+        return UserError(f"{self._package.path}: {message}")
 
     def _get(self, element: Element, attribute: str) -> str:
-        if (value := element.get(attribute)) is None:
-            raise self._wrong(f"a {local(element)} has no attribute {attribute!r}")
+        value = element.get(attribute)
+        if value is None:
+            raise self._error(f"a {local_name(element)} has no attribute {attribute!r}")
         return value
 
     def _number(self, element: Element, attribute: str, default: str) -> float:
@@ -93,252 +136,345 @@ class _Reader:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise self._wrong(f"{attribute} {text!r} of a {local(element)} is not a finite number")
+            raise self._error(
+                f"{attribute} {text!r} of a {local_name(element)} is not a finite number"
+            )
         return value
 
     def check_elements(self, element: Element) -> None:
-        """Refuse what is not understood; see `grammar`."""
+        """Refuse unknown elements; see `vocabulary`."""
         try:
             check_elements(element)
         except UserError as error:
-            raise self._wrong(str(error)) from error
+            raise self._error(str(error)) from error
 
-    def system(self, root: Element, top: Element) -> System:
-        listed = [self._member(element) for element in top.findall("ssd:Elements/*", NAMESPACES)]
-        members = {member.name: member for member in listed}
-        if len(members) != len(listed):
-            raise self._wrong("two members have one name")
-        for name, value in self._bindings(top, "system"):
-            owner, dot, parameter = name.partition(".")
-            if not dot or owner not in members:
-                raise self._wrong(
-                    f"parameter {name!r} of the system is not of the form member.parameter"
-                )
-            member = members[owner]
-            given = {parameter: self._value(member, parameter, value)}
-            members[owner] = replace(member, parameters={**member.parameters, **given})
-        annotations = top.findall("ssd:Annotations/ssc:Annotation", NAMESPACES)
-        outside = [
-            part for a in annotations if a.get("type") == CONNECTORS for part in a.findall(OUTSIDE)
-        ]
-        for part in outside:
-            self.check_elements(part)
-        own = [top, *outside]
-        connectors = [
-            node
-            for part in own
-            for node in part.findall("ssd:Connectors/ssd:Connector", NAMESPACES)
-        ]
-        wires = [
-            node
-            for part in own
-            for node in part.findall("ssd:Connections/ssd:Connection", NAMESPACES)
-        ]
-        for connector in connectors:
-            if (kind := self._get(connector, "kind")) not in ("input", "output"):
-                raise self._wrong(
-                    f"connector {connector.get('name')!r} of the system is {kind}; known: input, output"
-                )
-        inputs: dict[str, list[Port]] = {
-            self._get(c, "name"): [] for c in connectors if c.get("kind") == "input"
-        }
-        outputs: dict[str, Port] = {}
-        names = {self._get(c, "name") for c in connectors if c.get("kind") == "output"}
-        connections = [
-            c for wire in wires if (c := self._connection(wire, members, inputs, names, outputs))
-        ]
-        if lonely := names - set(outputs):
-            raise self._wrong(f"system output {min(lonely)} is connected with nothing")
-        for connector in connectors:
-            name = self._get(connector, "name")
-            for port in inputs[name] if connector.get("kind") == "input" else (outputs[name],):
-                self._check_outer(connector, members[port.member], port)
+    def read_system(self, root: Element, top: Element) -> System:
+        """Read the system in the element `top`."""
+        members = self._read_members(top)
+        parts = [top, *self._annotated_parts(top)]
+        declared = _find_all(parts, "ssd:Connectors/ssd:Connector")
+        connectors = self._read_system_connectors(declared)
+        connections = []
+        for wire in _find_all(parts, "ssd:Connections/ssd:Connection"):
+            connection = self._read_connection(wire, members, connectors)
+            if connection is not None:
+                connections.append(connection)
+        unconnected = set(connectors.output_names) - set(connectors.outputs)
+        if unconnected:
+            raise self._error(f"system output {min(unconnected)} is connected with nothing")
+        for connector in declared:
+            self._check_system_connector(connector, members, connectors)
         experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
         return System(
             self._get(top, "name"),
             tuple(members.values()),
             tuple(connections),
-            {name: tuple(ports) for name, ports in inputs.items()},
-            {
-                self._get(c, "name"): outputs[self._get(c, "name")]
-                for c in connectors
-                if c.get("kind") == "output"
-            },
+            {name: tuple(ports) for name, ports in connectors.inputs.items()},
+            {name: connectors.outputs[name] for name in connectors.output_names},
             top.get("description", ""),
-            **({} if experiment is None else self._experiment(experiment)),
+            **({} if experiment is None else self._read_experiment(experiment)),
         )
 
-    def _check_outer(self, connector: Element, member: Member, port: Port) -> None:
-        """Hold what a connector of the system says of itself against what it is connected with, if that is there."""
-        if (variable := variables_of(member).get(port.variable)) is None:
-            return
-        try:
-            check_declared(
-                connector,
-                variable,
-                f"connector {connector.get('name')!r} of the system, that is {port},",
-            )
-        except UserError as error:
-            raise self._wrong(str(error)) from error
+    def _annotated_parts(self, top: Element) -> list[Element]:
+        """Return the elements of our annotations with connectors of the system."""
+        annotations = top.findall("ssd:Annotations/ssc:Annotation", NAMESPACES)
+        ours = [annotation for annotation in annotations if annotation.get("type") == CONNECTORS]
+        parts = [part for annotation in ours for part in annotation.findall(OUTSIDE)]
+        for part in parts:
+            self.check_elements(part)
+        return parts
 
-    def _experiment(self, experiment: Element) -> dict[str, float]:
+    def _read_experiment(self, experiment: Element) -> dict[str, float]:
+        """Read duration and communication step as keyword arguments of a `System`."""
         times = {}
         if "stopTime" in experiment.attrib:
-            times["stop"] = self._number(experiment, "stopTime", "") - self._number(
-                experiment, "startTime", "0"
-            )
+            stop = self._number(experiment, "stopTime", "")
+            times["stop"] = stop - self._number(experiment, "startTime", "0")
         for annotation in experiment.findall("ssd:Annotations/ssc:Annotation", NAMESPACES):
             algorithm = annotation.find("osp:Algorithm/osp:FixedStepAlgorithm", NAMESPACES)
             if annotation.get("type") == STEP and algorithm is not None:
                 times["step"] = self._number(algorithm, "baseStepSize", "")
         return times
 
-    # --- members ----------------------------------------------------------------------------------------------------
+    # --- members
 
-    def _member(self, element: Element) -> Member:
+    def _read_members(self, top: Element) -> dict[str, Member]:
+        """Read the members, with the parameters that are bound to them or to the system."""
+        listed = [
+            self._read_member(element) for element in top.findall("ssd:Elements/*", NAMESPACES)
+        ]
+        members = {member.name: member for member in listed}
+        if len(members) != len(listed):
+            raise self._error("two members have one name")
+        for name, value in self._read_bindings(top, "system"):
+            owner, dot, parameter = name.partition(".")
+            if not dot or owner not in members:
+                raise self._error(
+                    f"parameter {name!r} of the system is not of the form member.parameter"
+                )
+            member = members[owner]
+            parameters = {**member.parameters, parameter: self._value(member, parameter, value)}
+            members[owner] = replace(member, parameters=parameters)
+        return members
+
+    def _read_member(self, element: Element) -> Member:
         name = self._get(element, "name")
         if element.tag == tag("ssd:System"):
-            raise self._wrong(
+            raise self._error(
                 f"{name} is a system within the system; this program runs one level of members"
             )
         if element.tag != tag("ssd:Component"):
-            raise self._wrong(
-                f"{name} is a {local(element)}; this program runs components that are FMUs"
+            raise self._error(
+                f"{name} is a {local_name(element)}; this program runs components that are FMUs"
             )
-        if (kind := element.get("type", FMU)) != FMU:
-            raise self._wrong(f"member {name} is of type {kind}; this program runs FMUs")
+        kind = element.get("type", FMU)
+        if kind != FMU:
+            raise self._error(f"member {name} is of type {kind}; this program runs FMUs")
         if element.get("implementation", "any") == "ModelExchange":
-            raise self._wrong(
+            raise self._error(
                 f"member {name} is to be run by model exchange; this program runs co-simulation"
             )
         try:
             member = Member(name, self._package.fmu(self._get(element, "source"), self._folder))
-            check_connectors(element, member)
+            _check_connectors(element, member)
         except UserError as error:
             text = str(error).removeprefix(f"{self._package.path}: ")
-            raise self._wrong(f"member {name}: {text}") from error
-        given = {
+            raise self._error(f"member {name}: {text}") from error
+        parameters = {
             key: self._value(member, key, value)
-            for key, value in self._bindings(element, f"member {name}")
+            for key, value in self._read_bindings(element, f"member {name}")
         }
-        return replace(member, parameters=given)
+        return replace(member, parameters=parameters)
 
-    def _bindings(self, element: Element, where: str) -> Iterator[tuple[str, Element]]:
-        """Names and values of all parameters bound to an element."""
+    def _read_bindings(self, element: Element, where: str) -> Iterator[tuple[str, Element]]:
+        """Yield names and values of all parameters that are bound to an element."""
         for binding in element.findall("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES):
             if binding.find("ssd:ParameterMapping", NAMESPACES) is not None:
-                raise self._wrong(f"{where}: parameter mappings are not known to this program")
+                raise self._error(f"{where}: parameter mappings are not known to this program")
             if binding.get("sourceBase", "SSD") != "SSD":
-                raise self._wrong(
+                raise self._error(
                     f"{where}: parameters inside of an FMU are not known to this program"
                 )
-            sets = binding.findall("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
-            if (source := binding.get("source")) is not None:
-                sets.append(_parse(self._package, source))
-                self.check_elements(sets[-1])
-                if sets[-1].tag != tag("ssv:ParameterSet"):
-                    raise self._wrong(
-                        f"{where}: {source} is a {local(sets[-1])}, not a ParameterSet"
-                    )
-            for parameters in sets:
-                for parameter in parameters.findall("ssv:Parameters/ssv:Parameter", NAMESPACES):
-                    name = binding.get("prefix", "") + self._get(parameter, "name")
-                    if len(parameter) == 0 or parameter[0].tag not in _TYPES:
-                        kind = local(parameter[0]) if len(parameter) else "nothing"
-                        known = "known are Real, Integer, Boolean and String"
-                        raise self._wrong(f"{where}: parameter {name} is {kind}; {known}")
-                    yield name, parameter[0]
+            for parameter in self._read_parameters(binding, where):
+                name = binding.get("prefix", "") + self._get(parameter, "name")
+                if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
+                    kind = local_name(parameter[0]) if len(parameter) else "nothing"
+                    known = "known are Real, Integer, Boolean and String"
+                    raise self._error(f"{where}: parameter {name} is {kind}; {known}")
+                yield name, parameter[0]
+
+    def _read_parameters(self, binding: Element, where: str) -> list[Element]:
+        """Return the parameters in a binding, and in the file that it refers to."""
+        sets = binding.findall("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
+        source = binding.get("source")
+        if source is not None:
+            parameter_set = _parse(self._package, source)
+            self.check_elements(parameter_set)
+            if parameter_set.tag != tag("ssv:ParameterSet"):
+                raise self._error(
+                    f"{where}: {source} is a {local_name(parameter_set)}, not a ParameterSet"
+                )
+            sets.append(parameter_set)
+        return _find_all(sets, "ssv:Parameters/ssv:Parameter")
 
     def _value(self, member: Member, name: str, element: Element) -> Value:
-        """Value of a parameter in the FMU's unit."""
+        """Return the value of a parameter in the FMU's unit."""
         try:
             signal = variable(member, name)
         except UserError as error:
-            raise self._wrong(str(error)) from error
-        where, kind, text = (
-            f"member {member.name}: {name}",
-            _TYPES[element.tag],
-            element.get("value", ""),
-        )
+            raise self._error(str(error)) from error
+        where = f"member {member.name}: {name}"
+        kind = _PARAMETER_TYPES[element.tag]
+        text = element.get("value", "")
         if kind != signal.type:
-            raise self._wrong(f"{where}: given as {kind}, but the FMU has it as {signal.type}")
+            raise self._error(f"{where}: given as {kind}, but the FMU has it as {signal.type}")
         if kind == "string":
             return text
         if kind == "boolean":
             if text not in _BOOLEANS:
-                raise self._wrong(f"{where}: {text!r} is neither true nor false")
+                raise self._error(f"{where}: {text!r} is neither true nor false")
             return _BOOLEANS[text]
         try:
             value = float(text)
             return float(units.convert(value, element.get("unit", signal.unit), signal.unit, where))
         except UserError as error:
-            raise self._wrong(str(error) if where in str(error) else f"{where}: {error}") from error
+            raise self._error(str(error) if where in str(error) else f"{where}: {error}") from error
         except ValueError as error:
-            raise self._wrong(f"{where}: {text!r} is not a number") from error
+            raise self._error(f"{where}: {text!r} is not a number") from error
 
-    # --- connections ------------------------------------------------------------------------------------------------
+    # --- connections
 
-    def _connection(
-        self,
-        wire: Element,
-        members: dict[str, Member],
-        inputs: dict[str, list[Port]],
-        names: set[str],
-        outputs: dict[str, Port],
+    def _read_system_connectors(self, declared: Sequence[Element]) -> _SystemConnectors:
+        """Read the connectors of the system, which are not connected yet."""
+        for connector in declared:
+            kind = self._get(connector, "kind")
+            if kind not in ("input", "output"):
+                raise self._error(
+                    f"connector {connector.get('name')!r} of the system is {kind}; known: input,"
+                    " output"
+                )
+        inputs = [self._get(c, "name") for c in declared if c.get("kind") == "input"]
+        outputs = [self._get(c, "name") for c in declared if c.get("kind") == "output"]
+        return _SystemConnectors({name: [] for name in inputs}, outputs)
+
+    def _check_system_connector(
+        self, connector: Element, members: Mapping[str, Member], connectors: _SystemConnectors
+    ) -> None:
+        """Compare type and unit of a connector with those of the ports that it is connected to."""
+        name = self._get(connector, "name")
+        is_input = connector.get("kind") == "input"
+        ports = connectors.inputs[name] if is_input else [connectors.outputs[name]]
+        for port in ports:
+            scalar = _variables_of(members[port.member]).get(port.variable)
+            if scalar is None:
+                continue
+            where = f"connector {connector.get('name')!r} of the system, that is {port},"
+            try:
+                _check_type_and_unit(connector, scalar, where)
+            except UserError as error:
+                raise self._error(str(error)) from error
+
+    def _read_connection(
+        self, wire: Element, members: Mapping[str, Member], connectors: _SystemConnectors
     ) -> Connection | None:
-        """Connection between members; None of one to a connector of the system, which is noted there."""
-        ends = [
-            (wire.get(f"{end}Element"), self._get(wire, f"{end}Connector"))
-            for end in ("start", "end")
-        ]
+        """Read a connection of members; one to a connector of the system is noted there."""
+        start = wire.get("startElement")
+        source = self._get(wire, "startConnector")
+        end = wire.get("endElement")
+        target = self._get(wire, "endConnector")
         where = " -> ".join(
             connector if element is None else f"{element}.{connector}"
-            for element, connector in ends
+            for element, connector in ((start, source), (end, target))
         )
-        (start, source), (end, target) = ends
         for element in (start, end):
             if element is not None and element not in members:
-                raise self._wrong(f"connection {where}: there is no member named {element!r}")
-        factor, offset = self._transformation(wire)
+                raise self._error(f"connection {where}: there is no member named {element!r}")
+        transformation = self._read_transformation(wire)
         if start is not None and end is not None:
-            connection = Connection(Port(start, source), Port(end, target), factor, offset)
+            connection = Connection(Port(start, source), Port(end, target), *transformation)
             if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
                 self._check_conversion(connection, members, where)
             return connection
-        if (factor, offset) != (1.0, 0.0):
-            raise self._wrong(
+        if transformation != _IDENTITY:
+            raise self._error(
                 f"connection {where}: a transformation at a connector of the system is not known"
             )
-        if start is None and end is not None and source in inputs:
-            inputs[source].append(Port(end, target))
-        elif start is not None and end is None and target in names and target not in outputs:
+        outputs = connectors.outputs
+        if start is None and end is not None and source in connectors.inputs:
+            connectors.inputs[source].append(Port(end, target))
+        elif (
+            start is not None
+            and end is None
+            and target in connectors.output_names
+            and target not in outputs
+        ):
             outputs[target] = Port(start, source)
         elif target in outputs:
-            raise self._wrong(
-                f"connection {where}: system output {target} has two sources, {outputs[target]} is one"
+            raise self._error(
+                f"connection {where}: system output {target} has two sources, {outputs[target]}"
+                " is one"
             )
         else:
-            raise self._wrong(
+            raise self._error(
                 f"connection {where}: leads from no input of the system, nor to an output of it"
             )
         return None
 
-    def _transformation(self, wire: Element) -> tuple[float, float]:
+    def _read_transformation(self, wire: Element) -> tuple[float, float]:
+        """Read the factor and the offset of a connection."""
         linear = wire.find("ssc:LinearTransformation", NAMESPACES)
         if linear is None:
-            return 1.0, 0.0
+            return _IDENTITY
         return self._number(linear, "factor", "1"), self._number(linear, "offset", "0")
 
     def _check_conversion(
-        self, connection: Connection, members: dict[str, Member], where: str
+        self, connection: Connection, members: Mapping[str, Member], where: str
     ) -> None:
-        """Refuse a factor where tools differ: in SSP it may follow a conversion of units, in others not."""
+        """Refuse a factor between different units, which tools interpret differently.
+
+        In SSP the factor comes on top of a conversion of units, in some tools it does not.
+        """
         if connection.passes_on:
             return
-        gives = interface(members[connection.source.member]).outputs.get(connection.source.variable)
-        takes = interface(members[connection.target.member]).inputs.get(connection.target.variable)
-        if gives and takes and conversion(gives.unit, takes.unit) not in (None, (1.0, 0.0)):
-            raise self._wrong(
-                f"connection {where}: from {gives.unit!r} to {takes.unit!r}, by a factor that may come on top of the "
-                'conversion or be all of it; say suppressUnitConversion="true" if it is all'
+        source = connection.source
+        target = connection.target
+        output = interface(members[source.member]).outputs.get(source.variable)
+        input_ = interface(members[target.member]).inputs.get(target.variable)
+        if output is None or input_ is None:
+            return
+        if conversion(output.unit, input_.unit) not in (None, _IDENTITY):
+            raise self._error(
+                f"connection {where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
+                ' come on top of the conversion or be all of it; say suppressUnitConversion="true"'
+                " if it is all"
             )
+
+
+# --- connectors
+
+
+def _check_connectors(element: Element, member: Member) -> None:
+    """Compare all connectors of a member with the variables of its FMU.
+
+    Parameters
+    ----------
+    element : Element
+        The ``Component``.
+    member : Member
+
+    Raises
+    ------
+    UserError
+        If there is no variable of a connector's name, or it is of another kind, type or unit than
+        declared.
+    """
+    variables = _variables_of(member)
+    for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
+        name = connector.get("name", "")
+        where = f"connector {name!r}"
+        if name not in variables:
+            raise UserError(
+                f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
+            )
+        declared = connector.get("kind", "")
+        actual = variables[name].causality or "local"
+        if declared != actual:
+            raise UserError(
+                f"{where} is declared as {declared or 'no kind'}, but in the FMU it is {actual}"
+            )
+        _check_type_and_unit(connector, variables[name], where)
+
+
+def _check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
+    """Compare the declared type and unit of a connector with those of fmpy's scalar variable.
+
+    Raises
+    ------
+    UserError
+        If they differ, with both.
+    """
+    for node in connector:
+        if node.tag not in _CONNECTOR_TYPES:
+            continue
+        if _CONNECTOR_TYPES[node.tag] != type_of(scalar):
+            raise UserError(
+                f"{where} is declared as {local_name(node)}, but in the FMU it is {scalar.type}"
+            )
+        unit = node.get("unit")
+        if unit is None:
+            continue
+        actual = read_signal(scalar).unit
+        if conversion(unit, actual) != _IDENTITY:
+            raise UserError(f"{where} is declared in {unit!r}, but in the FMU it is in {actual!r}")
+
+
+def _variables_of(member: Member) -> dict[str, Any]:
+    """Return all scalar variables of a member's FMU by name; UserError if it cannot be read."""
+    path = member.fmu.absolute()
+    return _read_variables(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _read_variables(path: Path, modified: int) -> dict[str, Any]:
+    """Read an FMU once for each time at which its file was modified."""
+    return {variable.name: variable for variable in read_description(path).modelVariables}

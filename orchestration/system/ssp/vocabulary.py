@@ -1,8 +1,11 @@
-"""The words of SSP 1.0 that are both written and read."""
+"""The vocabulary and grammar of SSP 1.0, as far as this program reads and writes it."""
 
 from __future__ import annotations
 
-from fmus.kit.build.parameters import SSC, SSV
+from xml.etree.ElementTree import Element
+
+from fmus.kit import UserError
+from fmus.kit.build import SSC, SSV
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
@@ -13,16 +16,85 @@ ENDINGS = (".ssp", ".ssd")  # an archive, and a bare description
 DESCRIPTION = "SystemStructure.ssd"
 FMU = "application/x-fmu-sharedlibrary"
 PARAMETERS = "application/x-ssp-parameter-set"
-PARAMETER_SET = (
-    "start"  # name of every member's set: Ecos applies the sets of the name that it is given
-)
-STEP = "com.opensimulationplatform"  # annotation of libcosim with the communication step, for which SSP has no word
-MASTER = "org.openmodelica"  # annotation of OMSimulator with its master, without which it refuses a system
-# Annotation with the inputs and outputs of the system, in SSP's own elements, and the element that they are in.
-CONNECTORS, OUTSIDE = "ppy-rig.system-connectors", "Outside"
+# name of the parameter set of every member; Ecos applies the sets of the name that it is given
+PARAMETER_SET = "start"
+# annotation of libcosim with the communication step, for which SSP has no element
+STEP = "com.opensimulationplatform"
+# annotation of OMSimulator with its master, without which it refuses a system
+MASTER = "org.openmodelica"
+# annotation with the inputs and outputs of the system, in SSP's own elements
+CONNECTORS = "ppy-rig.system-connectors"
+# the element in that annotation that contains them
+OUTSIDE = "Outside"
 
 
 def tag(name: str) -> str:
-    """Qualified name, as ElementTree has it, of ``prefix:name``."""
+    """Return the qualified name, as ElementTree has it, of ``prefix:name``."""
     prefix, _, local = name.partition(":")
     return f"{{{NAMESPACES[prefix]}}}{local}"
+
+
+# The elements that an element may contain. Any other would make another system than its author
+# meant.
+_CONTENTS = {
+    "ssd:SystemStructureDescription": "ssd:System ssd:DefaultExperiment",
+    "ssd:System": "ssd:Connectors ssd:Elements ssd:Connections ssd:ParameterBindings",
+    # of these, the reader accepts components only
+    "ssd:Elements": "ssd:Component ssd:System ssd:SignalDictionaryReference",
+    "ssd:Component": "ssd:Connectors ssd:ParameterBindings",
+    "ssd:Connectors": "ssd:Connector",
+    "ssd:Connector": "ssc:Real ssc:Integer ssc:Boolean ssc:String ssc:Enumeration ssc:Binary",
+    "ssd:Connections": "ssd:Connection",
+    "ssd:Connection": "ssc:LinearTransformation",
+    "ssd:ParameterBindings": "ssd:ParameterBinding",
+    "ssd:ParameterBinding": "ssd:ParameterValues ssd:ParameterMapping",
+    "ssd:ParameterValues": "ssv:ParameterSet",
+    "ssd:DefaultExperiment": "",
+    "ssv:ParameterSet": "ssv:Parameters",
+    "ssv:Parameters": "ssv:Parameter",
+}
+# Elements that are ignored: graphics, annotations, and definitions of known names.
+_IGNORED = (
+    "ssd:Annotations ssc:Annotations ssv:Annotations ssd:ElementGeometry ssd:SystemGeometry"
+    " ssd:ConnectorGeometry ssd:ConnectionGeometry ssd:GraphicalElements ssd:Units ssd:Enumerations"
+    " ssv:Units ssv:Enumerations"
+)
+_ALLOWED = {
+    tag(name): {tag(child) for child in children.split()} for name, children in _CONTENTS.items()
+}
+_ALLOWED[OUTSIDE] = {tag("ssd:Connectors"), tag("ssd:Connections")}
+_IGNORED_TAGS = {tag(name) for name in _IGNORED.split()}
+
+
+def check_elements(element: Element) -> None:
+    """Refuse an element with unknown elements in it.
+
+    Parameters
+    ----------
+    element : Element
+        An element of a description or a parameter set; all elements in it are checked.
+
+    Raises
+    ------
+    UserError
+        With the first unknown element, and the one that contains it.
+    """
+    for node in element:
+        if node.tag in _IGNORED_TAGS:
+            continue
+        if element.tag in _ALLOWED and node.tag not in _ALLOWED[element.tag]:
+            raise UserError(
+                f"{_describe(node)}, in {_describe(element)}, is not known to this program"
+            )
+        check_elements(node)
+
+
+def local_name(element: Element) -> str:
+    """Return the name of an element without its namespace."""
+    return element.tag.rpartition("}")[2]
+
+
+def _describe(element: Element) -> str:
+    """Return the name of an element with the attributes that identify it."""
+    keys = ("name", "startElement", "startConnector", "endElement", "endConnector")
+    return " ".join([local_name(element), *filter(None, map(element.get, keys))])

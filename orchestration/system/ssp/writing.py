@@ -1,4 +1,4 @@
-"""Writing a system as SSP 1.0; the same system gives the same bytes."""
+"""Writing of systems as SSP 1.0 files; the same system gives the same bytes."""
 
 from __future__ import annotations
 
@@ -10,13 +10,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, register_namespac
 
 import numpy as np
 
-from fmus.kit import files, units
-from fmus.kit.build import archive
-from fmus.kit.build.parameters import define_units, to_ssv
-from fmus.kit.errors import UserError
-from orchestration.fmu.model import Model
-from orchestration.fmu.signal import Signal
-from orchestration.system.check import check, interface, variable
+from fmus.kit import UserError, files, units
+from fmus.kit.build import archive, define_units, to_ssv
+from orchestration.fmu import Model, Signal
+from orchestration.system.checking import check, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
 from orchestration.system.ssp.vocabulary import (
     CONNECTORS,
@@ -41,24 +38,27 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
     ----------
     system : System
     path : Path
-        An ``.ssp`` archive, replaced whole or not at all; or an ``.ssd`` description, with ``resources/`` beside it.
+        An ``.ssp`` archive, replaced whole or not at all; or an ``.ssd`` description, with
+        ``resources/`` beside it.
     connectors : bool
-        Whether the inputs and outputs of the system are connectors of it, as SSP has them. libcosim and Ecos load no
-        file with connections to these; without them, inputs and outputs stand in an annotation that only we read,
-        and other tools see inputs of members that nothing is connected to and that they set in their own way.
+        Whether the inputs and outputs of the system are connectors of it, as SSP has them. libcosim
+        and Ecos load no file with connections to these. Without them, inputs and outputs are in an
+        annotation that only this program reads, and other tools see inputs of members that are not
+        connected, and set them in their own way.
 
     Raises
     ------
     UserError
-        If the system does not pass :func:`.check.check`, or a file cannot be written; for a bare description also if
-        another file is in the place of one of its resources.
+        If the system does not pass its check, or a file cannot be written; for a bare description
+        also if another file is in the place of one of its resources.
     """
     if path.suffix not in ENDINGS:
         raise UserError(
-            f"{path}: a system is written as {' or '.join(ENDINGS)}, not {path.suffix or 'without an ending'}"
+            f"{path}: a system is written as {' or '.join(ENDINGS)}, not"
+            f" {path.suffix or 'without an ending'}"
         )
     check(system)
-    places, resources = _resources(system)
+    places, resources = _collect_resources(system)
     description = _describe(system, places, connectors)
     if path.suffix == ".ssp":
         files.write(path, archive.pack(resources | {DESCRIPTION: description}))
@@ -74,50 +74,55 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where in ``resources/`` a member's FMU is, and its parameters if it has any."""
+    """The paths in the package of a member's FMU, and of its parameters if it has any."""
 
     fmu: str
     parameters: str | None
 
 
-def _resources(system: System) -> tuple[dict[str, _Places], dict[str, bytes]]:
-    """Places by member, and all files but the description; equal files of one name are one."""
-    files: dict[str, bytes] = {}
+def _collect_resources(system: System) -> tuple[dict[str, _Places], dict[str, bytes]]:
+    """Return the paths by member, and the contents of all files but the description.
+
+    Equal files of one name are stored once.
+    """
+    resources: dict[str, bytes] = {}
     places = {}
     for member in system.members:
-        fmu = _store(files, member.fmu.stem, ".fmu", member.fmu.read_bytes())
-        given = (
-            _store(files, member.name, ".ssv", _parameters(member)) if member.parameters else None
-        )
-        places[member.name] = _Places(fmu, given)
-    return places, files
+        fmu = _store(resources, member.fmu.stem, ".fmu", member.fmu.read_bytes())
+        parameters = None
+        if member.parameters:
+            parameters = _store(resources, member.name, ".ssv", _write_parameters(member))
+        places[member.name] = _Places(fmu, parameters)
+    return places, resources
 
 
-def _store(files: dict[str, bytes], name: str, ending: str, contents: bytes) -> str:
-    """Add a file under a name that is the same as URI and as path, for tools that do not tell these apart."""
+def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes) -> str:
+    """Add a file, and return its path, which is the same as its URI.
+
+    Some tools do not distinguish the two.
+    """
     plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
-    place, number = f"resources/{plain}{ending}", 1
-    taken = {other.casefold(): other for other in files}  # some file systems know no case
-    while (other := taken.get(place.casefold())) is not None and (other, files[other]) != (
-        place,
-        contents,
-    ):
+    path = f"resources/{plain}{ending}"
+    number = 1
+    # some file systems do not distinguish upper and lower case
+    used = {other.casefold(): other for other in resources}
+    while True:
+        other = used.get(path.casefold())
+        if other is None or (other == path and resources[other] == contents):
+            break
         number += 1
-        place = f"resources/{plain}_{number}{ending}"
-    files[place] = contents
-    return place
+        path = f"resources/{plain}_{number}{ending}"
+    resources[path] = contents
+    return path
 
 
-def _parameters(member: Member) -> bytes:
-    return to_ssv(
-        PARAMETER_SET,
-        member.parameters,
-        {name: _told(variable(member, name)) for name in member.parameters},
-    )
+def _write_parameters(member: Member) -> bytes:
+    signals = {name: _with_known_unit(variable(member, name)) for name in member.parameters}
+    return to_ssv(PARAMETER_SET, member.parameters, signals)
 
 
-def _told(signal: Signal) -> Signal:
-    """Signal without its unit if that cannot be defined: an FMU may name its units as it likes."""
+def _with_known_unit(signal: Signal) -> Signal:
+    """Return a signal without its unit if that cannot be defined, for an FMU may name any."""
     try:
         units.base_unit(signal.unit)
     except UserError:
@@ -134,72 +139,72 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
     top = SubElement(root, tag("ssd:System"), name=system.name)
     if system.doc:
         top.set("description", system.doc)
-    used: set[str] = set()
-    outer, outer_wires = _outside(system, models, used)
+    used_units: set[str] = set()
+    outer, outer_wires = _system_connectors(system, models, used_units)
     fed = {connection.target for connection in system.connections}
     if connectors:
         fed |= {port for ports in system.inputs.values() for port in ports}
         top.extend([outer] if len(outer) else [])
     elements = SubElement(top, tag("ssd:Elements"))
     for member in system.members:
-        inputs = [name for name in models[member.name].inputs if Port(member.name, name) in fed]
-        elements.append(_component(member, models[member.name], inputs, places[member.name], used))
+        model = models[member.name]
+        inputs = [name for name in model.inputs if Port(member.name, name) in fed]
+        elements.append(_component(member, model, inputs, places[member.name], used_units))
     wires = Element(tag("ssd:Connections"))
     wires.extend(_wire(connection) for connection in system.connections)
     if connectors:
         wires.extend(outer_wires)
     top.extend([wires] if len(wires) else [])
     annotations = SubElement(top, tag("ssd:Annotations"))
-    annotations.append(_master(system.step))  # OMSimulator looks at the first one only
+    annotations.append(_master_annotation(system.step))  # OMSimulator reads the first one only
     if len(outer) and not connectors:
         annotation = SubElement(annotations, tag("ssc:Annotation"), type=CONNECTORS)
-        SubElement(annotation, OUTSIDE).extend(
-            [outer, outer_wires]
-        )  # an annotation has one element
-    define_units(root, SSD, used)
-    experiment = SubElement(
-        root, tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop))
-    )
-    annotation = SubElement(
-        SubElement(experiment, tag("ssd:Annotations")), tag("ssc:Annotation"), type=STEP
-    )
-    algorithm = SubElement(annotation, tag("osp:Algorithm"))
-    SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(float(system.step)))
+        # an annotation has one element
+        SubElement(annotation, OUTSIDE).extend([outer, outer_wires])
+    define_units(root, SSD, used_units)
+    _add_experiment(root, system)
     indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
 
 
-def _master(step: float) -> Element:
-    """Annotation that makes OMSimulator a Jacobi master with a communication step in s.
+def _add_experiment(root: Element, system: System) -> None:
+    """Add the default experiment, with libcosim's annotation of the communication step."""
+    experiment = SubElement(
+        root, tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop))
+    )
+    annotations = SubElement(experiment, tag("ssd:Annotations"))
+    annotation = SubElement(annotations, tag("ssc:Annotation"), type=STEP)
+    algorithm = SubElement(annotation, tag("osp:Algorithm"))
+    SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(float(system.step)))
 
-    The tolerances are its own defaults; FMUs are handed one, and ours are never less exact than they are without.
+
+def _master_annotation(step: float) -> Element:
+    """Return the annotation that makes OMSimulator a Jacobi master with a step in s.
+
+    The tolerances are its own defaults; FMUs receive one, and with it ours are never less exact
+    than without.
     """
     annotation = Element(tag("ssc:Annotation"), type=MASTER)
-    simulation = SubElement(
-        SubElement(annotation, tag("oms:Annotations")), tag("oms:SimulationInformation")
-    )
+    own_annotations = SubElement(annotation, tag("oms:Annotations"))
+    simulation = SubElement(own_annotations, tag("oms:SimulationInformation"))
     values = {"stepSize": step, "absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
-    written = {
-        name: np.format_float_positional(value, trim="0") for name, value in values.items()
-    }  # xs:decimal
-    SubElement(simulation, tag("oms:FixedStepMaster"), {"description": "oms-ma"} | written)
+    # xs:decimal has no exponent
+    texts = {name: np.format_float_positional(value, trim="0") for name, value in values.items()}
+    SubElement(simulation, tag("oms:FixedStepMaster"), {"description": "oms-ma"} | texts)
     return annotation
 
 
-def _outside(
-    system: System, models: Mapping[str, Model], used: set[str]
+def _system_connectors(
+    system: System, models: Mapping[str, Model], used_units: set[str]
 ) -> tuple[Element, Element]:
-    """Connectors of the system, and their connections to its members."""
-    connectors, wires = Element(tag("ssd:Connectors")), Element(tag("ssd:Connections"))
+    """Return the connectors of the system, and their connections to its members."""
+    connectors = Element(tag("ssd:Connectors"))
+    wires = Element(tag("ssd:Connections"))
     for name, ports in system.inputs.items():
-        connectors.append(
-            _connector(
-                name,
-                "input",
-                models[ports[0].member].inputs[ports[0].variable] if ports else None,
-                used,
-            )
-        )
+        signal = None
+        if ports:
+            signal = models[ports[0].member].inputs[ports[0].variable]
+        connectors.append(_connector(name, "input", signal, used_units))
         for port in ports:
             ends = {
                 "startConnector": name,
@@ -208,20 +213,20 @@ def _outside(
             }
             SubElement(wires, tag("ssd:Connection"), ends)
     for name, port in system.outputs.items():
-        connectors.append(
-            _connector(name, "output", models[port.member].outputs[port.variable], used)
-        )
+        signal = models[port.member].outputs[port.variable]
+        connectors.append(_connector(name, "output", signal, used_units))
         ends = {"startElement": port.member, "startConnector": port.variable, "endConnector": name}
         SubElement(wires, tag("ssd:Connection"), ends)
     return connectors, wires
 
 
 def _component(
-    member: Member, model: Model, inputs: Sequence[str], places: _Places, used: set[str]
+    member: Member, model: Model, inputs: Sequence[str], places: _Places, used_units: set[str]
 ) -> Element:
-    """Describe a member with its outputs, and those inputs that something is connected to.
+    """Describe a member with its outputs, and those inputs that are connected.
 
-    fmpy fails on an input connector without a connection, so the others are omitted; they can be set all the same.
+    fmpy fails on an input connector without a connection, so the others are omitted; they can be
+    set all the same.
     """
     component = Element(
         tag("ssd:Component"),
@@ -232,28 +237,32 @@ def _component(
     )
     if inputs or model.outputs:
         connectors = SubElement(component, tag("ssd:Connectors"))
-        connectors.extend(_connector(name, "input", model.inputs[name], used) for name in inputs)
-        connectors.extend(
-            _connector(name, "output", signal, used) for name, signal in model.outputs.items()
-        )
+        for name in inputs:
+            connectors.append(_connector(name, "input", model.inputs[name], used_units))
+        for name, signal in model.outputs.items():
+            connectors.append(_connector(name, "output", signal, used_units))
     if places.parameters is not None:
         bindings = SubElement(component, tag("ssd:ParameterBindings"))
         SubElement(bindings, tag("ssd:ParameterBinding"), type=PARAMETERS, source=places.parameters)
     return component
 
 
-def _connector(name: str, kind: str, signal: Signal | None, used: set[str]) -> Element:
+def _connector(name: str, kind: str, signal: Signal | None, used_units: set[str]) -> Element:
+    """Describe a connector with its type and unit, which is noted as used."""
     connector = Element(tag("ssd:Connector"), name=name, kind=kind)
-    if signal is not None:
-        node = SubElement(connector, tag(f"ssc:{signal.type.capitalize()}"))
-        if signal.type == "real" and (unit := _told(signal).unit):
-            node.set("unit", unit)
-            used.add(unit)
+    if signal is None:
+        return connector
+    node = SubElement(connector, tag(f"ssc:{signal.type.capitalize()}"))
+    unit = _with_known_unit(signal).unit
+    if signal.type == "real" and unit:
+        node.set("unit", unit)
+        used_units.add(unit)
     return connector
 
 
 def _wire(connection: Connection) -> Element:
-    source, target = connection.source, connection.target
+    source = connection.source
+    target = connection.target
     wire = Element(
         tag("ssd:Connection"),
         {
@@ -264,7 +273,7 @@ def _wire(connection: Connection) -> Element:
         },
     )
     if not connection.passes_on:
-        wire.set("suppressUnitConversion", "true")  # the factor is all that is done
+        wire.set("suppressUnitConversion", "true")  # the factor includes the conversion
         values = {
             "factor": repr(float(connection.factor)),
             "offset": repr(float(connection.offset)),

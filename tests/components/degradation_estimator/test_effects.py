@@ -1,4 +1,6 @@
-"""Effects of the estimator: the base model to the bit at neutral, and the base model on what they sample elsewhere."""
+"""Effects of the estimator: the base model to the bit at neutral, and the base model on what they
+sample elsewhere.
+"""
 
 import re
 from functools import cache
@@ -30,7 +32,9 @@ effects = pytest.mark.parametrize("name", EFFECTS)
 
 
 def across(current, r1=R1, r2=R2, c=C, leads=0.0):
-    """Voltage of R2 across R1 and C in series, a held current after its change, behind leads: exact sampling."""
+    """Voltage of R2 across R1 and C in series, a held current after its change, behind leads: exact
+    sampling.
+    """
     pole, gain = np.exp(-PERIOD / ((r1 + r2) * c)), r1 * r2 / (r1 + r2)
     return lfilter([gain, (1.0 - pole) * r2 - gain], [1.0, -pole], current) + leads * current
 
@@ -118,7 +122,9 @@ def test_an_effect_is_the_base_model_on_what_it_samples(name):
 
 
 def test_the_circuit_behind_leads_and_a_wrong_scale():
-    """R2 is larger by the leads, and the estimate that of the circuit with them; a scale is that of impedances."""
+    """R2 is larger by the leads, and the estimate that of the circuit with them; a scale is that of
+    impedances.
+    """
     voltage = across(CURRENT)
     truth = estimated(DegradationEstimator, across(CURRENT, leads=0.08))
     leads = estimated(laid("lead_resistance"), voltage, **ACTIVE["lead_resistance"])
@@ -143,7 +149,9 @@ def test_a_sample_that_is_late_by_a_period_is_the_one_before():
 
 @effects
 def test_the_slope_at_neutral_is_exact_and_not_zero(name):
-    """A score test starts there: sensitivities of the compiled record beside central differences."""
+    """A score test starts there: sensitivities of the compiled record beside central
+    differences.
+    """
     cls, voltage = laid(name), across(CURRENT)
     neutral = EFFECTS[name].neutral
     exact = (

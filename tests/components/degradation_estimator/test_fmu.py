@@ -7,11 +7,12 @@ import fmpy
 import numpy as np
 import pytest
 
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from orchestration.experiment.waveforms import square_wave
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulate import simulate_instance
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
+from orchestration.fmu.simulation import simulate_instance
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.physics import RigParameters
 from tests.contract.raw import OK, instance
 
 NAME = "degradation_estimator"
@@ -35,7 +36,8 @@ def record(duration, seed=1, noise=4e-3):
     return time, current, rig.run(time, current, np.zeros_like(time))["voltage"]
 
 
-# --- archive ----------------------------------------------------------------------------------------------------------
+# --- archive
+# --------------------------------------------------------------------------------------------------
 
 
 def test_signals_units_and_types(archive):
@@ -68,7 +70,8 @@ def test_signals_units_and_types(archive):
     )  # all through samples: no algebraic loop
 
 
-# --- results ----------------------------------------------------------------------------------------------------------
+# --- results
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -105,7 +108,9 @@ def test_builds_agree(fmu, parameters):
 
 
 def test_any_communication_step_takes_the_same_samples(archive):
-    """Inputs held for whole sample periods: smaller or larger communication steps change nothing."""
+    """Inputs held for whole sample periods: smaller or larger communication steps change
+    nothing.
+    """
     _, current, voltage = record(30.0)
     results = []
     for parts in (1, 3, 7):
@@ -129,7 +134,8 @@ def test_any_communication_step_takes_the_same_samples(archive):
         assert one.get("samples") == [1000.0]
 
 
-# --- absurd readings --------------------------------------------------------------------------------------------------
+# --- absurd readings
+# --------------------------------------------------------------------------------------------------
 
 
 def test_absurd_readings_leave_numbers_and_are_forgotten(archive):

@@ -1,4 +1,6 @@
-"""The degradation estimator against batch solutions, control theory, the M-file of the thesis and known truth."""
+"""The degradation estimator against batch solutions, control theory, the M-file of the thesis and
+known truth.
+"""
 
 import math
 from pathlib import Path
@@ -14,8 +16,9 @@ from fmus.degradation_estimator.model import DegradationEstimator
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
 from orchestration.experiment.waveforms import square_wave
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.rig.emulator.hidden_electrical import GrowingResistance
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.hidden_electrical import GrowingResistance
+from studies.emulator.physics import RigParameters
 from tests.support.pace import slow_but
 
 R1, R2, C, PERIOD = 0.43, 2.35, 2.70, 0.1  # ohm, ohm, F, s: typed in from table 3-1
@@ -65,7 +68,8 @@ def impedance(r1, r2, c, omega=OMEGA):
     return np.abs(r2 * branch / (r2 + branch))
 
 
-# --- conversions ------------------------------------------------------------------------------------------------------
+# --- conversions
+# --------------------------------------------------------------------------------------------------
 
 
 def converted(theta, held, period=PERIOD):
@@ -140,7 +144,8 @@ def test_forgetting_factor_is_eq_4_11_and_the_printed_numbers_are_not_what_they_
         assert values["remaining_weight"] == pytest.approx(left, rel=0.02)
 
 
-# --- recursion --------------------------------------------------------------------------------------------------------
+# --- recursion
+# --------------------------------------------------------------------------------------------------
 
 
 def test_least_squares_is_the_weighted_batch_solution(estimate):
@@ -164,7 +169,8 @@ def test_least_squares_is_the_weighted_batch_solution(estimate):
 def test_preset_is_the_m_file_of_appendix_a3(estimate):
     current = square(40.0, amplitude=1.3, frequency=0.25)
     voltage = measured(current, noise=2e-3, seed=6)
-    # the M-file in matrices; its reset falls on multiples of 100 samples, the component's on its own clock
+    # the M-file in matrices; its reset falls on multiples of 100 samples, the component's on its
+    # own clock
     theta, covariance, alpha, expected = np.zeros(3), np.eye(3), 0.91, []
     for t in range(1, len(current)):
         phi = np.array([-voltage[t - 1], current[t], current[t - 1]])
@@ -225,7 +231,8 @@ def test_covariance_stays_bounded_and_symmetric_for_least_squares(estimate):
             assert found["p13"] == pytest.approx(found["p31"], rel=1e-6, abs=1e-6)
 
 
-# --- excitation and validity ------------------------------------------------------------------------------------------
+# --- excitation and validity
+# ------------------------------------------------------------------------------------------
 
 
 def test_nothing_moves_while_the_current_rests(estimate):
@@ -276,7 +283,9 @@ def alternating(durations, amplitude=0.9):
 @settings(deadline=None, max_examples=20)
 @given(durations=st.lists(st.integers(1, 150), min_size=5, max_size=40))
 def test_tracked_frequency_is_that_of_reversals_of_equal_sign(estimate, durations):
-    """Against the switching times themselves; the first half period starts with the first movement and is left out."""
+    """Against the switching times themselves; the first half period starts with the first movement
+    and is left out.
+    """
     tracked = estimate(alternating(durations), np.zeros(sum(durations)))[
         "tracked_angular_frequency"
     ]
@@ -308,7 +317,9 @@ def test_tracked_frequency_is_the_fundamental_whatever_the_shape(estimate, frequ
 
 
 def test_tracked_frequency_follows_a_change_and_is_held_while_the_current_rests(estimate):
-    """From 0.2 Hz to 0.1 Hz: the period is a low-pass of 30 s; a rest in between does not count as a period."""
+    """From 0.2 Hz to 0.1 Hz: the period is a low-pass of 30 s; a rest in between does not count as
+    a period.
+    """
     slow = square(300.0, frequency=0.1)
     current = np.concatenate([square(200.0), slow, np.zeros(2000), slow])
     period = 2 * np.pi / estimate(current, measured(current))["tracked_angular_frequency"]
@@ -323,7 +334,9 @@ def test_tracked_frequency_follows_a_change_and_is_held_while_the_current_rests(
 
 
 def test_impedance_at_the_tracked_frequency_is_compared_with_the_reference_there(estimate):
-    """Constant circuit, other frequency: another impedance, no change of it; a stored magnitude would derate."""
+    """Constant circuit, other frequency: another impedance, no change of it; a stored magnitude
+    would derate.
+    """
     current = np.concatenate([square(400.0, frequency=0.1), square(600.0, frequency=0.4)])
     found = estimate(current, measured(current), track_frequency=1.0)
     before, after = (impedance(R1, R2, C, 2 * np.pi * f) for f in (0.1, 0.4))
@@ -341,7 +354,9 @@ def test_impedance_at_the_tracked_frequency_is_compared_with_the_reference_there
 
 
 def test_impedance_change_at_the_tracked_frequency_is_that_of_the_circuit(estimate):
-    """The current slows down while R1 doubles: the change is that of the true circuits at the tracked frequency."""
+    """The current slows down while R1 doubles: the change is that of the true circuits at the
+    tracked frequency.
+    """
     parts = square(400.0, frequency=0.4), square(4000.0, frequency=0.1)
     current = np.concatenate(parts)
     rise = np.concatenate([np.ones(4000), np.full(40000, 2.0)])
@@ -357,7 +372,9 @@ def test_impedance_change_at_the_tracked_frequency_is_that_of_the_circuit(estima
 
 
 def test_a_sine_determines_the_impedance_at_its_own_frequency_only(estimate):
-    """Two numbers, amplitude and phase, for three parameters: the README says how far off the rest is."""
+    """Two numbers, amplitude and phase, for three parameters: the README says how far off the rest
+    is.
+    """
     current = 0.9 * np.sin(2 * np.pi * 0.3 * PERIOD * np.arange(36000))
     voltage = measured(current, 5e-3, seed=1)
     for tracked, omega, least, most in ((1.0, 0.6 * math.pi, 0.0, 0.04), (0.0, OMEGA, 0.3, 0.36)):
@@ -391,11 +408,14 @@ def test_valid_needs_time_and_reversals(estimate):
         )
 
 
-# --- derating ---------------------------------------------------------------------------------------------------------
+# --- derating
+# --------------------------------------------------------------------------------------------------
 
 
 def life(hours=5.0):
-    """Current, voltage and true impedance of an ageing actuator: R1 falls until 2100 s, then grows (fig. 4-7)."""
+    """Current, voltage and true impedance of an ageing actuator: R1 falls until 2100 s, then grows
+    (fig. 4-7).
+    """
     time = PERIOD * np.arange(round(hours * 36000))
     current = square_wave(time, 1.3, 0.1)
     r1 = R1 * (0.9 + 0.1 * np.exp(-time / 700.0) + 5e-5 * np.maximum(time - 2100.0, 0.0))
@@ -449,7 +469,8 @@ def test_the_limit_falls_in_steps_to_a_floor_and_never_rises(estimate):
     assert estimate(np.tile(current, 2), again, **options)["voltage_limit"][-1] == 0.8
 
 
-# --- robustness -------------------------------------------------------------------------------------------------------
+# --- robustness
+# --------------------------------------------------------------------------------------------------
 
 
 def test_single_faults_of_the_sensors_are_passed_over(estimate):

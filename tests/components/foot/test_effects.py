@@ -1,4 +1,6 @@
-"""Effects of the foot: the base model to the bit at neutral, virtual work, capstans and Newton's law elsewhere."""
+"""Effects of the foot: the base model to the bit at neutral, virtual work, capstans and Newton's
+law elsewhere.
+"""
 
 import math
 import re
@@ -13,10 +15,10 @@ from fmus.foot.effects import EFFECTS
 from fmus.foot.model import Foot, FootDynamic
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
+from studies.plants.foot import Foot as Stand
+from studies.plants.foot import moving, turning
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
-from tests.support.clean.foot import Foot as Stand
-from tests.support.clean.foot import moving, turning
 from tests.support.effect_samples import named
 
 ACTUATORS, JOINTS = ("an", "po", "do", "pl"), ("ankle", "tm", "mtp")
@@ -100,7 +102,9 @@ def test_catalogue():
 
 @bases
 def test_neutral_is_bit_identical(base):
-    """Of every effect alone and of all, with any values of their other parameters; their own states at rest."""
+    """Of every effect alone and of all, with any values of their other parameters; their own states
+    at rest.
+    """
     own = list(fmus.effects(base.name))
     for names in (*([name] for name in own), own):
         cls = stack(base, *(EFFECTS[name] for name in names))
@@ -157,11 +161,14 @@ def test_the_slope_at_neutral_is_not_zero(base, name):
     assert any(abs(slope) > 1e-3 for slope in slopes.values())
 
 
-# --- the equations ----------------------------------------------------------------------------------------------------
+# --- the equations
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_tendon_across_the_arch_does_the_work_that_its_length_says():
-    """Torque by a tension is less the derivative of a length; the compliance is that of the whole K = R^T K_l R."""
+    """Torque by a tension is less the derivative of a length; the compliance is that of the whole K
+    = R^T K_l R.
+    """
     cls = stack(Foot, EFFECTS["plantar_tendon_across_arch"])
     stiff, h = {"k_an": 5e3, "k_po": 8e3, "k_do": 3e3, "k_pl": 9e3, "tm_stiffness": 7.0}, 1e-6
     for seed in range(20):
@@ -195,7 +202,9 @@ def test_a_tendon_across_the_arch_does_the_work_that_its_length_says():
 
 @bases
 def test_tendons_stretch_as_voigt_bodies(base):
-    """Under a tension that sets in the length falls short by c T (1 - exp(-t / tau)), and its rate is that of it."""
+    """Under a tension that sets in the length falls short by c T (1 - exp(-t / tau)), and its rate
+    is that of it.
+    """
     c, tau = ACTIVE["tendon_stretch"].values()
     cls = stack(base, EFFECTS["tendon_stretch"])
     held = {} if base is Foot else {f"{joint}_inertia": 1.0 for joint in JOINTS}
@@ -277,7 +286,8 @@ def test_all_effects_together_in_any_order(order):
     assert named(other, values) == pytest.approx(named(forth, values), rel=1e-12)
 
 
-# --- as FMUs ----------------------------------------------------------------------------------------------------------
+# --- as FMUs
+# --------------------------------------------------------------------------------------------------
 
 
 @bases

@@ -1,4 +1,6 @@
-"""The foot's FMUs against derivatives of points in the plane, and the closed form of the arch in any step."""
+"""The foot's FMUs against derivatives of points in the plane, and the closed form of the arch in
+any step.
+"""
 
 import math
 import sys

@@ -1,4 +1,6 @@
-"""The foot against points in the plane, virtual work, power balance, equilibria found by minimising, and scipy."""
+"""The foot against points in the plane, virtual work, power balance, equilibria found by
+minimising, and scipy.
+"""
 
 import csv
 import math
@@ -13,7 +15,7 @@ import fmus
 from fmus.foot import model
 from fmus.foot.model import Foot, FootDynamic
 from fmus.kit.integrate import Integrator
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from tests.contract.raw import ERROR, instance
 from tests.support import hosts
 from tests.support.foot import ACTUATORS, JOINTS, lengths_at, toe_at
@@ -48,7 +50,8 @@ def jacobian(values: dict[str, float]):
     return lambda output, given: d[rows[output], columns[given]]
 
 
-# --- kinematics -------------------------------------------------------------------------------------------------------
+# --- kinematics
+# --------------------------------------------------------------------------------------------------
 
 
 def test_reference_configuration_is_table_5_1():
@@ -111,7 +114,9 @@ def test_analytic_jacobians_are_finite_differences_of_the_points():
 
 
 def test_jacobian_is_eq_5_3_as_printed():
-    """Not what the program has: sines and cosines of eq. 5.3; table 5-1's angles make link 3 horizontal."""
+    """Not what the program has: sines and cosines of eq. 5.3; table 5-1's angles make link 3
+    horizontal.
+    """
     l1, l2, l3 = 50.8e-3, 62.5e-3, 23.6e-3
     for values in one_by_one(20):
         a, tm, mtp = values.values()
@@ -142,7 +147,8 @@ def test_scale_multiplies_lengths_and_arms():
         assert large[name] == pytest.approx(2.5**power * small[name], rel=1e-13), name
 
 
-# --- compliance and damping -------------------------------------------------------------------------------------------
+# --- compliance and damping
+# -------------------------------------------------------------------------------------------
 
 
 def matrices(found, kind: str) -> np.ndarray:
@@ -185,7 +191,9 @@ def test_both_are_symmetric_in_the_law_itself():
 
 
 def test_compliance_is_how_far_the_toe_moves_in_equilibrium():
-    """Springs at rest in a posture; the potential energy under a small force is minimised numerically."""
+    """Springs at rest in a posture; the potential energy under a small force is minimised
+    numerically.
+    """
     for values in one_by_one(5):
         posture = np.array(list(values.values()))
         rest, start = np.array(lengths_at(posture[0], posture[2])), toe_at(*posture)
@@ -253,7 +261,8 @@ def test_readme_says_what_the_matrices_are():
     assert 1.0 - stiff / found["toe_compliance_xx"] == pytest.approx(0.04, abs=0.005)
 
 
-# --- dynamics ---------------------------------------------------------------------------------------------------------
+# --- dynamics
+# --------------------------------------------------------------------------------------------------
 
 
 def run(component, steps: int, size: float) -> None:
@@ -277,7 +286,9 @@ def test_arch_vibrates_as_a_damped_oscillator():
 
 
 def test_constant_tensions_do_not_hold_the_ankle():
-    """Second derivative of the potential of two tensions in balance, from the points: a hilltop, not a valley."""
+    """Second derivative of the potential of two tensions in balance, from the points: a hilltop,
+    not a valley.
+    """
     po = 3.0 * 12.639 / 29.383  # by the moment arms of the reference configuration
     h = 1e-3
     potential = [
@@ -293,7 +304,9 @@ def test_constant_tensions_do_not_hold_the_ankle():
     ("load", "joint", "limit"), [("an", "ankle", 0.7), ("po", "ankle", -0.7), ("pl", "mtp", -0.15)]
 )
 def test_soft_stop_holds_at_the_limit(load, joint, limit):
-    """Rest is where the stop's torque, inertia times frequency squared per angle, is that of the tension."""
+    """Rest is where the stop's torque, inertia times frequency squared per angle, is that of the
+    tension.
+    """
     foot = FootDynamic(**{f"{load}_tension": 5.0}, ankle_damping=0.2, mtp_damping=4e-3)
     run(foot, 100, 0.1)
     angle = getattr(foot, f"{joint}_angle")
@@ -351,7 +364,8 @@ def test_motion_is_that_of_scipy_on_the_points():
     assert found == pytest.approx(expected, rel=1e-5, abs=1e-6)
 
 
-# --- as FMUs ----------------------------------------------------------------------------------------------------------
+# --- as FMUs
+# --------------------------------------------------------------------------------------------------
 
 
 def table(path):
@@ -390,13 +404,16 @@ def test_builds_agree(fmu, name):
         ), signal
 
 
-# --- ranges -----------------------------------------------------------------------------------------------------------
+# --- ranges
+# --------------------------------------------------------------------------------------------------
 
 GEOMETRY = {p.name: p for p in Foot.layout.parameters if p.source == "thesis table 5-1"}
 
 
 def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
-    """The sign of an arm is that of a sum linear in length and radius: their ends suffice. Angles in steps of 1 deg."""
+    """The sign of an arm is that of a sum linear in length and radius: their ends suffice. Angles
+    in steps of 1 deg.
+    """
     span = {name: np.array([p.min, p.max]) for name, p in GEOMETRY.items()}
     beta, gamma = np.linspace(*span["beta_po"], 24), np.linspace(*span["gamma_po"], 18)
     grid = np.meshgrid(span["l_po"], span["r_po"], beta, gamma, np.linspace(*RANGES["ankle"], 81))
@@ -407,7 +424,8 @@ def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
         "more than an arm changes in a step"
     )
     assert span["r_pl"][0] > 0.0
-    # the toe's two columns of J are l1 l3 sin(a3 - a1) + l2 l3 sin(a3 - a2) apart, both angles between 0 and pi
+    # the toe's two columns of J are l1 l3 sin(a3 - a1) + l2 l3 sin(a3 - a2) apart, both angles
+    # between 0 and pi
     last = span["beta_p"] + RANGES["mtp"]
     both = last + span["beta_df"] + RANGES["tm"]
     assert last[0] >= 0.0
@@ -416,7 +434,8 @@ def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
     assert span["l1"][0] * span["l3"][0] * min(np.sin(both)) > 1e-4, (
         "far above what counts as locked"
     )
-    # an actuator has a length in any posture, because its origin is farther from the joint than its attachment is
+    # an actuator has a length in any posture, because its origin is farther from the joint than its
+    # attachment is
     smallest = {a: max(span[f"beta_{a}"][0] - span[f"gamma_{a}"][1], 0.0) for a in ("an", "po")}
     for a, angle in (smallest | {"do": span["gamma_do"][0]}).items():
         assert span[f"l_{a}"][0] > 2.0 * span[f"r_{a}"][1] * math.cos(angle)
@@ -424,7 +443,9 @@ def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
 
 @pytest.mark.parametrize("name", ["foot", "foot_dynamic"])
 def test_geometry_that_could_be_singular_is_refused(fmu, name, runtime):
-    """Each parameter of the geometry, just beyond either end of its range, by name and with the range."""
+    """Each parameter of the geometry, just beyond either end of its range, by name and with the
+    range.
+    """
     with instance(fmu(name, runtime)) as one:
         for p in GEOMETRY.values():
             for bound, sign in ((p.min, -1), (p.max, 1)):

@@ -1,4 +1,6 @@
-"""The effects of the galvanostat: exactly the base at neutral, what its equation says elsewhere, and nothing else."""
+"""The effects of the galvanostat: exactly the base at neutral, what its equation says elsewhere,
+and nothing else.
+"""
 
 import re
 from pathlib import Path
@@ -14,13 +16,15 @@ from fmus.galvanostat.model import Galvanostat
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 
 CLIPPED = stack(Galvanostat, CurrentSaturation)
 
 
 def random_values(cls, seed, size=None):
-    """Any input and state within what can occur, parameters about their defaults; the neutral one is left alone."""
+    """Any input and state within what can occur, parameters about their defaults; the neutral one
+    is left alone.
+    """
     rng = np.random.default_rng(seed)
     values = {
         p.name: p.start * rng.uniform(0.3, 3.0, size)
@@ -115,7 +119,9 @@ def test_the_drive_clips_earlier_and_is_otherwise_the_same(loss):
 
 
 def test_slope_at_neutral_is_that_of_the_limit():
-    """With respect to the loss: -I where the command is at the limit or beyond; exact, beside central differences."""
+    """With respect to the loss: -I where the command is at the limit or beyond; exact, beside
+    central differences.
+    """
     time, inputs = record()
     inputs = inputs | {"current_command": 1.2 * inputs["current_command"]}
     found = (

@@ -1,4 +1,6 @@
-"""Both builds of the galvanostat as FMUs: one behaviour, and no way from the voltage to the current but samples."""
+"""Both builds of the galvanostat as FMUs: one behaviour, and no way from the voltage to the current
+but samples.
+"""
 
 import math
 
@@ -6,9 +8,9 @@ import fmpy
 import numpy as np
 import pytest
 
-from fmus.kit.build import RUNTIMES
+from fmus.kit.build.building import RUNTIMES
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulate import simulate_instance
+from orchestration.fmu.simulation import simulate_instance
 from tests.contract.raw import OK, doubles, instance, integers
 
 NAME = "galvanostat"
@@ -30,7 +32,8 @@ def test_the_voltage_reaches_the_current_through_samples_only(archive):
     }
 
 
-# --- two builds, one behaviour ----------------------------------------------------------------------------------------
+# --- two builds, one behaviour
+# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -65,7 +68,8 @@ def test_builds_agree(fmu, parameters):
         assert len(set(results["native"][name].tolist())) > 1
 
 
-# --- inputs, states, steps --------------------------------------------------------------------------------------------
+# --- inputs, states, steps
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["current_command", "voltage", "voltage_limit", "voltage_command"])

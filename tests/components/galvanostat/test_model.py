@@ -1,4 +1,6 @@
-"""The galvanostat against its data sheet and fig. 4-4: closed forms, and solutions written out by hand here."""
+"""The galvanostat against its data sheet and fig. 4-4: closed forms, and solutions written out by
+hand here.
+"""
 
 import math
 
@@ -19,7 +21,9 @@ R1, R2, C = 0.43, 2.35, 2.70
 
 
 def drive(model, times, **inputs):
-    """Outputs at the communication points, with the inputs of the same point; inputs are numbers or functions."""
+    """Outputs at the communication points, with the inputs of the same point; inputs are numbers or
+    functions.
+    """
     integrator = Integrator(model)
     rows = []
     for k, time in enumerate(times):
@@ -79,7 +83,8 @@ def test_current_deviates_by_the_tolerance_at_most(command, tolerance):
     )
 
 
-# --- protection of fig. 4-4 -------------------------------------------------------------------------------------------
+# --- protection of fig. 4-4
+# -------------------------------------------------------------------------------------------
 
 
 def test_current_is_zero_for_the_recovery_time_and_then_resumes():
@@ -143,7 +148,9 @@ def test_equal_to_the_limit_is_not_beyond():
 
 @pytest.mark.parametrize("step", [0.0007, 0.01, 0.013, 0.25])
 def test_sample_instants_do_not_depend_on_the_communication_step(step):
-    """The limit falls below the voltage at the first communication point: the next sample begins what never ends."""
+    """The limit falls below the voltage at the first communication point: the next sample begins
+    what never ends.
+    """
     times = np.arange(0, 2.0, step)
     found = drive(
         Galvanostat(protection_period=0.03, recovery_time=0.3),
@@ -159,7 +166,9 @@ def test_sample_instants_do_not_depend_on_the_communication_step(step):
 
 
 def exact_closed_loop(command, limit, recovery, period, stop):
-    """Current and voltage of the actuator at every sample: the charge in closed form between them (eq. 3.5)."""
+    """Current and voltage of the actuator at every sample: the charge in closed form between them
+    (eq. 3.5).
+    """
     tau, charge, waiting, rows = (R1 + R2) * C, 0.0, 0, []
     samples = round(recovery / period)
     current = 0.0
@@ -177,9 +186,11 @@ def exact_closed_loop(command, limit, recovery, period, stop):
 
 
 def test_voltage_of_an_actuator_is_kept_at_its_limit():
-    """Fig. 4-4: +-1.3 A at 0.1 Hz (section 4.3) on the 12-layer circuit, limited to 0.8 V; closed form of the charge.
+    """Fig. 4-4: +-1.3 A at 0.1 Hz (section 4.3) on the 12-layer circuit, limited to 0.8 V; closed
+    form of the charge.
 
-    The circuit is integrated by scipy from sample to sample, nothing of the actuator component is used.
+    The circuit is integrated by scipy from sample to sample, nothing of the actuator component is
+    used.
     """
     period, stop, limit = 0.01, 20.0, 0.8
 
@@ -206,11 +217,13 @@ def test_voltage_of_an_actuator_is_kept_at_its_limit():
     assert np.array_equal(found[:, 2], expected[:, 2])
     assert found[:, :2] == pytest.approx(expected[:, :2], rel=1e-8, abs=1e-9)
     assert 0.05 < expected[:, 2].mean() < 0.95, "the protection acts, but not always"
-    # within a sample period the voltage rises by at most i / C, and at an edge of the command it may jump
+    # within a sample period the voltage rises by at most i / C, and at an edge of the command it
+    # may jump
     assert np.percentile(np.abs(found[:, 1]), 98) < limit + 1.3 * period / C + 1e-9
 
 
-# --- compliance -------------------------------------------------------------------------------------------------------
+# --- compliance
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("resistance", [1.0, 11.0, 12.0, 20.0, 150.0, 1e4])
@@ -260,11 +273,14 @@ def test_compliance_doubles_the_current_per_sample_when_it_lets_go():
     )
 
 
-# --- wind-up of a controller outside --------------------------------------------------------------------------------
+# --- wind-up of a controller outside
+# --------------------------------------------------------------------------------
 
 
 def charge_loop(model, frozen, reference, stop, initial=0.0, limit=lambda t: LIMIT):
-    """PI control of the charge through the galvanostat, the circuit in closed form: rows of charge, sum, recovering."""
+    """PI control of the charge through the galvanostat, the circuit in closed form: rows of charge,
+    sum, recovering.
+    """
     integrator, period, tau, charge = Integrator(model), 0.01, (R1 + R2) * C, initial
     total, rows = initial / (R2 * C), []  # at rest the current leaks through R2
     for k in range(round(stop / period)):
@@ -316,7 +332,8 @@ def test_a_controller_frozen_in_recovery_overshoots_less():
     assert overshoot[False] == pytest.approx(0.10, abs=0.005)
 
 
-# --- response ---------------------------------------------------------------------------------------------------------
+# --- response
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("response", [50e-6, 1e-3, 0.2])
@@ -344,7 +361,8 @@ def test_no_response_time_is_not_stiff():
     assert model.rates() == [0.0]
 
 
-# --- potentiostat -----------------------------------------------------------------------------------------------------
+# --- potentiostat
+# --------------------------------------------------------------------------------------------------
 
 
 def exact_potentiostat(command, period, samples, gain):
@@ -378,7 +396,8 @@ def test_potentiostat_follows_the_sampled_law(command):
     assert np.array(found) == pytest.approx(expected, rel=1e-9, abs=1e-12)
     assert found[-1][1] == pytest.approx(command, abs=1e-3)
     assert any(saturated) == (np.abs(expected[:, 0]).max() >= LIMIT)
-    # error after each of the first samples shrinks by 1 - 0.3635, as the README says (the charge hardly moves)
+    # error after each of the first samples shrinks by 1 - 0.3635, as the README says (the charge
+    # hardly moves)
     if abs(command) < 0.4:
         errors = command - expected[:12, 1]
         assert errors[1:4] / errors[:3] == pytest.approx(1 - R1 * R2 / (R1 + R2), abs=0.015)
@@ -425,7 +444,8 @@ def test_errors_within_the_voltage_tolerance_are_left_alone():
     assert model.current() == 0.0
 
 
-# --- extremes ---------------------------------------------------------------------------------------------------------
+# --- extremes
+# --------------------------------------------------------------------------------------------------
 
 
 @settings(deadline=None, max_examples=100)

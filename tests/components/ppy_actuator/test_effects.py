@@ -1,4 +1,6 @@
-"""Each effect is exactly the base model at its neutral value, moves what it should elsewhere, and can be fitted."""
+"""Each effect is exactly the base model at its neutral value, moves what it should elsewhere, and
+can be fitted.
+"""
 
 import ast
 import inspect
@@ -19,7 +21,7 @@ from fmus.kit import stack
 from fmus.kit.component import effect_name
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from tests.support.effect_samples import (
@@ -74,7 +76,8 @@ CHANGED = {
         "yield_threshold": {FLOW},
     },
 }
-# Taut, the mechanical displacement is what the length leaves, however the spring: it changes by rounding only.
+# Taut, the mechanical displacement is what the length leaves, however the spring: it changes by
+# rounding only.
 ROUNDED = {(PpyActuatorLengthDriven, n) for n in (*SPRINGS, "charge_dependent_stiffness")}
 # Effects that are laid one over the other, so that their order matters.
 LAYERED = [
@@ -87,7 +90,7 @@ readme = (Path(fmus.__file__).parent / "ppy_actuator" / "README.md").read_text(e
 
 def test_catalogue():
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
-    assert set(ACTIVE) == set(EFFECTS)
+    assert set(ACTIVE) == set(EFFECTS), "its sizes go into tests/support/effect_samples.py"
     for name, effect in EFFECTS.items():
         assert effect_name(effect) == name
         assert effect.__doc__
@@ -165,7 +168,8 @@ def test_shapes_of_one_family_are_of_one_law_and_signal():
     assert families["charge_elongation remembering charge"] == list(STRAINS[4:6])
 
 
-# --- neutral ----------------------------------------------------------------------------------------------------------
+# --- neutral
+# --------------------------------------------------------------------------------------------------
 
 
 @bases
@@ -225,9 +229,11 @@ def test_neutral_is_bit_identical_in_the_graph(base, name):
 @bases
 @effects
 def test_neutral_runs_are_the_base_run(base, name):
-    """Through the integrator only the internal step can differ, which the effect's own state takes part in choosing.
+    """Through the integrator only the internal step can differ, which the effect's own state takes
+    part in choosing.
 
-    The slack actuator is the hard case: going taut is a kink, and what a step across it costs depends on the step.
+    The slack actuator is the hard case: going taut is a kink, and what a step across it costs
+    depends on the step.
     """
     runs = []
     for cls in (base, stack(base, EFFECTS[name])):
@@ -253,7 +259,8 @@ def test_the_model_moves_smoothly_away_from_neutral(base, name):
     assert {n: near[n] for n in near} == pytest.approx(at_zero, rel=1e-5, abs=1e-9)
 
 
-# --- active: what changes, and what does not --------------------------------------------------------------------------
+# --- active: what changes, and what does not
+# --------------------------------------------------------------------------
 
 
 @bases
@@ -273,12 +280,15 @@ def test_an_active_effect_changes_what_it_should_and_nothing_else(base, name):
     assert rounded - changed <= ({"mechanical_displacement"} if (base, name) in ROUNDED else set())
 
 
-# --- stacks -----------------------------------------------------------------------------------------------------------
+# --- stacks
+# --------------------------------------------------------------------------------------------------
 
 
 @bases
 def test_order_does_not_matter_where_laws_differ(base):
-    """Pairs of `LAYERED` are laid one over the other; every other pair commutes but for rounding."""
+    """Pairs of `LAYERED` are laid one over the other; every other pair commutes but for
+    rounding.
+    """
     for pair in itertools.combinations(EFFECTS, 2):
         forth, back = (stack(base, *(EFFECTS[n] for n in order)) for order in (pair, pair[::-1]))
         values = random_values(forth, 5) | active(pair) | {"length_change": 5e-3, "charge": 3.0}
@@ -309,7 +319,8 @@ def test_all_effects_agree_on_floats_arrays_and_symbols(base):
         )
 
 
-# --- fitting starts at the neutral value ------------------------------------------------------------------------------
+# --- fitting starts at the neutral value
+# ------------------------------------------------------------------------------
 
 
 @bases
@@ -380,7 +391,8 @@ def test_sensitivity_at_neutral_is_that_of_differences_and_not_zero(base, name, 
     assert max(seen) > 1e-3  # a change by the nominal value is seen
 
 
-# --- the rule that keeps laws and measurements apart ------------------------------------------------------------------
+# --- the rule that keeps laws and measurements apart
+# ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", fmus.COMPONENTS)

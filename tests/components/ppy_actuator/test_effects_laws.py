@@ -1,4 +1,6 @@
-"""What the README says of each effect, written out again here: at any instant by root finding, in time on paper."""
+"""What the README says of each effect, written out again here: at any instant by root finding, in
+time on paper.
+"""
 
 import math
 from itertools import pairwise
@@ -13,7 +15,7 @@ from scipy.signal import lsim
 
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.effect_samples import ACTIVE, active, bases, effects, named, random_values
@@ -23,7 +25,8 @@ STEP, STEPS = 0.1, 300
 CURRENT = 0.9 * np.where(np.arange(STEPS) % 50 < 25, 1.0, -1.0) + 0.2
 
 
-# --- at an instant: every effect, alone and all at once ---------------------------------------------------------------
+# --- at an instant: every effect, alone and all at once
+# ---------------------------------------------------------------
 
 
 def root(function, about):
@@ -42,7 +45,9 @@ def root(function, about):
 
 
 def paper(v):
-    """Rates and outputs from the table of the README; ``v`` gives what is there, the rest of the effects is absent."""
+    """Rates and outputs from the table of the README; ``v`` gives what is there, the rest of the
+    effects is absent.
+    """
     p = {n: 0.0 for effect in EFFECTS.values() for n in effect.declared}
     p |= {"thermal_resistance": 1.0, "softening_load": 1.0, "fading_load": 1.0}
     p |= {n: 1.0 for n in p if n.endswith(("_time", "_width")) and "lag_time" not in n} | v
@@ -81,7 +86,8 @@ def paper(v):
     slower = 1.0 + p["recovery_slowness"] if kelvin < 0.0 else 1.0
     flowing = math.copysign(max(abs(load) - p["yield_force"], 0.0), load)
 
-    # circuit: Kirchhoff's law at the terminal, and what is across the parts between it and the films
+    # circuit: Kirchhoff's law at the terminal, and what is across the parts between it and the
+    # films
     resistance = p["R1"] * (1.0 + p["resistance_growth_rate"] * p["throughput"])
     resistance /= 1.0 + p["conductance_rise_per_kelvin"] * p["temperature_rise"]
     films = q / p["C"] * (1.0 + p["capacitance_fade_rate"] * p["fading_throughput"])
@@ -194,11 +200,14 @@ def test_all_effects_together_run_as_scipy_integrates_them(base):
     assert (size > 0.01 * nominal).all(), "every state takes part"
 
 
-# --- in time, on paper ------------------------------------------------------------------------------------------------
+# --- in time, on paper
+# ------------------------------------------------------------------------------------------------
 
 
 def run(cls, step, steps, current, **values):
-    """Displacement due to charge, voltage and charge at the communication points; currents are held."""
+    """Displacement due to charge, voltage and charge at the communication points; currents are
+    held.
+    """
     model = cls(**values)
     integrator = Integrator(model)
     rows = []
@@ -279,7 +288,9 @@ def test_strain_lag_is_a_first_order_lag():
 
 @pytest.mark.parametrize("lag", [0.3, 3.0])
 def test_strain_lag_in_two_stages_follows_its_transfer_function(lag):
-    """From the state equations of its description, and near two lags without the time that keeps them regular."""
+    """From the state equations of its description, and near two lags without the time that keeps
+    them regular.
+    """
     elongation, _, _ = run(
         stack(PpyActuator, EFFECTS["strain_lag(two_stages)"]),
         STEP,
@@ -332,7 +343,9 @@ def impedance(cls, frequencies, **values):
 
 @bases
 def test_diffusion_has_the_impedance_of_a_layer(base):
-    """Five sections of infinitely many: what the others would add is the tail of a series, and nothing at rest."""
+    """Five sections of infinitely many: what the others would add is the tail of a series, and
+    nothing at rest.
+    """
     share, time, omega = 0.6, 7.0, np.logspace(-4, 3, 30)
     found = impedance(
         stack(base, EFFECTS["diffusion"]), omega, diffusion_share=share, diffusion_time=time
@@ -363,7 +376,9 @@ def test_charge_dependent_capacitance_is_the_integral_of_its_differential_one():
 
 
 def test_capacitance_that_depends_on_the_modulus_of_the_charge():
-    """Its differential values, by central differences: C exp(-a |Q|), and even about zero to the second order."""
+    """Its differential values, by central differences: C exp(-a |Q|), and even about zero to the
+    second order.
+    """
     slopes = {}
     for name, values in (
         ("modulus", {"capacitance_falloff_either_way": -0.12}),
@@ -383,7 +398,9 @@ def test_capacitance_that_depends_on_the_modulus_of_the_charge():
 
 
 def test_self_heating_ends_where_supply_and_loss_balance():
-    """Charged, all of the current leaks: P = R2 i^2. Warming is slow, and follows an exponential in the end."""
+    """Charged, all of the current leaks: P = R2 i^2. Warming is slow, and follows an exponential in
+    the end.
+    """
     cls = stack(PpyActuator, EFFECTS["self_heating"])
     model = cls(
         conductance_rise_per_kelvin=0.02,
@@ -416,7 +433,9 @@ def test_force_to_voltage_drives_charge_through_the_leakage():
 
 @bases
 def test_strain_hysteresis_follows_the_charge_from_turn_to_turn(base):
-    """Along a rising or falling charge z approaches w or -w exponentially in the charge, however fast it moves."""
+    """Along a rising or falling charge z approaches w or -w exponentially in the charge, however
+    fast it moves.
+    """
     share, width, charge, trailing = 0.3, 0.4, rc(CURRENT), [0.0]
     for before, after in pairwise(charge):
         limit = math.copysign(width, after - before)
@@ -432,7 +451,9 @@ def test_strain_hysteresis_follows_the_charge_from_turn_to_turn(base):
 
 
 def creep_under(cls, loads, **values):
-    """Mechanical displacement of the force-driven actuator after each (load, duration), the load still on."""
+    """Mechanical displacement of the force-driven actuator after each (load, duration), the load
+    still on.
+    """
     model, time, found = cls(**values), 0.0, []
     integrator = Integrator(model)
     for load, duration in loads:

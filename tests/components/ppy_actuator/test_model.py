@@ -1,4 +1,6 @@
-"""The actuator against the thesis: transfer functions, step responses and tables, all written out by hand here."""
+"""The actuator against the thesis: transfer functions, step responses and tables, all written out
+by hand here.
+"""
 
 import math
 
@@ -11,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import fmus
 from fmus.kit.integrate import Integrator
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 
 FORCE, LENGTH = trace(PpyActuator), trace(PpyActuatorLengthDriven)
@@ -49,13 +51,16 @@ def state_space(graph, values, output, given_input):
 
 
 def same_transfer_function(system, numerator, denominator):
-    """Compare over frequency: rational functions of degree n that agree at more than 2n points are the same."""
+    """Compare over frequency: rational functions of degree n that agree at more than 2n points are
+    the same.
+    """
     frequencies = np.logspace(-5, 3, 41)
     exact = control.tf(numerator, denominator)(1j * frequencies)
     assert system(1j * frequencies) == pytest.approx(exact, rel=1e-8)
 
 
-# --- transfer functions -----------------------------------------------------------------------------------------------
+# --- transfer functions
+# -----------------------------------------------------------------------------------------------
 
 
 @settings(deadline=None)
@@ -132,7 +137,9 @@ def test_coefficients_of_the_mechanical_polynomial(p):
 @settings(deadline=None)
 @given(p=parameters)
 def test_current_and_force_do_not_cross(p):
-    """Unidirectional and additive coupling: the load is not seen in the voltage, the charge not in the creep."""
+    """Unidirectional and additive coupling: the load is not seen in the voltage, the charge not in
+    the creep.
+    """
     a, b, c, d = FORCE.linearise(**p)
     names = [o.name for o in FORCE.layout.outputs]
     assert not (c @ a @ b)[names.index("voltage"), 1]
@@ -163,11 +170,14 @@ def test_tension_is_the_inverse_of_eq_3_7(p):
     )
 
 
-# --- responses --------------------------------------------------------------------------------------------------------
+# --- responses
+# --------------------------------------------------------------------------------------------------
 
 
 def simulate(model, step, steps, **inputs):
-    """Values of every output at the communication points; inputs are numbers or functions of time."""
+    """Values of every output at the communication points; inputs are numbers or functions of
+    time.
+    """
     integrator = Integrator(model)
     names = [o.name for o in model.layout.outputs]
     rows = []
@@ -220,7 +230,8 @@ def test_table_3_1_and_figure_3_9():
     )  # printed to two digits
     assert (p["R1"] + p["R2"]) * p["C"] == pytest.approx(7.5, abs=0.05)  # "approximately 7.5 s"
     assert (p["k1"], p["b1"], p["k2"], p["b2"]) == (6300.0, 1.7e6, 1.0e4, 2.0e6)
-    # errata 1: in N/m the largest load gives the fraction of a millimetre that is plotted, in N/mm it would not
+    # errata 1: in N/m the largest load gives the fraction of a millimetre that is plotted, in N/mm
+    # it would not
     assert 2.75 / p["k1"] == pytest.approx(0.44e-3, rel=0.01)
 
 
@@ -277,7 +288,8 @@ def test_signals_have_their_fixed_names():
         assert "charge_start" in names
 
 
-# --- length-driven ----------------------------------------------------------------------------------------------------
+# --- length-driven
+# --------------------------------------------------------------------------------------------------
 
 
 @settings(deadline=None, max_examples=20)
@@ -362,7 +374,9 @@ def test_a_force_comes_back_through_its_displacement():
 
 
 def test_a_force_comes_back_through_its_displacement_when_sampled():
-    """The same through communication points: held lengths cost accuracy, of first order in the step."""
+    """The same through communication points: held lengths cost accuracy, of first order in the
+    step.
+    """
     errors = []
     for step in (0.2, 0.1, 0.05):
         driving, driven = PpyActuator(), PpyActuatorLengthDriven()

@@ -1,4 +1,6 @@
-"""The client's end of the protocol against a small rig that shares no code with it: keys, garbage, lateness."""
+"""The client's end of the protocol against a small rig that shares no code with it: keys, garbage,
+lateness.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What a proxy does when its rig is late, silent, gone, safe or unwilling; both builds, at a small rig of the tests."""
+"""What a proxy does when its rig is late, silent, gone, safe or unwilling; both builds, at a small
+rig of the tests.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +97,9 @@ def test_silence_is_held_with_growing_age_then_stale_then_lost(one):
 
 
 def test_the_clock_runs_from_the_first_step_on(one):
-    """However long a master takes between initialization and the first step, that step waits for its end."""
+    """However long a master takes between initialization and the first step, that step waits for
+    its end.
+    """
     with actuator_rig(period=0.002) as rig:
         connected(one, rig)
         time.sleep(0.3)

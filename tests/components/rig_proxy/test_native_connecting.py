@@ -1,4 +1,6 @@
-"""The native engine where it cannot begin a session: each reason is told in a line, and within the timeout."""
+"""The native engine where it cannot begin a session: each reason is told in a line, and within the
+timeout.
+"""
 
 from __future__ import annotations
 
@@ -95,9 +97,10 @@ def test_a_server_with_keys(engine):
     public, secret = zmq.curve_keypair()
     options = {"curve_server": True, "curve_publickey": public, "curve_secretkey": secret}
     with served(ScriptedRig(COUNT), **options) as endpoint:
-        assert refused_at_start(engine, endpoint, bound=0.0) == (
-            "the rig asks for keys (CURVE), and this build has no encryption: `ppy rig bridge` carries the proxy on "
-            "encrypted"
+        assert (
+            refused_at_start(engine, endpoint, bound=0.0)
+            == "the rig asks for keys (CURVE), and this build has no encryption: `ppy rig bridge`"
+            " carries the proxy on encrypted"
         )
 
 
@@ -161,7 +164,9 @@ ACCEPTED = json.dumps(ScriptedRig(COUNT).accepted()).encode()
 
 
 def test_random_streams_are_survived(engine):
-    """What a server could say, with a few bytes changed, cut or repeated: any end is right but a crash or a hang."""
+    """What a server could say, with a few bytes changed, cut or repeated: any end is right but a
+    crash or a hang.
+    """
     rng = random.Random(5)
     stream = (
         GREETING

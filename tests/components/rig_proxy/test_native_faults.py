@@ -1,4 +1,6 @@
-"""The native engine on a link that drops, delays, repeats, reorders, spoils and cuts what the rig sends."""
+"""The native engine on a link that drops, delays, repeats, reorders, spoils and cuts what the rig
+sends.
+"""
 
 from __future__ import annotations
 
@@ -36,17 +38,21 @@ def test_dropped_messages_are_missed_deadlines_and_no_hang(engine):
 
 
 def test_a_reply_after_the_deadline_counts_and_is_taken_with_the_next_step(engine):
+    """Counted from before the reply that is late: a busy machine may have missed one by then."""
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
         started(engine, endpoint, max_age=10.0)
-        steps(engine, 0, 5)
+        before = steps(engine, 0, 5)[-1]
         rig.exchanged = lambda request: [(0.09, rig.sample(request, values=[7.0] * COUNT))]
-        first, *_, last = steps(engine, 5, 10)
-    assert first["missed_deadlines"] == 1.0
+        answers = steps(engine, 5, 1)
+        while answers[-1]["voltage"] != 7.0 and len(answers) < 100:
+            answers += steps(engine, 5 + len(answers), 1)
+    first, last = answers[0], answers[-1]
+    assert first["missed_deadlines"] == before["missed_deadlines"] + 1.0
     assert first["voltage"] == 0.25  # held
     assert last["voltage"] == 7.0
     assert last["voltage_age"] >= 0.09  # the round trip is in it: an upper bound
-    assert 2.0 <= last["missed_deadlines"] <= 10.0
+    assert 2.0 <= last["missed_deadlines"] - before["missed_deadlines"] <= len(answers)
 
 
 def test_replies_that_come_twice_or_out_of_order_are_taken_once_and_in_order(engine):
@@ -160,7 +166,8 @@ def test_a_connection_cut_in_the_middle_of_a_frame(engine, on_stale):
         client.sendall(data)
 
     with served(rig) as behind, listening(relay(behind, spoil)) as endpoint:
-        # A handshake is a dozen turns of four threads: the deadline leaves a busy machine time for one.
+        # A handshake is a dozen turns of four threads: the deadline leaves a busy machine time for
+        # one.
         started(
             engine,
             endpoint,

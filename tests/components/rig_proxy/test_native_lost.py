@@ -1,4 +1,6 @@
-"""The native engine when the rig is silent, gone, safe or unwilling; each has its promised outcome within its bound."""
+"""The native engine when the rig is silent, gone, safe or unwilling; each has its promised outcome
+within its bound.
+"""
 
 from __future__ import annotations
 

@@ -71,7 +71,9 @@ def read(reader: NativeEngine, frame: bytes) -> dict[str, Any]:
 
 
 def shown(text: str) -> str:
-    """A sentence on one line, as long as the engine keeps it; half a surrogate pair is no character."""
+    """A sentence on one line, as long as the engine keeps it; half a surrogate pair is no
+    character.
+    """
     clean = "".join(
         " " if c < " " else "\N{REPLACEMENT CHARACTER}" if "\ud800" <= c < "\ue000" else c
         for c in text

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import fmus
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.voice_coil_dma.effects import EFFECTS
 from fmus.voice_coil_dma.model import VoiceCoilDma
 
@@ -153,14 +153,17 @@ def test_the_slope_at_neutral_is_finite_and_not_zero(name):
     assert np.abs(found).max() > 0
 
 
-# --- against equations written out here -------------------------------------------------------------------------------
+# --- against equations written out here
+# -------------------------------------------------------------------------------
 
 R, L, K, M, B = 3.0, 1e-3, 3.9, 0.03, 6.0
 COMMANDS = (4.0, 1.0, 9.0, 0.0)
 
 
 def open_loop(cls, **values):
-    """Current, position and velocity under a staircase of voltage, the tension a held share of the command."""
+    """Current, position and velocity under a staircase of voltage, the tension a held share of the
+    command.
+    """
     model = cls(controller_on=False, **values)
     integrator, rows = Integrator(model), []
     for k, volts in enumerate(COMMANDS):

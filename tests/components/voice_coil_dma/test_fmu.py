@@ -1,4 +1,6 @@
-"""The bench as an FMU in both builds: one behaviour, sample instants, dependencies and derivatives."""
+"""The bench as an FMU in both builds: one behaviour, sample instants, dependencies and
+derivatives.
+"""
 
 import math
 import sys
@@ -67,7 +69,9 @@ def test_builds_agree(fmu, values):
 @pytest.mark.parametrize("size", [1e-3, 0.004, T, T / 7, 0.1])
 @pytest.mark.parametrize("start", [0.0, 3600.0])
 def test_samples_are_at_their_instants_whatever_the_step(one, size, start):
-    """Open loop, the command being the number of the step: the output shows in which step it was sampled."""
+    """Open loop, the command being the number of the step: the output shows in which step it was
+    sampled.
+    """
     one.initialize({"controller_on": 0, "voltage_max": 100.0}, start=start)
     seen = []
     for k in range(60):
@@ -128,7 +132,9 @@ def test_directional_derivatives_are_the_matrices_of_the_equations(fmu):
 
 
 def test_a_tension_with_a_slope_is_followed(fmu):
-    """Open loop at 0 V: the filter's answer to a ramp is the ramp less slope / corner, once settled."""
+    """Open loop at 0 V: the filter's answer to a ramp is the ramp less slope / corner, once
+    settled.
+    """
     corner, slope = 2 * np.pi * 100.0, 0.4
     with instance(fmu(NAME, "native")) as one:
         one.initialize({"controller_on": 0})

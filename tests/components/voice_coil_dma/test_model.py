@@ -1,4 +1,6 @@
-"""The bench against the thesis and against solutions of the whole loop by scipy, written out by hand here."""
+"""The bench against the thesis and against solutions of the whole loop by scipy, written out by
+hand here.
+"""
 
 import control
 import numpy as np
@@ -12,7 +14,7 @@ from scipy.optimize import brentq
 from fmus.kit import Parameter, State
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.voice_coil_dma import analysis
 from fmus.voice_coil_dma.model import VoiceCoilDma
 
@@ -63,7 +65,8 @@ def scipy_loop(
 ):
     """Monolithic solution: a stiff solver between events, the controller at exact multiples of T.
 
-    Inputs may jump at ``times`` only. Rows: current, position, velocity, filtered force, filtered position, voltage.
+    Inputs may jump at ``times`` only. Rows: current, position, velocity, filtered force, filtered
+    position, voltage.
     """
     state, command, previous, rows = np.zeros(6), 0.0, 0.0, []
     samples = T * np.arange(int(times[-1] / T) + 2)
@@ -148,7 +151,8 @@ def steps(t):
 
 GRID = 0.01 * np.arange(201)
 
-# --- the loop against the monolithic solution -------------------------------------------------------------------------
+# --- the loop against the monolithic solution
+# -------------------------------------------------------------------------
 
 
 def test_closed_loop_with_the_actuator_is_the_monolithic_solution():
@@ -267,7 +271,9 @@ def test_loop_with_converters_is_the_monolithic_solution():
 
 
 def test_exchange_at_communication_points_converges_to_the_monolithic_solution():
-    """The actuator outside, its tension held over the step: an error of first order, that extrapolation removes."""
+    """The actuator outside, its tension held over the step: an error of first order, that
+    extrapolation removes.
+    """
 
     def exchanged(size):
         model, rows, dashpot = VoiceCoilDma(), [], 0.0
@@ -293,7 +299,9 @@ def test_exchange_at_communication_points_converges_to_the_monolithic_solution()
 def test_exchange_with_a_spring_is_unstable_beyond_the_steps_that_the_readme_names(
     stiffness, longest
 ):
-    """Largest eigenvalue of the exchange, by matrix exponential; half a step more or less is seen in the bench."""
+    """Largest eigenvalue of the exchange, by matrix exponential; half a step more or less is seen
+    in the bench.
+    """
     equations = np.array(
         [[-R / L, 0, -K / L, 0], [0, 0, 1, 0], [K / M, 0, -B / M, -1 / M], [0, 0, 0, 0]]
     )
@@ -322,7 +330,8 @@ def test_compiled_and_interpreted_laws_agree():
     force = np.array([steps(t + 1e-6) for t in time])
     pull = 0.2 + 0.9 * np.minimum(force, 5.0)
     run = CompiledModel(VoiceCoilDma).run(time, {"force_reference": force, "tension": pull}).signals
-    # over a record the linear part is solved exactly, which steps of the model come close to at a finer tolerance
+    # over a record the linear part is solved exactly, which steps of the model come close to at a
+    # finer tolerance
     model = type("Finer", (VoiceCoilDma,), {"tolerance": 1e-12})()
     found = simulate(model, time, lambda t: force[int(t / 0.01)], lambda t: pull[int(t / 0.01)])
     for column, name in enumerate(
@@ -341,7 +350,8 @@ def test_what_is_not_a_number_does_not_pass_for_a_voltage(bad):
     assert limited == 10.0 or limited != limited
 
 
-# --- thesis -----------------------------------------------------------------------------------------------------------
+# --- thesis
+# --------------------------------------------------------------------------------------------------
 
 S = 2j * np.pi * np.logspace(-3, 3, 61)
 

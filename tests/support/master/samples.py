@@ -69,12 +69,15 @@ def build_member(
         ("y", "output", ' initial="calculated"'),
     ]
     variables = [
-        f'<ScalarVariable name="{name}" valueReference="{k}" causality="{causality}" variability="continuous"{initial}>'
-        f'<Real nominal="{nominal}"{"" if initial else " start=" + chr(34) + "0" + chr(34)}/></ScalarVariable>'
+        f'<ScalarVariable name="{name}" valueReference="{k}" causality="{causality}"'
+        f' variability="continuous"{initial}>'
+        "<Real"
+        f' nominal="{nominal}"{"" if initial else " start=" + chr(34) + "0" + chr(34)}/>'
+        "</ScalarVariable>"
         for k, (name, causality, initial) in enumerate(signals)
     ] + [
-        f'<ScalarVariable name="{name}" valueReference="{k}" causality="parameter" variability="fixed">'
-        f'<Real start="{start}"/></ScalarVariable>'
+        f'<ScalarVariable name="{name}" valueReference="{k}" causality="parameter"'
+        f' variability="fixed"><Real start="{start}"/></ScalarVariable>'
         for k, (name, start) in enumerate(_PARAMETERS.items(), 3)
     ]
     path = folder / "member.fmu"
@@ -84,7 +87,8 @@ def build_member(
             f'<fmiModelDescription fmiVersion="2.0" modelName="Member" guid="member">'
             f'<CoSimulation modelIdentifier="member" {attributes}/>'
             f"<ModelVariables>{''.join(variables)}</ModelVariables>"
-            f'<ModelStructure><Outputs><Unknown index="2"{listed[0]}/><Unknown index="3"{listed[1]}/></Outputs>'
+            f'<ModelStructure><Outputs><Unknown index="2"{listed[0]}/><Unknown'
+            f' index="3"{listed[1]}/></Outputs>'
             "</ModelStructure></fmiModelDescription>",
         )
         archive.writestr(f"binaries/{fmpy.platform}/member.so", _library())

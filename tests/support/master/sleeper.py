@@ -1,4 +1,6 @@
-"""The FMU `c/sleeper.c`: it has a text for a parameter, tells what it was given, and takes its time for its steps."""
+"""The FMU `c/sleeper.c`: it has a text for a parameter, tells what it was given, and takes its time
+for its steps.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +44,8 @@ def _start(name: str, initial: str) -> str:
 def build_sleeper(folder: Path) -> Path:
     """Pack ``sleeper.fmu``; its text `label` is ``abc`` unless it is set."""
     reals = [
-        f'<ScalarVariable name="{name}" valueReference="{k}" causality="{causality}" variability="{changes}"{initial}>'
-        f"<Real{_start(name, initial)}/></ScalarVariable>"
+        f'<ScalarVariable name="{name}" valueReference="{k}" causality="{causality}"'
+        f' variability="{changes}"{initial}><Real{_start(name, initial)}/></ScalarVariable>'
         for k, (name, causality, initial, changes) in enumerate(_REALS)
     ]
     text = (
@@ -56,7 +58,8 @@ def build_sleeper(folder: Path) -> Path:
         archive.writestr(
             "modelDescription.xml",
             '<fmiModelDescription fmiVersion="2.0" modelName="sleeper" guid="sleeper">'
-            '<CoSimulation modelIdentifier="sleeper" canHandleVariableCommunicationStepSize="true"/>'
+            '<CoSimulation modelIdentifier="sleeper"'
+            ' canHandleVariableCommunicationStepSize="true"/>'
             '<DefaultExperiment startTime="0" stopTime="1" stepSize="0.1"/>'
             f"<ModelVariables>{''.join(reals)}{text}</ModelVariables>"
             f"<ModelStructure><Outputs>{outputs}</Outputs></ModelStructure></fmiModelDescription>",

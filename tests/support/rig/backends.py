@@ -1,6 +1,8 @@
-"""Backends that write down with monotonic times what they are told, and fail when a test asks for it.
+"""Backends that write down with monotonic times what they are told, and fail when a test asks for
+it.
 
-They stand for hardware that cannot exist here. A fault happens in every call from when the file `trigger` exists.
+They stand for hardware that cannot exist here. A fault happens in every call from when the file
+`trigger` exists.
 """
 
 from __future__ import annotations
@@ -86,7 +88,8 @@ class Faulty(Logged):
         Files.
     where : {"open", "read", "write", "safe", "close"}
     how : str
-        What happens there: `raise`, `refuse`, `exit`, `hang`, `die`, `slow`, `nan`, `beyond`, `nothing`.
+        What happens there: `raise`, `refuse`, `exit`, `hang`, `die`, `slow`, `nan`, `beyond`,
+        `nothing`.
     times : str
         How often at most, over all processes: the log is counted.
     """

@@ -1,7 +1,8 @@
-"""Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably by its seed.
+"""Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably by
+its seed.
 
-It also writes down when it handed a fresh command to the server: what the time to the safe state is measured from.
-Faults of the bytes below are in :mod:`tests.support.rig.relay`.
+It also writes down when it handed a fresh command to the server: what the time to the safe state is
+measured from. Faults of the bytes below are in :mod:`tests.support.rig.relay`.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ class BadLink:
     treatment : callable
         What is done to every message in either direction; may be changed at any time.
     fresh : list of float
-        When a command that is new, within its limits and not too long under way was handed to the server, in s of the
-        monotonic clock.
+        When a command that is new, within its limits and not too long under way was handed to the
+        server, in s of the monotonic clock.
     """
 
     def __init__(self, server: str, seed: int = 0, watchdog: float = 0.2) -> None:

@@ -1,7 +1,8 @@
 """A data acquisition device that is not there.
 
-A mock, for no driver of NI can be installed here: an interpreter of the library ``nidaqmx`` stands for the driver, as
-in that library's own tests. Everything above it is the real library. What it is not told to do it refuses.
+A mock, for no driver of NI can be installed here: an interpreter of the library ``nidaqmx`` stands
+for the driver, as in that library's own tests. Everything above it is the real library. What it is
+not told to do it refuses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The project's own client at a steady rate, in a thread of this process or as a process of its own."""
+"""The project's own client at a steady rate, in a thread of this process or as a process of its
+own.
+"""
 
 from __future__ import annotations
 

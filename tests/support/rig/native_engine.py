@@ -1,4 +1,6 @@
-"""The engine of the native proxy without its FMU, in a process of its own, under the sanitizers where gcc is."""
+"""The engine of the native proxy without its FMU, in a process of its own, under the sanitizers
+where gcc is.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmus.kit.build import plan
+from fmus.kit.build.building import plan_build
 from fmus.kit.build.toolchain import find_compiler, host_platform
 from fmus.rig_proxy.model import RigProxy
 
@@ -35,7 +37,7 @@ CONNECTED, REFUSED, STALE, LOST = range(4)
 
 def build_driver(folder: Path) -> Path:
     """Compile the engine of a proxy, and what drives it; every warning is an error."""
-    planned = plan(RigProxy, "native")
+    planned = plan_build(RigProxy, "native")
     for name, content in planned.sources.items():
         (folder / name).write_bytes(content)
     # one unit, as in the FMU, for its functions are static; the driver does not call all of them
@@ -70,7 +72,9 @@ class Answer:
 
 
 class NativeEngine:
-    """One process with one engine. A crash, a finding of a sanitizer or a hang is an `AssertionError`."""
+    """One process with one engine. A crash, a finding of a sanitizer or a hang is an
+    `AssertionError`.
+    """
 
     def __init__(self, program: Path):
         self._outputs = [o.name for o in RigProxy.layout.outputs]

@@ -1,4 +1,6 @@
-"""The project's own server as a user starts it, in processes of its own: its log, and what its backend was told."""
+"""The project's own server as a user starts it, in processes of its own: its log, and what its
+backend was told.
+"""
 
 from __future__ import annotations
 

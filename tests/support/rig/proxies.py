@@ -1,4 +1,6 @@
-"""The proxies as FMUs, both builds, through their bare C functions, at a small rig of the test's own."""
+"""The proxies as FMUs, both builds, through their bare C functions, at a small rig of the test's
+own.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,9 @@ def connected(
 
 
 def answered(one: Instance, **outputs: float) -> None:
-    """Step on until outputs show what a command makes of them; a loaded machine takes more than one step for it."""
+    """Step on until outputs show what a command makes of them; a loaded machine takes more than one
+    step for it.
+    """
     for _ in range(100):
         one.step(0.05)
         if one.get(*outputs) == pytest.approx(list(outputs.values())):

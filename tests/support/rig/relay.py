@@ -1,4 +1,5 @@
-"""Faults of bytes, below ZeroMQ: a listener on TCP, and a relay that spoils what a server sends back.
+"""Faults of bytes, below ZeroMQ: a listener on TCP, and a relay that spoils what a server sends
+back.
 
 Faults of whole messages are in :mod:`tests.support.rig.bad_link`.
 """
@@ -59,7 +60,8 @@ def listening(behave: Callable[[socket.socket], None], port: int = 0) -> Iterato
 def relay(
     endpoint: str, spoil: Callable[[socket.socket, bytes], None]
 ) -> Callable[[socket.socket], None]:
-    """Pass bytes on to a server unchanged, and let `spoil` send those that come back; for `listening`.
+    """Pass bytes on to a server unchanged, and let `spoil` send those that come back; for
+    `listening`.
 
     `spoil` raises `OSError` in order to hang up.
     """

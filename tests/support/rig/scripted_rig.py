@@ -1,6 +1,8 @@
-"""Answers to a client, each a function that a test replaces by a worse one: late, repeated, cut, or not even a message.
+"""Answers to a client, each a function that a test replaces by a worse one: late, repeated, cut, or
+not even a message.
 
-No more than what the native proxy asks for; a rig that behaves is in :mod:`tests.support.rig.small_rig`.
+No more than what the native proxy asks for; a rig that behaves is in
+:mod:`tests.support.rig.small_rig`.
 """
 
 from __future__ import annotations
@@ -107,7 +109,9 @@ def message(kind: str, **fields: Any) -> Message:
 
 @contextmanager
 def served(rig: ScriptedRig, endpoint: str = "tcp://127.0.0.1:*", **options: Any) -> Iterator[str]:
-    """Serve a rig on a ROUTER in a thread; gives the endpoint. `options` are those of the ZeroMQ socket."""
+    """Serve a rig on a ROUTER in a thread; gives the endpoint. `options` are those of the ZeroMQ
+    socket.
+    """
     context = zmq.Context()
     router = context.socket(zmq.ROUTER)
     router.linger = 0

@@ -1,8 +1,9 @@
-"""A whole rig server of the tests' own: state, limits, watchdog, telemetry and keys, all as the protocol wants them.
+"""A whole rig server of the tests' own: state, limits, watchdog, telemetry and keys, all as the
+protocol wants them.
 
-Written from ``docs/reference/protocol.md``, it shares with the project nothing but the key file. In a thread
-(:class:`SmallRig`), or as a process that can be killed (:func:`small_rig_process`). Answers that the protocol does not
-allow are the affair of :mod:`tests.support.rig.scripted_rig`.
+Written from ``docs/reference/protocol.md``, it shares with the project nothing but the key file. In
+a thread (:class:`SmallRig`), or as a process that can be killed (:func:`small_rig_process`).
+Answers that the protocol does not allow are the affair of :mod:`tests.support.rig.scripted_rig`.
 """
 
 from __future__ import annotations
@@ -30,9 +31,28 @@ LIMITS = {
     "voltage": {"min": -1.0, "max": 1.0, "rate": None},
 }
 
+LEVELS = """
+title = "Levels"
+component = "ppy_actuator"
+duration = "{duration} s"
+step = "{step} s"
+record = ["voltage", "displacement"]
+seed = 3
+
+[inputs]
+force = "1 N"
+
+[inputs.current]
+kind = "multilevel"
+levels = ["-0.9 A", "0 A", "0.5 A", "1.2 A"]
+dwell = ["{step} s", "{step} s"]
+"""
+
 
 def gains(inputs: Mapping[str, float], now: float) -> dict[str, float]:
-    """Outputs that follow at once: whoever pairs an input with the output of another moment is found out."""
+    """Outputs that follow at once: whoever pairs an input with the output of another moment is
+    found out.
+    """
     return {
         "voltage": 0.6 * inputs["current"],
         "displacement": 1e-4 * inputs["force"] - 2e-5 * inputs["current"],
@@ -56,9 +76,10 @@ def free_port() -> int:
 class SmallRig:
     """A rig server in a thread.
 
-    `heard` is every request, `applied` every pair of a clock and the inputs that were applied from then on. A test may
-    set `answers`, `publishes`, `measures` to False, or change `state`, `reason`, `client`, `period`, at any time; what
-    is in `then`, by number, is done before that exchange is answered.
+    `heard` is every request, `applied` every pair of a clock and the inputs that were applied from
+    then on. A test may set `answers`, `publishes`, `measures` to False, or change `state`,
+    `reason`, `client`, `period`, at any time; what is in `then`, by number, is done before that
+    exchange is answered.
     """
 
     def __init__(
@@ -108,7 +129,8 @@ class SmallRig:
         self.state, self.reason = "safe", reason
         self._commands = dict.fromkeys(self.inputs, 0.0)
 
-    # --- what runs in the thread -------------------------------------------------------------------------------
+    # --- what runs in the thread
+    # -------------------------------------------------------------------------------
 
     def _run(self) -> None:
         context, authenticator = zmq.Context(), None

@@ -4,7 +4,10 @@ import zipfile
 
 DESCRIPTION = "SystemStructure.ssd"
 BINDINGS = "<ssd:ParameterBindings>{}</ssd:ParameterBindings>"
-SET = '<ssv:ParameterSet version="1.0" name="s"><ssv:Parameters>{}</ssv:Parameters></ssv:ParameterSet>'
+SET = (
+    '<ssv:ParameterSet version="1.0"'
+    ' name="s"><ssv:Parameters>{}</ssv:Parameters></ssv:ParameterSet>'
+)
 INLINE = (
     f"<ssd:ParameterBinding><ssd:ParameterValues>{SET}</ssd:ParameterValues></ssd:ParameterBinding>"
 )

@@ -26,7 +26,9 @@ WATCH = {
 
 
 def measure(path, system, columns, time, inputs, every, hidden=None, values=None):
-    """Record a closed loop, simulated as one flat model in which one member may be another than in the system."""
+    """Record a closed loop, simulated as one flat model in which one member may be another than in
+    the system.
+    """
     if hidden:
         name = next(iter(values)).split(".")[0]
         old = system.member(name)
@@ -59,7 +61,9 @@ def configured(system, settings):
 
 
 def watched(folder, columns=WATCH, settings=None, **hidden):
-    """Degradation watch over five minutes at 10 Hz, its protection at rest; `settings` are those of the system."""
+    """Degradation watch over five minutes at 10 Hz, its protection at rest; `settings` are those of
+    the system.
+    """
     system, time = (
         configured(library.system("degradation_watch"), settings or {}),
         0.1 * np.arange(3000),

@@ -1,4 +1,5 @@
-"""Run an SSP file in real masters, in the same way in each: constant inputs, values after every communication step.
+"""Run an SSP file in real masters, in the same way in each: constant inputs, values after every
+communication step.
 
 Like `hosts.py`, which does it for single FMUs. libcosim and Ecos run in processes of their own.
 """
@@ -55,7 +56,8 @@ def run_fmpy_ssp(
     from fmpy.ssp.simulation import simulate_ssp
     from fmpy.ssp.ssd import Parameter, ParameterSet, read_ssd
 
-    # fmpy reads the parameters of the members and does not apply them; it does apply a set that it is given
+    # fmpy reads the parameters of the members and does not apply them; it does apply a set that it
+    # is given
     found = []
     for component in read_ssd(str(path)).system.elements:
         for binding in component.parameterBindings:
@@ -74,7 +76,9 @@ def run_fmpy_ssp(
 def run_own_ssp(
     path: Path, step: float, count: int, inputs: Values, signals: Sequence[str]
 ) -> Result:
-    """Run a system in our master, as the others do it; arguments and result are those of `run_fmpy_ssp`."""
+    """Run a system in our master, as the others do it; arguments and result are those of
+    `run_fmpy_ssp`.
+    """
     from orchestration import master
     from orchestration.system import ssp
 
@@ -156,7 +160,9 @@ def run_ecos_ssp(
     signals: Sequence[str],
     parameters: str | None = "start",
 ) -> Result:
-    """Run a system in Ecos; arguments and result are those of `run_fmpy_ssp`, and the name of the parameter sets."""
+    """Run a system in Ecos; arguments and result are those of `run_fmpy_ssp`, and the name of the
+    parameter sets.
+    """
     if importlib.util.find_spec("ecospy") is None:
         pytest.skip("ecospy is not installed")
     if os.name != "nt" and not _installed("tbb"):

@@ -1,4 +1,6 @@
-"""A system of two hand-written FMUs whose equations nobody knows, tau dx/dt = u - x, and its record in closed form."""
+"""A system of two hand-written FMUs whose equations nobody knows, tau dx/dt = u - x, and its record
+in closed form.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ STEP, SAMPLES = 0.05, 2000
 
 
 def lags(folder, gain=1.0, **taus):
-    """A lag that feeds a lag, and the record of it in closed form, the second read by a sensor that is not straight."""
+    """A lag that feeds a lag, and the record of it in closed form, the second read by a sensor that
+    is not straight.
+    """
     fmu = build_one_state_fmu(folder)
     system = System(
         "lags",

@@ -1,4 +1,6 @@
-"""Small FMUs that only describe themselves, and systems of them: enough for everything but running."""
+"""Small FMUs that only describe themselves, and systems of them: enough for everything but
+running.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,17 @@ def variable(reference: int, text: str) -> str:
     attributes = f" unit={quoteattr(unit)}" if unit else ""
     start = "" if causality == "output" else ' start="0"' if kind != "Boolean" else ' start="false"'
     variability = ' variability="fixed"' if causality == "parameter" else ' variability="discrete"'
-    head = f'    <ScalarVariable name="{name}" valueReference="{reference}" causality="{causality}"{variability}>'
+    head = (
+        f'    <ScalarVariable name="{name}" valueReference="{reference}"'
+        f' causality="{causality}"{variability}>'
+    )
     return f"{head}<{kind or 'Real'}{attributes}{start}/></ScalarVariable>"
 
 
 def tiny_fmu(path: Path, *variables: str) -> Path:
-    """Write an FMU without a binary whose variables are each given as "causality name type unit"."""
+    """Write an FMU without a binary whose variables are each given as "causality name type
+    unit".
+    """
     lines = "\n".join(variable(k, text) for k, text in enumerate(variables))
     path.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(path, "w") as archive:

@@ -1,4 +1,4 @@
-"""Claims: a report made from Python has a command that, given to the command line, asks for the same."""
+"""Claims: the command in a report made from Python asks the command line for the same."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 import orchestration as ppy
 from orchestration.cli import diagnose as work
 from orchestration.cli.app import main
-from orchestration.rig.emulator.records import draw, write
+from studies.emulator.records import draw, write
 from tests.support.diagnosis import SHORT
 from tests.support.pace import slow_but
 

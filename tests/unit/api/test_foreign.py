@@ -1,11 +1,9 @@
-"""Claims: an FMU without equations gets a name, a curve and a gain from outside, and a system that has them.
+"""Claims: an FMU without equations gets a name, a curve and a gain from outside, and a system.
 
 The oracle is what was done to a lag whose closed form is known; SciPy's filter makes the records.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,10 +11,6 @@ from scipy.signal import lfilter
 
 import orchestration as ppy
 from fmus.kit import UserError
-from orchestration.discrepancy.foreign.component import behind
-from orchestration.discrepancy.foreign.response import responses
-from orchestration.discrepancy.foreign.surrounding import surround
-from orchestration.identify.any_fmu import FmuWithDifferences
 from orchestration.system.ssp.reading import read as read_ssp
 from tests.support.command import refused, works
 from tests.support.hosts import build_one_state_fmu
@@ -131,7 +125,7 @@ def test_what_a_sensor_does_is_named(folder, lag, effect, change, value):
 
 @pytest.mark.slow
 def test_a_parameter_that_moves_far_beside_a_cause_is_as_it_is(folder, lag, tmp_path):
-    """Fitted without the gain it is wrong by more than a tenth, and what it does is not linear so far away."""
+    """Fit a parameter with a gain beside it, far from where the FMU is linear."""
     y = 1.3 * lagged(U, 1.95)
     found = ppy.diagnose(written(folder, y, "moved.csv"), lag, fit=["tau"], time=np.inf, laws=False)
     assert found.causes == ["sensor_gain(x)"]
@@ -156,7 +150,7 @@ def test_what_hangs_on_an_input_is_told_over_it(folder, lag):
 
 @pytest.fixture(scope="module")
 def starved(folder, lag):
-    """What the lag gets levels off: never more than 2.6."""
+    """Diagnose a lag whose input levels off: never more than 2.6."""
     record = written(folder, lagged(levelled(U)), "level.csv")
     asked = ["input_saturation(u)", "sensor_gain"]
     return ppy.diagnose(record, lag, settings={"tau": TAU}, effects=asked, time=np.inf)
@@ -191,45 +185,6 @@ def test_a_curve_of_an_input_is_told(folder, lag):
     best = found.law_map[0]
     assert (best["law"], best["signal"]) == ("u_in_fmu", "u")
     assert best["confirmed"]
-
-
-def test_the_response_is_that_of_the_lag(lag):
-    with FmuWithDifferences(lag, (), ["x"], {"tau": TAU}) as fmu:
-        (found,) = responses(fmu, TIME, {"u": U}, {}, ["x"], ["u"]).values()
-    assert found.a == pytest.approx(np.array([[-1.0 / TAU]]), rel=1e-6)
-    assert found.b * found.c == pytest.approx([1.0 / TAU], rel=1e-6)
-    assert found.fit > 99.9
-
-
-def test_the_first_fit_sees_nothing_of_what_is_held_out(folder, lag):
-    """Where the end of a record is at rest, blocks all over it are held out."""
-    u = np.where(0.6 * TIME[-1] > TIME, U, 0.0)
-    block = 15 * np.arange(len(TIME)) // len(TIME)
-    fits = []
-    for name, spoilt in (("as_it_is.csv", 0.0), ("spoilt.csv", 0.1)):
-        y = (
-            lagged(u)
-            + np.random.default_rng(4).normal(0.0, 0.02, len(TIME))
-            + spoilt * (block % 3 == 1)
-        )
-        np.savetxt(
-            folder / name,
-            np.column_stack([TIME, u, y]),
-            delimiter=",",
-            header="time,u,x",
-            comments="",
-        )
-        record = ppy.read_record(folder / name, lag)
-        fits.append(surround(lag, [record], [], {}, ["tau"]).fit.values["tau"])
-    assert fits[0] == fits[1]
-    assert fits[0] == pytest.approx(TAU, rel=0.01)
-
-
-def test_an_input_that_nobody_recorded_stays_as_the_fmu_starts(lag):
-    started = replace(lag, inputs={"u": replace(lag.inputs["u"], start=0.7)})
-    assert {v.name: v.start for v in behind(started, ["x"], [], 1.0, 0.1).cls.layout.inputs}[
-        "u"
-    ] == 0.7
 
 
 @pytest.mark.slow

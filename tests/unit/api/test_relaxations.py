@@ -1,6 +1,7 @@
-"""Claims: what is behind several lags is told as several, one beside the other, and what is written has them all.
+"""Claims: several lags are told as several, one beside the other, and all are written.
 
-The oracle is the plant: two nodes behind the outer one of a wall, their time constants and their sizes.
+The oracle is the plant: two nodes behind the outer one of a wall, their time constants and their
+sizes.
 """
 
 from __future__ import annotations
@@ -14,10 +15,9 @@ import pytest
 import orchestration as ppy
 from fmus.kit import Effect, stack
 from orchestration.fmu.model import find_model
-from tests.support.clean.plants import PLANTS
-from tests.support.clean.records import KINDS, conditions, draw
-from tests.support.hidden.change import remembered
-from tests.support.hidden.plants import altered
+from studies.clean.records import KINDS, conditions, draw
+from studies.plants.change import remembered
+from studies.plants.library import PLANTS, altered
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 SHARE, TIMES = 0.8, (45.0, 450.0)
@@ -88,7 +88,8 @@ def test_the_file_has_both_and_the_model_too(drawn, result, tmp_path):
     data = ppy.read_record(path, record.plant.model)
     inputs = {name: data.signals[name] for name in ("power", "ambient")}
     theirs, ours = (ppy.simulate(cls, inputs, time=data.time) for cls in (result.model, by_hand))
-    # the catalogue's effect, which stands for the first in the model, begins in equilibrium; the file as it was fitted
+    # the catalogue's effect, which stands for the first in the model, begins in equilibrium; the
+    # file as it was fitted
     assert ours["outer_temperature"] == pytest.approx(theirs["outer_temperature"], abs=0.01)
     assert np.std(ours["outer_temperature"] - data.signals["outer_temperature"]) < 0.1
 

@@ -1,4 +1,4 @@
-"""Claims: ``ppy diagnose`` says what it found, writes what was asked for, overwrites nothing and refuses in a line."""
+"""Claims: ``ppy diagnose`` tells its result, writes what was asked for, and overwrites nothing."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from pathlib import Path
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.cli.diagnose import Files
+from orchestration.api.declaration import options_of
+from orchestration.cli.commands.options import DiagnoseCommand
+from orchestration.cli.diagnose import check_files, run_system
 from orchestration.discrepancy.laws.map import LawMap
 from orchestration.fmu.model import find_model
-from orchestration.rig.emulator.records import draw, write
+from studies.emulator.records import draw, write
+from studies.hidden.curves import dry_root
 from tests.support.command import here, ppy, works
 from tests.support.diagnosis import FEW, SHORT, broken_off
-from tests.support.hidden.curves import dry_root
 from tests.support.lacking import motor
 from tests.support.pages import words_of
 
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
-MOTOR = Path(__file__).parents[2] / "support" / "clean" / "models" / "motor.py"
+MOTOR = Path(__file__).parents[3] / "studies" / "plants" / "models" / "motor.py"
 STAGE = Path(__file__).parents[3] / "examples" / "positioning_stage.py"
 
 
 def fails(*arguments, cwd):
-    """What is told on a refusal, which is one line and exit code 2."""
+    """Return the message of a refusal, which is one line and exit code 2."""
     done = here(*arguments, cwd=cwd)
     assert done.returncode == 2
     assert done.stderr.strip().splitlines()[-1].startswith("error: ")
@@ -53,7 +55,7 @@ def test_the_command_names_and_writes_it_down(tmp_path):
 
 
 def test_laws_are_asked_unless_they_are_left_out(tmp_path, monkeypatch):
-    """Of the entries of the map that tell most; that all of them are fitted is shown where a diagnosis asks."""
+    """Fit the entries of the map that tell most; a diagnosis is tested with all of them."""
     monkeypatch.setattr(LawMap, "entries", lambda self, known=LawMap.entries: known(self)[:8])
     shutil.copy(MOTOR, tmp_path / "motor.py")
     motor(tmp_path / "motor.csv", dry_root(0.01, 2.0))
@@ -148,7 +150,7 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
             "--report r.csv: this is the record itself; it will not be overwritten",
         ),
         (
-            {"result": "r.csv"},
+            {"json": "r.csv"},
             "--json r.csv: this is the record itself; it will not be overwritten",
         ),
         (
@@ -160,7 +162,7 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
             "--report h.html: this is the record held out itself",
         ),
         (
-            {"holdout": "h.html", "result": "h.html"},
+            {"holdout": "h.html", "json": "h.html"},
             "--json h.html: this is the record held out itself",
         ),
         (
@@ -171,7 +173,7 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
             {"compare": "r.csv"},
             "--compare r.csv: this is the record itself; nothing in it can have changed",
         ),
-        ({"report": "a.html", "result": "a.html"}, "--json and --report both name a.html"),
+        ({"report": "a.html", "json": "a.html"}, "--json and --report both name a.html"),
         ({"report": "a.pdf"}, "--report a.pdf: its name must end in .html"),
         ({"report": "folder"}, "--report folder: this is a folder; name a file in it"),
         ({"report": "a" * 300 + ".html"}, "File name too long"),
@@ -183,8 +185,34 @@ def test_nothing_is_lost(given, message, tmp_path, monkeypatch):
         Path(name).write_text("a record", encoding="utf-8")
     Path("link.html").symlink_to("r.csv")
     Path("folder").mkdir()
+    usual = {name: option.default for name, option in options_of(DiagnoseCommand).items()}
+    usual["records"] = [Path("r.csv")]
+    refused = {name: [v] if name == "holdout" else Path(v) for name, v in given.items()}
     with pytest.raises(UserError, match=re.escape(message)):
-        Files(
-            [Path("r.csv")], **{k: [v] if k == "holdout" else Path(v) for k, v in given.items()}
-        ).check()
-    Files([Path("r.csv")], ["h.html"], Path("new.json"), Path("new.html")).check()
+        check_files(usual | refused)
+    new = {"holdout": ["h.html"], "json": Path("new.json"), "report": Path("new.html")}
+    check_files(usual | new)
+
+
+def test_a_folder_is_refused_before_anything_of_a_system_is_read(tmp_path):
+    usual = {name: option.default for name, option in options_of(DiagnoseCommand).items()}
+    options = usual | {"records": [tmp_path / "no.csv"], "json": tmp_path}
+    with pytest.raises(UserError, match=r"^--json .*: this is a folder; name a file in it$"):
+        run_system(options, tmp_path / "no.ssp")
+
+
+@pytest.mark.parametrize(
+    ("given", "flag"),
+    [
+        ({"model": "ppy_actuator"}, "--model"),
+        ({"laws": False}, "--no-laws"),
+        ({"interpolate": True}, "--interpolate"),
+        ({"records": [Path("a.csv"), Path("b.csv")]}, "a second record"),
+    ],
+    ids=str,
+)
+def test_what_is_about_one_model_is_refused_of_a_system(given, flag):
+    usual = {name: option.default for name, option in options_of(DiagnoseCommand).items()}
+    options = usual | {"records": [Path("a.csv")]} | given
+    with pytest.raises(UserError, match=f"^{flag} is about one model"):
+        run_system(options, Path("s.ssp"))

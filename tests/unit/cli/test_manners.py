@@ -1,6 +1,5 @@
-"""Claims: the command line says its version, completes names, is quiet or verbose, answers in JSON, takes units."""
+"""Claims: the command line completes names, is quiet or verbose, answers in JSON, takes units."""
 
-import importlib
 import json
 import os
 import subprocess
@@ -8,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+import typer
 import xarray
 
 from fmus import MODELS
@@ -15,7 +15,7 @@ from fmus.kit.build.toolchain import host_platform
 from orchestration.cli import app
 from orchestration.cli.options import platform_list
 from orchestration.records import read_record
-from orchestration.rig.emulator.emulator import EmulatedRig
+from studies.emulator.emulator import EmulatedRig
 from tests.support.command import UNITS, here, measure, ppy, refused, works
 
 SIMULATE = ("simulate", "ppy_actuator", "--set", "current=0.5", "--set", "force=1")
@@ -26,7 +26,8 @@ def record(tmp_path):
     return measure(tmp_path / "record.csv", EmulatedRig(seed=1), 300)
 
 
-# --- version, help, completion ----------------------------------------------------------------------------------------
+# --- version, help, completion
+# ----------------------------------------------------------------------------------------
 
 
 def test_version(tmp_path):
@@ -36,18 +37,13 @@ def test_version(tmp_path):
 
 
 def test_the_line_for_a_command_in_the_help_is_the_first_of_its_own_help():
-    for name, (line, place) in app._COMMANDS.items():
-        module, _, attribute = place.partition(":")
-        command = getattr(
-            importlib.import_module(f"orchestration.cli.commands.{module}"), attribute
-        )
-        assert (
-            command.info.help if name in ("system", "rig") else command.__doc__.split("\n")[0]
-        ) == line
+    whole = typer.main.get_command(app.app)
+    for name, (line, _) in app._COMMANDS.items():
+        assert whole.get_command(None, name).help.split("\n")[0] == line
 
 
 def complete(words, cwd):
-    """What bash is offered for the last of some words."""
+    """Return what bash is offered for the last of some words."""
     place = str(len(words.split(" ")) - 1)
     environment = {
         **os.environ,
@@ -100,7 +96,8 @@ def test_the_script_that_completes_is_shown(tmp_path):
     assert "_PPY_COMPLETE" in works("--show-completion", "bash", cwd=tmp_path)
 
 
-# --- quiet and verbose ------------------------------------------------------------------------------------------------
+# --- quiet and verbose
+# ------------------------------------------------------------------------------------------------
 
 
 def test_quiet_prints_results_and_errors_only(record, tmp_path):
@@ -132,11 +129,15 @@ def test_quiet_ends_with_the_command(tmp_path):
     assert "simulating" in here(*SIMULATE, "--stop", 1, cwd=tmp_path).stderr
 
 
-# --- JSON -------------------------------------------------------------------------------------------------------------
+# --- JSON
+# --------------------------------------------------------------------------------------------------
 
 
 def answered(*arguments, cwd):
-    """What a command answers on standard output, where nothing else may be; the same must go into a file."""
+    """Return what a command answers on standard output, where nothing else may be.
+
+    The same must go into a file.
+    """
     done = here(*arguments, "--json", "-", cwd=cwd)
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
@@ -241,7 +242,8 @@ def test_json_goes_into_a_file_of_that_name(arguments, record, tmp_path):
     refused(tmp_path, *arguments, "--json", ".", parts=["--json .: this is a folder"])
 
 
-# --- results by suffix ------------------------------------------------------------------------------------------------
+# --- results by suffix
+# ------------------------------------------------------------------------------------------------
 
 
 def test_signals_go_into_the_format_of_the_name(tmp_path):
@@ -283,7 +285,8 @@ def test_another_ending_is_refused_with_what_is_allowed(arguments, parts, record
     refused(tmp_path, *arguments, parts=parts)
 
 
-# --- quantities with units --------------------------------------------------------------------------------------------
+# --- quantities with units
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -315,7 +318,8 @@ def test_a_wrong_unit_is_one_line(option, given, parts, tmp_path):
     refused(tmp_path, *SIMULATE, option, given, parts=parts)
 
 
-# --- builds for this machine ------------------------------------------------------------------------------------------
+# --- builds for this machine
+# ------------------------------------------------------------------------------------------
 
 
 def platforms_of(path):

@@ -1,4 +1,4 @@
-"""Claims: effects are laid over a model by name, a class of a file is a model, and an FMU gives back its class."""
+"""Claims: effects are laid over a model by name, a file has models, an FMU gives back its class."""
 
 import json
 import shutil
@@ -11,10 +11,11 @@ import pytest
 
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.model import find_model
-from orchestration.fmu.simulate import simulate
+from orchestration.fmu.simulation import simulate
 from orchestration.records import read_record
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.rig.emulator.hidden_coupling import SaturatingStrain
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.hidden_coupling import SaturatingStrain
+from studies.emulator.physics import RigParameters
 from tests.support.archive import edited
 from tests.support.command import UNITS, here, measure, refused
 
@@ -25,7 +26,7 @@ VALUES = {"R1": 0.61, "strain_saturation_coefficient": 0.8, "charge_start": 0.25
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """An actuator that saturates, with values of its own, as FMUs; and a record of a rig that does."""
+    """Build an actuator that saturates, with values of its own; and record a rig that does."""
     folder = tmp_path_factory.mktemp("models")
     rig = EmulatedRig(
         RigParameters(R1=0.6), seed=1, hidden=partial(SaturatingStrain, saturation=1.0)
@@ -55,7 +56,8 @@ def works(*arguments, cwd):
     return done.stdout
 
 
-# --- effects by name --------------------------------------------------------------------------------------------------
+# --- effects by name
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_model_is_simulated_with_effects(folder, tmp_path):
@@ -221,7 +223,8 @@ def test_effects_need_a_model(folder):
     )
 
 
-# --- a class in a file ------------------------------------------------------------------------------------------------
+# --- a class in a file
+# ------------------------------------------------------------------------------------------------
 
 
 def test_a_class_of_a_file_is_a_model_like_ours(folder, tmp_path):
@@ -260,7 +263,8 @@ def test_a_class_of_a_file_is_a_model_like_ours(folder, tmp_path):
     )
 
 
-# --- an FMU that we made ----------------------------------------------------------------------------------------------
+# --- an FMU that we made
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("runtime", ["native", "python"])
@@ -362,12 +366,13 @@ def test_what_a_diagnosis_made_goes_on(folder, tmp_path):
     assert json.loads(done.stdout)["verdict"] == "consistent"
 
 
-# --- an FMU whose class is not there any more -------------------------------------------------------------------------
+# --- an FMU whose class is not there any more
+# -------------------------------------------------------------------------
 
 
 @pytest.fixture
 def creep(folder, tmp_path, monkeypatch):
-    """An FMU of a user's class, its file beside it."""
+    """Build an FMU of a user's class, its file beside it."""
     shutil.copy(EXAMPLES / "creep.py", tmp_path / "own.py")
     monkeypatch.chdir(tmp_path)
     works("build", "own.py:Creep", "--with", "second_kelvin", "--runtime", "native", cwd=tmp_path)

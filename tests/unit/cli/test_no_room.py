@@ -1,4 +1,4 @@
-"""Claims: no room for temporary files, or none in the cache, is one line that says where and what to do.
+"""Claims: no room for temporary files, or in the cache, is one line on where and what to do.
 
 Nothing is compiled yet in any of these: that is when most is written.
 """
@@ -36,7 +36,7 @@ COMMANDS = {
 
 
 def line_of(done):
-    """The one line of a command that was refused."""
+    """Return the one line of a command that was refused."""
     assert done.returncode == 2, (done.stdout, done.stderr)
     lines = done.stderr.splitlines()
     assert [line for line in lines if "error" in line] == lines[-1:], done.stderr

@@ -1,4 +1,4 @@
-"""Claims: what a command would overwrite or could not write is refused before any work; JSON is JSON."""
+"""Claims: what cannot be written, or only over another file, is refused first; JSON is JSON."""
 
 import json
 import os
@@ -19,7 +19,7 @@ from orchestration.experiment import results
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder to work in, with a record and links to it."""
+    """Enter a folder with a record and links to it."""
     monkeypatch.chdir(tmp_path)
     Path("record.csv").write_text("a record", encoding="utf-8")
     Path("link.csv").symlink_to("record.csv")

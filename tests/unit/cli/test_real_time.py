@@ -1,7 +1,8 @@
 """Claims: a run in real time tells how it is doing, and nothing that goes wrong costs its record.
 
-Real processes, real signals, a real limit of the system on the size of files. How long steps take is told to the FMU
-(`c/sleeper.c`); a busy machine may make everything later, so times are held from one side only.
+Real processes, real signals, a real limit of the system on the size of files. How long steps take
+is told to the FMU (`c/sleeper.c`); a busy machine may make everything later, so times are held from
+one side only.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ FAILING = ["--set", "fails_at=0.5"]
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with an experiment of two seconds in steps of 10 ms."""
+    """Make a folder with an experiment of two seconds in steps of 10 ms."""
     build_sleeper(tmp_path)
     (tmp_path / "scratch").mkdir()
     (tmp_path / "one.toml").write_text('component = "sleeper.fmu"\nduration = 2\nstep = 0.01\n')
@@ -54,7 +55,7 @@ def in_real_time(folder, *arguments) -> subprocess.CompletedProcess[str]:
 
 
 def started(folder, *arguments, before: str = "") -> subprocess.Popen[str]:
-    """A run in a process of its own, in which some Python comes first."""
+    """Run in a process of its own, in which some Python comes first."""
     code = f"{before}\nfrom orchestration.cli.app import main\nmain()"
     return subprocess.Popen(
         [sys.executable, "-c", code, "run", "one.toml", "--real-time", *map(str, arguments)],
@@ -199,7 +200,7 @@ def test_a_killed_run_has_lost_its_last_seconds_only_and_the_next_does_not_overw
 
 @posix
 def test_a_full_disk_is_told_at_once_and_what_went_to_it_stays(folder):
-    """No file may be longer than 32 kB: neither journal nor result, nor the result in the folder of temporary files."""
+    """Allow no file above 32 kB: neither journal nor result, nor that among temporary ones."""
     limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (32768, 32768))"
     running = started(
         folder, "--set", "duration=3", "--set", "step=0.001", "--out", "run.nc", before=limit
@@ -209,10 +210,13 @@ def test_a_full_disk_is_told_at_once_and_what_went_to_it_stays(folder):
     assert "Traceback" not in told
     journal = folder / "run.nc.part.csv"
     assert (
-        "warning: cannot write run.nc.part.csv: File too large; from then on the record was in memory only"
-        in told
+        "warning: cannot write run.nc.part.csv: File too large; from then on the record was in"
+        " memory only" in told
     )
-    error = "error: cannot write run.nc: File too large; what went to the disk before is in run.nc.part.csv"
+    error = (
+        "error: cannot write run.nc: File too large; what went to the disk before is in"
+        " run.nc.part.csv"
+    )
     assert told.splitlines()[-1] == error
     assert journal.stat().st_size == 32768
     assert read_record(journal, UNITS).time.size > 500

@@ -1,6 +1,9 @@
-"""Claims: a diagnosis that runs out of time returns the best answer so far and says so; one that does not is unchanged.
+"""Claims: a diagnosis that runs out of time returns the best answer so far, and says so.
 
-The clock is replaced by one that ticks at every look, so that the time ends at the same place on every machine.
+One that does not is unchanged.
+
+The clock is replaced by one that ticks at every look, so that the time ends at the same place on
+every machine.
 """
 
 from functools import cache
@@ -34,7 +37,7 @@ def with_ticks(ticks):
 
 
 def spent(diagnosis):
-    """The note on the time, if there is one."""
+    """Return the note on the time, if there is one."""
     return next((note for note in diagnosis.notes if note.code is NoteCode.TIME_SPENT), None)
 
 
@@ -60,7 +63,10 @@ def test_the_best_answer_so_far_is_returned_wherever_the_time_ends():
 
 
 def test_a_fit_that_is_ended_early_keeps_its_best_point():
-    """With every point after the first refused the base model is what it was; with some it is nearer to the record."""
+    """Refuse points of the search: all after the first leave the base model what it was.
+
+    With some of them it is nearer to the record.
+    """
     errors = {}
     for ticks in (0.5, 4.0, 1e9):
         found = with_ticks(ticks)
@@ -81,7 +87,7 @@ def test_longer_records_have_more_time():
 def test_no_time_at_all_is_refused(time):
     with pytest.raises(UserError, match="is no time; inf is without limit"):
         pipeline.diagnose(
-            rig_record(), find_model("ppy_actuator"), options=pipeline.Options(time=time)
+            rig_record(), find_model("ppy_actuator"), options=pipeline.DiagnosisOptions(time=time)
         )
 
 
@@ -92,9 +98,9 @@ def test_a_late_failure_costs_what_failed_only(monkeypatch):
     def lost(*_):
         raise UserError("no way")
 
-    monkeypatch.setattr(pipeline, "measured_gain", broken)
+    monkeypatch.setattr(pipeline, "measure_gain", broken)
     monkeypatch.setattr(diagnosis_module.Search, "refit", lost)
-    options = pipeline.Options(effects=[e.id for e in EFFECTS])
+    options = pipeline.DiagnosisOptions(effects=[e.id for e in EFFECTS])
     result = pipeline.diagnose(rig_record(HIDDEN), find_model("ppy_actuator"), options=options)
     assert result.diagnosis.causes == [HIDDEN]
     assert result.gain is None

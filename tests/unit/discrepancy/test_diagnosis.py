@@ -9,18 +9,38 @@ import pytest
 
 from fmus.kit import Component, Output, Parameter
 from fmus.kit.errors import UserError
+from fmus.kit.sensors import sensor_gain
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.conclude import conclude
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.diagnosis import Verdict, diagnose, searched
+from orchestration.discrepancy.diagnosis import (
+    diagnose,
+    fit,
+    judge,
+    screen,
+    searched_parameters,
+    select,
+)
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.selection import scoring
+from orchestration.discrepancy.selection import Search, scoring
 from tests.support.diagnosis import FEW, coloured, short_record
+from tests.support.several import Cell, measured
 
 
-def test_what_is_searched():
+def test_physical_parameters_and_continuous_starts_are_searched():
     starts = ["charge_start", "kelvin_elongation_start", "maxwell_elongation_start"]
-    assert searched(PpyActuator) == ["R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2", *starts]
+    assert searched_parameters(PpyActuator) == [
+        "R1",
+        "R2",
+        "C",
+        "alpha",
+        "k1",
+        "b1",
+        "k2",
+        "b2",
+        *starts,
+    ]
 
 
 def test_a_hidden_saturation_is_named_and_its_gain_holds():
@@ -45,10 +65,6 @@ def test_a_changed_parameter_is_recalibrated(name, nominal):
     assert diagnosis.changed[0] == name
     low, high = diagnosis.estimates[name].interval
     assert low < 1.4 * nominal < high
-
-
-def test_a_hum_is_not_explained():
-    assert diagnose(PpyActuator, short_record("hum"), FEW[:1]).verdict == "unexplained"
 
 
 def test_an_effect_that_cannot_be_simulated_is_told(monkeypatch):
@@ -85,30 +101,27 @@ def test_a_model_without_states_or_inputs_can_be_diagnosed():
         assert diagnosis.causes == []
 
 
-def test_a_wrong_unit_is_no_cause():
-    data = short_record("strain_saturation")
-    wrong = data.measured | {"displacement": 1e3 * data.measured["displacement"]}
-    diagnosis = diagnose(PpyActuator, replace(data, measured=wrong), FEW[:1])
-    assert diagnosis.verdict is Verdict.UNEXPLAINED
-    assert NoteCode.IMPLAUSIBLE in {note.code for note in diagnosis.notes}
-    assert "look at units, signs and columns first" in wording.sentence(diagnosis)
+def test_the_five_steps_are_the_diagnosis():
+    data = measured(3, 4.0)
+    record = screen(Cell, data, None, {}, ())
+    search = Search(record.parts.estimation, Cell, searched_parameters(Cell))
+    selected = select(fit(search, record), [])
+    concluded = conclude(selected.search, judge(selected), selected.data)
+    whole = diagnose(Cell, data, [])
+    assert concluded.verdict is whole.verdict
+    assert concluded.notes == whole.notes
+    assert concluded.estimates == whole.estimates
+    assert concluded.judged_errors == whole.judged_errors
 
 
-def test_what_is_left_where_the_cause_does_not_act_is_told():
-    """A saturation of the strain does not touch the voltage, which wanders."""
-    data = short_record("strain_saturation")
-    wander = 2e-3 * np.cumsum(coloured(0.0, 5, data.time.size))
-    wandering = data.measured | {"voltage": data.measured["voltage"] + wander}
-    diagnosis = diagnose(PpyActuator, replace(data, measured=wandering), FEW[:1])
-    assert diagnosis.verdict is Verdict.CAUSE
-    assert not diagnosis.explained
-    assert NoteCode.SOMETHING_LEFT in {note.code for note in diagnosis.notes}
-    assert diagnosis.causes[:1] == ["strain_saturation"]
-    said = wording.sentence(diagnosis)
-    assert said.startswith(
-        "What the model gets wrong: strain_saturation (confirmed on the held-out third)"
-    )
-    assert (
-        "Beside that, something is left that nothing in the catalogue accounts for: voltage wanders slowly"
-        in said
-    )
+def test_without_excitation_the_model_is_fitted_and_nothing_selected():
+    data = measured(3, 4.0)
+    still = replace(data, inputs={"current": np.zeros(data.time.size)})
+    record = screen(Cell, still, None, {}, ())
+    search = Search(record.parts.estimation, Cell, searched_parameters(Cell))
+    fitted = fit(search, record)
+    assert not fitted.informative
+    selected = select(fitted, [sensor_gain(Cell, "voltage")])
+    assert selected.selection.steps == []
+    assert not selected.data.informative
+    assert NoteCode.UNKNOWN_START in {note.code for note in selected.data.notes}

@@ -1,4 +1,4 @@
-"""The extended model as an FMU: what it says of itself, that it keeps the contract, and what it gains held out."""
+"""Claims: the extended model as an FMU describes itself, keeps the contract, and gains held out."""
 
 from __future__ import annotations
 
@@ -13,23 +13,28 @@ import pytest
 from fmpy.validation import validate_fmu
 from scipy.signal import lfilter
 
-from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_lag
-from fmus.kit.units import shown
+from fmus.kit.units import format_value
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidates.candidate import catalogue
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
-from orchestration.discrepancy.extended_model import destinations, export, extended, measured_gain
+from orchestration.discrepancy.extended_model import (
+    export,
+    extended_component,
+    fmu_paths,
+    measure_gain,
+)
 from orchestration.fmu.check import check_fmu
+from orchestration.fmu.effects import catalogue as effects_of
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.model import catalogue as effects_of
 from orchestration.fmu.model import find_model, load_class
-from orchestration.fmu.simulate import simulate_instance
-from orchestration.rig.emulator.records import draw
+from orchestration.fmu.simulation import simulate_instance
+from studies.emulator.records import draw
 from tests.contract import checks, structure
 from tests.contract.subjects import SUBJECTS
 from tests.support.diagnosis import SHORT, as_measured
@@ -41,7 +46,10 @@ SPRINGS = ("alpha", "k1", "b1", "k2", "b2", "kelvin_elongation_start", "maxwell_
 
 
 def stage() -> tuple[Dataset, dict[str, np.ndarray]]:
-    """A stage with dry friction that sticks, at 100 Hz, and its velocity without noise; typed in once more."""
+    """Return a record of a stage with dry friction that sticks, and its velocity without noise.
+
+    It is at 100 Hz; the equations are typed in once more.
+    """
     mass, viscous, dry, drive, parts, step = 95.0, 203.0, 20.4, 35.15065, 20, 0.01
     random = np.random.default_rng(5)
     time = step * np.arange(4000)
@@ -64,7 +72,10 @@ def drawn(hidden: str | None, **options) -> tuple[Dataset, dict[str, np.ndarray]
 
 
 def case(name: str):
-    """A model, its record with the truth, and a few effects, the hidden one first; of the lag the voltage alone."""
+    """Return a model, its record with the truth, and a few effects, the hidden one first.
+
+    Of the lag it is the voltage alone.
+    """
     if name == "stage":
         cls = load_class(f"{EXAMPLES / 'positioning_stage.py'}:PositioningStage")
         data, truth = stage()
@@ -85,14 +96,14 @@ def case(name: str):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A diagnosed record, the component it ends with, and both its FMUs: ``made(name)``."""
+    """Return a function that diagnoses a case and builds both FMUs: ``made(name)``."""
     cases = {}
 
     def of(name):
         if name not in cases:
             cls, data, truth, effects = case(name)
             diagnosis = diagnose(cls, data, effects, held=SPRINGS if name == "lag" else ())
-            model = extended(diagnosis, f"/somewhere/{RECORD}")
+            model = extended_component(diagnosis, f"/somewhere/{RECORD}")
             paths = export(
                 model, tmp_path_factory.mktemp(name) / "mended.fmu", platforms=[host_platform()]
             )
@@ -102,7 +113,7 @@ def made(tmp_path_factory):
                 truth=truth,
                 hidden=effects[0],
                 fmus=dict(zip(("native", "python"), paths, strict=True)),
-                gain=measured_gain(diagnosis, paths[0]),
+                gain=measure_gain(diagnosis, paths[0]),
             )
         return cases[name]
 
@@ -114,7 +125,8 @@ def one(request, made):
     return made(request.param)
 
 
-# --- what it is -----------------------------------------------------------------------------------------------------
+# --- what it is
+# --------------------------------------------------------------------------------------------------
 
 
 def test_defaults_are_what_was_fitted(one):
@@ -134,13 +146,13 @@ def test_the_fmu_says_what_was_added_and_fitted(one):
         f"Added to {one.diagnosis.selection.base.candidate.cls.name}: {one.hidden.id}",
     ]
     for name, e in one.diagnosis.estimates.items():
-        low, high = (shown(end, declared[name]) for end in e.interval)
+        low, high = (format_value(end, declared[name]) for end in e.interval)
         known = (
             f"95 % interval {low} … {high}"
             if name != "travel_start"
             else "not determined by the record"
         )
-        expected.append(f"{name} = {shown(e.value, declared[name])} ({known})")
+        expected.append(f"{name} = {format_value(e.value, declared[name])} ({known})")
     assert len(expected) == 2 + len(one.diagnosis.final.problem.names)
     for path in one.fmus.values():
         description = fmpy.read_model_description(str(path))
@@ -162,7 +174,7 @@ def test_it_is_told_which_assumption_is_relaxed(made):
 def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):
     data, _ = drawn(None, changed={"R1": 1.4}, spread=0.0, **SHORT)
     diagnosis = diagnose(PpyActuator, data, [])
-    cls = extended(diagnosis, RECORD)
+    cls = extended_component(diagnosis, RECORD)
     assert diagnosis.verdict == "recalibrate"
     assert "Nothing was added to ppy_actuator: only its parameters were fitted" in cls.remark
     assert cls.name == "ppy_actuator_fitted"
@@ -171,7 +183,7 @@ def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):
         assert not [n for n in archive.namelist() if n.startswith("extra")], (
             "the reference result is of other defaults"
         )
-    gain = measured_gain(diagnosis, python)
+    gain = measure_gain(diagnosis, python)
     assert gain.after == pytest.approx(diagnosis.after, rel=1e-6)
     assert gain.after == pytest.approx(gain.before, rel=1e-6)
 
@@ -182,11 +194,11 @@ def test_doubts_are_told(made):
     alternative = step.rejected[0][0] if step.rejected else step.chosen
     doubtful = replace(diagnosis.selection, steps=[replace(step, alternatives=[alternative])])
     assert "cannot be told apart from" not in made("saturation").cls.remark
-    remark = extended(
+    remark = extended_component(
         replace(diagnosis, verdict=Verdict.AMBIGUOUS, selection=doubtful), RECORD
     ).remark
     assert "On this record it cannot be told apart from quadratic_strain" in remark
-    remark = extended(replace(diagnosis, verdict=Verdict.UNEXPLAINED), RECORD).remark
+    remark = extended_component(replace(diagnosis, verdict=Verdict.UNEXPLAINED), RECORD).remark
     assert "It does not account for all that the record shows" in remark
 
 
@@ -194,14 +206,16 @@ def test_nothing_is_made_of_a_record_that_does_not_move():
     data, _ = drawn(None, **SHORT)
     still = {name: np.full_like(values, values[0]) for name, values in data.inputs.items()}
     with pytest.raises(UserError, match=r"lab record\.csv: no input moves"):
-        extended(diagnose(PpyActuator, Dataset(data.time, still, data.measured), []), RECORD)
+        extended_component(
+            diagnose(PpyActuator, Dataset(data.time, still, data.measured), []), RECORD
+        )
 
 
 def test_a_value_that_rounding_moved_out_of_its_range_is_at_its_end(made):
     diagnosis = made("saturation").diagnosis
     fit = diagnosis.final.fit
     beyond = replace(fit, values=fit.values | {"k2": np.nextafter(1e15, np.inf)})
-    cls = extended(replace(diagnosis, final=replace(diagnosis.final, fit=beyond)), RECORD)
+    cls = extended_component(replace(diagnosis, final=replace(diagnosis.final, fit=beyond)), RECORD)
     assert cls().k2 == 1e15
 
 
@@ -225,7 +239,7 @@ class Tanks(Component):
 
 
 def tanks(folder, imports=""):
-    """A model of a user with three tanks that are open, and its record: a pole of 0.2 per second, from 2 m^3."""
+    """Diagnose a user's model of three open tanks: a pole of 0.2 per second, from 2 m^3."""
     (folder / "own.py").write_text(OWN.format(imports=imports), encoding="utf-8")
     step, inflow = 0.25, np.repeat(np.random.default_rng(2).uniform(0.0, 1.0, 60), 20)
     pole = np.exp(-0.2 * step)
@@ -244,7 +258,7 @@ def tanks(folder, imports=""):
 
 def test_what_the_user_gave_stays_given(tmp_path):
     diagnosis = tanks(tmp_path)
-    cls = extended(diagnosis, RECORD)
+    cls = extended_component(diagnosis, RECORD)
     assert "count = 3 (given, not fitted)" in cls.remark
     assert "open = true (given, not fitted)" in cls.remark
     for path in export(cls, tmp_path / "mended.fmu", platforms=[host_platform()]):
@@ -252,10 +266,11 @@ def test_what_the_user_gave_stays_given(tmp_path):
         assert (start["count"], start["open"]) == ("3", "true")
         assert float(start["loss"]) == pytest.approx(0.2, rel=1e-3)
         assert float(start["level_start"]) == pytest.approx(2.0, rel=1e-3)
-        assert measured_gain(diagnosis, path).after == pytest.approx(diagnosis.after, rel=1e-6)
+        assert measure_gain(diagnosis, path).after == pytest.approx(diagnosis.after, rel=1e-6)
 
 
-# --- the contract ---------------------------------------------------------------------------------------------------
+# --- the contract
+# --------------------------------------------------------------------------------------------------
 
 
 def fmpy_finds_no_problem(path):
@@ -302,13 +317,13 @@ def test_it_is_checked_without_a_complaint(one):
 
 
 def test_the_same_record_gives_the_same_bytes(one):
-    again = extended(one.diagnosis, RECORD)
+    again = extended_component(one.diagnosis, RECORD)
     for runtime in RUNTIMES:
         assert build(again, runtime, [host_platform()]) == one.fmus[runtime].read_bytes()
 
 
 def test_both_builds_agree_over_the_record(one):
-    python = measured_gain(one.diagnosis, one.fmus["python"])
+    python = measure_gain(one.diagnosis, one.fmus["python"])
     for output, native in one.gain.extended.items():
         assert np.abs(python.extended[output] - native).max() <= 1e-9 * np.abs(native).max()
 
@@ -321,7 +336,8 @@ def test_the_python_build_reads_as_it_runs(made):
     )
 
 
-# --- what it gains --------------------------------------------------------------------------------------------------
+# --- what it gains
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_fmus_gain_what_the_diagnosis_says(one):
@@ -350,20 +366,20 @@ def test_what_is_left_is_white_or_said_not_to_be(made, tmp_path):
         + 0.01 * np.ptp(data.measured["velocity"]) * np.sin(3.0 * data.time)
     }
     disturbed = replace(diagnosis, validation=replace(validation, data=replace(data, measured=hum)))
-    assert not measured_gain(disturbed, made("stage").fmus["native"]).whiteness["velocity"].is_white
+    assert not measure_gain(disturbed, made("stage").fmus["native"]).whiteness["velocity"].is_white
 
 
 def test_a_record_of_its_own_starts_where_it_starts(tmp_path):
-    """The end of a record, which the fit does not continue into: its states at the start are estimated there."""
+    """Hold out the end as a record of its own: its states at the start are estimated there."""
     _, data, _, effects = case("saturation")
     cut = round(0.6 * len(data.time))
     diagnosis = diagnose(
         PpyActuator, data.part(0, cut), effects[:1], holdout=data.part(cut, len(data.time))
     )
     native, _ = export(
-        extended(diagnosis, RECORD), tmp_path / "mended.fmu", platforms=[host_platform()]
+        extended_component(diagnosis, RECORD), tmp_path / "mended.fmu", platforms=[host_platform()]
     )
-    gain = measured_gain(diagnosis, native)
+    gain = measure_gain(diagnosis, native)
     assert gain.before == pytest.approx(diagnosis.before, rel=1e-6)
     assert gain.after == pytest.approx(diagnosis.after, rel=1e-6)
     data = diagnosis.validation.data
@@ -376,11 +392,12 @@ def test_a_record_of_its_own_starts_where_it_starts(tmp_path):
     )
 
 
-# --- files ----------------------------------------------------------------------------------------------------------
+# --- files
+# --------------------------------------------------------------------------------------------------
 
 
 def test_where_the_fmus_go(tmp_path):
-    assert destinations(tmp_path / "a.b.fmu", []) == {
+    assert fmu_paths(tmp_path / "a.b.fmu", []) == {
         "native": tmp_path / "a.b.fmu",
         "python": tmp_path / "a.b.python.fmu",
     }
@@ -401,14 +418,14 @@ def test_a_record_is_not_overwritten(tmp_path, name):
 
 def test_other_destinations_that_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"--fmu .*mended\.zip: the name of an FMU ends in \.fmu"):
-        destinations(tmp_path / "mended.zip", [])
+        fmu_paths(tmp_path / "mended.zip", [])
     (tmp_path / "mended.python.fmu").mkdir()
     with pytest.raises(UserError, match=r"mended\.python\.fmu: this is a folder"):
-        destinations(tmp_path / "mended.fmu", [])
+        fmu_paths(tmp_path / "mended.fmu", [])
 
 
 def test_nothing_is_written_where_one_build_fails(tmp_path):
-    cls = extended(tanks(tmp_path, "import numpy"), RECORD)
+    cls = extended_component(tanks(tmp_path, "import numpy"), RECORD)
     with pytest.raises(UserError, match="'import numpy' cannot go into a Python FMU"):
         export(cls, tmp_path / "mended.fmu", platforms=[host_platform()])
     assert not list(tmp_path.glob("*mended*"))

@@ -1,4 +1,7 @@
-"""What a model's own file does not list is found by its units. The records are written here by closed form."""
+"""Claims: an effect that a model's own file does not list is considered by its units.
+
+The records are written here by closed form.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import pytest
 import orchestration as ppy
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.candidates.typical import typical
+from orchestration.discrepancy.candidates.scales import signal_scales
 from orchestration.fmu.effects import find_effects
 from orchestration.fmu.model import load_class
 from orchestration.records.writing import write_record
@@ -44,7 +47,7 @@ GAIN, LAG, DEAD, STEP = 4.0, 0.25, 1.2, 0.02
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A model without effects, and a record of a drive that has a dead zone."""
+    """Write a model without effects, and a record of a drive that has a dead zone."""
     folder = tmp_path_factory.mktemp("drive")
     (folder / "drive.py").write_text(MODEL, encoding="utf-8")
     rng = np.random.default_rng(7)
@@ -102,6 +105,7 @@ def test_one_of_them_can_be_asked_for_by_name(folder):
 def test_magnitudes_are_those_of_the_record_to_one_figure(folder):
     cls = load_class(f"{folder / 'drive.py'}:Drive")
     time = 0.01 * np.arange(4000)
-    found = typical(cls, time, {"voltage": np.full(4000, 2.4)}, {"gain": 30.0})
-    # it comes to 72 rad/s; its rate is 240 rad/s^2 exp(-t / 0.3 s), which after 5 % of the 40 s is 0.3
+    found = signal_scales(cls, time, {"voltage": np.full(4000, 2.4)}, {"gain": 30.0})
+    # it comes to 72 rad/s; its rate is 240 rad/s^2 exp(-t / 0.3 s), which after 5 % of the 40 s is
+    # 0.3
     assert found == {"voltage": 2.0, "omega": 50.0, "drag": 50.0, "speed": 50.0, "omega_rate": 0.2}

@@ -1,4 +1,6 @@
-"""Claims: where samples are missing for long, a record begins anew, and its inputs in between decide nothing.
+"""Claims: where samples are missing for long, a record begins anew.
+
+Its inputs in between decide nothing.
 
 The records are exact solutions of the cell's equations, written without the kit.
 """
@@ -13,9 +15,9 @@ import pytest
 from orchestration.discrepancy.data.dataset import PIECE, Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
-from orchestration.discrepancy.pipeline import Options
+from orchestration.discrepancy.pipeline import DiagnosisOptions
 from orchestration.discrepancy.pipeline import diagnose as diagnosed
-from orchestration.discrepancy.report.errors import run_errors
+from orchestration.discrepancy.report.tables import run_errors
 from orchestration.fmu.model import find_model
 from tests.support.diagnosis import rig_record
 from tests.support.several import STEP, TRUE, Cell, current, measured, voltage
@@ -25,7 +27,7 @@ WHOLE = measured(3, 4.0, samples=SAMPLES)
 
 
 def without(*missing: tuple[int, int]) -> Dataset:
-    """The record, some of its samples being missing."""
+    """Return the record, some of its samples being missing."""
     kept = np.ones(SAMPLES, dtype=bool)
     for first, last in missing:
         kept[first:last] = False
@@ -95,9 +97,9 @@ def test_a_file_with_a_gap_is_diagnosed_as_two_runs_and_one_without_has_nothing_
     cut = replace(
         record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()}
     )
-    estimates = diagnosed(cut, actuator, options=Options(effects=[])).diagnosis.estimates
+    estimates = diagnosed(cut, actuator, options=DiagnosisOptions(effects=[])).diagnosis.estimates
     assert {"R1", "charge_start@1", "charge_start@2"} <= estimates.keys()
-    whole = diagnosed(record, actuator, options=Options(effects=[], each=["R1"]))
+    whole = diagnosed(record, actuator, options=DiagnosisOptions(effects=[], each=["R1"]))
     assert "R1" in whole.diagnosis.estimates
     assert not [name for name in whole.diagnosis.estimates if "@" in name]
     assert run_errors(whole) == [], "a record by itself is told once"

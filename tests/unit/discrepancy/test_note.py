@@ -1,4 +1,4 @@
-"""No decision hangs on the text of a message: notes are codes, and the source never looks into a sentence."""
+"""Claims: notes are codes, and no decision of the source hangs on the text of a message."""
 
 from __future__ import annotations
 

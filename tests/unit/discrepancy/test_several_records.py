@@ -1,4 +1,6 @@
-"""Claims: several records are diagnosed as one, with one set of parameters and starts that are each record's own.
+"""Claims: several records are diagnosed as one, with one set of parameters.
+
+Start values are each record's own.
 
 The records are exact solutions of the cell's equations, written without the kit.
 """
@@ -18,13 +20,13 @@ NOISE = 1e-3
 
 @pytest.fixture(scope="module")
 def diagnosis():
-    """Six records with the same open circuit voltage, known; four of them are fitted, two held out."""
+    """Diagnose six records with one open circuit voltage, which is known; two are held out."""
     return diagnose(Cell, several(), [], held=["ocv"])
 
 
 @pytest.fixture(scope="module")
 def differing():
-    """The same where every record has an open circuit voltage of its own."""
+    """Diagnose six records of which every one has an open circuit voltage of its own."""
     return diagnose(Cell, several(ocvs=OCVS), [], each=["ocv"])
 
 

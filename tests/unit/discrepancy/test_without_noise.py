@@ -1,4 +1,6 @@
-"""Claims: of a record that a model made itself, to the last digit, a diagnosis names no cause and knows the parameters.
+"""Claims: of a record that a model made itself, to the last digit, no cause is named.
+
+The parameters are known then.
 
 Nothing at all is left then where parameters are held, and rounding where they are not.
 """
@@ -32,12 +34,12 @@ class Lag(Component):
 
     @Output("1")
     def y(self):
-        """The state."""
+        """Return the state."""
         return self.gain * self.x
 
     @Output("1")
     def seen(self):
-        """The input, as it is."""
+        """Return the input, as it is."""
         return self.u
 
 

@@ -1,4 +1,6 @@
-"""Claims: the experiment for identification is one of 45 s at 30 Hz, and gives the parameters in spite of noise."""
+"""Claims: the experiment for identification is one of 45 s at 30 Hz, and gives the parameters in
+spite of noise.
+"""
 
 from __future__ import annotations
 

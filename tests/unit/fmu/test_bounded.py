@@ -1,4 +1,6 @@
-"""Claims: an archive or XML that would take memory or time without bound is refused in a line, before it does."""
+"""Claims: an archive or XML that would take memory or time without bound is refused in a line,
+before it does.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ from orchestration.fmu.check import check_fmu
 
 HEAD = '<?xml version="1.0"?>'
 DESCRIPTION = (
-    '<fmiModelDescription fmiVersion="2.0" modelName="m" guid="{8c4e810f-3df3-4a00-8276-176fa3c9f9e0}">%s'
-    '<CoSimulation modelIdentifier="m"/><ModelVariables/><ModelStructure/></fmiModelDescription>'
+    '<fmiModelDescription fmiVersion="2.0" modelName="m"'
+    ' guid="{8c4e810f-3df3-4a00-8276-176fa3c9f9e0}">%s<CoSimulation'
+    ' modelIdentifier="m"/><ModelVariables/><ModelStructure/></fmiModelDescription>'
 )
 MEGABYTE = b"\0" * 2**20
 MEMORY = 2**30  # bytes that nothing of this may take
@@ -93,9 +96,9 @@ def test_what_is_below_the_bounds_takes_little_memory(tmp_path):
     path = fmu(tmp_path, DESCRIPTION % ("<a/>" * 500_000))
     grown(path, "resources/zeros", 900)
     program = (
-        "import resource, sys; from pathlib import Path; from orchestration.fmu.check import check_fmu;"
-        f"resource.setrlimit(resource.RLIMIT_AS, ({MEMORY},) * 2);"
-        "print(len(check_fmu(Path(sys.argv[1]))) > 0)"
+        "import resource, sys; from pathlib import Path; from orchestration.fmu.check import"
+        f" check_fmu;resource.setrlimit(resource.RLIMIT_AS, ({MEMORY},) *"
+        " 2);print(len(check_fmu(Path(sys.argv[1]))) > 0)"
     )
     done = subprocess.run(
         [sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=100

@@ -1,4 +1,6 @@
-"""Claims: the package offers what users need, and loads what runs FMUs only when it is asked for."""
+"""Claims: the package offers what users need, and loads what runs FMUs only when it is asked
+for.
+"""
 
 import subprocess
 import sys
@@ -11,9 +13,7 @@ from orchestration.fmu import Fmu, Model, find_model, instance, model
 
 def test_the_package_offers_what_users_need():
     assert (Fmu, Model, find_model) == (instance.Fmu, model.Model, model.find_model)
-    with pytest.raises(
-        AttributeError, match=r"module 'orchestration.fmu' has no attribute 'Motor'"
-    ):
+    with pytest.raises(AttributeError, match=r"orchestration.fmu .*Motor"):
         orchestration.fmu.Motor  # noqa: B018
 
 

@@ -1,4 +1,6 @@
-"""Claims: an FMU that is run again and again is as if each run were its first. Oracle: ``tau dx/dt = u - x``."""
+"""Claims: an FMU that is run again and again is as if each run were its first. Oracle: ``tau dx/dt
+= u - x``.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Claims: a text reaches an FMU from everywhere a parameter can be set, and is never taken for a number."""
+"""Claims: a text reaches an FMU from everywhere a parameter can be set, and is never taken for a
+number.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,8 @@ from fmus.kit.errors import UserError
 from orchestration import master
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import find_model
-from orchestration.fmu.signal import numeric
-from orchestration.system import Member, System, check, ssp
+from orchestration.system import Member, System, ssp
+from orchestration.system import checking as check
 from tests.support.command import here, refused, works
 from tests.support.master.sleeper import build_sleeper
 
@@ -129,15 +131,13 @@ def test_an_experiment_sets_texts_and_its_result_remembers_them(fmu, tmp_path):
 
 def test_an_experiment_on_a_system_sets_texts_of_members(fmu, tmp_path):
     ssp.write(System("one", (Member("proxy", fmu),), ()), tmp_path / "one.ssp")
-    text = f'system = "one.ssp"\nduration = 0.2\nstep = 0.1\n[parameters]\nproxy.label = "{ENDPOINT}"\n'
+    text = (
+        'system = "one.ssp"\nduration = 0.2\nstep = 0.1\n[parameters]\nproxy.label ='
+        f' "{ENDPOINT}"\n'
+    )
     (tmp_path / "one.toml").write_text(text)
     assert str(told(ENDPOINT)[1]) in works("run", "one.toml", cwd=tmp_path)
     assert "values given to it" in works("system", "show", "one.ssp", cwd=tmp_path)
-
-
-def test_what_computes_takes_no_text():
-    with pytest.raises(UserError, match="endpoint = 'x': is a text"):
-        numeric({"R1": 0.5, "endpoint": "x"})
 
 
 def test_a_proxy_can_be_built_with_an_address_of_its_own(tmp_path):

@@ -1,4 +1,7 @@
-"""Claims: the figures of a comparison are those of its definition, gaps are left out, and the JSON is plain JSON."""
+"""Claims: the figures of a comparison are those of its definition, in plain JSON.
+
+Gaps are left out.
+"""
 
 import html
 import json
@@ -12,11 +15,12 @@ from scipy.linalg import expm
 
 from fmus.kit import UserError
 from orchestration.experiment.waveforms import multilevel
-from orchestration.fmu import simulate
+from orchestration.fmu import simulation as simulate
 from orchestration.fmu.model import find_model
 from orchestration.identify import comparison as comparing
 from orchestration.records import Record, write_record
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.physics import RigParameters
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 TIME: np.ndarray = 0.1 * np.arange(600)
@@ -159,7 +163,8 @@ def test_a_fit_has_values_intervals_and_figures_by_name(model, record):
     assert low < fitted.values["R1"] < high
     assert (
         repr(fitted)
-        == f"<Fit R1 = {fitted.values['R1']:.6g} ohm, alpha = {1e3 * fitted.values['alpha']:.6g} mm/C>"
+        == f"<Fit R1 = {fitted.values['R1']:.6g} ohm, alpha = {1e3 * fitted.values['alpha']:.6g}"
+        " mm/C>"
     )
     figures = fitted.to_dict()
     assert figures["parameters"]["R1"]["ci95"] == [low, high]

@@ -1,6 +1,9 @@
-"""Claims: the fit finds what made the record, its intervals hold what they promise, and what cannot be told is told.
+"""Claims: the fit finds what made the record, with intervals that hold.
 
-Oracles: the emulated rig (own equations), least squares of scipy on solutions on paper, binomial bounds.
+What cannot be determined is reported.
+
+Oracles: the emulated rig (own equations), least squares of scipy on solutions on paper, binomial
+bounds.
 """
 
 from dataclasses import asdict
@@ -21,10 +24,12 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.experiment.waveforms import multilevel, square_wave
-from orchestration.identify.grey_box import fit
-from orchestration.identify.metrics import fit_percent, whiteness
+from orchestration.identify.grey_box import fit_grey_box
+from orchestration.identify.metrics import fit_percent
+from orchestration.identify.noise.ljung_box import whiteness
 from orchestration.records import read_record
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
+from studies.emulator.emulator import EmulatedRig
+from studies.emulator.physics import RigParameters
 
 TRUTH = RigParameters().scattered(3)
 TRUE = asdict(TRUTH)
@@ -56,12 +61,12 @@ class Product(Component):
 
     @Output("1")
     def y(self):
-        """The state and an offset."""
+        """Return the state and an offset."""
         return self.x + self.offset
 
 
 def product_response(gain, rate, offset=0.0, step=0.1, samples=300):
-    """Samples of Product under u = 1, then -1, exactly; u is held."""
+    """Return exact samples of Product under u = 1, then -1; u is held."""
     u = np.where(np.arange(samples) < samples // 2, 1.0, -1.0)
     decay = np.exp(-rate * step)
     x = lfilter([0.0, gain * (1 - decay)], [1.0, -decay], u)
@@ -70,7 +75,7 @@ def product_response(gain, rate, offset=0.0, step=0.1, samples=300):
 
 def test_all_eight_parameters_of_the_emulated_rig_are_found():
     time, inputs = stimulus(600.0, 0.2)
-    result = fit(PpyActuator, time, inputs, quiet(TRUTH).run(time, **inputs), NAMES)
+    result = fit_grey_box(PpyActuator, time, inputs, quiet(TRUTH).run(time, **inputs), NAMES)
     assert result.warnings == []
     for name, estimate in result.estimates.items():
         assert estimate.value == pytest.approx(TRUE[name], rel=1e-6)
@@ -80,13 +85,14 @@ def test_all_eight_parameters_of_the_emulated_rig_are_found():
 def test_start_values_are_parameters_too():
     time, inputs = stimulus(60.0, 0.1)
     measured = {"voltage": quiet(TRUTH, initial_charge=-0.6).run(time, **inputs)["voltage"]}
-    result = fit(PpyActuator, time, inputs, measured, [*ELECTRICAL, "charge_start"])
+    result = fit_grey_box(PpyActuator, time, inputs, measured, [*ELECTRICAL, "charge_start"])
     assert result.values == pytest.approx(
         {n: TRUE[n] for n in ELECTRICAL} | {"charge_start": -0.6}, rel=1e-6
     )
 
 
-# effect -> argument of with_effects, true value; the effect itself says which of its parameters switches it
+# effect -> argument of with_effects, true value; the effect itself says which of its parameters
+# switches it
 HIDDEN = {
     "double_layer": ("resistance", 0.3),
     "resistance_growth": ("growth", 5e-3),
@@ -96,8 +102,11 @@ HIDDEN = {
 }
 
 
-def with_effects(time, current, resistance=0.0, growth=0.0, beta=0.0, saturation=0.0, lag=0.0):
-    """Voltage and charge's elongation by scipy, the equations written out: charge, throughput, pending, interface."""
+def with_effects(time, current, *, resistance=0.0, growth=0.0, beta=0.0, saturation=0.0, lag=0.0):
+    """Integrate voltage and charge's elongation by scipy, with the equations written out.
+
+    States: charge, throughput, pending, interface.
+    """
     p, tau, shortest = RigParameters(), 0.2, 0.05
 
     def charging(x, i):
@@ -137,7 +146,7 @@ def test_an_effect_is_fitted_from_its_neutral_value(effect):
     # without any noise a search would go on among the rounding errors of two integrators
     noise = np.random.default_rng(0)
     measured = {o: y + 1e-6 * np.ptp(y) * noise.normal(size=y.size) for o, y in measured.items()}
-    again = partial(fit, stack(PpyActuator, EFFECTS[effect]), time, inputs, measured)
+    again = partial(fit_grey_box, stack(PpyActuator, EFFECTS[effect]), time, inputs, measured)
     result = again([name, "R1", "alpha"], {"R1": 0.6})
     assert result.warnings == []
     assert result.estimates[name].nominal == 0.0
@@ -149,10 +158,13 @@ def test_an_effect_is_fitted_from_its_neutral_value(effect):
 
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_an_effect_that_is_not_there_is_not_made_up(effect):
-    """Fitted to a rig without it, in noise: its interval holds the neutral value, at the end of the range of most."""
+    """Fit an effect to a rig without it, in noise.
+
+    Its interval holds the neutral value, at the end of the range of most.
+    """
     time, inputs = stimulus(120.0, 0.1)
     name, measured = EFFECTS[effect].neutral, EmulatedRig(seed=1).run(time, **inputs)
-    estimates = fit(
+    estimates = fit_grey_box(
         stack(PpyActuator, EFFECTS[effect]), time, inputs, measured, [name, "R1", "C", "alpha"]
     ).estimates
     low, high = estimates[name].interval
@@ -165,29 +177,38 @@ def test_gaps_in_an_output_are_left_out():
     measured = quiet(TRUTH).run(time, **inputs)
     measured["voltage"][100:400] = np.nan
     measured["displacement"][::7] = np.nan
-    assert fit(PpyActuator, time, inputs, measured, NAMES).values == pytest.approx(TRUE, rel=1e-6)
+    assert fit_grey_box(PpyActuator, time, inputs, measured, NAMES).values == pytest.approx(
+        TRUE, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.9])
 def test_intervals_hold_the_truth_as_often_as_they_say(colour):
-    """30 records each, white noise and AR(1) with phi = 0.9; taking the latter for white, half the intervals miss."""
+    """Count over 30 records each, white noise and AR(1) with phi = 0.9.
+
+    If the latter were taken for white, half the intervals would miss.
+    """
     time, inputs = stimulus(1200.0, 1.0)
     held = tried = 0
     for seed in range(30):
         measured = EmulatedRig(TRUTH, seed=seed, noise_colour=colour).run(time, **inputs)
-        for name, estimate in fit(
+        for name, estimate in fit_grey_box(
             PpyActuator, time, inputs, measured, NAMES, TRUE
         ).estimates.items():
             low, high = estimate.interval
             held, tried = held + (low <= TRUE[name] <= high), tried + 1
     assert tried == 240
-    # the eight of one record are not independent: the bound is that of 60 independent ones, 0.88 of them
+    # the eight of one record are not independent: the bound is that of 60 independent ones, 0.88 of
+    # them
     assert binom.ppf(0.01, 60, 0.95) / 60 >= 0.88
     assert 0.88 <= held / tried <= 1.0
 
 
 def test_intervals_are_as_wide_as_the_estimates_scatter():
-    """Not merely wide: over 40 records with AR(1) noise the error told is the scatter found, to a third."""
+    """Compare the standard error with the scatter over 40 records with AR(1) noise.
+
+    Intervals are not merely wide: both agree to a third.
+    """
     time, inputs = stimulus(300.0, 0.5)
     values, told = [], []
     for seed in range(40):
@@ -196,7 +217,7 @@ def test_intervals_are_as_wide_as_the_estimates_scatter():
                 "voltage"
             ]
         }
-        estimates = fit(PpyActuator, time, inputs, measured, ELECTRICAL, TRUE).estimates
+        estimates = fit_grey_box(PpyActuator, time, inputs, measured, ELECTRICAL, TRUE).estimates
         values.append([np.log(estimates[n].value) for n in ELECTRICAL])
         told.append([np.diff(np.log(estimates[n].interval))[0] / 2 / 1.959964 for n in ELECTRICAL])
     ratio = np.median(told, axis=0) / np.std(values, axis=0, ddof=1)
@@ -206,7 +227,7 @@ def test_intervals_are_as_wide_as_the_estimates_scatter():
 def test_a_force_that_never_acts_says_nothing_about_stiffness():
     time, inputs = stimulus(60.0, 0.1)
     inputs["force"] = np.zeros(time.size)
-    result = fit(
+    result = fit_grey_box(
         PpyActuator,
         time,
         inputs,
@@ -225,7 +246,7 @@ def test_a_single_undetermined_parameter_is_told():
     time, inputs = stimulus(60.0, 0.1)
     inputs["current"] = np.zeros(time.size)
     measured = {"displacement": EmulatedRig(TRUTH).run(time, **inputs)["displacement"]}
-    result = fit(PpyActuator, time, inputs, measured, ["alpha", "k1"], TRUE)
+    result = fit_grey_box(PpyActuator, time, inputs, measured, ["alpha", "k1"], TRUE)
     assert result.warnings == ["this record does not determine alpha"]
     assert result.estimates["alpha"].interval == (-np.inf, np.inf)
 
@@ -233,7 +254,7 @@ def test_a_single_undetermined_parameter_is_told():
 def test_collinear_parameters_are_told():
     time, inputs, y = product_response(gain=9.0, rate=0.8)
     y = y + 0.01 * np.random.default_rng(0).standard_normal(y.size)
-    result = fit(Product, time, inputs, {"y": y}, ["a", "b", "rate"])
+    result = fit_grey_box(Product, time, inputs, {"y": y}, ["a", "b", "rate"])
     assert result.warnings == ["this record does not determine a, b separately"]
     assert result.values["a"] * result.values["b"] == pytest.approx(9.0, rel=1e-2)
     assert result.estimates["a"].interval == result.estimates["b"].interval == (0.0, np.inf)
@@ -247,14 +268,14 @@ def test_undetermined_and_collinear_parameters_are_told_apart():
     inputs["force"] = np.full(time.size, 2.0)
     measured = {"displacement": EmulatedRig(TRUTH).run(time, **inputs)["displacement"]}
     # under a constant load its own spring and the start of the flow are one and the same offset
-    result = fit(
+    result = fit_grey_box(
         PpyActuator, time, inputs, measured, ["k1", "maxwell_elongation_start", "k2"], TRUE
     )
     assert (
         "this record does not determine k1, maxwell_elongation_start separately" in result.warnings
     )
     inputs["force"] = np.zeros(time.size)
-    result = fit(PpyActuator, time, inputs, measured, ["k1", "alpha"], TRUE)
+    result = fit_grey_box(PpyActuator, time, inputs, measured, ["k1", "alpha"], TRUE)
     assert "this record does not determine k1" in result.warnings
 
 
@@ -263,13 +284,13 @@ def test_a_parameter_that_the_record_hardly_determines_is_told():
     time, inputs = stimulus(60.0, 0.1)
     inputs["force"] = 4e-3 * inputs["force"]
     measured = {"displacement": EmulatedRig(TRUTH).run(time, **inputs)["displacement"]}
-    result = fit(PpyActuator, time, inputs, measured, ["alpha", "b1"], TRUE)
+    result = fit_grey_box(PpyActuator, time, inputs, measured, ["alpha", "b1"], TRUE)
     assert any("hardly determines b1" in w or "ended at the limit" in w for w in result.warnings)
 
 
 def test_a_parameter_at_the_limit_of_its_range_is_told():
     time, inputs, y = product_response(gain=6.0, rate=0.5, offset=7.0)
-    result = fit(Product, time, inputs, {"y": y}, ["offset"])
+    result = fit_grey_box(Product, time, inputs, {"y": y}, ["offset"])
     assert result.values["offset"] == pytest.approx(5.0)
     assert "offset ended at the limit of its range" in result.warnings
 
@@ -279,7 +300,7 @@ def test_a_parameter_of_either_sign_may_change_its_sign():
     other = RigParameters()
     measured = quiet(other).run(time, **inputs)
     measured["displacement"] -= 2 * 6.8e-5 * quiet_charge(other, time, inputs)
-    result = fit(PpyActuator, time, inputs, measured, ["alpha"])
+    result = fit_grey_box(PpyActuator, time, inputs, measured, ["alpha"])
     assert result.values["alpha"] == pytest.approx(-6.8e-5, rel=1e-6)
     low, high = result.estimates["alpha"].interval
     assert low <= result.values["alpha"] <= high < 0.0
@@ -296,7 +317,7 @@ def test_intervals_of_positive_parameters_are_positive_and_those_of_others_symme
     rig = EmulatedRig(
         TRUTH, voltage_noise=0.4, displacement_noise=3e-4
     )  # so much noise that a plain one would pass 0
-    estimates = fit(
+    estimates = fit_grey_box(
         PpyActuator, time, inputs, rig.run(time, **inputs), ["C", "R2", "alpha"], TRUE
     ).estimates
     for name in ("C", "R2"):
@@ -310,15 +331,17 @@ def test_intervals_of_positive_parameters_are_positive_and_those_of_others_symme
 def test_a_far_starting_point_leads_to_the_same_optimum():
     time, inputs = stimulus(60.0, 0.1)
     measured = {"voltage": EmulatedRig(TRUTH).run(time, **inputs)["voltage"]}
-    near = fit(PpyActuator, time, inputs, measured, ELECTRICAL, TRUE)
-    far = fit(PpyActuator, time, inputs, measured, ELECTRICAL, {"R1": 20.0, "R2": 0.3, "C": 40.0})
+    near = fit_grey_box(PpyActuator, time, inputs, measured, ELECTRICAL, TRUE)
+    far = fit_grey_box(
+        PpyActuator, time, inputs, measured, ELECTRICAL, {"R1": 20.0, "R2": 0.3, "C": 40.0}
+    )
     assert far.values == pytest.approx(near.values, rel=1e-5)
 
 
 def test_mistakes_are_told():
     time, inputs = stimulus(20.0, 0.5)
     measured = quiet(TRUTH).run(time, **inputs)
-    again = partial(fit, PpyActuator, time, inputs)
+    again = partial(fit_grey_box, PpyActuator, time, inputs)
     with pytest.raises(UserError, match="named twice in R1, C, R1"):
         again(measured, ["R1", "C", "R1"])
     with pytest.raises(UserError, match="no parameter named 'R9'"):
@@ -330,14 +353,20 @@ def test_mistakes_are_told():
     with pytest.raises(
         UserError, match="potentiostat is boolean; only real parameters can be fitted"
     ):
-        fit(component("galvanostat"), time, {}, {"current": inputs["current"]}, ["potentiostat"])
+        fit_grey_box(
+            component("galvanostat"), time, {}, {"current": inputs["current"]}, ["potentiostat"]
+        )
     few = {"voltage": np.where(np.arange(time.size) < 2, measured["voltage"], np.nan)}
     with pytest.raises(UserError, match="3 parameters cannot be fitted to 2 measured values"):
         again(few, ELECTRICAL)
 
 
 def test_a_lag_that_no_sample_shows_where_the_search_starts_is_not_determined():
-    """A lag of 4 s seen every 10 s: one of 50 us has left no trace by the next sample; from 2 s it is found."""
+    """Start the search of a lag where no sample shows it.
+
+    A lag of 4 s seen every 10 s: one of 50 us has left no trace by the next sample; from 2 s it is
+    found.
+    """
     time = np.arange(0.0, 200.0, 10.0)
     command = np.where(time < 100.0, 1.0, -1.0)
     galvanostat = component("galvanostat")
@@ -347,22 +376,23 @@ def test_a_lag_that_no_sample_shows_where_the_search_starts_is_not_determined():
         .signals["current"]
     }
     again = partial(
-        fit, galvanostat, time, {"current_command": command}, measured, ["response_time"]
+        fit_grey_box, galvanostat, time, {"current_command": command}, measured, ["response_time"]
     )
     assert again({"response_time": 5e-5}).intervals["response_time"][1] == np.inf
     assert again({"response_time": 2.0}).values["response_time"] == pytest.approx(4.0, rel=1e-6)
 
 
-# --- records that nobody here made ------------------------------------------------------------------------------------
+# --- records that nobody here made
+# ------------------------------------------------------------------------------------
 
 
 def test_creep_of_a_melt_agrees_with_least_squares_on_the_solution_on_paper(public_data):
-    """J(t) F = F (1/k1 + t/b1 + (1 - exp(-k2 t/b2))/k2), fitted by scipy with no model of ours in between.
+    """Compare with scipy's fit of J(t) F = F (1/k1 + t/b1 + (1 - exp(-k2 t/b2))/k2).
 
-    The fit is 99.75 % in the project's metric, 100 (1 - |y - yhat| / |y - mean(y)|), by least squares on the simulation
-    error. With relative weights, 1 / max(|y|, 1e-3), because creep spans decades, the same four parameters reach 95 %
-    in the same metric (83 % with a floor of 1e-6): they trade the long times, which hold nearly all of the variance,
-    for the short ones.
+    The fit is 99.75 % in the project's metric, 100 (1 - |y - yhat| / |y - mean(y)|), by least
+    squares on the simulation error. With relative weights, 1 / max(|y|, 1e-3), because creep spans
+    decades, the same four parameters reach 95 % in the same metric (83 % with a floor of 1e-6):
+    they trade the long times, which hold nearly all of the variance, for the short ones.
     """
     signals = {"force": "N", "displacement": "m"}
     mapping = {"stress": "force[N]", "strain": "displacement[m]"}
@@ -371,7 +401,9 @@ def test_creep_of_a_melt_agrees_with_least_squares_on_the_solution_on_paper(publ
     )
     time, y = record.time, record.signals["displacement"]
     names = ["k1", "b1", "k2", "b2"]
-    result = fit(PpyActuator, time, {"force": record.signals["force"]}, {"displacement": y}, names)
+    result = fit_grey_box(
+        PpyActuator, time, {"force": record.signals["force"]}, {"displacement": y}, names
+    )
 
     def paper(q):
         k1, b1, k2, b2 = np.exp(q)
@@ -406,7 +438,10 @@ def cell(public_data, age):
 
 
 def cell_voltage(q, time, current, start):
-    """R2 parallel to R1 and C in series, driven by a held current; the step is nearly constant, and taken as exact."""
+    """Simulate R2 parallel to R1 and C in series, driven by a held current.
+
+    The step is nearly constant, and taken as exact.
+    """
     R1, R2, C = np.exp(q)
     charge, steps = np.empty(time.size), np.diff(time)
     charge[0] = start
@@ -417,19 +452,23 @@ def cell_voltage(q, time, current, start):
 
 
 def test_an_aged_cell_has_more_resistance_and_less_capacitance(public_data):
-    """Both records, fitted on voltage while the measured current drives; own exact discretisation and scipy agree."""
+    """Fit both records on voltage while the measured current drives.
+
+    Own exact discretisation and scipy agree.
+    """
     names = ["R1", "R2", "C", "charge_start"]
     found = {}
     for age in ("before", "after"):
         time, current, y = cell(public_data, age)
-        result = fit(PpyActuator, time, {"current": current}, {"voltage": y}, names)
+        result = fit_grey_box(PpyActuator, time, {"current": current}, {"voltage": y}, names)
         assert ["varies slowly" in w for w in result.warnings] == [True]  # one RC branch is too few
         values = found[age] = result.values
         optimum = np.array([*np.log([values[n] for n in names[:3]]), values["charge_start"]])
         residual = partial(
             lambda q, t, i, y: (cell_voltage(q[:3], t, i, q[3]) - y)[::4], t=time, i=current, y=y
         )
-        # from a point off the optimum, on every fourth sample: what separates the two is less than the intervals
+        # from a point off the optimum, on every fourth sample: what separates the two is less than
+        # the intervals
         own = least_squares(
             residual,
             optimum + np.array([0.1, 0.3, 0.05, 0.02]),
@@ -451,7 +490,7 @@ def test_a_slow_residual_is_told(colour, told):
     current = square_wave(time, 0.9, 0.2)
     rig = EmulatedRig(RigParameters(), seed=4, noise_colour=colour)
     measured = {"voltage": rig.run(time, current, np.zeros_like(time))["voltage"]}
-    result = fit(PpyActuator, time, {"current": current}, measured, ["R1", "R2", "C"])
+    result = fit_grey_box(PpyActuator, time, {"current": current}, measured, ["R1", "R2", "C"])
     assert any("varies slowly" in w for w in result.warnings) is told
 
 
@@ -477,7 +516,7 @@ def test_correlations_are_those_of_least_squares(alike):
     u, other = rng.normal(size=(2, 400))
     v = alike * u + np.sqrt(1.0 - alike**2) * other
     y = 2.0 * u - v + 0.1 * rng.normal(size=400)
-    found = fit(Sum, np.arange(400.0), {"u": u, "v": v}, {"y": y}, ["a", "b"])
+    found = fit_grey_box(Sum, np.arange(400.0), {"u": u, "v": v}, {"y": y}, ["a", "b"])
     columns = np.column_stack([u, v])
     exact = np.linalg.inv(columns.T @ columns)
     (value,) = found.correlations.values()
@@ -516,5 +555,5 @@ def test_what_ends_at_the_end_of_its_range_is_not_beyond_it():
         "y": 1e-9 * u + 1e-7 * rng.standard_normal(200),
         "z": 1e3 * u + 0.1 * rng.standard_normal(200),
     }
-    found = fit(Gain, time, {"u": u}, measured, ["low", "high"])
+    found = fit_grey_box(Gain, time, {"u": u}, measured, ["low", "high"])
     assert found.values == {"low": 1e-5, "high": 10.0}

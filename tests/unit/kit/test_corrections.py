@@ -1,4 +1,4 @@
-"""Corrections of laws: nothing at neutral, each memory, shape and table as SciPy and NumPy have it, in both builds."""
+"""Corrections of laws: neutral at zero, each memory, shape and table as SciPy and NumPy have it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from scipy.signal import lsim
 from fmus.galvanostat.model import Galvanostat
 from fmus.kit import UserError, smooth_table, stack, units
 from fmus.kit.component import effect_name
-from fmus.kit.corrections import KINDS, MEMORIES, Of, correction, with_constant
+from fmus.kit.corrections import KINDS, MEMORIES, SignalTerm, SmoothTable, correction, with_constant
 from fmus.kit.curves import SHAPES
 from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.report.laws.formula import formula
+from orchestration.discrepancy.report.laws.formula import parse_formula
+from studies.plants.models.pendulum import Pendulum
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
-from tests.support.clean.models.pendulum import Pendulum
 from tests.support.corrected import Plain
 
 TIME = np.linspace(0.0, 10.0, 501)
@@ -34,47 +34,68 @@ def run(cls, values, drive=WAVE, **inputs):
 
 
 def added(effect, values, output="seen", base=Plain, **inputs):
-    """What a correction does to an output, over a smooth wave."""
+    """Return the change of an output by a correction, over a smooth wave."""
     known = {p.name for p in base.layout.parameters}
     without = run(base, {n: x for n, x in values.items() if n in known}, **inputs)
     return run(stack(base, effect), values, **inputs)[output] - without[output]
 
 
+TABLE = SmoothTable([0.0, 1.0])
 CORRECTIONS = [
     (
         Plain,
-        correction(Plain, "base", Of("drive", memory, 0.5, "V", 2.0, 0.3), shape, "V", 1.0, kind),
+        correction(
+            Plain,
+            "base",
+            SignalTerm("drive", memory, 0.5, "V", 2.0, 0.3),
+            shape,
+            "V",
+            1.0,
+            kind=kind,
+        ),
     )
     for memory in MEMORIES
-    for shape, kind in (("cubic", "add"), ([-1.0, 0.5, 2.0], "multiply"))
+    for shape, kind in (("cubic", "add"), (SmoothTable([-1.0, 0.5, 2.0]), "multiply"))
 ] + [
     (
         PpyActuator,
         correction(
-            PpyActuator, "film_voltage", Of("voltage", "lagged", 3.0, "V"), "saturating", "V"
+            PpyActuator,
+            "film_voltage",
+            SignalTerm("voltage", "lagged", 3.0, "V"),
+            "saturating",
+            "V",
         ),
     ),
     (
         PpyActuator,
         correction(
-            PpyActuator, "charge_elongation", Of("time", "", 0.0, "s", 100.0), "linear", "m", 1e-4
+            PpyActuator,
+            "charge_elongation",
+            SignalTerm("time", "", 0.0, "s", 100.0),
+            "linear",
+            "m",
+            1e-4,
         ),
     ),
     (
         Pendulum,
-        correction(Pendulum, "friction", Of("friction", unit="N*m"), "odd_quadratic", "N*m"),
+        correction(
+            Pendulum, "friction", SignalTerm("friction", unit="N*m"), "odd_quadratic", "N*m"
+        ),
     ),
     (
         Galvanostat,
         correction(
-            Galvanostat, "delivered_current", Of("sampled_voltage", unit="V"), [0.0, 1.0], "A"
+            Galvanostat, "delivered_current", SignalTerm("sampled_voltage", unit="V"), TABLE, "A"
         ),
     ),
 ]
 each = pytest.mark.parametrize(("base", "effect"), CORRECTIONS, ids=lambda v: v.__name__)
 
 
-# --- neutral ----------------------------------------------------------------------------------------------------------
+# --- neutral
+# --------------------------------------------------------------------------------------------------
 
 
 def drawn(cls, seed):
@@ -142,7 +163,8 @@ def test_what_is_declared(base, effect):
     assert all(-math.inf < p.min <= p.start < p.max < math.inf for p in own)
 
 
-# --- of which signal --------------------------------------------------------------------------------------------------
+# --- of which signal
+# --------------------------------------------------------------------------------------------------
 
 
 def linear(of, **about):
@@ -152,11 +174,11 @@ def linear(of, **about):
 @pytest.mark.parametrize(
     ("of", "expected"),
     [
-        (Of("drive"), WAVE),
-        (Of("time"), TIME),
-        (Of("squared"), WAVE**2),
-        (Of("base"), 2.0 + WAVE),
-        (Of("level"), 0.5 + 0.4 * TIME + 1.5 / 1.7 * (1.0 - np.cos(1.7 * TIME))),
+        (SignalTerm("drive"), WAVE),
+        (SignalTerm("time"), TIME),
+        (SignalTerm("squared"), WAVE**2),
+        (SignalTerm("base"), 2.0 + WAVE),
+        (SignalTerm("level"), 0.5 + 0.4 * TIME + 1.5 / 1.7 * (1.0 - np.cos(1.7 * TIME))),
     ],
     ids=lambda v: getattr(v, "name", ""),
 )
@@ -172,7 +194,7 @@ def behind(x, constant, start, time=TIME):
 
 
 def heat(constant, start):
-    """The wave, which is straight between samples, squared behind a lag."""
+    """Return the lagged square of the wave, which is straight between samples."""
     fine = np.linspace(TIME[0], TIME[-1], 50 * (len(TIME) - 1) + 1)
     return behind(np.interp(fine, TIME, WAVE) ** 2, constant, start, fine)[::50]
 
@@ -203,26 +225,26 @@ def accumulated(of):
     ],
 )
 def test_each_memory(memory, remembered, start):
-    effect = linear(Of("drive", memory, 0.7, "V", start=start))
+    effect = linear(SignalTerm("drive", memory, 0.7, "V", start=start))
     found = added(effect, {f"base_of_drive_{memory}": 2.0})
     assert found == pytest.approx(2.0 * remembered(start), abs=1e-4)
 
 
 def test_the_constant_of_a_lag_is_a_parameter():
-    effect = linear(Of("drive", "lagged", 0.7, "V"))
+    effect = linear(SignalTerm("drive", "lagged", 0.7, "V"))
     values = {"base_of_drive_lagged": 1.0, "base_of_drive_lagged_memory_constant": 2.5}
     assert added(effect, values) == pytest.approx(behind(WAVE, 2.5, 0.0), abs=1e-5)
 
 
 def test_what_is_remembered_of_the_law_itself_is_without():
-    effect = linear(Of("base", "lagged", 0.7, "V", start=1.0))
+    effect = linear(SignalTerm("base", "lagged", 0.7, "V", start=1.0))
     values = {"base_of_base_lagged": -0.5}
     assert added(effect, values) == pytest.approx(-0.5 * behind(2.0 + WAVE, 0.7, 1.0), abs=1e-5)
 
 
 def test_what_is_remembered_may_be_computed_from_the_law():
     """Behind a lag a loop is an equation of motion: T ds/dt = 2 (2 + u + a s) - s."""
-    effect = linear(Of("of_base", "lagged", 0.7, "V"))
+    effect = linear(SignalTerm("of_base", "lagged", 0.7, "V"))
     found = run(stack(Plain, effect), {"base_of_of_base_lagged": -0.8})["seen"]
     solved = solve_ivp(
         lambda t, s: [(2.0 * (2.0 + np.interp(t, TIME, WAVE) - 0.8 * s[0]) - s[0]) / 0.7],
@@ -238,18 +260,19 @@ def test_what_is_remembered_may_be_computed_from_the_law():
 
 
 def test_arguments_are_passed_on():
-    effect = correction(Plain, "scaled", Of("drive"), "linear", "V")
+    effect = correction(Plain, "scaled", SignalTerm("drive"), "linear", "V")
     assert added(effect, {"scaled_of_drive": 0.5}, "other") == pytest.approx(2.0 * 0.5 * WAVE), (
         "it is called twice"
     )
 
 
-# --- by how much ------------------------------------------------------------------------------------------------------
+# --- by how much
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_shape(shape):
-    effect = correction(Plain, "base", Of("drive", scale=2.0), shape, "V")
+    effect = correction(Plain, "base", SignalTerm("drive", scale=2.0), shape, "V")
     values = {"base_of_drive": 1.3} | ({"base_of_drive_width": 0.6} if SHAPES[shape].width else {})
     exact = [SHAPES[shape].form(float(x), 0.6, 2.0) for x in WAVE]
     assert added(effect, values) == pytest.approx(1.3 * np.array(exact), abs=1e-9)
@@ -257,7 +280,9 @@ def test_every_shape(shape):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_shape_with_a_constant_beside_it_counted_from_elsewhere(shape):
-    effect = correction(Plain, "base", Of("drive", scale=2.0, zero=0.7), shape, "V", beside=True)
+    effect = correction(
+        Plain, "base", SignalTerm("drive", scale=2.0, zero=0.7), shape, "V", beside=True
+    )
     values = {"base_of_drive": 1.3, "base_of_drive_beside": -0.4}
     values |= {"base_of_drive_width": 0.6} if SHAPES[shape].width else {}
     exact = [SHAPES[shape].form(float(x) - 0.7, 0.6, 2.0) - 0.4 for x in WAVE]
@@ -265,7 +290,7 @@ def test_every_shape_with_a_constant_beside_it_counted_from_elsewhere(shape):
     assert added(effect, values | {"base_of_drive": 0.0}) == pytest.approx(0.0 * WAVE, abs=0.0), (
         "one switch for both"
     )
-    assert formula(effect.term.shape) == formula(with_constant(SHAPES[shape].text)), (
+    assert parse_formula(effect.term.shape) == parse_formula(with_constant(SHAPES[shape].text)), (
         "and it can be typeset"
     )
 
@@ -287,11 +312,11 @@ def test_formula_with_a_constant(shape, text):
 
 def test_unit_of_a_constant_is_that_of_the_shape():
     effect = correction(
-        Plain, "base", Of("drive", "integrated", unit="V"), "cubic", "N", beside=True
+        Plain, "base", SignalTerm("drive", "integrated", unit="V"), "cubic", "N", beside=True
     )
     assert effect.declared["base_of_drive_integrated_beside"].unit == "((V)*s)^3"
     assert (
-        correction(Plain, "base", Of("drive", unit="V"), "sign", beside=True)
+        correction(Plain, "base", SignalTerm("drive", unit="V"), "sign", beside=True)
         .declared["base_of_drive_beside"]
         .unit
         == "1"
@@ -299,7 +324,7 @@ def test_unit_of_a_constant_is_that_of_the_shape():
 
 
 def test_a_law_multiplied():
-    effect = correction(Plain, "base", Of("drive"), "quadratic", "V", kind="multiply")
+    effect = correction(Plain, "base", SignalTerm("drive"), "quadratic", "V", kind="multiply")
     found = run(stack(Plain, effect), {"base_of_drive": 0.3})["seen"]
     assert found == pytest.approx((2.0 + WAVE) * (1.0 + 0.3 * WAVE**2))
 
@@ -314,8 +339,8 @@ def test_a_law_multiplied():
 def test_a_table_is_smooth(knots, seed, kind, fixed):
     rng, knots = np.random.default_rng(seed), sorted(knots)
     heights = rng.normal(size=len(knots))
-    about = {"values": list(heights), "fixed": fixed}
-    model = stack(Plain, correction(Plain, "base", Of("drive"), knots, "V", kind=kind, **about))()
+    table = SmoothTable(knots, list(heights), fixed)
+    model = stack(Plain, correction(Plain, "base", SignalTerm("drive"), table, "V", kind=kind))()
     share = rng.uniform(-2.0, 2.0)
     model.base_of_drive = share
     for x in (*knots, *rng.uniform(-4.0, 4.0, 10)):
@@ -327,30 +352,29 @@ def test_a_table_is_smooth(knots, seed, kind, fixed):
 
 def test_a_table_is_so_in_a_simulation():
     knots, heights = [-1.0, -0.2, 0.3, 1.6], [2.0, -1.0, 0.5, 3.0]
-    effect = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V")
+    signal = SignalTerm("drive", "lagged", 0.3, "V")
+    effect = correction(Plain, "base", signal, SmoothTable(knots), "V")
     values = {"base_of_drive_lagged": 1.0} | {
         f"base_of_drive_lagged_at_{k}": y for k, y in enumerate(heights)
     }
     exact = np.array([smooth_table(float(x), knots, heights) for x in behind(WAVE, 0.3, 0.0)])
     assert added(effect, values) == pytest.approx(exact, abs=1e-4)
-    fixed = correction(
-        Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights, fixed=True
-    )
+    fixed = correction(Plain, "base", signal, SmoothTable(knots, heights, fixed=True), "V")
     assert added(fixed, {"base_of_drive_lagged": 1.0}) == pytest.approx(exact, abs=1e-4)
     assert not any("_at_" in name for name in fixed.declared)
-    given = correction(Plain, "base", Of("drive", "lagged", 0.3, "V"), knots, "V", values=heights)
+    given = correction(Plain, "base", signal, SmoothTable(knots, heights), "V")
     assert [given.declared[f"base_of_drive_lagged_at_{k}"].start for k in range(4)] == heights
 
 
 @pytest.mark.parametrize(
     ("of", "shape", "kind", "unit"),
     [
-        (Of("drive", unit="V"), "cubic", "add", "N/V^3"),
-        (Of("drive", "integrated", unit="V"), "linear", "add", "N/(V*s)"),
-        (Of("squared", "throughput", unit="V^2"), "quadratic", "multiply", "1/(V^2*s)^2"),
-        (Of("drive", "throughput"), "linear", "add", "N/s"),
-        (Of("drive", "lagged", 1.0, "V"), "saturating", "add", "N"),
-        (Of("drive", unit="V"), [0.0, 1.0], "add", "1"),
+        (SignalTerm("drive", unit="V"), "cubic", "add", "N/V^3"),
+        (SignalTerm("drive", "integrated", unit="V"), "linear", "add", "N/(V*s)"),
+        (SignalTerm("squared", "throughput", unit="V^2"), "quadratic", "multiply", "1/(V^2*s)^2"),
+        (SignalTerm("drive", "throughput"), "linear", "add", "N/s"),
+        (SignalTerm("drive", "lagged", 1.0, "V"), "saturating", "add", "N"),
+        (SignalTerm("drive", unit="V"), TABLE, "add", "1"),
     ],
 )
 def test_unit_of_the_switch(of, shape, kind, unit):
@@ -359,7 +383,7 @@ def test_unit_of_the_switch(of, shape, kind, unit):
 
 
 def test_units_of_what_comes_with_it():
-    table = correction(Plain, "base", Of("drive", "integrated", unit="V"), [0.0, 1.0], "N")
+    table = correction(Plain, "base", SignalTerm("drive", "integrated", unit="V"), TABLE, "N")
     wanted = {
         "base_of_drive_integrated": "1",
         "base_of_drive_integrated_at_0": "N",
@@ -367,51 +391,55 @@ def test_units_of_what_comes_with_it():
         "base_of_drive_integrated_memory": "(V)*s",
     }
     assert {n: v.unit for n, v in table.declared.items()} == wanted
-    table = correction(Plain, "base", Of("drive", unit="V"), [0.0, 1.0], "N", kind="multiply")
+    table = correction(Plain, "base", SignalTerm("drive", unit="V"), TABLE, "N", kind="multiply")
     assert table.declared["base_of_drive_at_0"].unit == "1"
-    bend = correction(Plain, "base", Of("drive", "lagged", 2.0, "V"), "stops", "N")
+    bend = correction(Plain, "base", SignalTerm("drive", "lagged", 2.0, "V"), "stops", "N")
     assert bend.declared["base_of_drive_lagged_width"].unit == "V"
     assert bend.declared["base_of_drive_lagged_memory_constant"].unit == "s"
 
 
 def test_names():
-    effect = correction(Plain, "base", Of("drive", "lagged", 0.25), "cubic")
+    effect = correction(Plain, "base", SignalTerm("drive", "lagged", 0.25), "cubic")
     assert effect_name(effect) == "base(drive_lagged)"
     assert effect.assumption == "base does not hang on drive lagged like this"
     assert effect.__doc__ == "base hangs on drive lagged: a x^3, added."
-    multiplied = correction(Plain, "base", Of("drive", "throughput"), [0.0, 1.0], kind="multiply")
+    multiplied = correction(
+        Plain, "base", SignalTerm("drive", "throughput"), TABLE, kind="multiply"
+    )
     text = "base hangs on drive integrated in modulus: a table, multiplied with one and it."
     assert multiplied.__doc__ == text
     assert effect.term.family == "base remembering drive"
     assert multiplied.term.family == "base over throughput"
-    assert correction(Plain, "base", Of("drive"), "cubic").term.family == "base over drive"
+    assert correction(Plain, "base", SignalTerm("drive"), "cubic").term.family == "base over drive"
 
 
 def test_two_over_one_another():
     """A table and, of another signal, a shape."""
-    first = correction(Plain, "base", Of("drive"), [0.0, 1.0], "V", values=[1.0, 1.0], fixed=True)
-    second = correction(Plain, "base", Of("time"), "linear", "V", kind="multiply")
+    constant = SmoothTable([0.0, 1.0], [1.0, 1.0], fixed=True)
+    first = correction(Plain, "base", SignalTerm("drive"), constant, "V")
+    second = correction(Plain, "base", SignalTerm("time"), "linear", "V", kind="multiply")
     found = run(stack(Plain, first, second), {"base_of_drive": 0.5, "base_of_time": 0.1})["seen"]
     assert found == pytest.approx((2.0 + WAVE + 0.5) * (1.0 + 0.1 * TIME))
 
 
-# --- as FMUs ----------------------------------------------------------------------------------------------------------
+# --- as FMUs
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("memory", MEMORIES, ids=lambda m: m or "none")
 def test_builds_agree(memory, tmp_path):
-    of = Of("squared", memory, 0.5, "V^2", 2.0, 0.3)
+    of = SignalTerm("squared", memory, 0.5, "V^2", 2.0, 0.3)
     effects = [
         correction(Plain, "base", of, "saturating", "V"),
         correction(
             Plain,
             "scaled",
             of,
-            np.array([0.0, 0.7, 1.5]),
+            SmoothTable(
+                np.array([0.0, 0.7, 1.5]), np.array([0.2, -0.3, 0.4]), fixed=memory == "lagged"
+            ),
             "V",
             kind="multiply",
-            values=np.array([0.2, -0.3, 0.4]),
-            fixed=memory == "lagged",
         ),
     ]
     cls = stack(Plain, *effects, name="corrected")
@@ -422,7 +450,7 @@ def test_builds_agree(memory, tmp_path):
 
 def test_relaxations_of_one_signal_stand_beside_each_other(tmp_path):
     """Each with its own amount and constant: lags of a step, from rest, by their closed form."""
-    of, constants, amounts = Of("drive", "lagged", 0.5, "V"), (0.3, 2.0), (0.7, -0.4)
+    of, constants, amounts = SignalTerm("drive", "lagged", 0.5, "V"), (0.3, 2.0), (0.7, -0.4)
     one, two = (correction(Plain, "base", of, "linear", "V", number=k) for k in (1, 2))
     assert (effect_name(one), effect_name(two)) == ("base(drive_lagged)", "base(drive_lagged_2)")
     both = stack(Plain, one, two, name="both")
@@ -444,7 +472,7 @@ def test_relaxations_of_one_signal_stand_beside_each_other(tmp_path):
 
 
 def test_a_value_out_of_range_is_refused_by_an_fmu(tmp_path):
-    effect = correction(Plain, "base", Of("drive", "lagged", 0.5, "V"), "saturating", "V")
+    effect = correction(Plain, "base", SignalTerm("drive", "lagged", 0.5, "V"), "saturating", "V")
     cls = stack(Plain, effect, name="corrected")
     check_that_bad_values_are_refused(
         cls, {"base_of_drive_lagged_width": 0.0}, "[1e-09, 1000] V", tmp_path
@@ -452,157 +480,174 @@ def test_a_value_out_of_range_is_refused_by_an_fmu(tmp_path):
 
 
 def test_it_is_made_again_from_what_it_was_made_with():
-    of = Of("drive", "lagged", np.float64(0.5), "V", 2.0, 0.3)
-    for shape, values in (("cubic", ()), (np.array([0.0, 1.0]), np.array([2.0, 3.0]))):
-        one = correction(Plain, "base", of, shape, "V", np.float64(2.0), "multiply", values, False)
+    of = SignalTerm("drive", "lagged", np.float64(0.5), "V", 2.0, 0.3)
+    for shape in ("cubic", SmoothTable(np.array([0.0, 1.0]), np.array([2.0, 3.0]))):
+        one = correction(Plain, "base", of, shape, "V", np.float64(2.0), kind="multiply")
         assert "np." not in repr(one.made_with)
-        again = one.made_by(Plain, *eval(repr(one.made_with)))
+        again = one.made_by(Plain, **eval(repr(one.made_with)))
         assert repr(again.declared) == repr(one.declared)
         assert again.made_with == one.made_with
 
 
-# --- what is refused --------------------------------------------------------------------------------------------------
-
-TABLE = [0.0, 1.0]
+# --- what is refused
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("law", "of", "shape", "about", "told"),
     [
-        ("bas", Of("drive"), "cubic", {}, "plain: no law named 'bas' (did you mean base?)"),
-        ("level", Of("drive"), "cubic", {}, "plain: no law named 'level'"),
-        ("rates", Of("drive"), "cubic", {}, "plain: no law named 'rates'"),
-        ("pair", Of("drive"), "cubic", {}, "plain: pair gives several numbers, not one"),
+        ("bas", SignalTerm("drive"), "cubic", {}, "plain: no law named 'bas' (did you mean base?)"),
+        ("level", SignalTerm("drive"), "cubic", {}, "plain: no law named 'level'"),
+        ("rates", SignalTerm("drive"), "cubic", {}, "plain: no law named 'rates'"),
+        ("pair", SignalTerm("drive"), "cubic", {}, "plain: pair gives several numbers, not one"),
         (
             "base",
-            Of("driv"),
+            SignalTerm("driv"),
             "cubic",
             {},
             "plain: no input, state or law named 'driv' (did you mean drive?)",
         ),
-        ("base", Of("factor"), "cubic", {}, "plain: no input, state or law named 'factor'"),
-        ("base", Of("scaled"), "cubic", {}, "plain: scaled takes arguments, and is no signal"),
-        ("scaled", Of("scaled"), "cubic", {}, "plain: scaled takes arguments, and is no signal"),
-        ("base", Of("pair"), "cubic", {}, "plain: pair gives several numbers, not one"),
+        ("base", SignalTerm("factor"), "cubic", {}, "plain: no input, state or law named 'factor'"),
         (
             "base",
-            Of("of_base"),
+            SignalTerm("scaled"),
+            "cubic",
+            {},
+            "plain: scaled takes arguments, and is no signal",
+        ),
+        (
+            "scaled",
+            SignalTerm("scaled"),
+            "cubic",
+            {},
+            "plain: scaled takes arguments, and is no signal",
+        ),
+        ("base", SignalTerm("pair"), "cubic", {}, "plain: pair gives several numbers, not one"),
+        (
+            "base",
+            SignalTerm("of_base"),
             "cubic",
             {},
             "plain: base cannot hang on of_base, which is computed from it",
         ),
         (
             "base",
-            Of("doubled", "leading", 1.0),
+            SignalTerm("doubled", "leading", 1.0),
             "cubic",
             {},
             "plain: base cannot hang on doubled, which is computed",
         ),
-        ("base", Of("drive"), "cubik", {}, "no shape named 'cubik' (did you mean cubic?)"),
+        ("base", SignalTerm("drive"), "cubik", {}, "no shape named 'cubik' (did you mean cubic?)"),
         (
             "base",
-            Of("drive", "laged", 1.0),
+            SignalTerm("drive", "laged", 1.0),
             "cubic",
             {},
             "no memory named 'laged' (did you mean lagged?)",
         ),
         (
             "base",
-            Of("drive"),
+            SignalTerm("drive"),
             "cubic",
             {"kind": "divide"},
             "no kind named 'divide' (there are: add, multiply)",
         ),
         (
             "base",
-            Of("drive", "lagged"),
+            SignalTerm("drive", "lagged"),
             "cubic",
             {},
             "time constant of a lag must be positive, which 0 is not",
         ),
         (
             "base",
-            Of("drive", "leading", math.nan),
+            SignalTerm("drive", "leading", math.nan),
             "cubic",
             {},
             "time constant of a lag must be positive, which nan",
         ),
         (
             "base",
-            Of("drive", scale=0.0),
+            SignalTerm("drive", scale=0.0),
             "cubic",
             {},
             "typical magnitude of drive must be positive, which 0 is not",
         ),
         (
             "base",
-            Of("drive", scale=math.inf),
+            SignalTerm("drive", scale=math.inf),
             "cubic",
             {},
             "typical magnitude of drive must be positive, which inf",
         ),
         (
             "base",
-            Of("drive"),
+            SignalTerm("drive"),
             "cubic",
             {"nominal": -1.0},
             "typical magnitude of the law must be positive, which -1",
         ),
         (
             "base",
-            Of("drive", start=math.nan),
+            SignalTerm("drive", start=math.nan),
             "cubic",
             {},
             "what is remembered of drive at first must be a number",
         ),
-        ("base", Of("drive"), [], {}, "knots of a table must rise, which [] do not"),
         (
             "base",
-            Of("drive"),
-            [0.0, 0.0],
+            SignalTerm("drive"),
+            SmoothTable([]),
+            {},
+            "knots of a table must rise, which [] do not",
+        ),
+        (
+            "base",
+            SignalTerm("drive"),
+            SmoothTable([0.0, 0.0]),
             {},
             "knots of a table must rise, which [0.0, 0.0] do not",
         ),
         (
             "base",
-            Of("drive"),
-            [-math.inf, 0.0],
+            SignalTerm("drive"),
+            SmoothTable([-math.inf, 0.0]),
             {},
             "knots of a table must rise, which [-inf, 0.0] do not",
         ),
         (
             "base",
-            Of("drive"),
-            [0.0, math.nan],
+            SignalTerm("drive"),
+            SmoothTable([0.0, math.nan]),
             {},
             "knots of a table must rise, which [0.0, nan] do not",
         ),
         (
             "base",
-            Of("drive"),
-            [0.0, math.inf],
+            SignalTerm("drive"),
+            SmoothTable([0.0, math.inf]),
             {},
             "knots of a table must rise, which [0.0, inf] do not",
         ),
         (
             "base",
-            Of("drive"),
-            TABLE,
-            {"values": [1.0]},
+            SignalTerm("drive"),
+            SmoothTable([0.0, 1.0], [1.0]),
+            {},
             "a table of 2 knots has as many values, not 1",
         ),
         (
             "base",
-            Of("drive"),
-            TABLE,
-            {"values": [1.0, 2.0, 3.0], "fixed": True},
+            SignalTerm("drive"),
+            SmoothTable([0.0, 1.0], [1.0, 2.0, 3.0], fixed=True),
+            {},
             "a table of 2 knots has as many",
         ),
         (
             "base",
-            Of("drive"),
-            TABLE,
-            {"values": [1.0, math.nan]},
+            SignalTerm("drive"),
+            SmoothTable([0.0, 1.0], [1.0, math.nan]),
+            {},
             "values of a table must be numbers, which [1.0",
         ),
     ],
@@ -615,10 +660,10 @@ def test_what_is_wrong_is_told_in_one_line(law, of, shape, about, told):
 
 
 def test_a_law_of_no_value_at_the_defaults_may_be_a_signal():
-    assert correction(Plain, "base", Of("ratio"), "linear").neutral == "base_of_ratio"
+    assert correction(Plain, "base", SignalTerm("ratio"), "linear").neutral == "base_of_ratio"
 
 
 def test_twice_the_same_is_told():
-    twice = [correction(Plain, "base", Of("drive"), shape) for shape in ("cubic", TABLE)]
+    twice = [correction(Plain, "base", SignalTerm("drive"), shape) for shape in ("cubic", TABLE)]
     with pytest.raises(UserError, match=r"'base_of_drive' is laid over it twice"):
         stack(Plain, *twice)

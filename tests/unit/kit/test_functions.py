@@ -29,6 +29,13 @@ from fmus.kit import (
     tanh,
     where,
 )
+from fmus.kit.build.building import RUNTIMES, build
+from fmus.kit.build.toolchain import host_platform
+from fmus.kit.functions import table
+from fmus.kit.record.compiled import CompiledModel
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.simulation import simulate_instance
+from tests.support.kit_samples import Sledge
 
 UNARY = {
     "exp": exp,
@@ -249,3 +256,33 @@ def test_a_smooth_table_of_one_point_is_a_constant():
     assert smooth_table(3.0, [1.0], [7.0]) == 7.0
     with pytest.raises(ValueError, match="1 abscissae and 2 values"):
         smooth_table(0.0, [1.0], [1.0, 2.0])
+
+
+AT = np.array([-3.0, -1.0, -0.4, 0.5, 0.9, 2.0, 7.0])
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+def test_a_table_is_numpys_in_both_builds(tmp_path, runtime):
+    path, time = tmp_path / f"{runtime}.fmu", np.arange(7.0)
+    path.write_bytes(build(Sledge, runtime, [host_platform()]))
+    values = {"low": -2.0, "middle": 1.0, "high": 1.5}
+    with Fmu(path, values) as instance:
+        instance.start(0.0, 6.0)
+        found = simulate_instance(instance, time, {"command": AT})
+    assert found["force"] == pytest.approx(
+        np.interp(AT, [-1.0, 0.5, 2.0], [-2.0, 1.0, 1.5]), rel=1e-14
+    )
+
+
+def test_a_table_has_exact_slopes():
+    """By its values they are the hat functions."""
+    found = CompiledModel(Sledge, ["low", "middle", "high"]).run(
+        np.arange(7.0), {"command": AT}, {}
+    )
+    hats = [np.interp(AT, [-1.0, 0.5, 2.0], one) for one in np.eye(3)]
+    assert found.sensitivities["force"] == pytest.approx(np.column_stack(hats), abs=1e-14)
+    assert table(AT, (0.0, 1.0), (2.0, 3.0)) == pytest.approx(
+        np.interp(AT, [0.0, 1.0], [2.0, 3.0]), rel=1e-15
+    )
+    with pytest.raises(ValueError, match="a table of 2 abscissae and 1 values"):
+        table(0.0, (1.0, 2.0), (1.0,))

@@ -1,4 +1,4 @@
-"""Generic effects: nothing at neutral, their closed form elsewhere, found by a fit from there, alike in both builds."""
+"""Generic effects: neutral at zero, their closed form elsewhere, in both builds."""
 
 import math
 from pathlib import Path
@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
 from fmus.kit import UserError, stack, units
-from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.generic import (
     asymmetric_friction,
@@ -19,11 +19,12 @@ from fmus.kit.generic import (
     force_offset,
 )
 from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
+from orchestration.fmu.effects import catalogue
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.model import catalogue, load_class
-from orchestration.fmu.simulate import simulate_instance
-from orchestration.identify.grey_box import fit
+from orchestration.fmu.model import load_class
+from orchestration.fmu.simulation import simulate_instance
+from orchestration.identify.grey_box import fit_grey_box
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 STAGE, FOLLOWED, MASS, CREEP = (
@@ -47,7 +48,7 @@ each = pytest.mark.parametrize(("base", "effect"), ALL, ids=[f"{b.name}-{e.id}" 
 
 
 def own_values(effect):
-    """The switch of an effect, at a value that shows."""
+    """Return the switch of an effect, at a value that shows."""
     return {effect.neutral: 0.7 * effect.declared[effect.neutral].nominal}
 
 
@@ -73,7 +74,8 @@ def run(cls, time, values, inputs=None, sensitivities=()):
     return CompiledModel(cls, sensitivities).run(time, fed, values)
 
 
-# --- the catalogue ----------------------------------------------------------------------------------------------------
+# --- the catalogue
+# --------------------------------------------------------------------------------------------------
 
 
 @each
@@ -121,7 +123,8 @@ def test_what_is_not_there_is_told():
         )
 
 
-# --- neutral ----------------------------------------------------------------------------------------------------------
+# --- neutral
+# --------------------------------------------------------------------------------------------------
 
 
 @each
@@ -172,14 +175,15 @@ def test_slope_at_neutral_is_that_of_differences_and_not_zero(base, effect):
     assert np.abs(slope).max() > 0.0
 
 
-# --- what they do -----------------------------------------------------------------------------------------------------
+# --- what they do
+# --------------------------------------------------------------------------------------------------
 
 TIME = np.linspace(0.0, 3.0, 301)
 PLAIN = {"mass": 2.0, "force_constant": 1.0}
 
 
 def test_coulomb_friction_stops_what_coasts():
-    """Without viscosity the velocity falls by F_c / M; then it stays within the width, where it is viscous."""
+    """Without viscosity the velocity falls by F_c / M, then stays within the viscous width."""
     cls = stack(STAGE, catalogue(STAGE)["coulomb_friction"])
     values = PLAIN | {
         "damping": 0.0,
@@ -219,7 +223,7 @@ def test_asymmetric_friction_and_offset_in_closed_form():
 
 
 def duffing(mass, stiffness, cubic, start):
-    """Free swing of a mass on a cubic spring, in Jacobi's elliptic functions (DLMF 22.19(ii); 22.17 if it softens)."""
+    """Return the free swing on a cubic spring, in Jacobi's functions (DLMF 22.19(ii), 22.17)."""
     hardened = stiffness + cubic * start**2
     angle, m = np.sqrt(hardened / mass) * TIME, cubic * start**2 / (2.0 * hardened)
     if m >= 0.0:
@@ -267,15 +271,16 @@ def test_a_fit_finds_it_from_neutral():
         {"mass": 0.3, "damping": 0.0, "elongation_start": 1.2},
     )
     given |= {"stiffness": 4.0}
-    found = fit(cls, TIME, {}, {"position": noisy}, ["spring_force_cubic"], given).estimates[
-        "spring_force_cubic"
-    ]
+    found = fit_grey_box(
+        cls, TIME, {}, {"position": noisy}, ["spring_force_cubic"], given
+    ).estimates["spring_force_cubic"]
     assert found.nominal == 0.0
     assert found.interval[0] <= 0.6 <= found.interval[1]
     assert found.interval[0] > 0.5, "told from neutral, and well"
 
 
-# --- as FMUs ----------------------------------------------------------------------------------------------------------
+# --- as FMUs
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("base", BASES, ids=lambda cls: cls.name)

@@ -110,7 +110,8 @@ def run(integrator, step, steps, start=0.0):
         integrator.advance(start + k * step, step)
 
 
-# --- continuous -------------------------------------------------------------------------------------------------------
+# --- continuous
+# --------------------------------------------------------------------------------------------------
 
 
 @given(rate=st.floats(-2.0, 50.0), step=st.floats(1e-3, 1.0), steps=st.integers(1, 20))
@@ -180,7 +181,8 @@ def test_laws_may_depend_on_time():
 
     model = Driven()
     run(Integrator(model), 0.4, 25, start=3.0)
-    # the estimate compares rates at one time, so it is blind to time itself: Simpson's rule at the communication step
+    # the estimate compares rates at one time, so it is blind to time itself: Simpson's rule at the
+    # communication step
     assert model.x == pytest.approx(math.sin(13.0) - math.sin(3.0), abs=10 * 0.4**4 / 2880)
 
 
@@ -207,7 +209,8 @@ def test_internal_step_lands_exactly_on_the_communication_point():
     assert max(seen) == pytest.approx(1.0, abs=1e-15)
 
 
-# --- batches ----------------------------------------------------------------------------------------------------------
+# --- batches
+# --------------------------------------------------------------------------------------------------
 
 
 def test_batch_agrees_with_one_by_one():
@@ -240,11 +243,12 @@ def test_batch_that_overflows_in_a_trial_step_gives_no_warning():
     assert model.v**2 / 2 + model.x**4 / 4 == pytest.approx(starts**4 / 4, rel=1e-4)
 
 
-# --- sampled ----------------------------------------------------------------------------------------------------------
+# --- sampled
+# --------------------------------------------------------------------------------------------------
 
 
 def instants(period, end):
-    """Number of k with k * period < end, exactly."""
+    """Return the number of k with k * period < end, exactly."""
     return -((-end) // period) if end > 0 else 0
 
 
@@ -309,7 +313,8 @@ def test_only_sampled_states_need_no_integration():
     assert model.n == 4.0
 
 
-# --- failures ---------------------------------------------------------------------------------------------------------
+# --- failures
+# --------------------------------------------------------------------------------------------------
 
 
 def failing(law, start=1.0, extra=None):

@@ -1,4 +1,4 @@
-"""Effects of a measurement: nothing at neutral, their equation elsewhere, and never a change to what is measured."""
+"""Effects of a measurement: neutral at zero, their equation elsewhere; physics stays."""
 
 import importlib.util
 import itertools
@@ -11,7 +11,7 @@ from scipy.signal import lsim
 
 import fmus
 from fmus.kit import UserError, stack
-from fmus.kit.build import RUNTIMES, build
+from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
@@ -27,11 +27,11 @@ from fmus.kit.sensors import (
     sensor_offset,
     transport_delay,
 )
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulate import simulate_instance
-from orchestration.identify.delay import DelayedModel
+from orchestration.fmu.simulation import simulate_instance
+from orchestration.identify.fitting.delay import DelayedModel
 from tests.support.kit_samples import Thermostat
 from tests.support.pace import slow_but
 
@@ -45,7 +45,8 @@ PARAMETERS = {
 }
 VOLTAGE = {f"voltage_{name}": value for name, _, value in PARAMETERS.values()}
 each = pytest.mark.parametrize("name", MEASUREMENTS)
-# An actuator that is a spring of 1 N/m: its displacement is the force, and anything can be measured.
+# An actuator that is a spring of 1 N/m: its displacement is the force, and anything can be
+# measured.
 SPRING = {"k1": 1.0, "b1": 1e18, "b2": 1e18, "k2": 1.0, "alpha": 0.0}
 
 
@@ -74,7 +75,7 @@ def random_values(cls, seed, size=None):
 
 @cache
 def measuring(effect):
-    """The actuator whose displacement is measured with this effect."""
+    """Return the actuator whose displacement is measured with this effect."""
     return CompiledModel(stack(PpyActuator, effect(PpyActuator, "displacement")))
 
 
@@ -85,7 +86,8 @@ def measure(effect, force, parameters, step=0.05, linear=False, start=0.0):
     return time, shown["displacement"]
 
 
-# --- the catalogue ----------------------------------------------------------------------------------------------------
+# --- the catalogue
+# --------------------------------------------------------------------------------------------------
 
 
 def test_every_real_output_has_every_effect():
@@ -132,7 +134,8 @@ def test_what_cannot_be_measured_is_told():
         stack(Thermostat, lag)
 
 
-# --- neutral, and nothing else ----------------------------------------------------------------------------------------
+# --- neutral, and nothing else
+# ----------------------------------------------------------------------------------------
 
 
 @each
@@ -200,7 +203,8 @@ def test_slope_at_neutral_is_that_of_differences_and_not_zero(name):
     assert not found["displacement"].any()
 
 
-# --- what they show ---------------------------------------------------------------------------------------------------
+# --- what they show
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("lag", [0.005, 0.02, 0.05, 0.2, 3.0])
@@ -208,7 +212,8 @@ def test_lag_follows_its_transfer_function(lag):
     force = np.where(np.arange(200) % 40 < 15, 1.0, -0.5)
     time, shown = measure(sensor_lag, force, {"displacement_lag_time": lag})
     rest = SHORTEST_LAG * np.exp(-lag / SHORTEST_LAG)
-    # lsim holds the input from sample to sample; it starts at zero, so the deviation from the start is what it gets
+    # lsim holds the input from sample to sample; it starts at zero, so the deviation from the start
+    # is what it gets
     numerator = [rest, 1.0] if rest > 1e-9 else [1.0]  # a first-order lag
     _, exact, _ = lsim(
         (numerator, [lag + rest, 1.0]), force - force[0], time - time[0], interp=False
@@ -249,7 +254,7 @@ def test_delay_is_exact_on_ramps(delay, step):
 
 @delays
 def test_delay_is_within_its_bound_on_a_sine(delay):
-    """Input of 1 rad/s and 3 rad/s, interpolated between fine samples; an eighth of period^2 times the curvature."""
+    """Inputs of 1 rad/s and 3 rad/s between fine samples; an eighth of period^2 times curvature."""
     for omega in (1.0, 3.0):
         fine = 0.001 * np.arange(6000)
         time, shown = measure(
@@ -303,7 +308,7 @@ BEFORE = {"displacement_delay_history_start": -0.6, "displacement_delay_history_
 @pytest.mark.parametrize("start", [0.0, 1234.5])
 @pytest.mark.parametrize("delay", [0.3, 0.0])
 def test_what_is_read_of_the_time_before_the_start_is_a_line(delay, start):
-    """A ramp of 2/s that was there before the record shows 0.6 less at first, and goes on as it was."""
+    """A ramp of 2/s before the record shows 0.6 less at first, and goes on as it was."""
     force = 5.0 + 2.0 * 0.05 * np.arange(60)
     time, shown = measure(
         transport_delay, force, {"displacement_delay": delay} | BEFORE, linear=True, start=start
@@ -376,7 +381,8 @@ def test_a_lag_over_a_delay_starts_in_equilibrium_and_adds_up():
     assert area == pytest.approx(0.4, abs=0.05)
 
 
-# --- as FMUs ----------------------------------------------------------------------------------------------------------
+# --- as FMUs
+# --------------------------------------------------------------------------------------------------
 
 
 def check_that_builds_agree(cls, values, inputs, outputs, folder, start=0.0):
@@ -402,7 +408,7 @@ def check_that_builds_agree(cls, values, inputs, outputs, folder, start=0.0):
 
 
 def test_builds_agree_on_all_of_them_at_once(tmp_path):
-    """On one output, with effects of the physics and of another output beside; the clock starts anywhere."""
+    """On one output, beside effects of the physics and of another output, at any start."""
     heating = fmus.effects("ppy_actuator")["self_heating"]
     measured = [make(PpyActuator, "voltage") for make in MEASUREMENTS.values()]
     cls = stack(

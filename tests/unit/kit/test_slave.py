@@ -20,7 +20,7 @@ from tests.support.pace import slow_but
 
 
 def slave(cls, start_time=0.0, **values):
-    """An instance and its memory, filled the way the C front-end does it (``fmi2/engine.h``)."""
+    """Return an instance and its memory, filled as the C front-end does (``fmi2/engine.h``)."""
     layout = cls.layout
     memory = array("d", [0.0] * (len(layout.names) + 4 + len(layout.sampled)))
     known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
@@ -157,7 +157,8 @@ real, _thread.start_new_thread = _thread.start_new_thread, lambda *arguments: No
 print("KeyboardInterrupt" in instance.advance(0.0, 1.0), flush=True)
 _thread.start_new_thread = real
 try:
-    instance.advance(0.0, 1.0)  # the host may be interrupted at any instant from the end of this call
+    # the host may be interrupted at any instant from the end of this call
+    instance.advance(0.0, 1.0)
     for _ in range(1000):
         time.sleep(0.01)
 except KeyboardInterrupt:

@@ -1,23 +1,31 @@
-"""The order of exchange: every value is there when it is needed, and loops are what graph theory says they are."""
+"""The order of exchange: every value is there when it is needed, and loops are what graph theory
+says they are.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fmus.kit.errors import UserError
-from orchestration.master.algebraic_loops import FixedPoint
-from orchestration.master.dependency_graph import Loop, Read, Structure, Write, order, plan
+from orchestration.master.dependency_graph import (
+    Loop,
+    Read,
+    Structure,
+    Write,
+    order_exchange,
+    order_steps,
+)
 from orchestration.system.model import Port
 
 
 @st.composite
 def structures(draw):
-    """Members with up to three inputs and outputs each, connected and fed from outside at random."""
+    """Members with up to three inputs and outputs each, connected and fed from outside at
+    random.
+    """
     names = "abcde"[: draw(st.integers(1, 5))]
     inputs = [Port(name, f"u{i}") for name in names for i in range(draw(st.integers(0, 3)))]
     outputs = [Port(name, f"y{i}") for name in names for i in range(draw(st.integers(0, 3)))]
@@ -64,7 +72,7 @@ def knots(structure):
 @settings(max_examples=300, deadline=None)
 @given(structures())
 def test_every_value_is_there_when_it_is_needed(structure):
-    found = plan(structure, set(structure.wanted))
+    found = order_exchange(structure, set(structure.wanted))
     read = [port for ports in found.early.values() for port in ports]
     assert not any(structure.feedthrough[port] for port in read)
     written: list[Port] = []
@@ -84,13 +92,13 @@ def test_every_value_is_there_when_it_is_needed(structure):
     assert sorted(read) == sorted(structure.feedthrough)
     assert sorted(written) == sorted(port for ports in structure.fed.values() for port in ports)
     assert {frozenset((*loop.inputs, *loop.outputs)) for loop in found.loops} == knots(structure)
-    assert sorted(order(structure)) == sorted(structure.wanted)
+    assert sorted(order_steps(structure)) == sorted(structure.wanted)
 
 
 @settings(max_examples=100, deadline=None)
 @given(structures(), st.sets(st.sampled_from("abcde")))
 def test_who_does_not_take_part_is_not_asked(structure, due):
-    found = plan(structure, due)
+    found = order_exchange(structure, due)
     asked = {port.member for operation in found.operations for port in operation[1]} | set(
         found.early
     )
@@ -120,50 +128,11 @@ def test_a_bench_and_its_actuator_take_one_call_each():
         {"actuator": [tension, voltage], "bench": [position]},
         {position: (), tension: (length,), voltage: (current,)},
     )
-    found = plan(structure, ["actuator", "bench"])
+    found = order_exchange(structure, ["actuator", "bench"])
     assert found.early == {"actuator": (), "bench": (position,)}
     assert found.operations == [
         Write("actuator", (length, current)),
         Read("actuator", (tension, voltage)),
         Write("bench", (load,)),
     ]
-    assert order(structure) == ["actuator", "bench"], "in a circle, as the system names them"
-
-
-@pytest.mark.parametrize(
-    ("g", "solution"),
-    [
-        (lambda v: np.cos(v), [0.7390851332151607]),
-        (lambda v: 4.0 - 3.0 * v, [1.0]),
-        (lambda v: np.array([[0.0, 5.0], [-7.0, 2.0]]) @ v + 1.0, [2 / 17, -3 / 17]),
-        (lambda v: 2.0 + 1e6 * (1.0 - v), [(2 + 1e6) / (1 + 1e6)]),
-        (lambda v: 0.5 - np.where(v > 0.5, 3.0, 0.5) * (v - 0.5), [0.5]),  # a kink at the solution
-    ],
-)
-def test_fixed_points(g, solution):
-    point = FixedPoint(g, np.ones(len(solution)))
-    assert point.solve(np.full(len(solution), 0.3)) == pytest.approx(solution, rel=1e-8)
-    spent = point.evaluations
-    assert spent < 40
-    assert point.solve(np.array(solution)) == pytest.approx(solution, rel=1e-8)
-    assert point.evaluations <= spent + 2
-
-
-def test_values_that_are_not_continuous_are_passed_around():
-    asked = []
-
-    def g(v):
-        asked.append(v.copy())
-        return np.array([min(v[0] + 1.0, 4.0)])
-
-    assert FixedPoint(g, np.ones(1), continuous=False).solve(np.zeros(1)).tolist() == [4.0]
-    assert np.ravel(asked).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
-
-
-@pytest.mark.parametrize(
-    "g",
-    [np.exp, lambda v: v + 1.0, lambda v: v * np.nan, lambda v: np.where(v == 0.3, 1.0, np.nan)],
-)
-def test_no_fixed_point(g):
-    with pytest.raises(UserError, match=r"no solution found in|is no number"):
-        FixedPoint(g, np.ones(1)).solve(np.full(1, 0.3))
+    assert order_steps(structure) == ["actuator", "bench"], "in a circle, as the system names them"

@@ -1,7 +1,9 @@
-"""Claims: a run in real time is the same run, never early, without drift; what is late is counted, bounded and told.
+"""Claims: a run in real time is the same run, never early, without drift; what is late is counted,
+bounded and told.
 
-What is computed takes a known time (`c/sleeper.c`), so how late each point must be follows by hand. On a busy machine
-everything may come later than that, nothing earlier: times are held from below, and from above by `LATE` only.
+What is computed takes a known time (`c/sleeper.c`), so how late each point must be follows by hand.
+On a busy machine everything may come later than that, nothing earlier: times are held from below,
+and from above by `LATE` only.
 """
 
 from __future__ import annotations
@@ -19,7 +21,6 @@ import pytest
 from fmus.kit.errors import UserError
 from orchestration.master import RealTime, Stopped, run
 from orchestration.master.pacing import EDGES
-from orchestration.master.undisturbed import undisturbed
 from orchestration.system import Member, System
 from tests.support.command import posix
 from tests.support.master.samples import build_member, ring
@@ -89,7 +90,9 @@ def test_the_watch_sees_every_point_with_the_recorded_values(sleeper):
 
 
 def test_missed_deadlines_are_counted(sleeper):
-    """A step of 20 ms that takes 80 ms ends 60 ms late; the next ones 40 ms and 20 ms, for they take no time."""
+    """A step of 20 ms that takes 80 ms ends 60 ms late; the next ones 40 ms and 20 ms, for they
+    take no time.
+    """
     lags = []
     pace = RealTime(watch=lambda k, values, lag, missed: lags.append(lag))
     done = run(
@@ -129,7 +132,9 @@ def test_a_missed_deadline_can_end_the_run_and_the_record_stays(sleeper):
 
 
 def test_a_lag_beyond_its_bound_ends_the_run_in_any_case(sleeper):
-    """Steps of 100 ms that take 300 ms are 200 ms later each time: beyond 500 ms at the third, at the latest."""
+    """Steps of 100 ms that take 300 ms are 200 ms later each time: beyond 500 ms at the third, at
+    the latest.
+    """
     with pytest.raises(
         Stopped, match=r"not in real time: .* s late; the lag may be 0\.5 s"
     ) as caught:
@@ -148,27 +153,10 @@ def test_an_interrupt_ends_a_wait(sleeper):
     assert done.message == "interrupted at 30 s of 60 s"
 
 
-def test_nothing_is_left_of_what_keeps_a_run_undisturbed():
-    affinity = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
-    assert gc.isenabled()
-    gc.unfreeze()  # what the suite has frozen for itself
-    before = gc.get_freeze_count(), os.getpriority(os.PRIO_PROCESS, 0)
-    with undisturbed(processor=min(affinity or {0}), priority=True) as notes:
-        assert not gc.isenabled()
-        assert gc.get_freeze_count() > before[0]
-        if affinity is not None:
-            assert os.sched_getaffinity(0) == {min(affinity)}
-        assert os.getpriority(os.PRIO_PROCESS, 0) == -10 or notes[-1].startswith(
-            "a higher priority is not to be had"
-        )
-    assert gc.isenabled()
-    assert (gc.get_freeze_count(), os.getpriority(os.PRIO_PROCESS, 0)) == before
-    assert affinity is None or os.sched_getaffinity(0) == affinity
-    gc.freeze()
-
-
 def test_what_is_not_allowed_is_noted(sleeper, monkeypatch):
-    """Who may do what differs between machines; that the system refuses is what is simulated here, nothing else."""
+    """Who may do what differs between machines; that the system refuses is what is simulated here,
+    nothing else.
+    """
 
     def refuse(*arguments):
         raise PermissionError(1, "Operation not permitted")

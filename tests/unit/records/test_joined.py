@@ -1,4 +1,6 @@
-"""Claims: a model over several runs does in each what it does alone, with the values that are that run's own."""
+"""Claims: a model over several runs does in each what it does alone, with the values that are that
+run's own.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestration.identify.problem import ModelOverRuns, Problem
-from orchestration.records.joined import Run, base_name, names_in, sampled_alike, shown_name
+from orchestration.identify.fitting.problem import ModelOverRuns, Problem
+from orchestration.records.joined import MeasuredRun, base_name, names_in, sampled_alike, shown_name
 from tests.support.several import OCVS, STARTS, TRUE, Cell, several, voltage
 
 NAMES = ["R0", "tau1", *(f"ocv@{k}" for k in "abc"), *(f"relaxed_start@{k}" for k in "abc")]
@@ -104,7 +106,7 @@ def test_a_problem_has_what_is_said_of_a_parameter_for_every_run(data):
 
 def test_runs_of_different_rates_are_not_sampled_alike():
     time = np.concatenate([np.arange(100.0), 200.0 + 0.5 * np.arange(100.0)])
-    halves = (Run("a", 0, 100), Run("b", 100, 200))
+    halves = (MeasuredRun("a", 0, 100), MeasuredRun("b", 100, 200))
     assert [sampled_alike(time, runs) for runs in (halves, halves[:1], halves[1:])] == [
         False,
         True,
@@ -121,7 +123,7 @@ words = st.text(st.characters(codec="ascii", categories=["L", "N"]), min_size=1)
     value=st.floats(),
 )
 def test_a_value_is_that_of_its_run_whatever_the_label(name, labels, value):
-    runs = [Run(label, 10 * k, 10 * k + 5) for k, label in enumerate(labels)]
+    runs = [MeasuredRun(label, 10 * k, 10 * k + 5) for k, label in enumerate(labels)]
     (first, *others) = [run.values({name: 0.0, runs[0].own(name): value}) for run in runs]
     assert np.array_equal(first[name], value, equal_nan=True)
     assert all(plain == {name: 0.0} for plain in others)
@@ -131,7 +133,7 @@ def test_a_value_is_that_of_its_run_whatever_the_label(name, labels, value):
 
 
 def test_a_record_by_itself_needs_no_name():
-    alone = Run("", 0, 5)
+    alone = MeasuredRun("", 0, 5)
     assert (alone.own("R0"), names_in([alone], ["R0"], ["R0"]), shown_name("R0")) == (
         "R0",
         ["R0"],

@@ -1,4 +1,6 @@
-"""Claims: a signal is found in a system's result by the name behind the member's, where that is clear."""
+"""Claims: a signal is found in a system's result by the name behind the member's, where that is
+clear.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Claims: each flaw of a measured record is repaired and said, or refused with its row; never used silently."""
+"""Claims: each flaw of a measured record is repaired and said, or refused with its row; never used
+silently.
+"""
 
 import os
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""Claims: runs in one file are told apart by a column or by a clock that restarts, and a few late rows are no run."""
+"""Claims: runs in one file are told apart by a column or by a clock that restarts, and a few late
+rows are no run.
+"""
 
 from __future__ import annotations
 

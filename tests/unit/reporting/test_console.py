@@ -1,4 +1,6 @@
-"""Claims: progress is told at once, then sparingly, with what is left to do; quiet and verbose mean what they say."""
+"""Claims: progress is told at once, then sparingly, with what is left to do; quiet and verbose mean
+what they say.
+"""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""Claims: the bridge carries plain clients to a server with keys, each for itself, and nothing late or too large."""
+"""Bridge: plain clients reach a server with keys, each by itself, and nothing late or too large."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def keys(tmp_path):
 
 @pytest.fixture
 def plain():
-    """Makes clients without keys."""
+    """Return a function that makes clients without keys."""
     context, clients = zmq.Context(), []
 
     def client(port):
@@ -68,7 +68,7 @@ class Client:
 
 
 class Carrying:
-    """The command in a process of its own."""
+    """The command ``ppy rig bridge`` in a process of its own."""
 
     def __init__(self, server_port, client_file, port=None):
         self.port = free_port() if port is None else port
@@ -274,7 +274,7 @@ def test_endpoints_that_are_none(keys, tmp_path, text):
 
 
 def test_only_the_loopback_address_listens(keys):
-    """What the kernel says of our listening sockets."""
+    """The kernel lists the sockets that listen."""
     port = free_port()
     bridge = Bridge(read_endpoint("tcp://127.0.0.1:5999", keys[1]), port)
     try:

@@ -1,4 +1,4 @@
-"""Claims: volts and values go to and fro without loss; what is wrong in a file is told in one line."""
+"""Tests of calibrations: conversion to volts and back, and one line for every mistake in a file."""
 
 from __future__ import annotations
 
@@ -121,21 +121,21 @@ def channels(draw: st.DrawFn) -> Channel:
     size = st.floats(1e-3, 1e3)
     low = draw(st.floats(-10, 9))
     return Channel(
-        "x",
-        "m",
-        "ai0",
-        "",
-        "default",
-        draw(size) * draw(st.sampled_from([-1, 1])),
-        draw(st.floats(-10, 10)),
-        draw(st.sampled_from([-1, 1])),
-        low,
-        low + draw(st.floats(0.1, 10)),
-        0.0,
-        draw(st.sampled_from([1.0, 1e-3, 1e-6, 4.4482216])),
-        draw(st.sampled_from([0.0, 273.15])),
-        datetime.date(2007, 5, 1),
-        "",
+        name="x",
+        unit="m",
+        place="ai0",
+        command="",
+        terminal="default",
+        gain=draw(size) * draw(st.sampled_from([-1, 1])),
+        offset=draw(st.floats(-10, 10)),
+        sign=draw(st.sampled_from([-1, 1])),
+        low=low,
+        high=low + draw(st.floats(0.1, 10)),
+        safe=0.0,
+        factor=draw(st.sampled_from([1.0, 1e-3, 1e-6, 4.4482216])),
+        zero=draw(st.sampled_from([0.0, 273.15])),
+        date=datetime.date(2007, 5, 1),
+        source="",
     )
 
 
@@ -177,8 +177,23 @@ CURRENT = "[inputs.current]\n"
         (
             "range = [-2, 2.5]",
             "range = [2, -2]",
-            "[inputs.current] range = [2, -2]: [low, high] of two finite numbers is wanted, the lower one first",
+            (
+                "[inputs.current] range = [2, -2]: [low, high] of two finite numbers is wanted, the"
+                " lower one first"
+            ),
         ),
+        (
+            'channel = "ao1"',
+            'channel = "ao1"\ninstrument = "dmm"',
+            "[inputs.current] channel = 'ao1': a signal is either on a channel of a device or on",
+        ),
+        (
+            'channel = "ao1"',
+            'channel = "ao1"\nwrite = "VOLT {volts}"',
+            "[inputs.current] write = 'VOLT {volts}': needs an instrument = ...",
+        ),
+        ('channel = "ao1"\n', "", "[inputs.current] channel is missing: a text is wanted"),
+        ("sign = -1", "sign = true", "[outputs.displacement] sign = True: allowed are 1, -1"),
         ("sign = -1", "sign = 2", "[outputs.displacement] sign = 2: allowed are 1, -1"),
         (
             'unit = "A"\nrange',
@@ -205,7 +220,10 @@ CURRENT = "[inputs.current]\n"
         (
             'channel = "ai1"',
             'channel = "ai1"\nterminal = "rse"',
-            "[outputs.displacement] terminal = 'rse': allowed are 'default', 'differential', 'referenced'",
+            (
+                "[outputs.displacement] terminal = 'rse': allowed are 'default', 'differential',"
+                " 'referenced'"
+            ),
         ),
         (
             "[limits.current]",
@@ -239,7 +257,8 @@ CURRENT = "[inputs.current]\n"
             "[inputs.current] safe = 0.9 A: is beyond its limits",
         ),
         ("[rig]", "[rig", "rig.toml: "),
-        ("[rig]", "[ring]", "[rig] rate is missing"),
+        ("[rig]", "[ring]", "there is no such key (did you mean rig?)"),
+        ("[rig]\nrate = 30\nwatchdog = 0.2", "", "[rig] rate is missing"),
         ("[rig]\n", "inputs = 3\n[rig]\n", "rig.toml: "),
     ],
 )
@@ -279,7 +298,7 @@ def test_messages_of_instruments_have_a_place_for_the_number(
 
 
 def test_a_timeout_that_would_hold_up_the_rig_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"\[instruments.dmm\] timeout = 60: at most 5 s"):
+    with pytest.raises(UserError, match=r"\[instruments.dmm\] timeout = 60: .*at most 5 s"):
         read(tmp_path, GOOD + '\n[instruments.dmm]\nresource = "GPIB0::1::INSTR"\ntimeout = 60\n')
 
 
@@ -302,7 +321,7 @@ def test_presets_say_where_every_factor_is_from(name: str) -> None:
 
 
 def test_the_presets_sensors_resolve_what_the_thesis_says() -> None:
-    """One count of a converter of 16 bits over ±10 V: smaller than 0.001 N and 0.003 mm (section 2.2.2)."""
+    # one count of a converter of 16 bits over ±10 V: below 0.001 N and 0.003 mm (section 2.2.2)
     count, rig = 20.0 / 2**16, read_calibration("thesis")
     assert count * rig.outputs["force_measured"].gain < 0.001
     assert count * rig.outputs["displacement"].gain < 0.003  # mm

@@ -1,9 +1,9 @@
-"""Endpoints as a server and as a client understand them."""
+"""Endpoints, as a server and as a client understand them."""
 
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.rig.endpoint import host_and_port, read_endpoint
+from orchestration.rig.endpoint import parse_address, read_endpoint
 
 
 @pytest.mark.parametrize(
@@ -15,14 +15,14 @@ from orchestration.rig.endpoint import host_and_port, read_endpoint
     ],
 )
 def test_host_and_port(text, host, port):
-    assert host_and_port(text) == (host, port)
+    assert parse_address(text) == (host, port)
 
 
 @pytest.mark.parametrize(
     "text", ["127.0.0.1:5570", "ipc://x", "tcp://host", "tcp://host:123456", "tcp://::1:5570"]
 )
 def test_what_is_no_endpoint_is_none_for_either(text):
-    for read in (host_and_port, read_endpoint):
+    for read in (parse_address, read_endpoint):
         with pytest.raises(UserError, match="write tcp://HOST:PORT"):
             read(text)
 

@@ -1,4 +1,4 @@
-"""Claims: keys of a rig are made once, readable by their owner alone, and refused in one line if they are none."""
+"""Keys of a rig: made once, readable by their owner alone, and refused in one line if malformed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Claims: no command beyond a limit or a rate is ever taken, none within them is refused, and age is judged as told."""
+"""Safety decisions: a command is taken exactly if it is within its limits and rates, and fresh."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ durations = st.floats(1e-4, 10.0)
 
 @given(st.lists(st.tuples(anything, anything, durations), max_size=30))
 def test_what_is_applied_never_leaves_its_limits(commands):
-    """Minimum, maximum and rate hold for whatever sequence of commands, by arithmetic of this test's own."""
+    """Minimum, maximum and rate hold for any commands, by arithmetic of the test's own."""
     commands_filter, applied = CommandFilter(INPUTS, LIMITS), [(0.0, (0.0, 0.0))]
     now = 0.0
     for current, force, wait in commands:
@@ -70,7 +70,7 @@ def test_a_rate_counts_from_the_value_that_is_applied_not_from_one_that_was_refu
     ]
     assert commands.take([5.05], 0.1), "0.05 from the refused one, 5.05 from the applied one"
     assert commands.take([0.1], 0.1) == []
-    commands.rest()
+    commands.reset()
     assert commands.applied == (0.0,)
     assert commands.take([0.2], 0.1), "at rest the rig is at zero"
 

@@ -1,4 +1,4 @@
-"""Claims: a Dask cluster comes to the bits of this process. Two real workers, each a process of its own."""
+"""Cluster: two real Dask workers, each a process, come to the bits of this process."""
 
 from __future__ import annotations
 
@@ -13,18 +13,13 @@ import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.sweeps import cluster
 from tests.support.command import ppy as command
-from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
+from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_pythonfmu
 from tests.support.pace import slow_but
 
 distributed = pytest.importorskip("distributed", reason="no Dask cluster without distributed")
 dask = pytest.importorskip("dask")
 pytestmark = pytest.mark.filterwarnings("ignore")  # what Dask thinks of its own parts
 TIME = 0.1 * np.arange(51)
-
-
-@pytest.fixture(scope="module")
-def lag(tmp_path_factory):
-    return str(build_one_state_fmu(tmp_path_factory.mktemp("lag")))
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +99,7 @@ def test_a_case_that_ends_its_worker_fails_alone(tmp_path, workers):
 
 
 def unpacked(folder):
-    """What of an FMU stands anywhere in a folder."""
+    """Return the files of FMUs anywhere in a folder."""
     return [
         path
         for path in folder.rglob("*")
@@ -114,7 +109,7 @@ def unpacked(folder):
 
 @pytest.mark.parametrize("ends", slow_but(["by itself", "killed", "interrupted"], "killed"))
 def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
-    """On workers that go on, nor where one was killed, nor where they were busy when nobody wanted more."""
+    """Neither on workers that go on, nor on one that is killed, nor on one that was still busy."""
     (tmp_path / "tmp").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))  # for the workers
     seen = []
@@ -176,7 +171,7 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
     ],
 )
 def test_what_is_no_address_is_told_at_once_and_in_one_line(tmp_path, address, told):
-    """In a process of its own: what a client says that was made half is said when it goes."""
+    """In a process of its own, as a half-made client complains only when it is removed."""
     call = (
         "sweep",
         "ppy_actuator",

@@ -1,4 +1,4 @@
-"""Sweeps as TOML files. Oracle: ``tau dx/dt = u - x`` in closed form, and the same sweep asked for in Python."""
+"""Sweeps as TOML files. Oracles: ``tau dx/dt = u - x`` in closed form; the same sweep in Python."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_inputs_can_be_swept_in_a_file(folder):
 
 
 def test_an_experiment_can_be_named(folder):
-    """One that ships, with its preset, its steps of the current and its outputs; or a file beside."""
+    """One that ships, with its preset, steps of the current and outputs; or a file beside."""
     found = ppy.sweep_file(written(folder, SHIPPED))
     asked = read_sweep(folder / "sweep.toml")
     assert sorted(asked.inputs) == ["current", "force"]

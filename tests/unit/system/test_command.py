@@ -1,4 +1,6 @@
-"""Claims: ``ppy system`` lists, shows, draws, exports and checks; whatever is wrong is one line and exit code 2."""
+"""Claims: ``ppy system`` lists, shows, draws, exports and checks; whatever is wrong is one line and
+exit code 2.
+"""
 
 from __future__ import annotations
 
@@ -111,11 +113,13 @@ def test_check_tells_what_is_odd(folder):
     assert process.stderr == ""
     strange = tiny_fmu(folder / "films.fmu", "input u Real", "output y Real")
     text = (
-        '<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription" '
-        'version="1.0" name="a"><ssd:System name="films"><ssd:Connectors><ssd:Connector name="u" kind="input"/>'
-        '</ssd:Connectors><ssd:Elements><ssd:Component name="one" source="films.fmu"/></ssd:Elements><ssd:Connections>'
-        '<ssd:Connection startConnector="u" endElement="one" endConnector="u"/></ssd:Connections></ssd:System>'
-        "</ssd:SystemStructureDescription>"
+        "<ssd:SystemStructureDescription"
+        ' xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription" version="1.0"'
+        ' name="a"><ssd:System name="films"><ssd:Connectors><ssd:Connector name="u"'
+        ' kind="input"/></ssd:Connectors><ssd:Elements><ssd:Component name="one"'
+        ' source="films.fmu"/></ssd:Elements><ssd:Connections><ssd:Connection startConnector="u"'
+        ' endElement="one"'
+        ' endConnector="u"/></ssd:Connections></ssd:System></ssd:SystemStructureDescription>'
     )
     (folder / "films.ssd").write_text(text, encoding="utf-8")
     process = here("system", "check", "films.ssd", cwd=folder)

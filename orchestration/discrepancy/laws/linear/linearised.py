@@ -1,4 +1,4 @@
-"""A record as it is about a free course: whitened, and free of what the model's own parameters can do."""
+"""A record linearised about an unknown input, whitened and free of the model's own parameters."""
 
 from __future__ import annotations
 
@@ -10,72 +10,84 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from orchestration.discrepancy.laws.evidence import Curve
-from orchestration.discrepancy.laws.linear.course import FreeCourse
-from orchestration.identify.noise.model import Noise, Whitening
+from orchestration.discrepancy.laws.linear.unknown_input import UnknownInput
+from orchestration.identify.noise import Noise, Whitening
 
 Array = NDArray[np.float64]
-_DRAWS, _SEED = (
-    39,
-    14,
-)  # of noise, by which is told what the best of so many entries gains by chance
+# of noise, which show what the best of many entries gains by chance
+_DRAWS = 39
+_SEED = 14
 
 
 class LinearisedRecord:
-    """What is to be explained, whitened, and free of what the model's own parameters can do."""
+    """Residuals to be explained, whitened, and free of what the model's own parameters can do.
+
+    Parameters
+    ----------
+    course : UnknownInput
+    prior : ndarray, shape (p,)
+        Precision of the model's own coordinates.
+    present : Mapping of str to ndarray of bool, shape (n,)
+        Samples at which an output was measured.
+    noise : Mapping of str to Noise
+    reach : tuple of ndarray, shape (p,)
+        Least and largest steps of the coordinates.
+    """
 
     def __init__(
         self,
-        course: FreeCourse,
+        course: UnknownInput,
         prior: Array,
         present: Mapping[str, NDArray[np.bool_]],
         noise: Mapping[str, Noise],
         reach: tuple[Array, Array],
     ):
-        residual, slopes = course.residual, course.slopes
         # an outlier is what no course explains, and not what a model lacks
-        self._whitened = Whitening.of(noise, course.left, present)
-        columns = self._whitened(slopes)
+        self._whitened = Whitening.of(noise, course.unexplained, present)
+        columns = self._whitened(course.slopes)
         sizes = np.linalg.norm(columns, axis=0)
         kept = sizes > 0.0
         # rows for the prior, so that a parameter that it holds takes nothing away
         whole = np.vstack([columns, np.diag(np.sqrt(prior))])[:, kept] / sizes[kept]
-        left, strength, right = np.linalg.svd(whole, full_matrices=False)
+        u, strength, right = np.linalg.svd(whole, full_matrices=False)
         seen = strength > 1e-7 * strength.max()
-        self._own = left[:, seen][: len(columns)]
+        self._own = u[:, seen][: len(columns)]
         self._back = np.zeros((len(sizes), len(columns)))
         self._back[kept] = (right[seen].T / strength[seen]) @ self._own.T / sizes[kept, None]
-        self._whole, self._slopes = self._whitened(residual), columns
-        # how far a parameter of the model may go: what a course makes of its trace is not what is there without
+        self._whole = self._whitened(course.residual)
+        self._slopes = columns
+        # how far a parameter of the model may go: what a course makes of its trace is not what is
+        # there without
         self._prior = prior
         least, most = reach
-        self._least, self._most = (
-            np.where(prior > 0.0, least, -np.inf),
-            np.where(prior > 0.0, most, np.inf),
-        )
+        self._least = np.where(prior > 0.0, least, -np.inf)
+        self._most = np.where(prior > 0.0, most, np.inf)
         self.residual = self.free(self._whole)
         self.samples = len(self.residual)
         self.noise = np.random.default_rng(_SEED).normal(size=(self.samples, _DRAWS))
 
     def within_reach(self, curve: Curve, columns: Array) -> tuple[Curve, Array]:
-        """Curve, and step (p,) of the model's own parameters beside it, where the step may not be as far as it would.
+        """Return a curve, and the step (p,) of the own parameters beside it, within their bounds.
 
         Parameters
         ----------
         curve : Curve
-            The likeliest where it may.
+            The likeliest without bounds.
         columns : ndarray, shape (m, k)
-            What its hat functions do to the whitened outputs.
+            Responses of the whitened outputs to its hat functions.
         """
-        would = -self._back @ (self._whole - columns @ curve.values)
-        step = np.clip(would, self._least, self._most)
-        if not np.array_equal(step, would):
-            curve, step = self._bounded(curve, columns)
-        left = self._whole - columns @ curve.values + self._slopes @ step
-        fall = float(self.residual @ self.residual - left @ left)
-        return replace(curve, gain=min(curve.gain, fall - curve.complexity)), step
+        unbounded = -self._back @ (self._whole - columns @ curve.values)
+        bounded_curve = curve
+        step = np.clip(unbounded, self._least, self._most)
+        if not np.array_equal(step, unbounded):
+            bounded_curve, step = self._bounded(curve, columns)
+        remaining = self._whole - columns @ bounded_curve.values + self._slopes @ step
+        fall = float(self.residual @ self.residual - remaining @ remaining)
+        gain = min(curve.gain, fall - curve.complexity)
+        return replace(bounded_curve, gain=gain), step
 
     def _bounded(self, curve: Curve, columns: Array) -> tuple[Curve, Array]:
-        """With steps as far as they may go the curve is another one, and so are the other steps."""
+        """Solve for curve and step together, the steps within their bounds."""
         values, axes = np.linalg.eigh(curve.prior)
         root = axes * np.sqrt(np.clip(values, 0.0, None))
         count = len(self._least)
@@ -84,20 +96,19 @@ class LinearisedRecord:
         sizes = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
         q, r = np.linalg.qr(whole / sizes)
         free = np.full(len(root), np.inf)
-        ends = (
-            np.append(end, far) * sizes for end, far in ((self._least, -free), (self._most, free))
-        )
-        found = lsq_linear(r, -q[: len(rows)].T @ self._whole, tuple(ends), method="bvls").x / sizes
-        return replace(curve, values=root @ found[count:]), found[:count]
+        bounds = (np.append(self._least, -free) * sizes, np.append(self._most, free) * sizes)
+        target = -q[: len(rows)].T @ self._whole
+        solution = lsq_linear(r, target, bounds, method="bvls").x / sizes
+        return replace(curve, values=root @ solution[count:]), solution[:count]
 
     def own(self, columns: Array) -> Array:
-        """What parameters can do of columns, in coordinates of its own."""
+        """Return the part of columns that parameters can make, in an orthonormal basis."""
         return np.asarray(self._own.T @ columns)
 
     def free(self, columns: Array) -> Array:
-        """Take away what parameters can do."""
+        """Return columns without the part that parameters can make."""
         return np.asarray(columns - self._own @ self.own(columns))
 
     def __call__(self, responses: Mapping[str, Array]) -> Array:
-        """Whiten responses of outputs where they were measured."""
+        """Return the whitened responses of outputs where they were measured."""
         return np.asarray(self._whitened(responses))

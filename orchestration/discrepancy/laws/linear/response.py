@@ -1,7 +1,8 @@
-"""What outputs make of something that is added to a law, to first order along a simulated trajectory.
+"""Linear response of outputs to additions to a law, along a simulated trajectory.
 
-With w the addition, dS/dt = A S + b w and dy = C S + d w. Within a step between two samples A is constant, b and w are
-straight lines, and the step is exact (Van Loan, IEEE Trans. Automatic Control 23, 1978): stiff parts do no harm.
+With w the addition, dS/dt = A S + b w and dy = C S + d w. Within a step between two samples A is
+constant, b and w are straight lines, and the step is exact (Van Loan, IEEE Trans. Automatic Control
+23, 1978): stiff parts do no harm.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from fmus.kit.symbolic.perturbed import Jacobians, PerturbedLaws
-from orchestration.records.joined import Run
+from fmus.kit.symbolic import Jacobians, PerturbedLaws
+from orchestration.records import MeasuredRun
 
 Array = NDArray[np.float64]
 _SAME = 1e-12  # relative: steps and matrices that differ by less are the same
@@ -22,7 +23,9 @@ _SAME = 1e-12  # relative: steps and matrices that differ by less are the same
 
 @dataclass(frozen=True)
 class Sides:
-    """Values at both ends of every step: at a sample, and just before the next one, where inputs are still held.
+    """Values at both ends of every step between samples.
+
+    The end is just before the next sample, where inputs are still held.
 
     Attributes
     ----------
@@ -35,13 +38,13 @@ class Sides:
 
 
 def continuous(values: Array) -> Sides:
-    """Take values (n, ...) as going straight from one sample to the next."""
+    """Return values (n, ...) as straight lines from one sample to the next."""
     return Sides(values, np.append(values[1:], values[-1:], axis=0))
 
 
 @dataclass(frozen=True)
-class Course:
-    """A run as it was simulated.
+class SimulatedCourse:
+    """Inputs and states of a run as they were simulated.
 
     Attributes
     ----------
@@ -62,8 +65,8 @@ class Course:
         inputs: Mapping[str, Array],
         states: Mapping[str, Array],
         linear: bool | Collection[str],
-    ) -> Course:
-        """Take inputs as held until the next sample, but for those that are smooth.
+    ) -> SimulatedCourse:
+        """Return a run with inputs held until the next sample, or linear.
 
         Parameters
         ----------
@@ -76,7 +79,7 @@ class Course:
 
         Returns
         -------
-        Course
+        SimulatedCourse
         """
 
         def sides(values: Array, moving: bool) -> Sides:
@@ -96,12 +99,13 @@ class Course:
 class LinearResponse:
     """Responses of a run's outputs to additions to laws.
 
-    What is added starts from nothing: at the first sample no state has been moved. Discrete states are as they were.
+    What is added starts from nothing: at the first sample no state has been moved. Discrete states
+    are as they were.
 
     Parameters
     ----------
     laws : PerturbedLaws
-    course : Course
+    course : SimulatedCourse
     parameters : Mapping of str to float
         SI; those that are not given have their defaults.
     outputs : sequence of str
@@ -123,7 +127,7 @@ class LinearResponse:
     def __init__(
         self,
         laws: PerturbedLaws,
-        course: Course,
+        course: SimulatedCourse,
         parameters: Mapping[str, float],
         outputs: Sequence[str],
     ):
@@ -135,8 +139,10 @@ class LinearResponse:
             )
             return laws.along(time, parameters, inputs, states)
 
-        begin, end = along("begin"), along("end")
-        self._laws, self._outputs = laws, list(outputs)
+        begin = along("begin")
+        end = along("end")
+        self._laws = laws
+        self._outputs = list(outputs)
         self.values = {
             n: Sides(begin.values[:, i], end.values[:, i]) for i, n in enumerate(laws.names)
         }
@@ -147,41 +153,40 @@ class LinearResponse:
         self._matrices = _step_matrices(a, self.steps)
 
     def _read_by(self, at: Jacobians) -> None:
-        """Keep the rows of the outputs that are wanted; a state shows itself."""
+        """Keep the rows of the outputs that are wanted; a state is its own output."""
         layout = self._laws.graph.layout
-        outputs, states = [o.name for o in layout.outputs], [s.name for s in layout.states]
+        outputs = [o.name for o in layout.outputs]
+        states = [s.name for s in layout.states]
         n = len(at.c)
         self._c = np.zeros((n, len(self._outputs), len(states)))
         self._d = np.zeros((n, len(self._outputs), len(self._laws.names)))
         for row, name in enumerate(self._outputs):
             if name in outputs:
-                self._c[:, row], self._d[:, row] = (
-                    at.c[:, outputs.index(name)],
-                    at.d[:, outputs.index(name)],
-                )
+                self._c[:, row] = at.c[:, outputs.index(name)]
+                self._d[:, row] = at.d[:, outputs.index(name)]
             else:
                 self._c[:, row, states.index(name)] = 1.0
 
     def effect_of(self, law: str) -> tuple[Array, Array]:
-        """What one unit that is added to a law does at each sample.
+        """Return the effect of one unit that is added to a law, at each sample.
 
         Returns
         -------
         drives : ndarray, shape (n, states)
-            What it adds to the rates, SI per unit of the law.
+            Added to the rates, SI per unit of the law.
         shows : ndarray, shape (n, outputs)
-            What it adds to the outputs at once.
+            Added to the outputs at once.
         """
         i = self._laws.names.index(law)
         return self._b.begin[:, :, i], self._d[:, :, i]
 
     def moves(self, law: str) -> bool:
-        """Whether states feel what is added to a law."""
+        """Return whether an addition to a law acts on any state."""
         i = self._laws.names.index(law)
         return bool(self._b.begin[:, :, i].any())
 
     def step(self, law: str) -> tuple[Array, Array, Array]:
-        """Recursion of what an addition w makes of the states, S.
+        """Return the recursion of the states S under an addition w to a law.
 
         Returns
         -------
@@ -195,12 +200,13 @@ class LinearResponse:
         return transition, left, np.einsum("kij,kj->ki", second, self._b.end[:-1, :, i])
 
     def row(self, law: str, output: str) -> Array:
-        """How an output shows the states and, last, what is added to a law, shape (n, states + 1)."""
-        o, i = self._outputs.index(output), self._laws.names.index(law)
+        """Return how an output depends on states and addition, last, shape (n, states + 1)."""
+        o = self._outputs.index(output)
+        i = self._laws.names.index(law)
         return np.column_stack([self._c[:, o], self._d[:, o, i]])
 
     def size(self, law: str, units: Mapping[str, float]) -> float:
-        """Norm of what one unit, added all the time, does to the outputs.
+        """Return the norm of the response of the outputs to one unit, added all the time.
 
         Parameters
         ----------
@@ -213,7 +219,7 @@ class LinearResponse:
         return float(np.sqrt(sum(np.sum((y / units[o]) ** 2) for o, y in shown.items())))
 
     def __call__(self, law: str, added: Sides) -> dict[str, Array]:
-        """Respond to functions of time that are added to a law.
+        """Return the response to functions of time that are added to a law.
 
         Parameters
         ----------
@@ -227,7 +233,8 @@ class LinearResponse:
             Change of every output.
         """
         i = self._laws.names.index(law)
-        n, states = len(self._c), self._c.shape[2]
+        n = len(self._c)
+        states = self._c.shape[2]
         moved = np.zeros((n, states, added.begin.shape[1]))
         if self.moves(law):
             transition, left, right = self.step(law)
@@ -245,14 +252,14 @@ class LinearResponse:
 
 
 def _step_matrices(a: Array, steps: Array) -> tuple[Array, Array, Array]:
-    """Matrices exp(A h), h phi_1(A h) and h phi_2(A h) of every step, each of shape (n, states, states)."""
-    n, states = len(steps), a.shape[-1]
+    """Return exp(A h), h phi_1(A h) and h phi_2(A h) of every step, each (n, states, states)."""
+    n = len(steps)
+    states = a.shape[-1]
     if not states or not n:
         return a, a, a
-    same = (
-        np.ptp(a, axis=0).max() <= _SAME * np.abs(a).max() and np.ptp(steps) <= 1e-9 * steps.max()
-    )
-    chosen, h = (a[:1], steps[:1]) if same else (a, steps)
+    is_constant = np.ptp(a, axis=0).max() <= _SAME * np.abs(a).max()
+    is_even = np.ptp(steps) <= 1e-9 * steps.max()
+    chosen, h = (a[:1], steps[:1]) if is_constant and is_even else (a, steps)
     one = np.eye(states)
     block = np.zeros((len(chosen), 3 * states, 3 * states))
     block[:, :states, :states] = chosen * h[:, None, None]
@@ -270,11 +277,12 @@ def responses_of_runs(
     inputs: Mapping[str, Array],
     signals: Mapping[str, Array],
     parameters: Mapping[str, float],
+    *,
     linear: bool | Collection[str],
-    runs: Sequence[Run],
+    runs: Sequence[MeasuredRun],
     outputs: Sequence[str],
-) -> list[tuple[Run, Course, LinearResponse]]:
-    """Linearise every run of a record by itself: nothing that was added in one is felt in another.
+) -> list[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]:
+    """Linearise every run of a record by itself; an addition in one has no effect in another.
 
     Parameters
     ----------
@@ -287,23 +295,26 @@ def responses_of_runs(
         SI, with values of single runs by their names there.
     linear : bool or collection of str
         Inputs that are interpolated between samples instead of held: all, none, or those named.
-    runs : sequence of Run
+    runs : sequence of MeasuredRun
     outputs : sequence of str
         Of which responses are wanted.
 
     Returns
     -------
-    list of tuple of Run, Course and LinearResponse
+    list of tuple of MeasuredRun, Course and LinearResponse
         On each run's own clock.
     """
     layout = laws.graph.layout
     names = [v.name for v in (*layout.states, *layout.discretes)]
-    made = []
+    responses = []
     for run in runs:
         at = run.samples
-        fed = {
-            n: np.broadcast_to(np.asarray(v, dtype=float), len(time))[at] for n, v in inputs.items()
+        inputs_of_run = {
+            name: np.broadcast_to(np.asarray(values, dtype=float), len(time))[at]
+            for name, values in inputs.items()
         }
-        course = Course.of(time[at] - run.ahead, fed, {n: signals[n][at] for n in names}, linear)
-        made.append((run, course, LinearResponse(laws, course, run.values(parameters), outputs)))
-    return made
+        states = {name: signals[name][at] for name in names}
+        course = SimulatedCourse.of(time[at] - run.ahead, inputs_of_run, states, linear)
+        response = LinearResponse(laws, course, run.values(parameters), outputs)
+        responses.append((run, course, response))
+    return responses

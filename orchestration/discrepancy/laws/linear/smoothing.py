@@ -1,8 +1,9 @@
-"""The course of an addition to a law with which a linear model follows a record: a random walk, as calm as will do.
+"""Smoothing: the likeliest random walk, added to a law, with which a model follows a record.
 
-States are bound to the course exactly, and what is measured scatters about them; the normal equations with the
-multipliers of the bonds are sparse, so that a long record costs in proportion to its length (Rauch, Tung, Striebel,
-AIAA Journal 3, 1965, solve the same by recursion; Bell, SIAM J. Optimization 4, 1994, as least squares).
+States are bound to the course exactly, and what is measured scatters about them; the normal
+equations with the multipliers of the bonds are sparse, so that a long record costs in proportion to
+its length (Rauch, Tung, Striebel, AIAA Journal 3, 1965, solve the same by recursion; Bell, SIAM J.
+Optimization 4, 1994, as least squares).
 """
 
 from __future__ import annotations
@@ -19,23 +20,22 @@ from scipy.sparse.linalg import splu
 from orchestration.discrepancy.laws.linear.response import LinearResponse
 
 Array = NDArray[np.float64]
-_STIRRED = np.geomspace(
-    1e-3, 1e3, 7
-)  # how far a course may go over a record, in sizes that explain what is wrong
+# reach of a course over a record, in sizes that explain what is wrong
+_REACHES = np.geomspace(1e-3, 1e3, 7)
 _FARTHEST = 1.0  # that the model's own coordinates may move at once
-_ENOUGH = 1.1  # times the least that any course leaves, which the calmest one may leave
+_ENOUGH = 1.1  # times the least residual of any course, which the smoothest one may leave
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What a run has more than a linear model.
+class TrackingTarget:
+    """The residual of a run that an addition to a law is to explain.
 
     Attributes
     ----------
     response : LinearResponse
         Of the model to what is added to a law.
     outputs : dict of str to ndarray, shape (n,)
-        What they have more; NaN where nothing is known.
+        The residual; NaN where nothing is known.
     slopes : dict of str to ndarray, shape (n, p)
         Derivatives of that by the model's own coordinates, of all runs.
     """
@@ -45,40 +45,44 @@ class Wanted:
     slopes: dict[str, Array]
 
 
-def calmest(
-    runs: Sequence[Wanted], law: str, noise: Mapping[str, float], precision: Array
+def smoothest(
+    runs: Sequence[TrackingTarget], law: str, noise: Mapping[str, float], precision: Array
 ) -> float:
-    """How far a course has to be let go to explain what it can.
+    """Return the reach of the smoothest course that explains what any course can.
 
     Parameters
     ----------
-    runs : sequence of Wanted
+    runs : sequence of TrackingTarget
     law : str
     noise : Mapping of str to float
         Its standard deviation by output.
     precision : ndarray, shape (p,)
-        With which the model's own coordinates are known.
+        Of the model's own coordinates.
 
     Returns
     -------
     float
         In sizes that explain what is wrong.
     """
-    left = np.array([smoothed(runs, law, noise, precision, stirred)[2] for stirred in _STIRRED])
-    return float(_STIRRED[int(np.argmax(left <= _ENOUGH**2 * left.min()))])
+    left = np.array([smoothed(runs, law, noise, precision, reach)[2] for reach in _REACHES])
+    return float(_REACHES[int(np.argmax(left <= _ENOUGH**2 * left.min()))])
 
 
 def smoothed(
-    runs: Sequence[Wanted], law: str, noise: Mapping[str, float], precision: Array, stirred: float
+    runs: Sequence[TrackingTarget],
+    law: str,
+    noise: Mapping[str, float],
+    precision: Array,
+    reach: float,
 ) -> tuple[list[Array], Array, float]:
-    """Find the likeliest random walk of every run, and with them a step of the model's own coordinates.
+    """Estimate the likeliest random walk of every run, and a step of the own coordinates.
 
     Parameters
     ----------
     runs, law, noise, precision
-        See `calmest`.
-    stirred : float
-        How far a course goes over all runs, in sizes that explain what is wrong.
+        See `smoothest`.
+    reach : float
+        Of a course over all runs, in sizes that explain what is wrong.
 
     Returns
     -------
@@ -87,24 +91,16 @@ def smoothed(
     step : ndarray, shape (p,)
         None of them more than one.
     left : float
-        Squares of what they do not explain, in units of the noise; no less than noise leaves in any output.
+        Squares of what they do not explain, in units of the noise; no less than noise leaves in any
+        output.
     """
-    strength = (
-        sum(float(np.nansum((y / noise[o]) ** 2)) for run in runs for o, y in run.outputs.items())
-        ** 0.5
-    )
-    unit = sum(run.response.size(law, noise) ** 2 for run in runs) ** 0.5
-    reach = stirred * (strength / unit if unit and strength else 1.0)
-    duration = sum(float(np.sum(run.response.steps)) for run in runs)
-    solved = [_solved(run, law, noise, duration / reach**2) for run in runs]
+    precision_of_walk = _precision_of_walk(runs, law, noise, reach)
+    solved = [_solved(run, law, noise, precision_of_walk) for run in runs]
     # the coordinates are the border of a sparse matrix, which is eliminated last (Schur)
     matrix = np.diag(precision) + sum(one.matrix for one in solved)
     # the course makes up for what a coordinate may not do
-    step = np.clip(
-        np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)[0],
-        -_FARTHEST,
-        _FARTHEST,
-    )
+    unbounded, *_ = np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)
+    step = np.clip(unbounded, -_FARTHEST, _FARTHEST)
     moved = [one.alone - one.beside @ step for one in solved]
     left = 0.0
     for o, deviation in noise.items():
@@ -118,9 +114,34 @@ def smoothed(
     return [z[:, -1] for z in moved], step, left
 
 
+def _precision_of_walk(
+    runs: Sequence[TrackingTarget], law: str, noise: Mapping[str, float], reach: float
+) -> float:
+    """Return the precision of a random walk over a second, by its reach over all runs."""
+    strength = (
+        sum(float(np.nansum((y / noise[o]) ** 2)) for run in runs for o, y in run.outputs.items())
+        ** 0.5
+    )
+    unit = sum(run.response.size(law, noise) ** 2 for run in runs) ** 0.5
+    size = reach * (strength / unit if unit and strength else 1.0)
+    duration = sum(float(np.sum(run.response.steps)) for run in runs)
+    return duration / size**2
+
+
 @dataclass(frozen=True)
 class _Solved:
-    """States and course without a step (n, k) and per step (n, k, p), and what is left of the step's equations."""
+    """Solution of a run, as far as it does not depend on the step of the own coordinates.
+
+    Attributes
+    ----------
+    alone : ndarray, shape (n, k)
+        States and course without a step.
+    beside : ndarray, shape (n, k, p)
+        Their change per unit of the step.
+    matrix : ndarray, shape (p, p)
+    score : ndarray, shape (p,)
+        Equations of the step, states and course eliminated.
+    """
 
     alone: Array
     beside: Array
@@ -128,45 +149,91 @@ class _Solved:
     score: Array
 
 
-def _solved(run: Wanted, law: str, noise: Mapping[str, float], calm: float) -> _Solved:
-    """Eliminate states and course of a run; calm is the precision of a walk over a second."""
+def _solved(
+    run: TrackingTarget, law: str, noise: Mapping[str, float], precision_of_walk: float
+) -> _Solved:
+    """Eliminate states and course of a run.
+
+    Parameters
+    ----------
+    run : TrackingTarget
+    law : str
+    noise : Mapping of str to float
+        Its standard deviation by output.
+    precision_of_walk : float
+        Over a second.
+    """
     transition, before, after = run.response.step(law)
-    n, size = len(transition) + 1, transition.shape[1] + 1
+    n = len(transition) + 1
+    size = transition.shape[1] + 1
+    equations = _normal_equations(run, law, noise, (n, size))
+    information = equations.information
+    walk = precision_of_walk / run.response.steps
+    information[:-1, -1, -1] += walk
+    information[1:, -1, -1] += walk
+    bonds = _bonds(transition, before, after)
+    normal = sparse.bmat([[_quadratic(information, walk), bonds.T], [bonds, None]], format="csc")
+    flat = equations.border.reshape(n * size, -1)
+    right = np.column_stack([equations.score.ravel(), flat])
+    no_bonds = np.zeros((bonds.shape[0], right.shape[1]))
+    solution = splu(normal).solve(np.vstack([right, no_bonds]))[: n * size]
+    return _Solved(
+        solution[:, 0].reshape(n, size),
+        solution[:, 1:].reshape(n, size, -1),
+        equations.matrix - flat.T @ solution[:, 1:],
+        equations.own - flat.T @ solution[:, 0],
+    )
+
+
+@dataclass(frozen=True)
+class _NormalEquations:
+    """Normal equations of a run for states and course, k together, and p own coordinates.
+
+    Attributes
+    ----------
+    information : ndarray, shape (n, k, k)
+    score : ndarray, shape (n, k)
+        Of states and course.
+    border : ndarray, shape (n, k, p)
+        Between these and the own coordinates.
+    matrix : ndarray, shape (p, p)
+    own : ndarray, shape (p,)
+        Of the own coordinates.
+    """
+
+    information: Array
+    score: Array
+    border: Array
+    matrix: Array
+    own: Array
+
+
+def _normal_equations(
+    run: TrackingTarget, law: str, noise: Mapping[str, float], shape: tuple[int, int]
+) -> _NormalEquations:
+    """Return the normal equations of what was measured, for (n, k) states and course."""
+    n, size = shape
     count = next(iter(run.slopes.values())).shape[1]
-    information, score = np.zeros((n, size, size)), np.zeros((n, size))
-    border, matrix, own = np.zeros((n, size, count)), np.zeros((count, count)), np.zeros(count)
+    information = np.zeros((n, size, size))
+    score = np.zeros((n, size))
+    border = np.zeros((n, size, count))
+    matrix = np.zeros((count, count))
+    own = np.zeros(count)
     for o, y in run.outputs.items():
         known = np.isfinite(y)
         row = np.where(known[:, None], run.response.row(law, o), 0.0) / noise[o]
-        slope, wanted = (
-            np.where(known[:, None], run.slopes[o], 0.0) / noise[o],
-            np.where(known, y, 0.0) / noise[o],
-        )
+        slope = np.where(known[:, None], run.slopes[o], 0.0) / noise[o]
+        wanted = np.where(known, y, 0.0) / noise[o]
         information += row[:, :, None] * row[:, None, :]
         score += row * wanted[:, None]
         border -= row[:, :, None] * slope[:, None, :]
         matrix += slope.T @ slope
         own -= slope.T @ wanted
-    walk = calm / run.response.steps
-    information[:-1, -1, -1] += walk
-    information[1:, -1, -1] += walk
-    bonds = _bonds(transition, before, after)
-    normal = sparse.bmat([[_quadratic(information, walk), bonds.T], [bonds, None]], format="csc")
-    right = np.column_stack([score.ravel(), border.reshape(n * size, count)])
-    found = splu(normal).solve(np.vstack([right, np.zeros((bonds.shape[0], 1 + count))]))[
-        : n * size
-    ]
-    flat = border.reshape(n * size, count)
-    return _Solved(
-        found[:, 0].reshape(n, size),
-        found[:, 1:].reshape(n, size, count),
-        matrix - flat.T @ found[:, 1:],
-        own - flat.T @ found[:, 0],
-    )
+    return _NormalEquations(information, score, border, matrix, own)
 
 
 def _quadratic(information: Array, walk: Array) -> Any:
-    """Matrix of what is minimised: blocks (n, k, k), and the steps of a walk between the last of each."""
+    """Return the matrix of the cost: blocks (n, k, k), and steps of a walk between their last."""
     n, size = information.shape[:2]
     k = np.arange(n)[:, None, None] * size
     i, j = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
@@ -178,10 +245,15 @@ def _quadratic(information: Array, walk: Array) -> Any:
 
 
 def _bonds(transition: Array, before: Array, after: Array) -> Any:
-    """What ties the states of every sample to those before, and to the course; at first nothing has moved."""
-    n, states = len(transition) + 1, transition.shape[1]
+    """Return the bonds of the states of every sample to those before, and to the course.
+
+    At first nothing has moved.
+    """
+    n = len(transition) + 1
+    states = transition.shape[1]
     size = states + 1
-    row, column = np.arange(n)[:, None] * states + np.arange(states), np.arange(n)[:, None] * size
+    row = np.arange(n)[:, None] * states + np.arange(states)
+    column = np.arange(n)[:, None] * size
     own = column + np.arange(states)
     course = np.broadcast_to(column + states, (n, states))
     return _sparse(

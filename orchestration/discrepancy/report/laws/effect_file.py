@@ -1,21 +1,23 @@
-"""A correction of a law as a file of Python: a class of a few lines to read, to change and to lay over the model."""
+"""Python source of corrections: short classes to read, to change and to lay over a model."""
 
 from __future__ import annotations
 
 import inspect
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus.kit import Component, files
-from fmus.kit.corrections import Of
-from fmus.kit.declare import Declaration
+from fmus.kit import Component, Declaration, files
 from orchestration.discrepancy.extended_model import fitted_defaults
-from orchestration.discrepancy.laws.discovery import Correction
+from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report.laws import wording
-from orchestration.discrepancy.report.laws.asked import Asked, signal_of, table_of
+from orchestration.discrepancy.report.laws.law_report import (
+    LawReport,
+    knots_and_values,
+    law_and_signal,
+)
 
 # as the kit computes them: x is the signal, w its width, s its typical size
 FORMULAS = {
@@ -37,11 +39,11 @@ FORMULAS = {
     "lower_stop": "minimum(x + {w}, 0.0)",
 }
 _FUNCTIONS = ("absolute", "clip", "exp", "maximum", "minimum", "smooth_table", "sqrt", "tanh")
-_FAR = 1e9  # nominal values, beyond which a bound is none
-_ROW = 6  # numbers in a line of a table
+_UNBOUNDED = 1e9  # nominal values, beyond which a bound is none
+_NUMBERS_IN_LINE = 6  # of a table
 
 
-def write(asked: Asked, path: Path) -> None:
+def write_effect(law_report: LawReport, path: Path) -> None:
     """Write the file.
 
     Raises
@@ -49,175 +51,257 @@ def write(asked: Asked, path: Path) -> None:
     UserError
         If it cannot be written.
     """
-    files.write(path, source(asked).encode())
+    files.write(path, source(law_report).encode())
 
 
-def source(asked: Asked) -> str:
-    """Return the text of the file: the best correction, and what is beside it."""
-    found = [one.best for one in asked.rounds if one.best is not None]
-    base, last = asked.component, asked.last
-    values = {
-        n: v for one in found for n, v in (one.model.problem.start | one.model.fit.values).items()
-    }
-    values |= last.problem.start | last.fit.values | fitted_defaults(last)
-    for each in asked.rounds:  # what the catalogue knows under another name
-        values |= each.own_values(last)
-    known = {p.name for p in base.layout.parameters}
-    fitted = {n: v for n, v in fitted_defaults(last).items() if n in known}
-    signals = [f"{one.entry.law} over {_words(one)}" for one in found]
-    titles = ["".join(part.title() for part in _id(one).split("_")) for one in found]
-    bodies = [list(_body(base, one, values, k)) for k, one in enumerate(found, start=1)]
-    used = [
-        name
-        for name in _FUNCTIONS
-        if any(re.search(rf"\b{name}\(", line) for body in bodies for line in body)
+def source(law_report: LawReport) -> str:
+    """Return the text of the file: the best correction, and those beside it."""
+    corrections = [each.best for each in law_report.rounds if each.best is not None]
+    values = _fitted_values(law_report)
+    titles = [_class_name(correction) for correction in corrections]
+    bodies = [
+        list(_ClassBody(law_report.component, correction, values, number).lines())
+        for number, correction in enumerate(corrections, start=1)
     ]
-    remembers = any(one.model.effect.layout.states for one in found)
-    kit = sorted(["Effect", "Parameter", *(["State"] if remembers else []), *used], key=str.lower)
-    shapes = any("SHAPES[" in line for body in bodies for line in body)
     lines = [
-        f'"""{" and ".join(signals).capitalize()}: what {base.name} lacks on a record.',
+        *_module_docstring(law_report, corrections, titles),
         "",
-        f"    from fmus.kit import stack\n\n    better = stack({', '.join([base.__name__, *titles])}, defaults=FITTED)",
-        '"""',
+        *_imports(corrections, bodies),
         "",
-        f"from fmus.kit import {', '.join(kit)}",
-        *(["from fmus.kit.curves import SHAPES"] if shapes else []),
-        "",
-        f"# fitted to {asked.result.files!a}: the model's own parameters beside the correction, SI",
-        "FITTED = {",
-        *(f'    "{name}": {_number(value)},' for name, value in fitted.items()),
-        "}",
+        *_fitted_defaults(law_report),
     ]
-    for k, (one, title, body) in enumerate(zip(found, titles, bodies, strict=True), start=1):
-        effect = one.model.effect
+    for number, correction in enumerate(corrections, start=1):
+        effect = correction.model.effect
         lines += [
-            *_table(one, k),
+            *_table_lines(correction, number),
             "",
             "",
-            f"class {title}(Effect):",
-            f'    """{_said(one)}"""',
+            f"class {titles[number - 1]}(Effect):",
+            f'    """{_class_docstring(correction)}"""',
             "",
-            f'    id = "{_id(one)}"',
+            f'    id = "{_effect_id(correction)}"',
             f'    neutral = "{effect.neutral}"',
-            f"    assumption = {_text(str(effect.assumption))}",
+            f"    assumption = {_quote(str(effect.assumption))}",
             "",
-            *body,
+            *bodies[number - 1],
         ]
     return "\n".join(lines) + "\n"
 
 
-def _said(correction: Correction) -> str:
-    factor = " as a factor" if correction.entry.kind == "multiply" else ""
-    text = f"{correction.entry.law} hangs on {_words(correction)}{factor}"
-    return (
-        f"{text}: {wording.shape_name(correction.shape)}."
-        if correction.shape
-        else f"{text}: a table."
-    )
+def _fitted_values(law_report: LawReport) -> dict[str, float]:
+    """Return the values of all parameters, those of the last fit where it has them."""
+    values: dict[str, float] = {}
+    for each in law_report.rounds:
+        if each.best is not None:
+            values |= each.best.model.problem.start | each.best.model.fit.values
+    final = law_report.final_model
+    values |= final.problem.start | final.fit.values | fitted_defaults(final)
+    for each in law_report.rounds:
+        values |= each.correction_values(final)
+    return values
 
 
-def _words(correction: Correction) -> str:
-    """The signal without a time constant, which is a parameter."""
-    return signal_of(correction.model.effect)[1].words
-
-
-def _id(correction: Correction) -> str:
-    """Law and signal, what is remembered of it, and a number where there are several."""
-    return f"{correction.entry.law}_over_{correction.model.effect.term.qualifier}"
-
-
-def _table(correction: Correction, number: int) -> Iterator[str]:
-    """Lines of the constants of a table."""
-    if correction.shape:
-        return
-    for name, numbers in zip(_constants(number), table_of(correction.model.effect), strict=True):
-        yield f"{name} = ("
-        for k in range(0, len(numbers), _ROW):
-            yield f"    {', '.join(map(_number, numbers[k : k + _ROW]))},"
-        yield ")"
-
-
-def _constants(number: int) -> tuple[str, str]:
-    """Names of the knots and the values of a correction."""
-    more = f"_{number}" if number > 1 else ""
-    return f"KNOTS{more}", f"VALUES{more}"
-
-
-def _body(
-    cls: type[Component], correction: Correction, values: dict[str, float], number: int
-) -> Iterator[str]:
-    """Lines of the class: its parameters, what it remembers, and the law."""
-    effect = correction.model.effect
-    kind, layout, (law, of) = correction.entry.kind, effect.layout, signal_of(effect)
-    for p in layout.parameters:
-        if not p.starts:
-            yield f"    {p.name} = Parameter({', '.join([_number(values[p.name]), *_about(p)])})"
-    for state in layout.states:
-        start = _number(values[layout.start_of[state.name]])
-        told = [_text(state.unit), f'rate="{state.rate}"', f"start={start}", *_about(state)[1:]]
-        yield f"    {state.name} = State({', '.join(told)})"
-    arguments = "*arguments" if len(inspect.signature(getattr(cls, law)).parameters) > 1 else ""
-    yield ""
-    yield f"    def {law}(self{', ' if arguments else ''}{arguments}):"
-    yield f"        below = super().{law}({arguments})"
-    is_law = callable(getattr(cls, of.name, None))
-    now = "below" if of.name == law else f"self.{of.name}{'()' if is_law else ''}"
-    memory = next((f"self.{state.name}" for state in layout.states), "")
-    less = f" - {_number(of.zero)}" if of.zero and correction.shape else ""
-    yield f"        x = {f'{now} - {memory}' if of.memory == 'leading' else memory or now}{less}"
-    more = f"self.{effect.neutral} * {_form(correction, of, number)}"
-    yield (
-        f"        return below + {more}"
-        if kind == "add"
-        else f"        return below * (1.0 + {more})"
-    )
-    for state in layout.states:
-        # what is remembered of the law itself is of the law as it is without
-        begin = f"super().{law}()" if of.name == law else now
-        what = f"{begin}**2" if of.memory == "heat" else begin
-        rate = {"integrated": begin, "throughput": f"absolute({begin})"}.get(
-            of.memory, f"({what} - self.{state.name}) / self.{state.name}_constant"
-        )
-        yield from ("", f"    def {state.rate}(self):", f"        return {rate}")
-
-
-def _form(correction: Correction, of: Of, number: int) -> str:
-    """The function of x, with the constant beside it."""
-    beside = f"{correction.model.effect.neutral}_beside"
-    alone = _alone(correction, of, number)
-    return f"({alone} + self.{beside})" if beside in correction.model.effect.declared else alone
-
-
-def _alone(correction: Correction, of: Of, number: int) -> str:
-    if not correction.shape:
-        return f"smooth_table(x, {', '.join(_constants(number))})"
-    width, size = f"self.{correction.model.effect.neutral}_width", _number(of.scale)
-    known = FORMULAS.get(correction.shape)
-    if known is None:
-        has = f"{correction.model.effect.neutral}_width" in correction.model.effect.declared
-        return f'SHAPES["{correction.shape}"].form(x, {width if has else 1.0}, {size})'
-    text = known.format(w=width, s=size)
-    return text if text == "x" or re.fullmatch(r"\w+\([^()]*\)", text) else f"({text})"
-
-
-def _about(declared: Declaration) -> Sequence[str]:
-    """Unit, ends that mean something, typical size and words of a parameter."""
-    bounds = ((name, getattr(declared, name)) for name in ("min", "max"))
-    near = [f"{name}={_number(end)}" for name, end in bounds if abs(end) < _FAR * declared.nominal]
+def _module_docstring(
+    law_report: LawReport, corrections: Sequence[Correction], titles: Sequence[str]
+) -> list[str]:
+    base = law_report.component
+    subjects = " and ".join(f"{each.entry.law} over {_signal_words(each)}" for each in corrections)
+    stacked = ", ".join([base.__name__, *titles])
     return [
-        _text(declared.unit),
-        *near,
-        f"nominal={_number(declared.nominal)}",
-        f"doc={_text(declared.doc)}",
+        f'"""{subjects.capitalize()}: what {base.name} lacks on a record.',
+        "",
+        f"    from fmus.kit import stack\n\n    better = stack({stacked}, defaults=FITTED)",
+        '"""',
     ]
 
 
+def _imports(corrections: Sequence[Correction], bodies: Sequence[Sequence[str]]) -> list[str]:
+    """Return import statements of what the classes need of the kit."""
+    code = "\n".join(line for body in bodies for line in body)
+    names = ["Effect", "Parameter"]
+    if any(correction.model.effect.layout.states for correction in corrections):
+        names.append("State")
+    names += [name for name in _FUNCTIONS if re.search(rf"\b{name}\(", code)]
+    lines = [f"from fmus.kit import {', '.join(sorted(names, key=str.lower))}"]
+    if "SHAPES[" in code:
+        lines.append("from fmus.kit.curves import SHAPES")
+    return lines
+
+
+def _fitted_defaults(law_report: LawReport) -> list[str]:
+    """Return lines of a dictionary of the model's own parameters as they were fitted."""
+    names = {parameter.name for parameter in law_report.component.layout.parameters}
+    fitted = fitted_defaults(law_report.final_model)
+    return [
+        f"# fitted to {law_report.result.files!a}: the model's own parameters beside the"
+        " correction, SI",
+        "FITTED = {",
+        *(f'    "{name}": {_number(value)},' for name, value in fitted.items() if name in names),
+        "}",
+    ]
+
+
+def _class_docstring(correction: Correction) -> str:
+    factor = " as a factor" if correction.entry.kind == "multiply" else ""
+    shape = wording.shape_name(correction.shape) if correction.shape else "a table"
+    return f"{correction.entry.law} hangs on {_signal_words(correction)}{factor}: {shape}."
+
+
+def _signal_words(correction: Correction) -> str:
+    """Return the signal in words, without a time constant, which is a parameter."""
+    return law_and_signal(correction.model.effect)[1].words
+
+
+def _effect_id(correction: Correction) -> str:
+    """Return law and signal, what is remembered of it, and a number where there are several."""
+    return f"{correction.entry.law}_over_{correction.model.effect.term.qualifier}"
+
+
+def _class_name(correction: Correction) -> str:
+    return "".join(word.title() for word in _effect_id(correction).split("_"))
+
+
+def _table_lines(correction: Correction, number: int) -> Iterator[str]:
+    """Yield lines of the constants of a table; none where the correction is a shape."""
+    if correction.shape:
+        return
+    columns = knots_and_values(correction.model.effect)
+    for name, numbers in zip(_table_names(number), columns, strict=True):
+        yield f"{name} = ("
+        for k in range(0, len(numbers), _NUMBERS_IN_LINE):
+            yield f"    {', '.join(map(_number, numbers[k : k + _NUMBERS_IN_LINE]))},"
+        yield ")"
+
+
+def _table_names(number: int) -> tuple[str, str]:
+    """Return the names of the knots and the values of a correction."""
+    suffix = f"_{number}" if number > 1 else ""
+    return f"KNOTS{suffix}", f"VALUES{suffix}"
+
+
+class _ClassBody:
+    """Lines of the class of a correction: its parameters, what it remembers, and the law.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        That it is laid over.
+    correction : Correction
+    values : Mapping of str to float
+        Of its parameters, SI.
+    number : int
+        Of the correction, from 1.
+    """
+
+    def __init__(
+        self,
+        cls: type[Component],
+        correction: Correction,
+        values: Mapping[str, float],
+        number: int,
+    ):
+        self._correction = correction
+        self._effect = correction.model.effect
+        self._values = values
+        self._number = number
+        self._law, self._signal = law_and_signal(self._effect)
+        has_arguments = len(inspect.signature(getattr(cls, self._law)).parameters) > 1
+        self._arguments = "*arguments" if has_arguments else ""
+        is_law = callable(getattr(cls, self._signal.name, None))
+        self._signal_value = f"self.{self._signal.name}{'()' if is_law else ''}"
+
+    def lines(self) -> Iterator[str]:
+        """Yield them from above."""
+        layout = self._effect.layout
+        for parameter in layout.parameters:
+            if not parameter.starts:
+                arguments = [_number(self._values[parameter.name]), *_declared(parameter)]
+                yield f"    {parameter.name} = Parameter({', '.join(arguments)})"
+        for state in layout.states:
+            start = _number(self._values[layout.start_of[state.name]])
+            unit, *others = _declared(state)
+            arguments = [unit, f'rate="{state.rate}"', f"start={start}", *others]
+            yield f"    {state.name} = State({', '.join(arguments)})"
+        yield ""
+        yield from self._law_lines()
+        for state in layout.states:
+            yield ""
+            yield f"    def {state.rate}(self):"
+            yield f"        return {self._rate(state.name)}"
+
+    def _law_lines(self) -> Iterator[str]:
+        parameters = f"self, {self._arguments}" if self._arguments else "self"
+        yield f"    def {self._law}({parameters}):"
+        yield f"        below = super().{self._law}({self._arguments})"
+        yield f"        x = {self._function_argument()}"
+        change = f"self.{self._effect.neutral} * {self._function()}"
+        if self._correction.entry.kind == "add":
+            yield f"        return below + {change}"
+        else:
+            yield f"        return below * (1.0 + {change})"
+
+    def _function_argument(self) -> str:
+        """Return the signal, or what is remembered of it, counted from its zero."""
+        signal = self._signal
+        now = "below" if signal.name == self._law else self._signal_value
+        memory = next((f"self.{state.name}" for state in self._effect.layout.states), "")
+        argument = f"{now} - {memory}" if signal.memory == "leading" else memory or now
+        if signal.zero and self._correction.shape:
+            return f"{argument} - {_number(signal.zero)}"
+        return argument
+
+    def _function(self) -> str:
+        """Return the function of x, with the constant beside it where there is one."""
+        constant = f"{self._effect.neutral}_beside"
+        if constant in self._effect.declared:
+            return f"({self._shape_or_table()} + self.{constant})"
+        return self._shape_or_table()
+
+    def _shape_or_table(self) -> str:
+        shape = self._correction.shape
+        if not shape:
+            return f"smooth_table(x, {', '.join(_table_names(self._number))})"
+        width_name = f"{self._effect.neutral}_width"
+        width = f"self.{width_name}"
+        scale = _number(self._signal.scale)
+        formula = FORMULAS.get(shape)
+        if formula is None:
+            own_width = width if width_name in self._effect.declared else 1.0
+            return f'SHAPES["{shape}"].form(x, {own_width}, {scale})'
+        text = formula.format(w=width, s=scale)
+        is_single = text == "x" or re.fullmatch(r"\w+\([^()]*\)", text)
+        return text if is_single else f"({text})"
+
+    def _rate(self, state: str) -> str:
+        """Return the derivative of what is remembered of the signal."""
+        signal = self._signal
+        # what is remembered of the law itself is of the law as it is without
+        now = f"super().{self._law}()" if signal.name == self._law else self._signal_value
+        if signal.memory == "integrated":
+            return now
+        if signal.memory == "throughput":
+            return f"absolute({now})"
+        target = f"{now}**2" if signal.memory == "heat" else now
+        return f"({target} - self.{state}) / self.{state}_constant"
+
+
+def _declared(declaration: Declaration) -> list[str]:
+    """Return unit, ends that mean something, typical size and words of a parameter or a state."""
+    arguments = [_quote(declaration.unit)]
+    for name in ("min", "max"):
+        end = getattr(declaration, name)
+        if abs(end) < _UNBOUNDED * declaration.nominal:
+            arguments.append(f"{name}={_number(end)}")
+    arguments.append(f"nominal={_number(declaration.nominal)}")
+    arguments.append(f"doc={_quote(declaration.doc)}")
+    return arguments
+
+
 def _number(value: Any) -> str:
-    """A number with as many digits as a simulation can tell."""
+    """Return a number with as many digits as a simulation can tell."""
     return repr(float(f"{float(value):.12g}"))
 
 
-def _text(text: str) -> str:
-    """A text between quotes."""
+def _quote(text: str) -> str:
+    """Return a text between quotes."""
     return json.dumps(text)

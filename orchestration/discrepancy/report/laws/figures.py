@@ -1,132 +1,172 @@
-"""The curve of a correction, and the map of laws over signals, as figures."""
+"""Figures of a correction, drawn as a curve, and of the map of laws over signals."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestration.discrepancy.laws.discovery import Correction
-from orchestration.discrepancy.laws.entry import Entry
+from orchestration.discrepancy.laws import Correction, Entry
+from orchestration.discrepancy.report.html_elements import format_quantities
 from orchestration.discrepancy.report.laws import wording
-from orchestration.discrepancy.report.laws.asked import Asked, named, shape_values
-from orchestration.discrepancy.report.typography import pretty
-from orchestration.reporting import pictures
-from orchestration.reporting.page import Markup, escaped
-from orchestration.reporting.plots import Panel, Trace, heat_map, stacked
+from orchestration.discrepancy.report.laws.law_report import (
+    LawReport,
+    describe_signal,
+    shape_beside_line,
+)
+from orchestration.reporting import Markup, Panel, Trace, escaped, heat_map, pictures, stacked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 _POINTS = 300  # of a curve
-_HIGH = 360  # pixels
-_MOST = 24  # laws, and signals, that a map has room for
-_BAND = "rgba(11,106,162,0.18)"
+_HEIGHT = 360  # pixels
+_LARGEST_MAP = 24  # laws, and signals, that a map has room for
+_BAND_COLOUR = "rgba(11,106,162,0.18)"
 
 
-def _grid(correction: Correction) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Places along the curve, its knots among them, and the curve and its band there."""
-    basis = correction.entry.basis
-    x = np.union1d(np.linspace(basis.knots[0], basis.knots[-1], _POINTS), basis.knots)
-    return x, correction.band_at(x)
+class _Curve(NamedTuple):
+    """A correction with its 95 % band, over values of its signal; each shape (n,), SI."""
+
+    x: Array
+    value: Array
+    low: Array
+    high: Array
 
 
-def titles(asked: Asked, correction: Correction) -> tuple[str, str]:
-    """Of the vertical and of the horizontal axis, with units."""
-    entry, (law, signal) = correction.entry, asked.units(correction)
-    up = f"more in {entry.law}" if entry.kind == "add" else f"factor of {entry.law}, less 1"
-    across = named(entry.signal)
-    return _with(up, law), _with(across, signal)
+def _curve(correction: Correction) -> _Curve:
+    """Return the curve at many places, its knots among them."""
+    knots = correction.entry.basis.knots
+    x = np.union1d(np.linspace(knots[0], knots[-1], _POINTS), knots)
+    return _Curve(x, *correction.band_at(x))
 
 
-def _with(text: str, unit: str) -> str:
-    text = text.replace("_", " ")
+def axis_titles(law_report: LawReport, correction: Correction) -> tuple[str, str]:
+    """Return the titles of the vertical and of the horizontal axis, with units."""
+    entry = correction.entry
+    law_unit, signal_unit = law_report.units(correction)
+    vertical = f"more in {entry.law}" if entry.kind == "add" else f"factor of {entry.law}, less 1"
+    horizontal = describe_signal(entry.signal)
+    return _with_unit(vertical, law_unit), _with_unit(horizontal, signal_unit)
+
+
+def _with_unit(name: str, unit: str) -> str:
+    text = name.replace("_", " ")
     return text if unit == "1" else f"{text} [{unit}]"
 
 
-def curve(asked: Asked, correction: Correction) -> dict[str, Any]:
-    """Return the curve with its band, the shape that it looks like, and where the record has been."""
-    x, (value, low, high) = _grid(correction)
-    none, quiet = {"width": 0, "color": pictures.MODEL}, {"hoverinfo": "skip"}
-    filled = {"fill": "tonexty", "fillcolor": _BAND, "hoverinfo": "skip"}
+def plot_curve(law_report: LawReport, correction: Correction) -> dict[str, Any]:
+    """Draw the curve with its band, its named shape, and where the record has been."""
+    curve = _curve(correction)
+    edge = {"width": 0, "color": pictures.MODEL}
+    filled = {"fill": "tonexty", "fillcolor": _BAND_COLOUR, "hoverinfo": "skip"}
     traces = [
-        Trace("", x, low, none, quiet),
-        Trace("95 % band", x, high, none, filled),
-        Trace("curve", x, value, {"color": pictures.MODEL, "width": 2.5}),
+        Trace("", curve.x, curve.low, edge, {"hoverinfo": "skip"}),
+        Trace("95 % band", curve.x, curve.high, edge, filled),
+        Trace("curve", curve.x, curve.value, {"color": pictures.MODEL, "width": 2.5}),
     ]
-    if (like := shape_values(correction, x)) is not None:
-        text = wording.shape_name(correction.shape)
-        traces.append(
-            Trace(text, x, like, {"color": pictures.FITTED, "width": 1.5, "dash": "dash"})
-        )
-    rug = correction.entry.visited
-    floor = min(float(low.min()), 0.0) - 0.06 * float(high.max() - low.min())
+    shape = shape_beside_line(correction, curve.x)
+    if shape is not None:
+        style = {"color": pictures.FITTED, "width": 1.5, "dash": "dash"}
+        traces.append(Trace(wording.shape_name(correction.shape), curve.x, shape, style))
+    visited = correction.entry.visited
+    lowest = float(curve.low.min())
+    floor = min(lowest, 0.0) - 0.06 * float(curve.high.max() - curve.low.min())
     marker = {"symbol": "line-ns-open", "size": 9, "color": "#52616e"}
     more = {"mode": "markers", "marker": marker, "hoverinfo": "skip"}
-    traces.append(Trace("where the record has been", rug, np.full(len(rug), floor), {}, more))
-    up, across = titles(asked, correction)
-    return stacked([Panel(_titled(up), _HIGH, traces)], _titled(across))
+    at_floor = np.full(len(visited), floor)
+    traces.append(Trace("where the record has been", visited, at_floor, {}, more))
+    vertical, horizontal = axis_titles(law_report, correction)
+    return stacked([Panel(_typeset_title(vertical), _HEIGHT, traces)], _typeset_title(horizontal))
 
 
-def _titled(text: str) -> Markup:
+def _typeset_title(text: str) -> Markup:
+    """Return the title of an axis for a page, its unit as it is printed."""
     name, bracket, unit = text.partition(" [")
-    return Markup(f"{escaped(name)} [{pretty(unit.rstrip(']'))}]") if bracket else escaped(text)
+    if not bracket:
+        return escaped(text)
+    return Markup(f"{escaped(name)} [{format_quantities(unit.rstrip(']'))}]")
 
 
-def law_map(asked: Asked) -> tuple[dict[str, Any], str]:
-    """Return the map of laws over signals, and what is not on it; of what is remembered of a signal the best."""
-    found = asked.found.entries if asked.found else []
-    best: dict[tuple[str, tuple[str, bool]], Entry] = {}
-    for e in found:  # the most telling first
-        best.setdefault((e.law, (e.signal.name, bool(e.signal.memory))), e)
-    laws = list(dict.fromkeys(law for law, _ in best))
-    signals = list(dict.fromkeys(signal for _, signal in best))
-    left = f"{len(laws[_MOST:])} laws and {len(signals[_MOST:])} signals that tell less are not shown. "
-    left = left if len(laws) > _MOST or len(signals) > _MOST else ""
-    laws, signals = laws[:_MOST], signals[:_MOST]
+def plot_law_map(law_report: LawReport) -> tuple[dict[str, Any], str]:
+    """Draw the map of laws over signals; of what is remembered of a signal the best.
+
+    Returns
+    -------
+    figure : dict
+    omitted : str
+        Sentence on what has no room on it; empty where all has.
+    """
+    best = _best_entries(law_report)
+    all_laws = list(dict.fromkeys(law for law, _ in best))
+    all_signals = list(dict.fromkeys(signal for _, signal in best))
+    omitted = ""
+    if len(all_laws) > _LARGEST_MAP or len(all_signals) > _LARGEST_MAP:
+        omitted = (
+            f"{len(all_laws[_LARGEST_MAP:])} laws and {len(all_signals[_LARGEST_MAP:])} signals"
+            " that tell less are not shown. "
+        )
+    laws = all_laws[:_LARGEST_MAP]
+    signals = all_signals[:_LARGEST_MAP]
     evidence = np.full((len(laws), len(signals)), np.nan)
     texts = [["" for _ in signals] for _ in laws]
     for i, law in enumerate(laws):
         for k, signal in enumerate(signals):
-            if (one := best.get((law, signal))) is not None:
-                evidence[i, k] = max(float(one.curve.gain), 1.0)
-                factor = " as a factor" if one.kind == "multiply" else ""
-                texts[i][k] = f"{law}{factor} over {named(one.signal)}: {one.curve.gain:.3g}"
-    columns = [f"{name}{', remembered' if memory else ''}" for name, memory in signals]
-    return heat_map(laws, columns, evidence, texts, "evidence"), left
+            entry = best.get((law, signal))
+            if entry is not None:
+                evidence[i, k] = max(float(entry.curve.gain), 1.0)
+                texts[i][k] = _describe_entry(entry)
+    columns = [f"{name}, remembered" if remembered else name for name, remembered in signals]
+    return heat_map(laws, columns, evidence, texts, "evidence"), omitted
 
 
-def draw(asked: Asked, correction: Correction, path: Path | None = None) -> Figure:
+def _best_entries(law_report: LawReport) -> dict[tuple[str, tuple[str, bool]], Entry]:
+    """Return the best entry for every law and signal, by the law and whether it is remembered."""
+    best: dict[tuple[str, tuple[str, bool]], Entry] = {}
+    entries = law_report.found.entries if law_report.found else []
+    for entry in entries:  # the most telling first
+        best.setdefault((entry.law, (entry.signal.name, bool(entry.signal.memory))), entry)
+    return best
+
+
+def _describe_entry(entry: Entry) -> str:
+    factor = " as a factor" if entry.kind == "multiply" else ""
+    return f"{entry.law}{factor} over {describe_signal(entry.signal)}: {entry.curve.gain:.3g}"
+
+
+def draw_curve(law_report: LawReport, correction: Correction, path: Path | None = None) -> Figure:
     """Draw the curve with its band as a picture.
+
+    Parameters
+    ----------
+    law_report : LawReport
+    correction : Correction
+    path : Path, optional
+        Picture to write.
 
     Raises
     ------
     UserError
         If the file cannot be written.
     """
-    x, (value, low, high) = _grid(correction)
-    figure, (axis,) = pictures.panels(
-        1, f"{correction.entry.law} over {named(correction.entry.signal)}"
-    )
+    curve = _curve(correction)
+    entry = correction.entry
+    figure, (axis,) = pictures.panels(1, f"{entry.law} over {describe_signal(entry.signal)}")
     figure.set_size_inches(7.5, 4.5)
-    axis.fill_between(x, low, high, color=pictures.MODEL, alpha=0.18, lw=0, label="95 % band")
-    axis.plot(x, value, color=pictures.MODEL, lw=2, label="curve")
-    if (like := shape_values(correction, x)) is not None:
-        axis.plot(
-            x,
-            like,
-            color=pictures.FITTED,
-            lw=1.2,
-            ls="--",
-            label=wording.shape_name(correction.shape),
-        )
-    rug = correction.entry.visited
+    axis.fill_between(
+        curve.x, curve.low, curve.high, color=pictures.MODEL, alpha=0.18, lw=0, label="95 % band"
+    )
+    axis.plot(curve.x, curve.value, color=pictures.MODEL, lw=2, label="curve")
+    shape = shape_beside_line(correction, curve.x)
+    if shape is not None:
+        name = wording.shape_name(correction.shape)
+        axis.plot(curve.x, shape, color=pictures.FITTED, lw=1.2, ls="--", label=name)
     axis.plot(
-        rug,
-        np.full(len(rug), 0.02),
+        entry.visited,
+        np.full(len(entry.visited), 0.02),
         "|",
         color="#52616e",
         ms=8,
@@ -134,9 +174,9 @@ def draw(asked: Asked, correction: Correction, path: Path | None = None) -> Figu
         label="where the record has been",
     )
     axis.axhline(0.0, color="#9aa5af", lw=0.8)
-    up, across = titles(asked, correction)
-    axis.set_ylabel(up)
-    axis.set_xlabel(across)
+    vertical, horizontal = axis_titles(law_report, correction)
+    axis.set_ylabel(vertical)
+    axis.set_xlabel(horizontal)
     axis.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
     )

@@ -1,25 +1,34 @@
-"""The report on a model's laws: one page that says what they lack, shows the curve, and lets others check it."""
+"""The page about the laws of a model, and its sections, which the page of a diagnosis shows too."""
 
 from __future__ import annotations
 
-from orchestration.discrepancy.laws.discovery import Correction
-from orchestration.discrepancy.report import elements, typography
+from orchestration.discrepancy.laws import Correction
+from orchestration.discrepancy.report import html_elements
 from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED
-from orchestration.discrepancy.report.laws import sections, wording
-from orchestration.discrepancy.report.laws.asked import Asked, shape_estimates, verdict
-from orchestration.discrepancy.report.page import data, reproduce
-from orchestration.discrepancy.report.wording import message
-from orchestration.discrepancy.validation.estimates import estimates
-from orchestration.identify.estimate import Estimate
-from orchestration.reporting.page import Markup, Page
+from orchestration.discrepancy.report.html_elements import Bar, format_quantities
+from orchestration.discrepancy.report.laws import figures, wording
+from orchestration.discrepancy.report.laws.formula import typeset_equation
+from orchestration.discrepancy.report.laws.law_report import (
+    LawReport,
+    describe_signal,
+    is_confirmed,
+    law_and_signal,
+    shape_estimates,
+    shape_formula,
+)
+from orchestration.discrepancy.report.sections import add_data, add_notes, add_reproduction
+from orchestration.discrepancy.validation import parameter_estimates
+from orchestration.reporting import Markup, Page, escaped
+
+_CHIPS = {"confirmed": "named", "refuted": "cause", "not confirmed": "ambiguous", "not asked": ""}
 
 
-def page(asked: Asked, command: str) -> Page:
+def laws_page(law_report: LawReport, command: str) -> Page:
     """Make the page.
 
     Parameters
     ----------
-    asked : Asked
+    law_report : LawReport
     command : str
         That made it, to be repeated.
 
@@ -27,74 +36,178 @@ def page(asked: Asked, command: str) -> Page:
     -------
     Page
     """
-    result, best = asked.result, asked.best
-    said = wording.said_of(best) if best else "consistent"
-    chip = elements.chip(sections.CHIPS.get(said, "consistent"), said if best else "nothing found")
-    text = Markup(f"{chip} {typography.pretty(wording.sentence(asked))}")
-    made = Page(f"The laws of {result.model.name} against {result.files}", text, elements.STYLE)
-    sections.laws(made, asked)
-    for each in asked.rounds:
+    result = law_report.result
+    title = f"The laws of {result.model.name} against {result.files}"
+    page = Page(title, _verdict(law_report), html_elements.STYLE)
+    add_laws(page, law_report)
+    for each in law_report.rounds:
         if each.best is not None:
             if each.best.errors[0]:
-                _errors(made, each, each.best)
-            _parameters(made, each, each.best)
-    made.heading("What to do next")
-    made.items(wording.next_steps(asked))
-    if result.notes:
-        made.heading("What could not be judged")
-        made.items([message(note) for note in result.notes])
-    read = [*result.records, *result.holdouts]
-    data(made, read)
-    reproduce(made, read, command)
-    return made
+                _add_errors(page, each, each.best)
+            _add_parameters(page, each, each.best)
+    page.heading("What to do next")
+    page.items(wording.next_steps(law_report))
+    add_notes(page, result)
+    records = [*result.records, *result.holdouts]
+    add_data(page, records)
+    add_reproduction(page, records, command)
+    return page
 
 
-def _errors(made: Page, asked: Asked, best: Correction) -> None:
-    """How far off the model is without and with it."""
-    made.heading(f"Error on data that no fit has seen{sections.beside(asked)}")
-    before, after = best.errors
-    for output in before:
-        sizes = (
-            ("without", COLOURS[REFITTED], before[output]),
-            ("with it", COLOURS[EXTENDED], after[output]),
+def _verdict(law_report: LawReport) -> Markup:
+    if law_report.best is None:
+        chip = html_elements.chip("consistent", "nothing found")
+    else:
+        outcome = wording.unseen_data_outcome(law_report.best)
+        chip = html_elements.chip(_CHIPS[outcome], outcome)
+    return Markup(f"{chip} {format_quantities(wording.sentence(law_report))}")
+
+
+def add_laws(page: Page, law_report: LawReport) -> None:
+    """Add curve, map and corrections, and the same again beside each correction confirmed."""
+    for each in law_report.rounds:
+        if each.best is not None:
+            _add_curve(page, each, each.best)
+        if each.found is not None and len({entry.key for entry in each.found.entries}) > 1:
+            _add_law_map(page, each)
+        if each.best is not None:
+            _add_corrections(page, each)
+
+
+def _add_curve(page: Page, law_report: LawReport, best: Correction) -> None:
+    """Add the curve of the best correction, with the law that it makes."""
+    entry = best.entry
+    page.heading(f"{entry.law} over {describe_signal(entry.signal)}{_beside(law_report)}")
+    is_not_signal = bool(entry.signal.memory or law_and_signal(best.model.effect)[1].zero)
+    page.parts.append(
+        typeset_equation(
+            entry.law, entry.signal.name, entry.kind, shape_formula(best), is_not_signal
         )
-        made.parts.append(
-            elements.bars(
-                output,
-                [(name, colour, size, wording.percent(size)) for name, colour, size in sizes],
-            )
+    )
+    relation = "plus 1 is what the law is multiplied with"
+    if entry.kind == "add":
+        relation = "is added to what the model says"
+    dashed = ""
+    if best.shape:
+        dashed = (
+            f" The dashed line is {wording.shape_name(best.shape)} as it was fitted, beside the"
+            " straight line that is nearest, which the model's own parameters may make up."
         )
-    made.parts.append(
-        elements.aside(
-            "Root mean square of measured minus simulated, in percent of that of the measurement about its mean; all "
-            "parameters are fitted without it, and once more with it."
+    page.plot(
+        figures.plot_curve(law_report, best),
+        f"What {entry.law} lacks {relation}, with its 95 % band. The model's own parameters are"
+        " fitted beside it, and what they can do may be in them as well as in the curve, such as a"
+        f" straight part.{dashed}",
+    )
+
+
+def _add_law_map(page: Page, law_report: LawReport) -> None:
+    """Add the map of every law over every signal."""
+    page.heading(f"Which law over which signal{_beside(law_report)}")
+    plot, omitted = figures.plot_law_map(law_report)
+    chance = law_report.found.chance if law_report.found else 0.0
+    best_by_chance = f"would reach {chance:.3g}" if chance > 0.0 else "would explain nothing"
+    page.plot(
+        plot,
+        "How much a curve there would explain, to first order: the fall of twice the logarithm of"
+        " the likelihood, less the price of the curve. What is remembered is the best of its lags"
+        f" and integrals. {omitted}Where nothing is hidden, the best of all {best_by_chance} in 19"
+        f" records of 20.{wording.describe_smoothing(law_report)}",
+    )
+
+
+def _add_corrections(page: Page, law_report: LawReport) -> None:
+    """Add a table of the corrections that were fitted."""
+    page.heading(f"Corrections that were fitted{_beside(law_report)}")
+    largest = max(correction.gain for correction in law_report.corrections)
+    page.table(
+        ["law and signal", "fall of BIC", "looks like", "unseen data", "cannot be told from"],
+        [_correction_row(law_report, each, largest) for each in law_report.corrections],
+    )
+    page.parts.append(
+        html_elements.muted_paragraph(
+            "Every correction is fitted in the model together with all parameters. The fall of BIC"
+            " is less the price of looking at so many. Only the first one is held against unseen"
+            " data."
         )
     )
 
 
-def _parameters(made: Page, asked: Asked, best: Correction) -> None:
-    """Values beside each other: without the correction, and with it."""
-    made.heading(f"Parameters{sections.beside(asked)}")
-    own, declared = shape_estimates(best), best.model.problem.declared
-    base, rows = asked.base.fit.values, []
-    for name, e in {**own, **estimates(best.model)}.items():
-        unit = wording.unit_text(asked, best, e) if name in own else e.unit
-        without = _value(base[name], unit) if name in base else ""
-        rows.append(
-            [elements.two(name, declared[name].doc), _value(e.value, unit), _interval(e), without]
+def _correction_row(law_report: LawReport, correction: Correction, largest: float) -> list[str]:
+    """Return the cells of a correction; its gain is drawn relative to the largest."""
+    entry = correction.entry
+    factor = ", as a factor" if entry.kind == "multiply" else ""
+    shape = "a curve"
+    if correction.shape:
+        amounts = wording.describe_amounts(law_report, correction)
+        formula = f"{shape_formula(correction)} with {amounts}"
+        shape = html_elements.two_lines(wording.shape_name(correction.shape), formula)
+    outcome = wording.unseen_data_outcome(correction)
+    indistinguishable = law_report.indistinguishable(correction)
+    others = "<br>".join(map(escaped, indistinguishable))
+    return [
+        html_elements.two_lines(
+            f"{entry.law} over {describe_signal(entry.signal)}",
+            law_report.effect_name(correction) + factor,
+        ),
+        html_elements.number_above_bar(correction.gain, largest),
+        shape,
+        html_elements.chip(_CHIPS[outcome], outcome),
+        Markup(f'<span class="two">{others}</span>') if indistinguishable else "",
+    ]
+
+
+def _add_errors(page: Page, law_report: LawReport, best: Correction) -> None:
+    """Add how far off the model is without the correction and with it."""
+    page.heading(f"Error on data that no fit has seen{_beside(law_report)}")
+    before, after = best.errors
+    for output in before:
+        bars = [
+            Bar(
+                "without", COLOURS[REFITTED], before[output], wording.format_percent(before[output])
+            ),
+            Bar("with it", COLOURS[EXTENDED], after[output], wording.format_percent(after[output])),
+        ]
+        page.parts.append(html_elements.bar_chart(output, bars))
+    page.parts.append(
+        html_elements.muted_paragraph(
+            "Root mean square of measured minus simulated, in percent of that of the measurement"
+            " about its mean; all parameters are fitted without it, and once more with it."
         )
-    made.table(["parameter", "with the correction", "95 % interval", "without"], rows)
-    if not verdict(best):
-        made.parts.append(
-            elements.aside(
+    )
+
+
+def _add_parameters(page: Page, law_report: LawReport, best: Correction) -> None:
+    """Add the parameters with the correction and without it."""
+    page.heading(f"Parameters{_beside(law_report)}")
+    own = shape_estimates(best)
+    declared = best.model.problem.declared
+    base_values = law_report.base_model.fit.values
+    rows = []
+    for name, e in {**own, **parameter_estimates(best.model)}.items():
+        unit = wording.parameter_unit(law_report, best, e) if name in own else e.unit
+        interval = " … ".join(f"{end:.4g}" for end in e.interval)
+        rows.append(
+            [
+                html_elements.two_lines(name, declared[name].doc),
+                _format_value(e.value, unit),
+                format_quantities(interval),
+                _format_value(base_values[name], unit) if name in base_values else "",
+            ]
+        )
+    page.table(["parameter", "with the correction", "95 % interval", "without"], rows)
+    if not is_confirmed(best):
+        page.parts.append(
+            html_elements.muted_paragraph(
                 "Unseen data do not confirm the correction: go on with those without it."
             )
         )
 
 
-def _value(value: float, unit: str) -> Markup:
-    return typography.pretty(f"{value:.4g}" + ("" if unit == "1" else f" {unit}"))
+def _format_value(value: float, unit: str) -> Markup:
+    return format_quantities(f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}")
 
 
-def _interval(e: Estimate) -> Markup:
-    return typography.pretty(" … ".join(f"{end:.4g}" for end in e.interval))
+def _beside(law_report: LawReport) -> str:
+    """Return what the model has already, for a heading."""
+    return f", beside {' and '.join(law_report.causes)}" if law_report.causes else ""

@@ -1,64 +1,98 @@
-"""What a model's laws lack, ready for JSON."""
+"""Corrections of a model's laws as dictionaries, ready for JSON."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from orchestration.discrepancy.laws.discovery import Correction
+from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report.laws import wording
-from orchestration.discrepancy.report.laws.asked import Asked, shape_estimates, verdict
+from orchestration.discrepancy.report.laws.law_report import (
+    LawReport,
+    is_confirmed,
+    shape_estimates,
+)
 from orchestration.discrepancy.report.wording import message
-from orchestration.identify.metrics import number
+from orchestration.identify import finite_or_none
 
 
-def law_map(asked: Asked) -> list[dict[str, Any]]:
-    """Every correction, best first, and then those beside it; numbers SI, no NaN nor infinity (null instead)."""
-    return [_correction(each, one) for each in asked.rounds for one in each.corrections]
+def law_map(law_report: LawReport) -> list[dict[str, Any]]:
+    """Return every correction, the best first, and then those beside it.
+
+    Parameters
+    ----------
+    law_report : LawReport
+
+    Returns
+    -------
+    list of dict
+        Numbers SI, no NaN nor infinity (null instead).
+    """
+    return [
+        _correction(each, correction)
+        for each in law_report.rounds
+        for correction in each.corrections
+    ]
 
 
-def summary(asked: Asked) -> dict[str, Any]:
-    """Gather the figures of a look at laws."""
-    last = asked.rounds[-1]
-    before = asked.best.errors[0] if asked.best else {}
-    after = last.best.errors[1] if last.best else {}
+def laws_summary(law_report: LawReport) -> dict[str, Any]:
+    """Return the figures that ``ppy laws --json`` writes.
+
+    Parameters
+    ----------
+    law_report : LawReport
+
+    Returns
+    -------
+    dict
+        Numbers SI, no NaN nor infinity (null instead).
+    """
+    result = law_report.result
+    last_best = law_report.rounds[-1].best
+    before = law_report.best.errors[0] if law_report.best else {}
+    after = last_best.errors[1] if last_best else {}
     return {
-        "sentence": wording.sentence(asked),
-        "law_map": law_map(asked),
+        "sentence": wording.sentence(law_report),
+        "law_map": law_map(law_report),
         "spectrum": [
-            {"constant": constant, "amount": amount} for constant, amount in asked.spectrum
+            {"constant": constant, "amount": amount} for constant, amount in law_report.relaxations
         ],
         "errors": {
-            "holdout_nrmse_before": {o: number(e) for o, e in before.items()},
-            "holdout_nrmse_after": {o: number(e) for o, e in after.items()},
+            "holdout_nrmse_before": {
+                output: finite_or_none(error) for output, error in before.items()
+            },
+            "holdout_nrmse_after": {
+                output: finite_or_none(error) for output, error in after.items()
+            },
         },
-        "looked_at": len(asked.found.entries) if asked.found else 0,
-        "causes": asked.causes,
-        "parameters": {name: e.to_dict() for name, e in asked.result.diagnosis.estimates.items()},
+        "looked_at": len(law_report.found.entries) if law_report.found else 0,
+        "causes": law_report.causes,
+        "parameters": {name: e.to_dict() for name, e in result.diagnosis.estimates.items()},
         "notes": [
             {"code": str(note.code), "subject": note.subject, "message": message(note)}
-            for note in asked.result.notes
+            for note in result.notes
         ],
     }
 
 
-def _correction(asked: Asked, one: Correction) -> dict[str, Any]:
-    entry = one.entry
-    values, low, high = one.band
-    law, signal = asked.units(one)
-    curve = {"x": entry.basis.knots, "y": values, "low": low, "high": high}
+def _correction(law_report: LawReport, correction: Correction) -> dict[str, Any]:
+    entry = correction.entry
+    values, low, high = correction.band
+    law_unit, signal_unit = law_report.units(correction)
+    columns = {"x": entry.basis.knots, "y": values, "low": low, "high": high}
+    curve = {name: [finite_or_none(float(v)) for v in column] for name, column in columns.items()}
     return {
-        "effect": asked.effect(one),
+        "effect": law_report.effect_name(correction),
         "law": entry.law,
         "signal": entry.signal.name,
         "memory": entry.signal.memory,
         "constant": float(entry.signal.constant),
         "kind": entry.kind,
-        "delta_bic": float(one.gain),
-        "shape": one.shape,
-        "parameters": {name: e.to_dict() for name, e in shape_estimates(one).items()},
-        "curve": {name: [number(float(v)) for v in of] for name, of in curve.items()},
-        "units": {"law": law, "signal": signal},
-        "confirmed": verdict(one),
-        "alike": asked.alike(one),
-        "beside": asked.causes,
+        "delta_bic": float(correction.gain),
+        "shape": correction.shape,
+        "parameters": {name: e.to_dict() for name, e in shape_estimates(correction).items()},
+        "curve": curve,
+        "units": {"law": law_unit, "signal": signal_unit},
+        "confirmed": is_confirmed(correction),
+        "alike": law_report.indistinguishable(correction),
+        "beside": law_report.causes,
     }

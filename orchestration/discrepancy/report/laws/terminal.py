@@ -1,78 +1,73 @@
-"""What a model's laws lack, on a terminal: a sentence, and tables of corrections, errors and parameters."""
+"""Corrections of a model's laws on a terminal: a sentence, and tables of errors and parameters."""
 
 from __future__ import annotations
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report.laws import wording
-from orchestration.discrepancy.report.laws.asked import Asked, named, shape_estimates
+from orchestration.discrepancy.report.laws.law_report import (
+    LawReport,
+    describe_signal,
+    shape_estimates,
+)
 from orchestration.discrepancy.report.wording import message
-from orchestration.reporting.console import plain_table
+from orchestration.reporting import plain_table
 
 
-def overview(asked: Asked) -> Group:
+def overview(law_report: LawReport) -> Group:
     """Return what ``ppy laws`` prints."""
-    parts: list[RenderableType] = [Text(wording.sentence(asked), "bold")]
-    parts += [Text(message(note)) for note in asked.result.notes]
-    for each in asked.rounds:
+    parts: list[RenderableType] = [Text(wording.sentence(law_report), "bold")]
+    parts += [Text(message(note)) for note in law_report.result.notes]
+    for each in law_report.rounds:
         if each.best is not None:
             parts += [Text(), corrections(each)]
             if each.best.errors[0]:
-                parts += [Text(), _errors(each)]
-            parts += [Text(), _parameters(each)]
-    parts += [Text(), *(Text(line) for line in wording.next_steps(asked))]
+                parts += [Text(), _errors(each.best)]
+            parts += [Text(), _parameters(each, each.best)]
+    parts += [Text(), *(Text(step) for step in wording.next_steps(law_report))]
     return Group(*parts)
 
 
-def corrections(asked: Asked) -> RenderableType:
-    """Table of what was fitted, the best first."""
-    beside = f" beside {' and '.join(asked.causes)}" if asked.causes else ""
-    table = plain_table(
-        f"corrections{beside}",
-        "effect",
-        "law",
-        "signal",
-        "fall of BIC",
-        "shape",
-        "unseen data",
-        "alike",
-    )
-    for one in asked.corrections:
-        law = f"{one.entry.law}{' (factor)' if one.entry.kind == 'multiply' else ''}"
-        alike = asked.alike(one)
-        more = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
+def corrections(law_report: LawReport) -> RenderableType:
+    """Return a table of the corrections that were fitted, the best first."""
+    beside = f" beside {' and '.join(law_report.causes)}" if law_report.causes else ""
+    head = ["effect", "law", "signal", "fall of BIC", "shape", "unseen data", "alike"]
+    table = plain_table(f"corrections{beside}", *head)
+    for correction in law_report.corrections:
+        entry = correction.entry
+        factor = " (factor)" if entry.kind == "multiply" else ""
         table.add_row(
-            asked.effect(one),
-            law,
-            named(one.entry.signal),
-            f"{one.gain:.1f}",
-            one.shape or "a curve",
-            wording.said_of(one),
-            "".join(alike[:1]) + more,
+            law_report.effect_name(correction),
+            f"{entry.law}{factor}",
+            describe_signal(entry.signal),
+            f"{correction.gain:.1f}",
+            correction.shape or "a curve",
+            wording.unseen_data_outcome(correction),
+            _abbreviate(law_report.indistinguishable(correction)),
         )
     return table
 
 
-def _errors(asked: Asked) -> RenderableType:
-    table = plain_table(
-        "error on data that no fit has seen, rms over the spread of the signal",
-        "output",
-        "without",
-        "with it",
-    )
-    if asked.best is not None:
-        for row in wording.error_rows(asked.best):
-            table.add_row(*row)
+def _abbreviate(labels: list[str]) -> str:
+    """Return the first of several labels, and how many more there are."""
+    more = f" and {len(labels) - 1} more" if len(labels) > 1 else ""
+    return "".join(labels[:1]) + more
+
+
+def _errors(best: Correction) -> RenderableType:
+    title = "error on data that no fit has seen, rms over the spread of the signal"
+    table = plain_table(title, "output", "without", "with it")
+    for row in wording.error_rows(best):
+        table.add_row(*row)
     return table
 
 
-def _parameters(asked: Asked) -> RenderableType:
-    best = asked.best
+def _parameters(law_report: LawReport, best: Correction) -> RenderableType:
     table = plain_table("parameters of the correction", "name", "value", "95 % interval", "unit")
-    for name, e in shape_estimates(best).items() if best else ():
+    for name, e in shape_estimates(best).items():
         interval = " … ".join(f"{end:.4g}" for end in e.interval)
-        table.add_row(
-            name, f"{e.value:.4g}", interval, wording.unit_text(asked, best, e) if best else ""
-        )
+        unit = wording.parameter_unit(law_report, best, e)
+        table.add_row(name, f"{e.value:.4g}", interval, unit)
     return table

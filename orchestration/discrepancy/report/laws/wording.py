@@ -1,33 +1,37 @@
-"""What a model's laws lack, in the words of an engineer."""
+"""Sentences on what the laws of a model lack, in the words of an engineer."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from orchestration.discrepancy.laws.discovery import Correction
-from orchestration.discrepancy.laws.signals import Signal
+from orchestration.discrepancy.laws import Correction, LawSignal, unit_of
+from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.laws.asked import (
-    Asked,
-    formula,
-    named,
+from orchestration.discrepancy.report.html_elements import format_quantities
+from orchestration.discrepancy.report.laws.law_report import (
+    LawReport,
+    describe_signal,
+    fitted_shape,
+    format_with_unit,
+    is_confirmed,
+    is_refuted,
+    law_and_signal,
     plain_unit,
-    refuted,
     shape_estimates,
-    signal_of,
+    shape_formula,
+    shape_width,
     signal_unit,
-    unit_of,
-    verdict,
-    with_unit,
 )
-from orchestration.discrepancy.report.laws.quantities import quantities
-from orchestration.identify.estimate import Estimate
+from orchestration.identify.uncertainty import Estimate
+from orchestration.reporting import Markup, escaped
 
-NOTHING = "No law is found to lack anything."
+Array = NDArray[np.float64]
+_NOTHING = "No law is found to lack anything."
 _LETTERS = {"": "a", "_width": "w", "_beside": "b"}  # by what the name of a parameter ends with
-_NAMES = {
+_SHAPES = {
     "linear": "a straight line",
     "asymmetric": "a magnitude",
     "quadratic": "a square",
@@ -45,194 +49,310 @@ _NAMES = {
     "sign_beyond": "a sign beyond a dead zone",
     "levelling": "a line with a flat middle",
 }
+# by shape, where it bends; other shapes have no width, or none that can be seen
+_BENDS = {
+    "saturating": "levels off beyond about {width}",
+    "exponential": "grows e times with every {width}",
+    "stribeck": "falls off beyond about {width}",
+    "levelling": "sets in beyond about {width} on either side",
+    "sign_beyond": "sets in beyond {width} on either side",
+    "stops": "sets in beyond {width} on either side",
+    "weir": "sets in above {width}",
+    "upper_stop": "sets in above {width}",
+    "lower_stop": "sets in below {below}",
+}
+_WIDTH_IS_PLACE = ("weir", "upper_stop", "lower_stop")  # not a distance from zero on either side
+# ratio of the effects at both ends of a signal, from which on that at the upper end is stated
+_AS_LARGE = 0.9
 _BROAD = 10.0  # ratio of the time constants of a spectrum, from which on it is broad
 _WIDE = 0.5  # of what the curve spans, from which on its band is wide
 
 
-def sentence(asked: Asked) -> str:
-    """What was found, with what unseen data say of it."""
-    return " ".join(filter(None, (*map(_sentence, asked.rounds), _spectrum(asked))))
+def headline(result: Result) -> str:
+    """Return what a law lacks, if anything, the verdict, and the notes to be read with it."""
+    parts = (_lacking(result), wording.headline(result))
+    return " ".join(part for part in parts if part)
 
 
-def _spectrum(asked: Asked) -> str:
-    """What several relaxations are together."""
-    spectrum, best = asked.spectrum, asked.best
-    if len(spectrum) < 2 or best is None:
+def typeset_headline(result: Result) -> Markup:
+    """Return the same for a page, with quantities of the law as they are printed."""
+    parts = (format_quantities(_lacking(result)), escaped(wording.headline(result)))
+    return Markup(" ".join(part for part in parts if part))
+
+
+def _lacking(result: Result) -> str:
+    """Return what a law lacks and which causes that replaces; empty if no law lacks anything."""
+    law_report = LawReport(result, result.laws)
+    if law_report.best is None:
         return ""
-    law, signal = asked.units(best)
+    replaced = [cause for cause in law_report.causes if cause not in result.diagnosis.causes]
+    text = sentence(law_report)
+    return f"{text} It takes the place of {' and '.join(replaced)}." if replaced else text
+
+
+def sentence(law_report: LawReport) -> str:
+    """Return what the laws lack, with what unseen data say of it."""
+    rounds = [_round_sentence(each) for each in law_report.rounds]
+    parts = [*rounds, _relaxations_sentence(law_report)]
+    return " ".join(part for part in parts if part)
+
+
+def _relaxations_sentence(law_report: LawReport) -> str:
+    """Return what several relaxations are together; empty if there are not several."""
+    relaxations = law_report.relaxations
+    if len(relaxations) < 2 or law_report.best is None:
+        return ""
+    law, signal = law_report.units(law_report.best)
     unit = law if signal == "1" else f"{law}/{signal}"
-    parts = [f"{amount:.3g} {unit} at {constant:.3g} s" for constant, amount in spectrum]
-    broad = len(spectrum) > 2 and spectrum[-1][0] > _BROAD * spectrum[0][0]
-    return f"Together these are relaxations of {', '.join(parts[:-1])} and {parts[-1]}" + (
-        ": a broad spectrum, such as diffusion has." if broad else "."
-    )
+    parts = [f"{amount:.3g} {unit} at {constant:.3g} s" for constant, amount in relaxations]
+    text = f"Together these are relaxations of {', '.join(parts[:-1])} and {parts[-1]}"
+    shortest, _ = relaxations[0]
+    longest, _ = relaxations[-1]
+    if len(relaxations) > 2 and longest > _BROAD * shortest:
+        return f"{text}: a broad spectrum, such as diffusion has."
+    return f"{text}."
 
 
-def _sentence(asked: Asked) -> str:
-    best = asked.best
-    if asked.found is None:
-        return wording.sentence(asked.result.diagnosis)
-    beside = f"Beside {' and '.join(asked.causes)}: " if asked.causes else ""
+def _round_sentence(law_report: LawReport) -> str:
+    """Return what the laws lack beside the effects that the model has already."""
+    if law_report.found is None:
+        return wording.sentence(law_report.result.diagnosis)
+    best = law_report.best
+    causes = law_report.causes
     if best is None:
-        return beside + (f"{NOTHING[:1].lower()}{NOTHING[1:]}" if beside else NOTHING)
+        if not causes:
+            return _NOTHING
+        return f"Beside {' and '.join(causes)}: {_NOTHING[:1].lower()}{_NOTHING[1:]}"
+    beside = f"Beside {' and '.join(causes)}: " if causes else ""
     entry = best.entry
-    if verdict(best):
-        factor = ", as a factor," if entry.kind == "multiply" else ""
-        said = f"{entry.law} depends on {named(entry.signal)}{factor} beyond what the model has"
-        return f"{beside}{said}: {looks(asked, best)}; {errors(best)}."
-    why = f"data that no fit has seen {'speak against it' if refuted(best) else 'tell too little of it'}"
+    signal = describe_signal(entry.signal)
+    is_factor = entry.kind == "multiply"
+    shape = describe_shape(law_report, best)
+    if is_confirmed(best):
+        factor = ", as a factor," if is_factor else ""
+        return (
+            f"{beside}{entry.law} depends on {signal}{factor} beyond what the model has: {shape};"
+            f" {describe_errors(best)}."
+        )
+    factor = " as a factor" if is_factor else ""
+    outcome = "speak against it" if is_refuted(best) else "tell too little of it"
     return (
-        f"{beside}{entry.law}{' as a factor' if entry.kind == 'multiply' else ''} over {named(entry.signal)} would be "
-        f"worth looking at ({looks(asked, best)}), but {why}."
+        f"{beside}{entry.law}{factor} over {signal} would be worth looking at ({shape}), but data"
+        f" that no fit has seen {outcome}."
     )
 
 
-def looks(asked: Asked, correction: Correction) -> str:
-    """Which shape a correction has, in quantities that mean something."""
-    comes_to = quantities(asked, correction)
+def describe_shape(law_report: LawReport, correction: Correction) -> str:
+    """Return which shape a correction has, in quantities that mean something."""
+    quantities = describe_quantities(law_report, correction)
     if not correction.shape:
-        return f"it looks like no simple shape, is given as a curve, and {comes_to}"
+        return f"it looks like no simple shape, is given as a curve, and {quantities}"
     return (
-        f"it looks like {shape_name(correction.shape)}, which {comes_to} "
-        f"({formula(correction)} with {amounts(asked, correction)})"
+        f"it looks like {shape_name(correction.shape)}, which {quantities} "
+        f"({shape_formula(correction)} with {describe_amounts(law_report, correction)})"
     )
+
+
+def describe_quantities(law_report: LawReport, correction: Correction) -> str:
+    """Return where a correction bends, and its effect where the record goes farthest.
+
+    Parameters
+    ----------
+    law_report : LawReport
+    correction : Correction
+
+    Returns
+    -------
+    str
+        Such as ``levels off beyond about 2.1 rad/s, and makes 0.0098 N*m more at 95 rad/s``.
+    """
+    bend = _describe_bend(law_report, correction)
+    effect = _describe_effect(law_report, correction)
+    return f"{bend}, and {effect}" if bend else effect
+
+
+def _describe_effect(law_report: LawReport, correction: Correction) -> str:
+    """Return what a correction makes of its law at that end of its signal where it is largest."""
+    law, signal = law_report.units(correction)
+    entry = correction.entry
+    ends = np.array([entry.visited.min(), entry.visited.max()])
+    effects = _evaluate(correction, ends)
+    farthest = 1 if abs(effects[1]) >= _AS_LARGE * abs(effects[0]) else 0
+    amount = float(effects[farthest])
+    share = f"{100.0 * abs(amount):.3g} %"
+    size = share if entry.kind == "multiply" else format_with_unit(abs(amount), law)
+    place = format_with_unit(float(ends[farthest]), signal)
+    return f"makes {size} {'less' if amount < 0.0 else 'more'} at {place}"
+
+
+def _evaluate(correction: Correction, x: Array) -> Array:
+    """Return the correction, its shape or else its curve, at values of its signal, shape (n,)."""
+    shape = fitted_shape(correction)
+    if shape is not None:
+        return shape(x)
+    return np.interp(x, correction.entry.basis.knots, correction.band[0])
+
+
+def _describe_bend(law_report: LawReport, correction: Correction) -> str:
+    """Return where the shape of a correction bends; empty if it has no such place."""
+    template = _BENDS.get(correction.shape, "")
+    width = shape_width(correction)
+    if not template or width is None:
+        return ""
+    _, unit = law_report.units(correction)
+    zero = law_and_signal(correction.model.effect)[1].zero
+    is_place = correction.shape in _WIDTH_IS_PLACE
+    bend = template.format(
+        width=format_with_unit(zero + width if is_place else width, unit),
+        below=format_with_unit(zero - width, unit),
+    )
+    if zero and not is_place and correction.shape != "exponential":
+        return f"{bend} from {format_with_unit(zero, unit)}"
+    return bend
 
 
 def shape_name(shape: str) -> str:
-    """A shape in words."""
-    return _NAMES.get(shape, shape.replace("_", " "))
+    """Return a shape in words."""
+    return _SHAPES.get(shape, shape.replace("_", " "))
 
 
-def amounts(asked: Asked, correction: Correction) -> str:
-    """Values of a shape: its amount a and its width w, and the lag of what is remembered."""
-    own, texts = shape_estimates(correction), []
-    for name, e in own.items():
+def describe_amounts(law_report: LawReport, correction: Correction) -> str:
+    """Return the values of a shape: its amount a, its width w, and the lag of its signal."""
+    texts = []
+    for name, e in shape_estimates(correction).items():
         letter = _LETTERS.get(name.removeprefix(correction.model.effect.neutral), "a lag")
-        unit = unit_text(asked, correction, e)
-        texts.append(
-            f"{letter}{' = ' if len(letter) == 1 else ' of '}{e.value:.3g}{f' {unit}' if unit != '1' else ''}"
-        )
-    zero = signal_of(correction.model.effect)[1].zero
+        relation = " = " if len(letter) == 1 else " of "
+        unit = parameter_unit(law_report, correction, e)
+        texts.append(f"{letter}{relation}{format_with_unit(e.value, unit)}")
+    zero = law_and_signal(correction.model.effect)[1].zero
     if zero and correction.shape:
-        unit = asked.units(correction)[1]
-        texts.append(f"x counted from {zero:g}{f' {unit}' if unit != '1' else ''}")
-    return (
-        ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1]
-        if texts
-        else "what it was given"
-    )
+        _, unit = law_report.units(correction)
+        texts.append(f"x counted from {zero:g}{_unit_suffix(unit)}")
+    if not texts:
+        return "what it was given"
+    return _join_with_and(texts)
 
 
-def unit_text(asked: Asked, correction: Correction, e: Estimate) -> str:
-    """Unit of a parameter, the law's own in it called as engineers do."""
-    whole = unit_of(asked.component, correction.entry.law)
-    simple = plain_unit(whole)
-    if simple == whole:
+def _join_with_and(texts: Sequence[str]) -> str:
+    if len(texts) == 1:
+        return texts[0]
+    return f"{', '.join(texts[:-1])} and {texts[-1]}"
+
+
+def _unit_suffix(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
+
+
+def parameter_unit(law_report: LawReport, correction: Correction, e: Estimate) -> str:
+    """Return the unit of a parameter, with the law's own in it called as engineers do."""
+    law_unit = unit_of(law_report.component, correction.entry.law)
+    plain = plain_unit(law_unit)
+    if plain == law_unit:
         return e.unit
-    return e.unit.replace(f"({whole})", f"({simple})" if "/" in simple else simple).replace(
-        whole, simple
-    )
+    bracketed = f"({plain})" if "/" in plain else plain
+    return e.unit.replace(f"({law_unit})", bracketed).replace(law_unit, plain)
 
 
-def errors(correction: Correction) -> str:
-    """The error that falls most, on data that no fit has seen."""
+def describe_errors(correction: Correction) -> str:
+    """Return the error that falls most, on data that no fit has seen."""
     before, after = correction.errors
     output = max(before, key=lambda o: (before[o] - after[o]) / (before[o] or 1.0))
     moves = "falls" if after[output] < before[output] else "goes"
     return (
-        f"on data that no fit has seen the error of {output} {moves} from {percent(before[output])} to "
-        f"{percent(after[output])}"
+        f"on data that no fit has seen the error of {output} {moves} from"
+        f" {format_percent(before[output])} to {format_percent(after[output])}"
     )
 
 
-def percent(share: float) -> str:
-    """A share with two digits."""
+def format_percent(share: float) -> str:
+    """Return a share in percent, with two digits."""
     value = 100.0 * share
     return f"{value:.0f} %" if value >= 100.0 else f"{value:.2g} %"
 
 
-def said_of(correction: Correction) -> str:
-    """What unseen data say of a correction, in a word."""
-    if refuted(correction):
+def unseen_data_outcome(correction: Correction) -> str:
+    """Return what unseen data say of a correction, in a word."""
+    if is_refuted(correction):
         return "refuted"
-    return {True: "confirmed", False: "not confirmed", None: "not asked"}[verdict(correction)]
+    return {True: "confirmed", False: "not confirmed", None: "not asked"}[is_confirmed(correction)]
 
 
-def smoothed(asked: Asked) -> str:
-    """Which noise of inputs was smoothed away before, as a further sentence; empty where there is none."""
-    noise = asked.laws.noise if asked.laws else {}
-    several = [
-        f"{name} ({with_unit(deviation, signal_unit(asked.component, Signal(name)))})"
-        for name, deviation in noise.items()
-    ]
-    if not several:
+def describe_smoothing(law_report: LawReport) -> str:
+    """Return a further sentence on noise of inputs that was smoothed away; empty if none was."""
+    deviations = law_report.laws.noise if law_report.laws else {}
+    if not deviations:
         return ""
-    return f" Noise on {' and '.join(several)}, which the outputs do not follow, was smoothed away before."
+    texts = []
+    for name, deviation in deviations.items():
+        unit = signal_unit(law_report.component, LawSignal(name))
+        texts.append(f"{name} ({format_with_unit(deviation, unit)})")
+    return (
+        f" Noise on {' and '.join(texts)}, which the outputs do not follow, was smoothed away"
+        " before."
+    )
 
 
-def next_steps(asked: Asked) -> list[str]:
-    """What to do about it."""
-    best = asked.best
-    if asked.found is None:
+def next_steps(law_report: LawReport) -> list[str]:
+    """Return advice on what to do with the corrections, a sentence or two each."""
+    best = law_report.best
+    if law_report.found is None:
         return [
-            "Take a record in which the inputs move: a law that is never exercised cannot be asked anything."
+            "Take a record in which the inputs move: a law that is never exercised cannot be asked"
+            " anything."
         ]
     if best is None:
         return [
-            "The laws need nothing. If ppy diagnose is not content either, look at the sensors, and at signals that "
-            "act on the specimen and that the model does not have.",
+            "The laws need nothing. If ppy diagnose is not content either, look at the sensors,"
+            " and at signals that act on the specimen and that the model does not have."
         ]
-    entry, alike, steps = best.entry, asked.alike(best), []
-    if verdict(best):
-        steps.append(
-            "Go on with it: --effect-out law.py writes it as a class of a few lines to lay over the model, and "
-            "--fmu better.fmu the model with it."
-        )
+    signal = best.entry.signal.name
+    indistinguishable = law_report.indistinguishable(best)
+    if is_confirmed(best):
+        steps = [
+            "Go on with it: --effect-out law.py writes it as a class of a few lines to lay over the"
+            " model, and --fmu better.fmu the model with it."
+        ]
     else:
+        steps = [
+            f"Do not build on it yet. Take another record in which {signal} goes through"
+            " the same range, and give it as --holdout: what is real is there again."
+        ]
+    if indistinguishable:
         steps.append(
-            f"Do not build on it yet. Take another record in which {entry.signal.name} goes through the same range, "
-            "and give it as --holdout: what is real is there again."
-        )
-    if alike:
-        steps.append(
-            f"This record cannot tell it from {', '.join(alike)}. Move the inputs so that these signals go different "
-            "ways, or ask which of them makes sense."
+            f"This record cannot tell it from {', '.join(indistinguishable)}. Move the inputs so"
+            " that these signals go different ways, or ask which of them makes sense."
         )
     if not best.shape:
         steps.append(
-            f"Look up which law has such a curve over {entry.signal.name}. The table holds where the record has been, "
-            "and goes straight on beyond."
+            f"Look up which law has such a curve over {signal}. The table holds where"
+            " the record has been, and goes straight on beyond."
         )
-    steps += _wide(asked, best)
-    if len(asked.corrections) > 1:
+    steps += _advice_on_wide_band(law_report, best)
+    if len(law_report.corrections) > 1:
         steps.append(
-            "Corrections further down the table stand instead of the first one, not beside it: ask again "
-            "with the first one laid over the model."
+            "Corrections further down the table stand instead of the first one, not beside it: ask"
+            " again with the first one laid over the model."
         )
     return steps
 
 
-def _wide(asked: Asked, best: Correction) -> list[str]:
-    """Where the record tells little of the curve."""
-    values, low, high = best.band
+def _advice_on_wide_band(law_report: LawReport, best: Correction) -> list[str]:
+    """Return where the record tells little of the curve, if it tells more elsewhere."""
+    curve, low, high = best.band
     knots = np.asarray(best.entry.basis.knots)
-    wide = knots[(high - low) > _WIDE * max(float(np.ptp(values)), 1e-300)]
+    wide = knots[(high - low) > _WIDE * max(float(np.ptp(curve)), 1e-300)]
     if not len(wide) or len(wide) == len(knots):
         return []
-    unit = asked.units(best)[1]
+    _, unit = law_report.units(best)
     span = f"{wide.min():.3g} to {wide.max():.3g}" if len(wide) > 1 else f"{wide[0]:.3g}"
     return [
-        f"The band is wide at {span}{f' {unit}' if unit != '1' else ''}: stay there for longer in the next record."
+        f"The band is wide at {span}{_unit_suffix(unit)}: stay there for longer in the next record."
     ]
 
 
 def error_rows(best: Correction) -> list[list[str]]:
-    """Output, and its errors on unseen data before and after."""
+    """Return rows of an output and its errors on unseen data, without and with a correction."""
     before, after = best.errors
-    return [[output, percent(before[output]), percent(after[output])] for output in before]
-
-
-def own_changes(asked: Asked, correction: Correction) -> Mapping[str, tuple[float, float]]:
-    """The model's own parameters before and beside a correction."""
-    fitted, base = correction.model.fit.values, asked.base.fit.values
-    return {name: (base[name], fitted[name]) for name in base if name in fitted}
+    return [
+        [output, format_percent(before[output]), format_percent(after[output])] for output in before
+    ]

@@ -1,1 +1,5 @@
-"""Linear models of one output: what they can do, as polynomials and in state space."""
+"""Linear models of one output, as polynomials and in state space."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""What every linear model of one output can do: free-run simulation and prediction some steps ahead."""
+"""The base class of linear models of one output: free run, prediction, fit and s-plane."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.identify.black_box.data import InputOutputData, input_index
 from orchestration.identify.black_box.orders import whole
 from orchestration.identify.black_box.polynomials import Roots, filtered, s_plane
 from orchestration.identify.metrics import fit_percent
 
 Array = NDArray[np.float64]
-_RUNS_AWAY = 1e100  # no signal is as large, and its square is still a number
+_RUNS_AWAY = 1e100  # larger than any signal, but its square is still a number
 
 
 @dataclass(frozen=True)
@@ -49,23 +49,26 @@ class LinearModel(ABC):
 
     @abstractmethod
     def _forced(self, deviations: Array) -> Array:
-        """Response from rest to deviations of the inputs (n, m)."""
+        """Return the response (n,) from rest to deviations of the inputs (n, m)."""
 
     @abstractmethod
     def _free(self, samples: int) -> Array:
-        """Free responses (samples, states), of which every initial state gives a sum."""
+        """Return the free responses (samples, states) to each initial state of one."""
 
     @abstractmethod
     def static_output(self, deviations: Array) -> float:
-        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
+        """Return the deviation of the output at rest under deviations of the inputs (m,).
+
+        It is not finite where the output cannot rest.
+        """
 
     @abstractmethod
     def _innovations(self, deviations: Array, output: Array) -> Array:
-        """One-step prediction errors from the first sample on that the record has a past for."""
+        """Return the one-step prediction errors, from the first sample on that has a past."""
 
     @abstractmethod
     def noise_response(self, samples: int) -> Array:
-        """Return the impulse response (samples,) from white noise to the output; the first is one."""
+        """Return the impulse response (samples,) from white noise; it begins with one."""
 
     @abstractmethod
     def poles(self, which: int | str = 0) -> Roots:
@@ -77,31 +80,37 @@ class LinearModel(ABC):
 
     @abstractmethod
     def transfer_function(self, which: int | str = 0) -> Any:
-        """Return the path from an input as a discrete `control.TransferFunction`, in deviations from the offsets."""
+        """Return the path from an input as a discrete `control.TransferFunction`.
+
+        Signals are deviations from the offsets.
+        """
 
     @abstractmethod
     def noise_transfer_function(self) -> Any:
-        """Return the path from white noise to the output as a discrete `control.TransferFunction`."""
+        """Return the path from white noise as a discrete `control.TransferFunction`."""
 
     @abstractmethod
     def state_space(self) -> Any:
-        """Return the paths from all inputs as one discrete `control.StateSpace`, in deviations from the offsets."""
+        """Return the paths from all inputs as one discrete `control.StateSpace`.
+
+        Signals are deviations from the offsets.
+        """
 
     def simulate(
         self, inputs: ArrayLike, output: ArrayLike | None = None, before: ArrayLike | None = None
     ) -> Array:
-        """Run freely over inputs, without looking at the output sample by sample.
+        """Simulate a free run over inputs, which never looks at single samples of the output.
 
         Parameters
         ----------
         inputs : array_like, shape (n, m) or (n,)
             In the units of the inputs.
         output : array_like, shape (n,), optional
-            What was measured. The initial state is then the one that suits all of it best, by least squares; nothing
-            else is taken from it.
+            The measured output. The initial state is then the one that suits all of it best, by
+            least squares; nothing else is taken from it.
         before : array_like, shape (m,), optional
-            At which inputs the system rested before the first sample; by default at the offsets of the model, and if
-            an output is given, at the first sample.
+            Inputs at which the system rested before the first sample; by default the offsets of the
+            model, and if an output is given, those of the first sample.
 
         Returns
         -------
@@ -111,38 +120,45 @@ class LinearModel(ABC):
         Raises
         ------
         UserError
-            If shapes do not agree, a value is not finite, or the system cannot rest where it is said to.
+            If shapes do not agree, a value is not finite, or the system cannot rest where it is
+            said to.
         """
         u = self._deviations(inputs)
-        rest = np.zeros(u.shape[1]) if output is None else u[0]
-        if before is not None:
-            rest = (
-                np.broadcast_to(np.asarray(before, dtype=np.float64), rest.shape)
-                - self.input_offsets
-            )
-        if not np.isfinite(level := self.static_output(rest)):
-            if before is not None:
-                raise UserError(
-                    f"before = {before}: a model that integrates rests only at {self.input_offsets}"
-                )
-            rest, level = np.zeros(u.shape[1]), 0.0
-        simulated = self.output_offset + level + self._forced(u - rest)
+        resting, level = self._resting(u, output is not None, before)
+        simulated = self.output_offset + level + self._forced(u - resting)
         if output is None:
             return simulated
         y = np.asarray(output, dtype=np.float64)
         if y.shape != simulated.shape or not np.isfinite(y).all():
             raise UserError(
-                f"output of shape {y.shape}: must be {simulated.shape} and finite, as the inputs are"
+                f"output of shape {y.shape}: must be {simulated.shape} and finite, as the"
+                " inputs are"
             )
         free = self._free(len(u))
         if not max(np.abs(simulated).max(), np.abs(free).max(initial=0.0)) < _RUNS_AWAY:
-            return np.where(
-                np.isnan(simulated), np.inf, simulated
-            )  # no initial state keeps it near the record
+            # no initial state keeps it near the record
+            return np.where(np.isnan(simulated), np.inf, simulated)
         return simulated + free @ np.linalg.lstsq(free, y - simulated, rcond=None)[0]
 
+    def _resting(self, u: Array, from_first: bool, before: ArrayLike | None) -> tuple[Array, float]:
+        """Return the deviations of inputs (m,) and output at which the system rested before."""
+        resting = u[0] if from_first else np.zeros(u.shape[1])
+        if before is not None:
+            given = np.broadcast_to(np.asarray(before, dtype=np.float64), resting.shape)
+            resting = given - self.input_offsets
+        level = self.static_output(resting)
+        if np.isfinite(level):
+            return resting, level
+        if before is not None:
+            raise UserError(
+                f"before = {before}: a model that integrates rests only at {self.input_offsets}"
+            )
+        return np.zeros(u.shape[1]), 0.0
+
     def prediction_errors(self, data: InputOutputData) -> Array:
-        """Return the one-step prediction errors (r,) of the last r samples, before which enough is on record.
+        """Return the one-step prediction errors (r,) of the last r samples.
+
+        The samples before are the past that the model needs.
 
         Raises
         ------
@@ -153,7 +169,7 @@ class LinearModel(ABC):
         return self._innovations(data.inputs - self.input_offsets, data.output - self.output_offset)
 
     def predict(self, data: InputOutputData, horizon: int = 1) -> Array:
-        """Predict every sample from the outputs up to ``horizon`` samples before it (Ljung, eq. 3.31).
+        """Predict every sample from outputs up to ``horizon`` samples before it (Ljung, eq. 3.31).
 
         Parameters
         ----------
@@ -164,17 +180,18 @@ class LinearModel(ABC):
         Returns
         -------
         ndarray, shape (n,)
-            In the unit of the output; the first samples, which have no past on record, are those of the free run.
+            In the unit of the output; the first samples, which have no past on record, are those of
+            the free run.
 
         Raises
         ------
         UserError
             If the horizon is below 1, or as of :meth:`prediction_errors`.
         """
-        horizon = whole("horizon", horizon, 1)
+        steps = whole("horizon", horizon, 1)
         e = self.prediction_errors(data)
         first = len(data) - len(e)
-        unknown = filtered(self.noise_response(min(horizon, len(e))), np.ones(1), e)
+        unknown = filtered(self.noise_response(min(steps, len(e))), np.ones(1), e)
         predicted = data.output.copy()
         predicted[first:] -= unknown
         if first:
@@ -182,9 +199,10 @@ class LinearModel(ABC):
         return predicted
 
     def fit(self, data: InputOutputData, horizon: int | None = None) -> float:
-        """Return ``100 (1 - ||y - yhat|| / ||y - mean(y)||)`` of the free run, or of a prediction, in percent.
+        """Return the fit of the free run, or of a prediction, in percent.
 
-        The free run starts from the initial state that suits the record best.
+        It is ``100 (1 - ||y - yhat|| / ||y - mean(y)||)``. The free run starts from the initial
+        state that suits the record best.
 
         Parameters
         ----------
@@ -195,7 +213,8 @@ class LinearModel(ABC):
         Returns
         -------
         float
-            100 is perfect, 0 no better than the mean, minus infinity an unstable model that runs away.
+            100 is perfect, 0 no better than the mean, minus infinity an unstable model that runs
+            away.
         """
         self._check(data)
         if horizon is None:
@@ -209,34 +228,41 @@ class LinearModel(ABC):
         return s_plane(self.poles(which), self.step)
 
     def s_plane_zeros(self, which: int | str = 0) -> Roots:
-        """Return the zeros of a path where the s-plane has them by the same rule, rad/s (thesis, fig. 3-16)."""
+        """Return the zeros of a path in the s-plane by the same rule, rad/s (thesis, fig. 3-16)."""
         return s_plane(self.zeros(which), self.step)
 
     def is_stable(self) -> bool:
-        """Whether all poles are within the unit circle."""
+        """Tell whether all poles are within the unit circle."""
         return all(bool((np.abs(self.poles(i)) < 1.0).all()) for i in range(len(self.input_names)))
 
     def _index(self, which: int | str) -> int:
         return input_index(self.input_names, which)
 
     def _deviations(self, inputs: ArrayLike) -> Array:
-        u, m = np.asarray(inputs, dtype=np.float64), len(self.input_names)
-        u = u[:, np.newaxis] if u.ndim == 1 else u
+        """Return the deviations of inputs (n, m) from the offsets; refuse others than numbers."""
+        u = np.asarray(inputs, dtype=np.float64)
+        m = len(self.input_names)
+        if u.ndim == 1:
+            u = u[:, np.newaxis]
         if u.ndim != 2 or u.shape[1] != m or not len(u):
             raise UserError(
-                f"inputs of shape {np.shape(inputs)}: must be (n, {m}), for {', '.join(self.input_names)}"
+                f"inputs of shape {np.shape(inputs)}: must be (n, {m}), for"
+                f" {', '.join(self.input_names)}"
             )
-        if (bad := np.argwhere(~np.isfinite(u))).size:
-            at, column = bad[0]
+        bad = np.argwhere(~np.isfinite(u))
+        if bad.size:
+            sample, column = bad[0]
             raise UserError(
-                f"input {self.input_names[column]}, sample {at}: must be a finite number"
+                f"input {self.input_names[column]}, sample {sample}: must be a finite number"
             )
         return u - self.input_offsets
 
     def _check(self, data: InputOutputData) -> None:
+        """Refuse data with other inputs or another step."""
         if data.input_names != self.input_names:
             raise UserError(
-                f"data have inputs {', '.join(data.input_names)}: must be {', '.join(self.input_names)}"
+                f"data have inputs {', '.join(data.input_names)}: must be"
+                f" {', '.join(self.input_names)}"
             )
         if not np.isclose(data.step, self.step, rtol=1e-6, atol=0.0):
             raise UserError(

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
-from fmus.kit.errors import UserError
+from fmus.kit import UserError
 from orchestration.identify.black_box.models.linear import LinearModel
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import Roots, filtered, roots
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 
 Array = NDArray[np.float64]
-_INTEGRATES = 1e-9  # of its coefficients: a denominator whose sum is less has a root at one
+# sum of the coefficients of a denominator, relative to that of their absolute values, below which
+# it has a root at one
+_INTEGRATES = 1e-9
 
 
 @dataclass(frozen=True)
@@ -43,29 +45,20 @@ class PolynomialModel(LinearModel):
     d: Array
     f: tuple[Array, ...]
 
-    def _denominator(self, which: int) -> Array:
-        return np.convolve(self.a, self.f[which])
+    def _denominator(self, i: int) -> Array:
+        """Return the denominator A F_i of the path from input i."""
+        return np.convolve(self.a, self.f[i])
 
     def _forced(self, deviations: Array) -> Array:
         paths = [filtered(b, self._denominator(i), deviations[:, i]) for i, b in enumerate(self.b)]
         return np.asarray(np.sum(paths, axis=0), dtype=np.float64)
 
     def _free(self, samples: int) -> Array:
-        return self._responses(
-            samples, [self._denominator(i) for i in range(len(self.b))], np.ones(1)
-        )
-
-    def _responses(self, samples: int, denominators: list[Array], numerator: Array) -> Array:
-        """Responses to an impulse at each of the first samples, through each denominator (samples, states)."""
-        distinct = {tuple(denominator): denominator for denominator in denominators}.values()
-        columns = [np.empty((samples, 0))]
-        for denominator in distinct:
-            impulses = np.eye(samples, min(len(denominator) - 1, samples))
-            columns.append(filtered(numerator, denominator, impulses))
-        return np.hstack(columns)
+        denominators = [self._denominator(i) for i in range(len(self.b))]
+        return _impulse_responses(samples, denominators, np.ones(1))
 
     def static_output(self, deviations: Array) -> float:
-        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
+        """Return the deviation of the output at rest under deviations of the inputs (m,)."""
         level = 0.0
         for i, (b, u) in enumerate(zip(self.b, deviations, strict=True)):
             denominator = self._denominator(i)
@@ -79,20 +72,25 @@ class PolynomialModel(LinearModel):
         problem = PredictionError(deviations, output, self.orders, offset=False)
         if problem.samples < 1:
             raise UserError(
-                f"{len(output)} samples: a model with {self.orders} needs at least {self.orders.first + 1}"
+                f"{len(output)} samples: a model with {self.orders} needs at least"
+                f" {self.orders.first + 1}"
             )
-        bare = tuple(b[k:] for b, k in zip(self.b, self.orders.nk, strict=True))
-        still = tuple(np.zeros(count) for count in self.orders.nf)
-        e = problem.errors(
-            problem.vector(Coefficients(self.a, bare, self.f, self.c, self.d, 0.0, still))
+        parts = Coefficients(
+            a=self.a,
+            b=tuple(b[k:] for b, k in zip(self.b, self.orders.nk, strict=True)),
+            f=self.f,
+            c=self.c,
+            d=self.d,
+            offset=0.0,
+            transient=tuple(np.zeros(count) for count in self.orders.nf),
         )
-        free = self._responses(
-            len(e), [np.convolve(self.c, f) for f in self.f if len(f) > 1], self.d
-        )
+        e = problem.errors(problem.vector(parts))
+        denominators = [np.convolve(self.c, f) for f in self.f if len(f) > 1]
+        free = _impulse_responses(len(e), denominators, self.d)
         return e - free @ np.linalg.lstsq(free, e, rcond=None)[0]
 
     def noise_response(self, samples: int) -> Array:
-        """Return the impulse response (samples,) from white noise to the output; the first is one."""
+        """Return the impulse response (samples,) from white noise to the output."""
         impulse = np.zeros(samples)
         impulse[:1] = 1.0
         return filtered(self.c, np.convolve(self.a, self.d), impulse)
@@ -106,23 +104,25 @@ class PolynomialModel(LinearModel):
         return roots(self.b[self._index(which)])
 
     def transfer_function(self, which: int | str = 0) -> Any:
-        """Return the path from an input as a discrete `control.TransferFunction`, in deviations from the offsets."""
+        """Return the path from an input as a discrete `control.TransferFunction`."""
         i = self._index(which)
         names = {"inputs": [self.input_names[i]], "outputs": [self.output_name]}
         return self._as_control(self.b[i], self._denominator(i), names)
 
     def noise_transfer_function(self) -> Any:
-        """Return the path from white noise to the output as a discrete `control.TransferFunction`."""
+        """Return the path from white noise as a discrete `control.TransferFunction`."""
         names = {"inputs": ["e"], "outputs": [self.output_name]}
         return self._as_control(self.c, np.convolve(self.a, self.d), names)
 
     def _as_control(self, numerator: Array, denominator: Array, names: dict[str, list[str]]) -> Any:
-        import control  # here, because it takes a second that nobody need wait for who does not ask for it
+        """Return a quotient of polynomials in q^-1 as a discrete `control.TransferFunction`."""
+        # imported here, because that takes a second
+        import control
 
         return control.TransferFunction(*_in_z(numerator, denominator), self.step, **names)
 
     def state_space(self) -> Any:
-        """Return the paths from all inputs as one discrete `control.StateSpace`, in deviations from the offsets."""
+        """Return the paths from all inputs as one discrete `control.StateSpace`."""
         import control
 
         paths = [tf2ss(*_in_z(b, self._denominator(i))) for i, b in enumerate(self.b)]
@@ -138,10 +138,33 @@ class PolynomialModel(LinearModel):
         )
 
 
+def _impulse_responses(samples: int, denominators: list[Array], numerator: Array) -> Array:
+    """Return the responses to an impulse at each of the first samples, through each denominator.
+
+    Parameters
+    ----------
+    samples : int
+    denominators : list of ndarray
+        Equal ones count once.
+    numerator : ndarray
+
+    Returns
+    -------
+    ndarray, shape (samples, states)
+    """
+    distinct = {tuple(denominator): denominator for denominator in denominators}
+    columns = [np.empty((samples, 0))]
+    for denominator in distinct.values():
+        impulses = np.eye(samples, min(len(denominator) - 1, samples))
+        columns.append(filtered(numerator, denominator, impulses))
+    return np.hstack(columns)
+
+
 def _in_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
-    """Polynomials in z of a quotient of polynomials in q^-1."""
+    """Return numerator and denominator in z of a quotient of polynomials in q^-1."""
     size = max(len(numerator), len(denominator))
-    above, below = (np.pad(p, (0, size - len(p))) for p in (numerator, denominator))
+    above = np.pad(numerator, (0, size - len(numerator)))
+    below = np.pad(denominator, (0, size - len(denominator)))
     # roots at the origin that cancel
     spare = 0
     while spare < size - 1 and above[size - 1 - spare] == 0.0 and below[size - 1 - spare] == 0.0:

@@ -1,4 +1,7 @@
-"""A state-space model in innovations form: ``x' = A x + B u + K e``, ``y = C x + D u + e`` (Ljung, eq. 4.91)."""
+"""A state-space model in innovations form, ``x' = A x + B u + K e``, ``y = C x + D u + e``.
+
+Source: Ljung, eq. 4.91.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +49,9 @@ class StateSpaceModel(LinearModel):
         return free_responses(self.a, self.c, samples)
 
     def static_output(self, deviations: Array) -> float:
-        """Return the deviation of the output at rest under deviations of the inputs (m,); not finite where none is."""
-        drive, count = self.b @ deviations, len(self.a)
+        """Return the deviation of the output at rest under deviations of the inputs (m,)."""
+        drive = self.b @ deviations
+        count = len(self.a)
         if not drive.any():
             return float(self.d @ deviations)
         if count and np.abs(np.linalg.eigvals(self.a) - 1.0).min() < _INTEGRATES:
@@ -62,7 +66,7 @@ class StateSpaceModel(LinearModel):
         return np.asarray(e - free @ np.linalg.lstsq(free, e, rcond=None)[0], dtype=np.float64)
 
     def noise_response(self, samples: int) -> Array:
-        """Return the impulse response (samples,) from white noise to the output; the first is one."""
+        """Return the impulse response (samples,) from white noise to the output."""
         later = states(self.a, np.zeros((max(samples - 1, 0), len(self.a))), self.k) @ self.c
         return np.concatenate([[1.0], later])[:samples]
 
@@ -73,38 +77,46 @@ class StateSpaceModel(LinearModel):
 
     def zeros(self, which: int | str = 0) -> Roots:
         """Return the zeros in z of the path from an input; delays are none."""
-        i, count = self._index(which), len(self.a)
-        system = np.block([[self.a, self.b[:, [i]]], [self.c[np.newaxis], self.d[[i], np.newaxis]]])
+        i = self._index(which)
+        count = len(self.a)
+        upper = [self.a, self.b[:, [i]]]
+        lower = [self.c[np.newaxis], self.d[[i], np.newaxis]]
+        system = np.block([upper, lower])
         weight = np.diag(np.r_[np.ones(count), 0.0])
         above, below = eigvals(system, weight, homogeneous_eigvals=True)
         finite = np.abs(above) < _INFINITE * np.abs(below)
         return np.asarray(above[finite] / below[finite], dtype=np.complex128)
 
     def transfer_function(self, which: int | str = 0) -> Any:
-        """Return the path from an input as a discrete `control.TransferFunction`, in deviations from the offsets."""
+        """Return the path from an input as a discrete `control.TransferFunction`."""
         i = self._index(which)
         return self._transfer(self.b[:, i], self.d[i], self.input_names[i])
 
     def noise_transfer_function(self) -> Any:
-        """Return the path from white noise to the output as a discrete `control.TransferFunction`."""
+        """Return the path from white noise as a discrete `control.TransferFunction`."""
         return self._transfer(self.k, 1.0, "e")
 
     def _transfer(self, column: Array, feedthrough: float, name: str) -> Any:
-        import control  # here, because it takes a second that nobody need wait for who does not ask for it
+        """Return the path of a column of B, or of K, as a discrete `control.TransferFunction`."""
+        # imported here, because that takes a second
+        import control
 
-        # by the impulse response, in which samples before a delay are zero, and not nearly so
+        # from the impulse response, in which samples before a delay are exactly zero
+        count = len(self.a)
         denominator = np.real(np.poly(self.a))
-        later = states(self.a, np.zeros((len(self.a), len(self.a))), column) @ self.c
-        numerator = np.convolve(denominator, np.concatenate([[feedthrough], later]))[
-            : len(denominator)
-        ]
-        numerator = np.trim_zeros(numerator, "f")
+        later = states(self.a, np.zeros((count, count)), column) @ self.c
+        response = np.concatenate([[feedthrough], later])
+        numerator = np.convolve(denominator, response)[: len(denominator)]
         return control.TransferFunction(
-            numerator, denominator, self.step, inputs=[name], outputs=[self.output_name]
+            np.trim_zeros(numerator, "f"),
+            denominator,
+            self.step,
+            inputs=[name],
+            outputs=[self.output_name],
         )
 
     def state_space(self) -> Any:
-        """Return the paths from all inputs as one discrete `control.StateSpace`, in deviations from the offsets."""
+        """Return the paths from all inputs as one discrete `control.StateSpace`."""
         import control
 
         return control.StateSpace(
@@ -134,18 +146,19 @@ def states(a: Array, drive: Array, start: Array) -> Array:
     """
     if not drive.size:
         return np.zeros_like(drive)
-    # unitary coordinates in which each state needs but those after it: no eigenvector is asked for, which may not exist
+    # In unitary coordinates in which each state depends only on those after it. Eigenvectors would
+    # be simpler, but may not exist.
     triangle, directions = schur(a, output="complex")
-    began = np.vstack([start, drive[:-1]]) @ directions.conj()
-    x = np.zeros_like(began)
+    driven = np.vstack([start, drive[:-1]]) @ directions.conj()
+    x = np.zeros_like(driven)
     for i in reversed(range(len(a))):
         others = x[:-1, i + 1 :] @ triangle[i, i + 1 :]
         x[:, i] = lfilter(
-            [1.0], [1.0, -triangle[i, i]], began[:, i] + np.concatenate([[0.0], others])
+            [1.0], [1.0, -triangle[i, i]], driven[:, i] + np.concatenate([[0.0], others])
         )
     return np.asarray((x @ directions.T).real, dtype=np.float64)
 
 
 def free_responses(a: Array, c: Array, samples: int) -> Array:
-    """Return ``C A^t``, every row for one sample (samples, n)."""
+    """Return ``C A^t``, one row for each sample t (samples, n)."""
     return states(a.T, np.zeros((samples, len(a))), c)

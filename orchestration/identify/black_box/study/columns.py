@@ -1,4 +1,4 @@
-"""Inputs and one output out of the columns of a file, at a fixed sample period."""
+"""Input-output data read from the columns of a file, at a fixed sample period."""
 
 from __future__ import annotations
 
@@ -9,20 +9,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, suggestion
 from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
-from orchestration.records import read_record
-from orchestration.records.formats.registry import read_table
-from orchestration.records.mapping import TIME
-from orchestration.records.table import Column, Table, numbers
+from orchestration.records import TIME, Column, Table, numbers, read_record
+from orchestration.records.formats import read_table
 
 _UNEVEN = 0.01  # of a sample period, by which samples may be off it
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a file.
+    """Input-output data with the units and repairs of the file that they are from.
 
     Attributes
     ----------
@@ -49,7 +47,8 @@ def read_columns(
     Parameters
     ----------
     path : Path
-        CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or counts samples if a step is given.
+        CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or counts samples if
+        a step is given.
     output : str
         A column.
     inputs : sequence of str, optional
@@ -64,36 +63,43 @@ def read_columns(
     Raises
     ------
     UserError
-        If the file is refused, has no such column, its samples are not equally spaced, or it has a time and a step is
-        given.
+        If the file is refused, has no such column, its samples are not equally spaced, or it has a
+        time and a step is given.
     """
     table = read_table(path)
-    chosen = list(inputs) or [name for name in table.names()[1:] if name != output]
-    for name in (output, *chosen):
-        if name not in table.names():
-            known = table.names()
-            raise UserError(f"{path}: no column {name!r}{suggestion(name, known, few=len(known))}")
-    if not chosen:
-        raise UserError(f"{path}: no column is left for an input beside {output} and the first one")
-    units = {c.name: c.unit or "1" for c in table.columns if c.name in (output, *chosen)}
+    chosen = _input_columns(table, output, inputs)
+    used = (output, *chosen)
+    units = {column.name: column.unit or "1" for column in table.columns if column.name in used}
     if step is None:
         _check_time(table)
-        time, values, notes = _recorded(path, units, chosen)
-        step = _period(path, time)
+        record = read_record(path, units, required=list(units), inputs=chosen)
+        period = _period(path, record.time)
+        values = record.signals
+        notes = tuple(repair.message for repair in record.repairs)
     else:
         _check_count(table, units)
-        values, notes = _counted(table, units), ()
+        period = step
+        values = {c.name: numbers(table, c) for c in table.columns if c.name in units}
+        notes = ()
     stacked = np.column_stack([values[name] for name in chosen])
-    return Columns(
-        path, input_output_data(stacked, values[output], step, chosen, output), units, notes
-    )
+    data = input_output_data(stacked, values[output], period, chosen, output)
+    return Columns(path, data, units, notes)
 
 
-def _recorded(
-    path: Path, units: dict[str, str], inputs: Sequence[str]
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], tuple[str, ...]]:
-    record = read_record(path, units, required=list(units), inputs=inputs)
-    return record.time, record.signals, tuple(repair.message for repair in record.repairs)
+def _input_columns(table: Table, output: str, inputs: Sequence[str]) -> list[str]:
+    """Return the names of the columns that are inputs; refuse names that no column has."""
+    known = table.names()
+    chosen = list(inputs) or [name for name in known[1:] if name != output]
+    for name in (output, *chosen):
+        if name not in known:
+            raise UserError(
+                f"{table.path}: no column {name!r}{suggestion(name, known, few=len(known))}"
+            )
+    if not chosen:
+        raise UserError(
+            f"{table.path}: no column is left for an input beside {output} and the first one"
+        )
+    return chosen
 
 
 def _check_time(table: Table) -> None:
@@ -101,33 +107,38 @@ def _check_time(table: Table) -> None:
     first = table.columns[0]
     if not _is_time(first) and all(c.name.lower() != TIME for c in table.columns):
         raise UserError(
-            f"{table.path}: no column is a time, and the first, {first.name!r}, is in {first.unit or 'no unit'}; give "
-            "the sample period, --step"
+            f"{table.path}: no column is a time, and the first, {first.name!r}, is in"
+            f" {first.unit or 'no unit'}; give the sample period, --step"
         )
 
 
 def _check_count(table: Table, used: Container[str]) -> None:
-    """Refuse a step for a file that has a time; a first column that is used is neither time nor count."""
+    """Refuse a step for a file that has a time, or whose first column does not count samples.
+
+    A first column that is an input or the output is neither time nor count.
+    """
     first = table.columns[0]
     if first.name in used:
         return
     if _is_time(first):
         raise UserError(
-            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit}; --step is for a file without"
+            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit}; --step is"
+            " for a file without"
         )
     count = numbers(table, first)
-    off = np.flatnonzero(
-        ~(np.abs(np.diff(count) - 1.0) <= _UNEVEN)
-    )  # so that it takes a gap for one, too
-    if off.size:
-        one, next_one = count[off[0]], count[off[0] + 1]
+    # written as a negation, so that NaN, a gap, counts as a step that is off
+    uneven = np.flatnonzero(~(np.abs(np.diff(count) - 1.0) <= _UNEVEN))
+    if uneven.size:
+        one = count[uneven[0]]
+        next_one = count[uneven[0] + 1]
         raise UserError(
-            f"{table.path}: the first column, {first.name!r}, goes from {one:g} to {next_one:g}; --step is for a file "
-            "whose first column counts samples by ones"
+            f"{table.path}: the first column, {first.name!r}, goes from {one:g} to {next_one:g};"
+            " --step is for a file whose first column counts samples by ones"
         )
 
 
 def _is_time(column: Column) -> bool:
+    """Tell whether a column has a unit of time."""
     try:
         convert(1.0, column.unit or "1", "s")
     except UserError:
@@ -135,18 +146,14 @@ def _is_time(column: Column) -> bool:
     return True
 
 
-def _counted(table: Table, units: dict[str, str]) -> dict[str, NDArray[np.float64]]:
-    return {c.name: numbers(table, c) for c in table.columns if c.name in units}
-
-
 def _period(path: Path, time: NDArray[np.float64]) -> float:
-    """The sample period of a clock that keeps one."""
+    """Return the sample period of a clock that keeps one; refuse one that does not."""
     steps = np.diff(time)
     period = float(np.median(steps))
     worst = int(np.argmax(np.abs(steps - period)))
     if abs(steps[worst] - period) > _UNEVEN * period:
         raise UserError(
-            f"{path}: samples are {period:g} s apart, but {steps[worst]:g} s after {time[worst]:g} s: a black-box "
-            "model needs equal steps; cut out an even stretch, or resample"
+            f"{path}: samples are {period:g} s apart, but {steps[worst]:g} s after {time[worst]:g}"
+            " s: a black-box model needs equal steps; cut out an even stretch, or resample"
         )
     return float((time[-1] - time[0]) / (len(time) - 1))

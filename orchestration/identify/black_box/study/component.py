@@ -1,4 +1,4 @@
-"""An identified model as a component: a file of a few lines from which both builds of an FMU are made."""
+"""Source code of an identified model as a component, from which both builds of an FMU are made."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from fmus.kit import Component
-from orchestration.identify.black_box.models.linear import LinearModel
+from orchestration.identify.black_box.models import LinearModel
 
-_LENGTH = 118
-_TAKEN = ("name", "experiment", "time")  # of what stands in the class for something else
+_LENGTH = 118  # characters of a line of source code
+_TAKEN = ("name", "experiment", "time")  # attributes of the class with a meaning of their own
 
 
 def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) -> str:
     """Write a class that runs freely as the model does, sample by sample.
 
-    Its states are those of a state-space form; what they are is arbitrary. The operating point is a parameter.
+    Its states are those of a state-space form; what they are is arbitrary. The operating point is a
+    parameter.
 
     Parameters
     ----------
@@ -37,14 +38,14 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
     """
     system = model.state_space()
     a, b, c, d = (
-        np.atleast_2d(np.asarray(m, dtype=float)) for m in (system.A, system.B, system.C, system.D)
+        np.atleast_2d(np.asarray(matrix, dtype=float))
+        for matrix in (system.A, system.B, system.C, system.D)
     )
     states = [f"state_of_model_{i + 1}" for i in range(len(a))]
     signals = (*model.input_names, model.output_name)
     *inputs, output = identifiers(signals)
-    about = dict(zip(inputs, model.input_offsets.tolist(), strict=True))
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
-    deviations = [f"(self.{u} - self.{u}_mean)" for u in inputs]
+    factors = [f"self.{x}" for x in states] + [f"(self.{u} - self.{u}_mean)" for u in inputs]
     lines = [
         f'"""{doc}"""',
         "",
@@ -57,38 +58,49 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
         f'    name = "{component_name(name)}"',
         f"    experiment = ({100.0 * model.step!r}, {model.step!r})",
         "",
-    ]
-    for u in inputs:
-        lines.append(f'    {u} = Input("{unit[u]}", start={about[u]!r}, doc="input")')
-        lines.append(f'    {u}_mean = Parameter({about[u]!r}, "{unit[u]}", doc="operating point")')
-    lines.append(
-        f'    {output}_mean = Parameter({model.output_offset!r}, "{unit[output]}", doc="operating point")'
-    )
-    for x in states:
-        lines.append(
-            f'    {x} = Discrete("1", update="next_{x}", period={model.step!r}, doc="state of the model")'
-        )
-    lines += [
+        *_declarations(model, inputs, output, states, unit),
         "",
         f'    @Output("{unit[output]}")',
         f"    def {output}(self):",
         '        """What the model foretells."""',
+        *_returned([f"self.{output}_mean"], factors, [*c[0], *d[0]]),
     ]
-    lines += _returned(
-        [f"self.{output}_mean"], [f"self.{x}" for x in states] + deviations, [*c[0], *d[0]]
-    )
     for x, row, drive in zip(states, a, b, strict=True):
         lines += [
             "",
             f"    def next_{x}(self):",
             '        """State of the model a sample later."""',
+            *_returned([], factors, [*row, *drive]),
         ]
-        lines += _returned([], [f"self.{x}" for x in states] + deviations, [*row, *drive])
     return "\n".join(lines) + "\n"
 
 
+def _declarations(
+    model: LinearModel,
+    inputs: list[str],
+    output: str,
+    states: list[str],
+    unit: Mapping[str, str],
+) -> list[str]:
+    """Return the lines that declare inputs, the operating point and states."""
+    lines = []
+    for u, level in zip(inputs, model.input_offsets.tolist(), strict=True):
+        lines.append(f'    {u} = Input("{unit[u]}", start={level!r}, doc="input")')
+        lines.append(f'    {u}_mean = Parameter({level!r}, "{unit[u]}", doc="operating point")')
+    lines.append(
+        f'    {output}_mean = Parameter({model.output_offset!r}, "{unit[output]}", doc="operating'
+        ' point")'
+    )
+    for x in states:
+        lines.append(
+            f'    {x} = Discrete("1", update="next_{x}", period={model.step!r}, doc="state of the'
+            ' model")'
+        )
+    return lines
+
+
 def identifiers(names: tuple[str, ...]) -> list[str]:
-    """Names of columns as Python has names, all different."""
+    """Turn names of columns into names that Python allows, all different."""
     made: list[str] = []
     for name in names:
         plain = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "signal"
@@ -100,23 +112,28 @@ def identifiers(names: tuple[str, ...]) -> list[str]:
 
 
 def component_name(name: str) -> str:
-    """``2-layer wall`` as ``model_2_layer_wall``: what Python and FMI have as a name, and its class has one, too."""
+    """Turn a name into one for Python and FMI: ``2-layer`` into ``model_2_layer``.
+
+    Its class has a name that Python allows, too.
+    """
     plain = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_")
     named = plain[:1].isalpha() and not any(map(keyword.iskeyword, (plain, plain.capitalize())))
     return plain if named else f"model_{plain}".strip("_")
 
 
 def class_name(name: str) -> str:
-    """``two_layer_wall`` as ``TwoLayerWall``."""
+    """Turn a name into that of a class: ``two_layer_wall`` into ``TwoLayerWall``."""
     return "".join(part.capitalize() for part in component_name(name).split("_"))
 
 
 def _returned(terms: list[str], factors: list[str], amounts: list[float]) -> list[str]:
-    """Lines that return a sum; without what is multiplied by nothing."""
+    """Return the source lines of a sum of terms, and of factors times amounts that are not zero."""
+    products = zip(factors, amounts, strict=True)
     terms = terms + [
-        f"{float(k)!r} * {factor}" for factor, k in zip(factors, amounts, strict=True) if k != 0.0
+        f"{float(amount)!r} * {factor}" for factor, amount in products if amount != 0.0
     ]
-    lines, line = [], "        return ("
+    lines = []
+    line = "        return ("
     for i, term in enumerate(terms or ["0.0"]):
         piece = f" + {term}" if i else term
         if len(line) + len(piece) > _LENGTH:

@@ -1,8 +1,9 @@
-"""What can go wrong between a client and its rig: a table of kinds, each with what is promised of it.
+"""What can go wrong between a client and its rig: a table of kinds, each with what is promised of
+it.
 
-A kind is a function that is handed a :class:`~.bench.Bench` and raises `AssertionError` when the promise is broken;
-the decorator :func:`~.bench.fault` puts it into the table. More kinds are more such functions in a module that is named
-in `MODULES`.
+A kind is a function that is handed a :class:`~.bench.Bench` and raises `AssertionError` when the
+promise is broken; the decorator :func:`~.bench.fault` puts it into the table. More kinds are more
+such functions in a module that is named in `MODULES`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Try every kind of fault and write ``docs/hil-faults.md``: ``python -m tests.support.rig.faults [WORD ...]``."""
+"""Try every kind of fault and write ``docs/hil-faults.md``: ``python -m tests.support.rig.faults
+[WORD ...]``.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +16,17 @@ from tests.support.rig.faults.bench import PERIOD, WATCHDOG, try_all
 PAGE = Path(__file__).parents[4] / "docs" / "hil-faults.md"
 _HEAD = f"""# What happens when something fails
 
-Written by `make hil-faults`: every fault was brought about, with real processes and sockets, at a server with a
-watchdog time of {WATCHDOG:g} s and a period of {PERIOD * 1000:.1f} ms, by a client that commands every 20 ms. The
-device is a backend that writes down every call with its time and fails when it is told to.
+Written by `make hil-faults`: every fault was brought about, with real processes and sockets, at a
+server with a watchdog time of {WATCHDOG:g} s and a period of {PERIOD * 1000:.1f} ms, by a client
+that commands every 20 ms. The device is a backend that writes down every call with its time and
+fails when it is told to.
 
-The time to the safe state ends when the backend's `safe` was called, by its own log. It begins with the last fresh
-command that the server was handed (by the log of the forwarder in between), or, where the client goes on, with the last
-command that the device carried out (by its own log). It has to be below the bound: watchdog time and one period, and
-for a driver call that never returns what it took to kill the device's process and to open the backend in another one.
-Besides, whatever was ever written must be within the limits.
+The time to the safe state ends when the backend's `safe` was called, by its own log. It begins
+with the last fresh command that the server was handed (by the log of the forwarder in between),
+or, where the client goes on, with the last command that the device carried out (by its own log).
+It has to be below the bound: watchdog time and one period, and for a driver call that never
+returns what it took to kill the device's process and to open the backend in another one. Besides,
+whatever was ever written must be within the limits.
 """
 
 

@@ -138,7 +138,9 @@ class Bench:
         return self.server.wait_call("safe", since, timeout)
 
     def measure(self, start: float, safe: Call, since: str, more: float = 0.0) -> None:
-        """Note the time to the safe state, which must be below watchdog time, one period and something more."""
+        """Note the time to the safe state, which must be below watchdog time, one period and
+        something more.
+        """
         self.measured, self.since = safe.time - start, since
         self.bound = self.watchdog + PERIOD + more
         assert self.measured < self.bound + self.allowance, (
@@ -159,7 +161,9 @@ class Bench:
         self.measure(written, safe, "last command carried out", more)
 
     def is_latched(self, part: str) -> None:
-        """The safe state must hold, say why, and refuse commands and clients, until it is acknowledged."""
+        """The safe state must hold, say why, and refuse commands and clients, until it is
+        acknowledged.
+        """
         until = time.monotonic() + 1.0  # the front hears of what the device did within 10 ms
         while (status := self.status())["state"] != "safe" or part not in status["reason"]:
             assert time.monotonic() < until, status

@@ -10,7 +10,9 @@ from tests.support.rig.faults.bench import Bench, fault
 
 
 def _during(bench: Bench, treatment: Treatment, seconds: float, timeout: float = 0.04) -> Driver:
-    """Exchange over a bad cable for a while, then cut it: the safe state must come in time all the same."""
+    """Exchange over a bad cable for a while, then cut it: the safe state must come in time all the
+    same.
+    """
     bench.serve()
     driver = bench.connect(reconnect=True, timeout=timeout)
     bench.link.treatment = treatment
@@ -32,11 +34,17 @@ def _told(bench: Bench, driver: Driver) -> str:
     counts = ", ".join(
         f"{number} {what}" for what, number in bench.status()["counts"].items() if number
     )
-    return f"{len(driver.samples)} answers, {driver.unanswered} without; server: {counts or 'nothing to count'}"
+    return (
+        f"{len(driver.samples)} answers, {driver.unanswered} without; server:"
+        f" {counts or 'nothing to count'}"
+    )
 
 
 def _dropped(share: float, least: int) -> str:
-    return f"at least {least} % of the exchanges are answered, none is waited for too long; safe when the cable is cut"
+    return (
+        f"at least {least} % of the exchanges are answered, none is waited for too long; safe when"
+        " the cable is cut"
+    )
 
 
 @fault("1 % of the messages dropped", _dropped(0.01, 90))

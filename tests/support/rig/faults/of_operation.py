@@ -70,7 +70,10 @@ def wall_clock(bench: Bench) -> None:
     library = bench.folder / "clock_jumps.so"
     subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, _JUMPS, "-ldl"], check=True)
     environment = {"LD_PRELOAD": str(library)}
-    hour = "import time; seen = [time.sleep(0.01) or time.time() for _ in range(30)]; print(max(seen) - min(seen) > 1800)"
+    hour = (
+        "import time; seen = [time.sleep(0.01) or time.time() for _ in range(30)]; print(max(seen)"
+        " - min(seen) > 1800)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", hour], env={**os.environ, **environment}, capture_output=True
     )
@@ -82,7 +85,10 @@ def wall_clock(bench: Bench) -> None:
     assert max(sample["ages"][0] for sample in driver.samples) < 0.1 + bench.allowance
     driver.hang()
     bench.measure_from_fresh(server.wait_call("safe", bench.link.fresh[0]))
-    bench.observed = f"{len(driver.samples)} exchanges while it jumped every 0.1 s; safe in time when the client hung"
+    bench.observed = (
+        f"{len(driver.samples)} exchanges while it jumped every 0.1 s; safe in time when the client"
+        " hung"
+    )
 
 
 @fault(

@@ -54,7 +54,10 @@ def killed(bench: Bench) -> None:
     driver.wait(10)
     assert driver.sessions > sessions
     assert driver.longest < 0.6
-    bench.observed = f"safe, all {len(family)} processes gone; the same client exchanged on, after {before} samples before"
+    bench.observed = (
+        f"safe, all {len(family)} processes gone; the same client exchanged on, after {before}"
+        " samples before"
+    )
 
 
 @fault(

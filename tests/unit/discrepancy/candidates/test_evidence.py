@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.identify.prediction_error import FitResult
+from orchestration.identify.fitting.prediction_error import FitResult
 
 
 def fitted(effects, bic):

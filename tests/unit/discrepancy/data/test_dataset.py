@@ -1,4 +1,6 @@
-"""Claims: joined records are those that were joined, and nothing that is filtered reaches from one into the next."""
+"""Claims: joined records are those that were joined, and nothing that is filtered reaches from one
+into the next.
+"""
 
 from __future__ import annotations
 

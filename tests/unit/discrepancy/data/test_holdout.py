@@ -1,4 +1,6 @@
-"""Claims: of several records whole ones are held out, and what is judged of them was not fitted to."""
+"""Claims: of several records whole ones are held out, and what is judged of them was not fitted
+to.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,9 @@ def test_errors_are_of_the_samples_that_are_judged():
 
 
 def test_an_error_is_told_over_the_spread_of_all_that_was_held_out():
-    """Oracle: a ramp from 0 to 1 has the spread 1 / sqrt(12), however much of it tells the start."""
+    """Oracle: a ramp from 0 to 1 has the spread 1 / sqrt(12), however much of it tells the
+    start.
+    """
     ramp = np.linspace(0.0, 1.0, 60001)
     record = Dataset(np.arange(60001.0), {}, {"y": ramp})
     alone = ValidationData.separate_record(record)

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.data.intersample import Course, course, white_noise
+from orchestration.discrepancy.data.intersample import (
+    IntersampleCourse,
+    classify_course,
+    white_noise,
+)
 from tests.support.intersample_records import stimulus
 
 SMOOTH, STEPS = ("chirp", "multisine", "triangle"), ("square", "prbs", "multilevel")
@@ -26,7 +30,9 @@ def test_steps_are_told_from_a_smooth_course_whatever_the_noise(kind, noise, rat
     measured = values + noise * np.ptp(values) * np.random.default_rng(2).standard_normal(
         len(values)
     )
-    assert course(measured) is (Course.SMOOTH if kind in SMOOTH else Course.STEPS)
+    assert classify_course(measured) is (
+        IntersampleCourse.SMOOTH if kind in SMOOTH else IntersampleCourse.STEPS
+    )
 
 
 @pytest.mark.parametrize("kind", [*SMOOTH, *STEPS])
@@ -34,21 +40,24 @@ def test_steps_are_told_from_a_smooth_course_whatever_the_noise(kind, noise, rat
 def test_the_steps_of_a_recorder_are_none_of_the_input(kind, bits):
     values = at(kind, 50.0)
     grid = np.ptp(values) / 2**bits
-    assert course(np.round(values / grid) * grid) is (
-        Course.SMOOTH if kind in SMOOTH else Course.STEPS
+    assert classify_course(np.round(values / grid) * grid) is (
+        IntersampleCourse.SMOOTH if kind in SMOOTH else IntersampleCourse.STEPS
     )
 
 
 def test_a_slow_sine_is_smooth_though_its_recorder_repeats_values():
     values = np.round(2000.0 * np.sin(2.0 * np.pi * np.arange(6000) / 6000.0))
     assert np.mean(np.diff(values) == 0.0) > 0.1
-    assert course(values) is Course.SMOOTH
+    assert classify_course(values) is IntersampleCourse.SMOOTH
 
 
 def test_an_input_of_which_every_sample_is_another_does_not_tell():
-    assert course(at("every sample", 10.0)) is Course.UNCLEAR
-    assert course(np.random.default_rng(1).choice([-1.0, 1.0], 3000)) is not Course.SMOOTH
-    assert course(np.ones(100)) is Course.STILL
+    assert classify_course(at("every sample", 10.0)) is IntersampleCourse.UNCLEAR
+    assert (
+        classify_course(np.random.default_rng(1).choice([-1.0, 1.0], 3000))
+        is not IntersampleCourse.SMOOTH
+    )
+    assert classify_course(np.ones(100)) is IntersampleCourse.STILL
 
 
 @pytest.mark.parametrize("kind", [*SMOOTH, *STEPS])

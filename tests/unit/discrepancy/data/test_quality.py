@@ -1,6 +1,8 @@
-"""Claims: faults of the data are found where they are, nowhere else, and no model is blamed for them.
+"""Claims: faults of the data are found where they are, nowhere else, and no model is blamed for
+them.
 
-Records are those of the emulated rig; the faults are laid over them here, so that the samples concerned are known.
+Records are those of the emulated rig; the faults are laid over them here, so that the samples
+concerned are known.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report.wording import message
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import read_record
-from orchestration.rig.emulator.bench import NOISE
-from orchestration.rig.emulator.records import UNITS, draw, write
+from studies.emulator.bench import NOISE
+from studies.emulator.records import UNITS, draw, write
 from tests.support.diagnosis import short_record
 from tests.support.pace import slow_but
 
@@ -43,11 +45,14 @@ def kinds(faults):
     return {(f.channel, f.kind) for f in faults}
 
 
-# --- no false alarm ---------------------------------------------------------------------------------------------------
+# --- no false alarm
+# --------------------------------------------------------------------------------------------------
 
 
 def test_clean_records_are_clean():
-    """Seven records of each of eight kinds; the inputs of all of them jump among few levels and rest at their ends."""
+    """Seven records of each of eight kinds; the inputs of all of them jump among few levels and
+    rest at their ends.
+    """
     for seed in range(56):
         colour, rate, duration = (
             (0.0, 0.9)[seed % 2],
@@ -106,11 +111,14 @@ def test_what_a_model_does_itself_is_no_fault():
     assert assess(data, data.measured)[1] == []
 
 
-# --- what stands still is evidence -----------------------------------------------------------------------------------
+# --- what stands still is evidence
+# -----------------------------------------------------------------------------------
 
 
 def driven(response, seed=0):
-    """A plant without noise, read in steps of 0.01, that is driven by steps of many sizes and responds like this."""
+    """A plant without noise, read in steps of 0.01, that is driven by steps of many sizes and
+    responds like this.
+    """
     time = 0.1 * np.arange(3000)
     pushed = np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, 100), 30)
     moved = lfilter([0.1], [1.0, -0.9], response(pushed))
@@ -167,7 +175,8 @@ def test_a_sensor_without_noise_that_hangs_and_comes_back_is_left_out_there():
     assert np.isnan(usable.measured["y"])[1001:1399].all()
 
 
-# --- faults -----------------------------------------------------------------------------------------------------------
+# --- faults
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.9])
@@ -263,7 +272,8 @@ def test_gaps_stay_gaps():
     assert np.isnan(usable.measured["voltage"][100:200]).all()
 
 
-# --- excitation -------------------------------------------------------------------------------------------------------
+# --- excitation
+# --------------------------------------------------------------------------------------------------
 
 
 def test_inputs_that_do_not_move_are_told():
@@ -284,7 +294,8 @@ def test_inputs_that_do_not_move_are_told():
     )
 
 
-# --- no model is blamed -----------------------------------------------------------------------------------------------
+# --- no model is blamed
+# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("fault", slow_but(["clipped", "dead", "stuck"], "clipped"))

@@ -1,4 +1,6 @@
-"""Which data a diagnosis rests on: not what is too short, full of gaps, not excited or no measurement."""
+"""Which data a diagnosis rests on: not what is too short, full of gaps, not excited or no
+measurement.
+"""
 
 from __future__ import annotations
 
@@ -44,10 +46,11 @@ def test_of_two_records_it_is_told_of_which_nothing_can_be_used():
     with pytest.raises(UnusableRecordError) as refusal:
         diagnose(PpyActuator, data, FEW, holdout=dead)
     assert all(note.held_out for note in refusal.value.notes)
-    (note, _) = sorted(refusal.value.notes, key=lambda note: note.code)
-    assert message(note) == (
-        "in the record held out: voltage: constant at 0 while inputs move: a dead sensor, or nothing drives it; it is "
-        "not used"
+    note, _ = sorted(refusal.value.notes, key=lambda note: note.code)
+    assert (
+        message(note)
+        == "in the record held out: voltage: constant at 0 while inputs move: a dead sensor, or"
+        " nothing drives it; it is not used"
     )
 
 

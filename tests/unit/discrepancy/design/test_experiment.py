@@ -1,103 +1,41 @@
-"""Claims: a designed experiment keeps to the limits, runs, tells alternatives apart, and its evidence is as expected.
+"""Claims: a designed experiment keeps to the limits, runs, tells alternatives apart, and its
+evidence is as expected.
 
-The oracle is the emulated rig, which shares no code with the models: it makes the designed experiment with the one or
-the other variation hidden, and both models are fitted to what it measures.
+The oracle is the emulated rig, which shares no code with the models: it makes the designed
+experiment with the one or the other variation hidden, and both models are fitted to what it
+measures.
 """
 
 from __future__ import annotations
 
 import tomllib
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from fmus.kit.errors import UserError
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.candidates.candidate import Candidate, own_parameters
-from orchestration.discrepancy.candidates.evidence import FittedCandidate
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.design.expected_evidence import (
-    _covariance,
-    at_rest,
-    expected_delta_bic_linear,
-    respond,
-)
-from orchestration.discrepancy.design.experiment import ENOUGH, design
-from orchestration.discrepancy.design.stimuli import Stimulus, limits_of_inputs
-from orchestration.discrepancy.diagnosis import diagnose, searched
+from orchestration.discrepancy.design.expected_evidence import at_rest, respond
+from orchestration.discrepancy.design.experiment import ENOUGH, design_experiment
+from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection.ranking import ALTERNATIVE
-from orchestration.discrepancy.selection.stepwise import Selection, Step
+from orchestration.discrepancy.selection.stepwise import Selection
+from orchestration.experiment.execution import run
 from orchestration.experiment.reading import read
-from orchestration.experiment.run import run
-from orchestration.experiment.waveforms import steps
-from orchestration.identify.noise.autoregression import yule_walker
-from orchestration.identify.noise.model import Noise
-from orchestration.identify.prediction_error import fit
-from orchestration.identify.problem import Problem
-from orchestration.rig.emulator.bench import NOISE
-from orchestration.rig.emulator.emulator import EmulatedRig, RigParameters
-from orchestration.rig.emulator.variations import CATALOGUE
+from tests.support.ambiguous import HIDDEN, TIME, ambiguous, fitted, measured
 from tests.support.pace import slow_but
 
-TIME = 0.2 * np.arange(1501)
-RIG = RigParameters(R1=0.40, R2=2.5, C=2.6, alpha=7.2e-5, k1=6000.0, b1=1.8e6, k2=1.05e4, b2=1.9e6)
 LIMITS = {"current": (-1.3, 1.3), "force": (0.0, 3.0)}
 HIGHEST = 30.0
-HIDDEN = {
-    "double_layer": {"transfer_resistance": 0.1, "layer_time": 0.4},
-    "diffusion": {"diffusing_share": 0.15},
-}
-DULL = {
-    "current": steps(TIME, [20.0, 70.0, 150.0, 200.0, 260.0], [0.3, -0.2, 0.4, 0.0, 0.3]),
-    "force": 0.5 + 0.0 * TIME,
-}
-
-
-def measured(hidden, time, inputs, seed=1):
-    """A record of the rig."""
-    physics = partial(CATALOGUE[hidden].physics, **HIDDEN[hidden])
-    rig = EmulatedRig(RIG, seed, NOISE["voltage"], NOISE["displacement"], hidden=physics)
-    return Dataset(time, inputs, rig.run(time, inputs["current"], inputs["force"]))
-
-
-def fitted(data, effect=None):
-    """A model fitted to what a diagnosis fits to, from either side of the effect's neutral value."""
-    part = data.part(0, round(len(data.time) * (1.0 - HELD_OUT)))
-    candidate = (
-        Candidate((), PpyActuator)
-        if effect is None
-        else Candidate((), PpyActuator).with_effect(EFFECTS[effect])
-    )
-    physical = searched(PpyActuator)
-    problem = Problem(
-        candidate.cls, part.time, part.inputs, part.measured, [*physical, *candidate.parameters], {}
-    )
-    believed = np.array([n in physical and not problem.declared[n].starts for n in problem.names])
-    begin = {own_parameters(EFFECTS[effect])[0]: 0.1} if effect else {}
-    return FittedCandidate(
-        candidate, problem, fit(problem, problem.position(problem.start | begin), None, believed)
-    )
-
-
-@cache
-def ambiguous(hidden):
-    """The dull record, and an ambiguous verdict on it."""
-    data = measured(hidden, TIME, DULL)
-    true_model, candidate = (
-        fitted(data, name) for name in sorted(HIDDEN, key=lambda name: name != hidden)
-    )
-    return data, Selection(fitted(data), [Step(true_model, 0.0, 0.0, 0.0, [candidate], [])])
 
 
 @cache
 def designed(hidden):
     data, selection = ambiguous(hidden)
-    return design(selection, data, LIMITS, HIGHEST)
+    return design_experiment(selection, data, LIMITS, HIGHEST)
 
 
 def figure(experiment, true_model):
@@ -163,10 +101,10 @@ def test_the_experiment_runs_as_it_is_written(tmp_path):
 
 def test_what_no_experiment_tells_apart_is_said():
     data, selection = ambiguous("double_layer")
-    experiment = design(selection, data, {"current": (0.0, 0.0)}, HIGHEST)
+    experiment = design_experiment(selection, data, {"current": (0.0, 0.0)}, HIGHEST)
     assert experiment.least < ENOUGH
     assert not experiment.is_worthwhile
-    assert wording.experiment(experiment).startswith(
+    assert wording.describe_experiment(experiment).startswith(
         "No experiment within these limits that was looked at tells"
     )
     assert (
@@ -177,43 +115,17 @@ def test_what_no_experiment_tells_apart_is_said():
 
 def test_without_rivals_every_input_is_moved():
     data, selection = ambiguous("double_layer")
-    experiment = design(Selection(selection.base), data, LIMITS, HIGHEST)
+    experiment = design_experiment(Selection(selection.base), data, LIMITS, HIGHEST)
     assert experiment.expected == []
     assert {s.kind for s in experiment.stimuli.values()} == {"multilevel"}
     assert tomllib.loads(experiment.toml("ppy_actuator", "what for"))["component"] == "ppy_actuator"
 
 
-def test_limits_that_nobody_gave_are_what_the_record_shows():
+def test_limits_of_no_input_or_that_leave_nothing_are_refused():
     data, selection = ambiguous("double_layer")
-    assert limits_of_inputs(selection.base, data, {"force": (0.0, 3.0)}) == {
-        "current": (-0.2, 0.4),
-        "force": (0.0, 3.0),
-    }
     with pytest.raises(
         UserError, match="limits of voltage: there is no such input; there are current, force"
     ):
-        design(selection, data, {"voltage": (0.0, 1.0)})
+        design_experiment(selection, data, {"voltage": (0.0, 1.0)})
     with pytest.raises(UserError, match="limits of force: 3 to 0 N leaves nothing"):
-        design(selection, data, {"force": (3.0, 0.0)})
-
-
-def test_a_model_expects_nothing_against_itself():
-    _, selection = ambiguous("double_layer")
-    model = selection.steps[0].chosen
-    shown = respond(model, TIME, DULL, at_rest(model))
-    assert expected_delta_bic_linear(model, model, shown, shown) == pytest.approx(0.0, abs=1.0)
-
-
-def test_the_covariance_of_noise_is_that_of_its_samples():
-    """Closed form of AR(1); of a sum with a sine, what Yule and Walker make of many samples."""
-    noise = Noise(np.array([0.9]), 2.0)
-    assert _covariance(noise) == pytest.approx(4.0 / (1.0 - 0.81) * 0.9 ** np.arange(5))
-    assert yule_walker(_covariance(noise), 10_000)[0] == pytest.approx([0.9])
-    samples = lfilter([2.0], [1.0, -0.9], np.random.default_rng(1).standard_normal(400_000))
-    lagged = np.array([samples[: samples.size - k] @ samples[k:] for k in range(5)]) / samples.size
-    assert _covariance(noise) == pytest.approx(lagged, rel=0.03)
-
-
-def test_a_stimulus_says_what_it_is():
-    ramp = Stimulus("ramps", {"times": [0.0, 1.0], "levels": [0.0, 2.0]})
-    assert ramp.values(np.array([0.0, 0.25, 3.0])) == pytest.approx([0.0, 0.5, 2.0])
+        design_experiment(selection, data, {"force": (3.0, 0.0)})

@@ -1,4 +1,5 @@
-"""Claims: what a law lacks is found, in records of plants that share no code with the models; in clean ones nothing is.
+"""Claims: what a law lacks is found, in records of plants that share no code with the models; in
+clean ones nothing is.
 
 The oracle is the plant: its hidden curve, and its parameters.
 """
@@ -16,14 +17,13 @@ from orchestration.discrepancy.laws.base import search_of
 from orchestration.discrepancy.laws.discovery import discover
 from orchestration.discrepancy.laws.fit import CurveFit
 from orchestration.discrepancy.laws.fitting import Fitting
-from orchestration.discrepancy.laws.linear.course import follow
+from orchestration.discrepancy.laws.linear.unknown_input import estimate_unknown_input
 from orchestration.discrepancy.laws.map import LawMap
-from orchestration.discrepancy.laws.plausible import Plausible
-from tests.support.clean.plants import PLANTS
-from tests.support.clean.records import KINDS, conditions, draw
-from tests.support.hidden.change import static
-from tests.support.hidden.curves import hard_sinh, power
-from tests.support.hidden.plants import altered
+from orchestration.discrepancy.laws.plausible import Plausibility
+from studies.clean.records import KINDS, conditions, draw
+from studies.hidden.curves import hard_sinh, power
+from studies.plants.change import static
+from studies.plants.library import PLANTS, altered
 from tests.support.lacking import diagnosed, motor
 from tests.support.pace import slow_but
 
@@ -54,7 +54,9 @@ each = pytest.mark.parametrize("plant", slow_but(["found_drag", "found_spring"],
 
 @pytest.fixture(scope="module")
 def found_drag(drag):
-    """Of the entries that tell most; that all of a map are fitted is shown where a diagnosis asks for laws."""
+    """Of the entries that tell most; that all of a map are fitted is shown where a diagnosis asks
+    for laws.
+    """
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(
             LawMap, "entries", lambda self, known=LawMap.entries: known(self)[: 2 * FEW]
@@ -78,8 +80,8 @@ def test_a_free_course_lets_a_model_follow_where_its_own_run_tells_nothing(sprin
     assert widths(drawn, base.fit.residual)["position"] > 20.0
     search = search_of(diagnosis)
     found = LawMap(search, base)
-    course = follow(search, base, found.laws, "acceleration")
-    assert widths(drawn, course.left)["position"] < 1.5
+    course = estimate_unknown_input(search, base, found.laws, "acceleration")
+    assert widths(drawn, course.unexplained)["position"] < 1.5
 
 
 def test_a_course_is_what_the_plant_has_more(drag):
@@ -88,7 +90,7 @@ def test_a_course_is_what_the_plant_has_more(drag):
     found = LawMap(search_of(diagnosis), base)
     (_, course, _), followed = found.courses["acceleration"].parts[0], found.courses["acceleration"]
     assert max(widths(drawn, base.fit.residual).values()) > 5.0
-    assert all(width < 1.3 for width in widths(drawn, followed.left).values())
+    assert all(width < 1.3 for width in widths(drawn, followed.unexplained).values())
     assert np.ptp(course.states["omega"].begin) == pytest.approx(
         np.ptp(drawn.clean["speed"]), rel=0.1
     )
@@ -118,7 +120,9 @@ def test_a_curve_and_what_the_model_has_are_the_plants_law(drag, found_drag):
 
 
 def test_of_laws_that_do_the_same_each_is_multiplied(spring):
-    """A torque may be added anywhere in a balance, but a friction that grows with the angle is no other gravity."""
+    """A torque may be added anywhere in a balance, but a friction that grows with the angle is no
+    other gravity.
+    """
     found = LawMap(search_of(spring[1]), spring[1].selection.base)
     assert {"gravity", "friction", "acceleration"} in [
         set(laws) for laws in found.candidates.values()
@@ -145,7 +149,7 @@ def test_what_is_likelier_and_simulates_worse_is_not_confirmed(found_drag):
 @each
 def test_what_is_told_stands_there_once(plant, request):
     """Of lags with several constants one is fitted, since its constant is fitted too."""
-    told = [one.entry.what for one in request.getfixturevalue(plant).corrections]
+    told = [one.entry.key for one in request.getfixturevalue(plant).corrections]
     assert len(told) == len(set(told))
 
 
@@ -157,7 +161,9 @@ def test_nothing_is_found_where_nothing_is_hidden(tmp_path, seed):
 
 
 def test_a_fit_starts_from_the_nearest_of_its_starts(drag):
-    """Of values far off and of those that go with the curve the latter are taken, in whatever order they come."""
+    """Of values far off and of those that go with the curve the latter are taken, in whatever order
+    they come.
+    """
     _, diagnosis = drag
     base, search = diagnosis.selection.base, search_of(diagnosis)
     found = LawMap(search, base)
@@ -173,11 +179,13 @@ def test_a_fit_starts_from_the_nearest_of_its_starts(drag):
 
 
 def test_a_fit_begins_with_less_of_a_curve_where_the_map_is_far_off(drag):
-    """From a curve three thousand times as large, and the other way, it ends where it ends from the right one."""
+    """From a curve three thousand times as large, and the other way, it ends where it ends from the
+    right one.
+    """
     _, diagnosis = drag
     base, search = diagnosis.selection.base, search_of(diagnosis)
     found = LawMap(search, base)
-    best = next(e for e in found.entries() if e.what == ("friction", "omega", "", "add"))
+    best = next(e for e in found.entries() if e.key == ("friction", "omega", "", "add"))
     fit = CurveFit(search, base, Fitting(search, base, found).effect(best), best.basis)
     much = replace(best.curve, values=-3000.0 * best.curve.values)
     right, wrong = (
@@ -190,23 +198,25 @@ def test_a_fit_begins_with_less_of_a_curve_where_the_map_is_far_off(drag):
 @pytest.mark.parametrize(
     ("others", "much"),
     [
-        (("acceleration", "load", "", "add"), discovery._MUCH),
+        (("acceleration", "load", "", "add"), discovery._FAR),
         pytest.param(("friction", "voltage", "", "multiply"), np.inf, marks=pytest.mark.slow),
     ],
 )
 def test_the_first_order_may_be_wrong(drag, monkeypatch, others, much):
-    """Where much is left all signals are tried as they are, and always those that stand beside a law."""
-    monkeypatch.setattr(discovery, "_MUCH", much)
+    """Where much is left all signals are tried as they are, and always those that stand beside a
+    law.
+    """
+    monkeypatch.setattr(discovery, "_FAR", much)
     monkeypatch.setattr(
         LawMap,
         "entries",
         lambda self, known=LawMap.entries: [e for e in known(self) if not e.signal.memory][:FEW],
     )
     monkeypatch.setattr(
-        Plausible, "worth_a_fit", lambda self, entries: [e for e in entries if e.what == others]
+        Plausibility, "worth_a_fit", lambda self, entries: [e for e in entries if e.key == others]
     )
     best = discover(drag[1]).corrections[0]
-    assert best.entry.what[:2] == ("friction", "omega")
+    assert best.entry.key[:2] == ("friction", "omega")
 
 
 def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(
@@ -241,7 +251,9 @@ def test_shapes_are_told_in_the_order_of_their_criterion(found_drag):
     ],
 )
 def test_a_shape_is_told_where_it_is_about_as_good_as_the_curve(gain, behind, told):
-    """A curve of a thousand samples bends after everything; one per cent of what it gains buys a name."""
+    """A curve of a thousand samples bends after everything; one per cent of what it gains buys a
+    name.
+    """
     shape = SimpleNamespace(fit=SimpleNamespace(bic=-gain + behind))
     found = discovery._nearest(
         [("cubic", shape), ("linear", shape)], SimpleNamespace(criterion=-gain), 0.0

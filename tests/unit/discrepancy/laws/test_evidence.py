@@ -1,7 +1,7 @@
 """Evidence for a curve.
 
-Oracles: likelihoods of a Gaussian vector with and without a curve in it, by SciPy; ridge equations solved as least
-squares; a Monte Carlo in plain loops; and the table that a model has.
+Oracles: likelihoods of a Gaussian vector with and without a curve in it, by SciPy; ridge equations
+solved as least squares; a Monte Carlo in plain loops; and the table that a model has.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.stats import multivariate_normal
 
 from fmus.kit import smooth_table
-from orchestration.discrepancy.laws.evidence import KNOTS, Basis, Columns, Curve
+from orchestration.discrepancy.laws.evidence import KNOTS, Band, Basis, Curve, RegressorColumns
 
 SAMPLES = 120
 SIZES = 11  # of the bending part, that are tried
@@ -44,7 +44,9 @@ class Case:
         noise = np.random.default_rng(seed + 2).normal(size=len(self.x))
         y = noise + size * (np.tanh(3.0 * self.x) + 0.3 * self.x**2)
         self.y = y - own @ (own.T @ y)
-        self.columns = Columns(self.basis, self.z.T @ self.z, self.hats.T @ self.hats, len(self.x))
+        self.columns = RegressorColumns(
+            self.basis, self.z.T @ self.z, self.hats.T @ self.hats, len(self.x)
+        )
         self.score = self.z.T @ self.y
         self.curve = self.columns.best(self.score)
 
@@ -64,7 +66,9 @@ several = pytest.mark.parametrize(
 
 
 def evidence(y, z, prior):
-    """Twice the logarithm of how much likelier y, or each row of it, is with a curve of this prior than without."""
+    """Twice the logarithm of how much likelier y, or each row of it, is with a curve of this prior
+    than without.
+    """
     nothing = np.eye(len(z))
     likelier, plain = (
         multivariate_normal.logpdf(y, np.zeros(len(z)), covariance)
@@ -74,7 +78,9 @@ def evidence(y, z, prior):
 
 
 def family(one):
-    """Priors, made here anew: straight ones, with and without a step, and such that bend, by sizes; and their price."""
+    """Priors, made here anew: straight ones, with and without a step, and such that bend, by sizes;
+    and their price.
+    """
     bends = bending(one.basis)
     sizes = np.geomspace(1e-2, 1e8, SIZES) / (np.trace(one.z @ bends @ one.z.T) / len(bends))
     for part in one.basis.plain:
@@ -102,7 +108,9 @@ def test_the_gain_is_the_evidence(case):
 
 @several
 def test_a_straight_line_has_the_price_of_bic(case):
-    """However strong it is: the criterion of the same line by least squares, its parameters being its own."""
+    """However strong it is: the criterion of the same line by least squares, its parameters being
+    its own.
+    """
     one = Case(*case)
     part = one.basis.plain[0]
     columns = one.z @ part
@@ -115,14 +123,18 @@ def test_a_straight_line_has_the_price_of_bic(case):
 
 @several
 def test_no_prior_of_the_family_has_more_evidence(case):
-    """Every size of the bending part, with and without a step, made here anew; the best one is returned."""
+    """Every size of the bending part, with and without a step, made here anew; the best one is
+    returned.
+    """
     one = Case(*case)
     gains = [evidence(one.y, one.z, prior) - price for prior, price in family(one)]
     assert one.curve.gain == pytest.approx(max(gains), rel=1e-5, abs=1e-5)
 
 
 def bending(basis):
-    """Covariance of an integrated Wiener process: of its values, from that of its slope, by Simpson's rule."""
+    """Covariance of an integrated Wiener process: of its values, from that of its slope, by
+    Simpson's rule.
+    """
     u = (basis.knots - basis.knots[0]) / (basis.knots[-1] - basis.knots[0])
     kernel = np.empty((len(u), len(u)))
     fine = np.linspace(0.0, 1.0, 2001)
@@ -137,7 +149,9 @@ def bending(basis):
 
 
 def one_sample(free, alone):
-    """Covariance of coordinates of which one sample tells as much as their prior, where nothing is the model's own."""
+    """Covariance of coordinates of which one sample tells as much as their prior, where nothing is
+    the model's own.
+    """
     assert np.linalg.eigvalsh(np.linalg.solve(alone.T @ alone, free.T @ free)).min() > 1e-3
     return len(free) * np.linalg.inv(free.T @ free)
 
@@ -181,7 +195,7 @@ def test_a_step_at_zero_is_preferred_where_there_is_one():
     basis = Basis.over(x)
     z = basis(x)
     y = 3.0 * np.sign(x) + np.random.default_rng(7).normal(size=SAMPLES)
-    found = Columns(basis, z.T @ z, z.T @ z, SAMPLES).best(z.T @ y)
+    found = RegressorColumns(basis, z.T @ z, z.T @ z, SAMPLES).best(z.T @ y)
     assert np.interp(0.2, basis.knots, found.values) == pytest.approx(3.0, abs=0.5)
     assert np.interp(-0.2, basis.knots, found.values) == pytest.approx(-3.0, abs=0.5)
     assert not is_bending(basis, found.prior), "a constant, a slope and a step are enough"
@@ -191,15 +205,21 @@ LINE = Basis(np.array([0.0, 4.0]))  # which cannot bend
 
 
 def on_a_line(own):
-    """What is found of y = 10 + 20 x where the model has columns of its own, which are orthonormal."""
+    """What is found of y = 10 + 20 x where the model has columns of its own, which are
+    orthonormal.
+    """
     x = signal(8, crossing=False)
     hats = LINE(x)
     z, y = hats - own @ (own.T @ hats), 10.0 + 20.0 * x
-    return Columns(LINE, z.T @ z, hats.T @ hats, SAMPLES).best(z.T @ (y - own @ (own.T @ y)))
+    return RegressorColumns(LINE, z.T @ z, hats.T @ hats, SAMPLES).best(
+        z.T @ (y - own @ (own.T @ y))
+    )
 
 
 def test_what_is_the_models_own_is_no_part_of_a_curve():
-    """A slope, and a constant, that parameters of the model can do as well are not expected, nor found, nor paid."""
+    """A slope, and a constant, that parameters of the model can do as well are not expected, nor
+    found, nor paid.
+    """
     x = signal(8, crossing=False)
     one, both = (np.linalg.qr(np.vander(x, k))[0] for k in (1, 2))
     found = on_a_line(both)
@@ -225,7 +245,7 @@ def test_a_slope_of_which_little_is_left(share, rank):
     hats = LINE(x)
     slope = (x - x.mean()) / np.linalg.norm(x - x.mean())
     z = hats - (1.0 - np.sqrt(share)) * np.outer(slope, slope @ hats)
-    found = Columns(LINE, z.T @ z, hats.T @ hats, SAMPLES).best(np.zeros(2))
+    found = RegressorColumns(LINE, z.T @ z, hats.T @ hats, SAMPLES).best(np.zeros(2))
     assert np.linalg.matrix_rank(found.prior, tol=1e-9 * np.abs(found.prior).max()) == rank
     assert found.complexity == pytest.approx(rank * np.log(SAMPLES), rel=1e-5)
 
@@ -239,7 +259,7 @@ def test_a_bend_beside_a_line_that_is_the_models_own():
 
 def test_a_law_that_does_nothing_gains_nothing():
     basis = Basis(np.linspace(0.0, 1.0, 9))
-    found = Columns(basis, np.zeros((9, 9)), np.zeros((9, 9)), SAMPLES).best(np.zeros(9))
+    found = RegressorColumns(basis, np.zeros((9, 9)), np.zeros((9, 9)), SAMPLES).best(np.zeros(9))
     assert found.gain == 0.0
     assert not found.values.any()
 
@@ -277,7 +297,8 @@ def test_noise_hardly_ever_gains():
     assert np.mean(one.columns.by_chance(one.z.T @ noise) > 2.0 * np.log(100.0)) < 0.01
 
 
-# --- knots and columns ------------------------------------------------------------------------------------------------
+# --- knots and columns
+# ------------------------------------------------------------------------------------------------
 
 
 @settings(max_examples=100, deadline=None)
@@ -349,6 +370,87 @@ def test_what_bends_is_no_line():
 def test_two_knots_have_nothing_to_bend():
     basis = Basis(np.array([0.0, 1.0]))
     z = basis(signal(3, crossing=False) / 3.5)
-    found = Columns(basis, z.T @ z, z.T @ z, SAMPLES).best(z.T @ np.ones(SAMPLES))
+    found = RegressorColumns(basis, z.T @ z, z.T @ z, SAMPLES).best(z.T @ np.ones(SAMPLES))
     assert isinstance(found, Curve)
     assert found.values == pytest.approx([1.0, 1.0], abs=0.02)
+
+
+# --- bands of curves; oracle: curves that are drawn, as sums of white noise in plain steps
+# --------------------------------------------------------------------------------------------------
+
+FINE = np.linspace(0.0, 1.0, 2001)
+BAND_KNOTS = np.array([0.0, 0.1, 0.25, 0.4, 0.6, 0.7, 0.85, 1.0])
+BAND_BASIS = Basis(3.0 + 2.0 * BAND_KNOTS)
+BAND_X = 3.0 + 2.0 * FINE[::20]
+
+
+def wandering(rng, draws):
+    """Twice integrated white noise at `FINE`, (draws, n)."""
+    step = FINE[1]
+    rates = np.cumsum(rng.normal(0.0, np.sqrt(step), (draws, len(FINE))), axis=1)
+    return np.cumsum(rates, axis=1) * step
+
+
+def through_knots(curves):
+    return curves[:, [round(k * (len(FINE) - 1)) for k in BAND_KNOTS]]
+
+
+def test_what_is_left_between_knots():
+    curves = wandering(np.random.default_rng(1), 4000)
+    values = through_knots(curves)
+    mean_variance = np.mean(np.diag(BAND_BASIS.bending))
+    assert mean_variance == pytest.approx(1.0)
+    straight = np.column_stack([np.ones(len(BAND_KNOTS)), BAND_KNOTS])
+    bent = values - (straight @ np.linalg.lstsq(straight, values.T, rcond=None)[0]).T
+    unit = np.mean(np.var(bent, axis=0))  # that a mean variance of 1 at the knots has
+    xs = [float(x) for x in BAND_BASIS.knots]
+    told = np.array(
+        [[smooth_table(float(x), xs, list(map(float, v))) for x in BAND_X] for v in values[:400]]
+    )
+    left = (curves[:400, ::20] - told) / np.sqrt(unit)
+    expected = np.sqrt(np.diag(BAND_BASIS.left_between(BAND_X)))
+    assert np.sqrt(np.mean(left**2, axis=0)) == pytest.approx(
+        expected, rel=0.2, abs=0.02 * expected.max()
+    )
+    assert np.sqrt(np.diag(BAND_BASIS.left_between(BAND_BASIS.knots))) == pytest.approx(
+        0.0, abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_the_band_holds_whole_curves(noise):
+    """Of curves that bend as much as is expected, in noise in which what the knots leave does not
+    stand out.
+    """
+    rng, held, whole = np.random.default_rng(2), 0, 200
+    curves = wandering(rng, whole)
+    at = np.arange(0, len(FINE), 5)
+    x = 3.0 + 2.0 * FINE[at]
+    columns = BAND_BASIS(x)
+    for curve in curves:
+        y = curve[at] + rng.normal(0.0, noise, len(at))
+        z = columns / noise
+        products = z.T @ z
+        found = RegressorColumns(BAND_BASIS, products, products, len(at)).best(z.T @ y / noise)
+        _, low, high = Band(BAND_BASIS, found)(BAND_X)
+        inside = (curve[::20] >= low) & (curve[::20] <= high)
+        held += bool(np.mean(inside) >= 0.9)
+    assert held >= 0.9 * whole
+
+
+def test_what_goes_together_has_the_band_of_a_point():
+    straight = np.outer(BAND_BASIS.knots, BAND_BASIS.knots)
+    values, low, high = Band(
+        BAND_BASIS, Curve(0.0, 2.0 * BAND_BASIS.knots, 0.01 * straight, straight, 0.0)
+    )(BAND_X)
+    assert values == pytest.approx(2.0 * BAND_X)
+    assert high - low == pytest.approx(2.0 * 1.96 * 0.1 * BAND_X, rel=0.1)
+
+
+def test_what_is_known_has_no_band():
+    nothing = np.zeros((len(BAND_KNOTS), len(BAND_KNOTS)))
+    values, low, high = Band(
+        BAND_BASIS, Curve(0.0, np.ones(len(BAND_KNOTS)), nothing, nothing, 0.0)
+    )(BAND_X)
+    assert values == pytest.approx(1.0)
+    assert low == pytest.approx(high)

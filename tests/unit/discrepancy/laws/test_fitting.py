@@ -1,4 +1,5 @@
-"""Claims: what is remembered is found as the plant has it, however it begins; what is one thing in two forms is told as
+"""Claims: what is remembered is found as the plant has it, however it begins; what is one thing in
+two forms is told as
 the one that is known.
 
 The oracle is the plant: the node that is hidden in it, its time constant and its size.
@@ -17,12 +18,11 @@ from orchestration.discrepancy.laws.base import search_of
 from orchestration.discrepancy.laws.discovery import discover
 from orchestration.discrepancy.laws.fitting import Fitting
 from orchestration.discrepancy.laws.map import LawMap
-from orchestration.discrepancy.pipeline import Options, judge
+from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
 from orchestration.fmu.model import find_model
-from tests.support.clean.plants import PLANTS
-from tests.support.clean.records import KINDS, conditions, draw
-from tests.support.hidden.change import remembered
-from tests.support.hidden.plants import altered
+from studies.clean.records import KINDS, conditions, draw
+from studies.plants.change import remembered
+from studies.plants.library import PLANTS, altered
 from tests.support.pace import slow_but
 
 pytestmark = pytest.mark.timeout(180)
@@ -41,7 +41,9 @@ def wall(tmp_path_factory, request):
     drawn = draw(case, plant=altered("ThermalNodes", hidden))
     drawn.write(path)
     subject = find_model(drawn.plant.model)
-    return judge([read_record(path, subject)], subject, None, Options(effects=[])).diagnosis
+    return diagnose_only(
+        [read_record(path, subject)], subject, None, DiagnosisOptions(effects=[])
+    ).diagnosis
 
 
 @pytest.mark.slow

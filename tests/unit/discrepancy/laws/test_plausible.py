@@ -1,4 +1,5 @@
-"""Claims: which of several corrections is the likelier one before a record is asked, and which are worth a fit.
+"""Claims: which of several corrections is the likelier one before a record is asked, and which are
+worth a fit.
 
 The oracle is a motor, of which anybody can say what hangs on what.
 """
@@ -11,19 +12,21 @@ import pytest
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.laws.entry import Entry
 from orchestration.discrepancy.laws.evidence import Basis, Curve
-from orchestration.discrepancy.laws.plausible import Plausible
-from orchestration.discrepancy.laws.signals import Signal
-from tests.support.clean.models.motor import Motor
+from orchestration.discrepancy.laws.plausible import Plausibility
+from orchestration.discrepancy.laws.signals import LawSignal
+from studies.plants.models.motor import Motor
 
 NOTHING = np.zeros((2, 2))
 
 
 def entry(law, signal, memory="", kind="add", gain=100.0, direction=0, driven="acceleration"):
-    """What it does to the outputs is a direction of its own for every whole number, and alike in between."""
+    """What it does to the outputs is a direction of its own for every whole number, and alike in
+    between.
+    """
     away = np.zeros(8)
     away[int(direction)], away[7] = np.cos(direction % 1.0), np.sin(direction % 1.0)
     curve = Curve(gain, np.zeros(2), NOTHING, NOTHING, 0.0)
-    signal = Signal(signal, memory, 1.0 if memory in ("lagged", "leading", "heat") else 0.0)
+    signal = LawSignal(signal, memory, 1.0 if memory in ("lagged", "leading", "heat") else 0.0)
     return Entry(
         driven,
         law,
@@ -38,7 +41,7 @@ def entry(law, signal, memory="", kind="add", gain=100.0, direction=0, driven="a
 
 
 def plausible(families=()):
-    return Plausible(PerturbedLaws(Motor), set(), {}, set(families))
+    return Plausibility(PerturbedLaws(Motor), set(), {}, set(families))
 
 
 def labels(entries):
@@ -62,15 +65,13 @@ def labels(entries):
     ids=lambda one: one.label.replace(" ", "_"),
 )
 def test_what_is_the_likelier_one(likelier, other):
-    order = plausible().far_fetched
+    order = plausible().prior_rank
     assert order(likelier) < order(other)
 
 
 def test_what_is_known_goes_before():
     known, other = entry("acceleration", "omega"), entry("acceleration", "winding_current")
-    assert plausible(["acceleration over omega"]).far_fetched(known) < plausible().far_fetched(
-        other
-    )
+    assert plausible(["acceleration over omega"]).prior_rank(known) < plausible().prior_rank(other)
 
 
 def test_of_what_is_the_same_in_a_record_the_likelier_one_is_fitted():

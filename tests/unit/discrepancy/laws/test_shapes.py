@@ -1,4 +1,6 @@
-"""Claims: a curve that is a shape is told to be that one, with the amount and the width that it has."""
+"""Claims: a curve that is a shape is told to be that one, with the amount and the width that it
+has.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ import pytest
 
 from fmus.kit.curves import SHAPES
 from orchestration.discrepancy.laws.evidence import Basis, Curve
-from orchestration.discrepancy.laws.shapes import called, likenesses, zero_of
+from orchestration.discrepancy.laws.shapes import likenesses, shape_name, zero_of
 
 BASIS = Basis(np.linspace(-2.0, 2.0, 21))
 FORMS = {
@@ -49,7 +51,7 @@ def test_a_shape_is_named(name, amount):
 
 @pytest.mark.parametrize(("width", "name"), [(0.02, "sign"), (0.5, "saturating")])
 def test_a_saturation_that_is_abrupt_is_a_step(width, name):
-    assert called("sign", width, 2.0) == called("saturating", width, 2.0) == name
+    assert shape_name("sign", width, 2.0) == shape_name("saturating", width, 2.0) == name
 
 
 def test_all_shapes_are_told_the_nearest_first():
@@ -60,7 +62,9 @@ def test_all_shapes_are_told_the_nearest_first():
 
 
 def test_what_the_model_can_do_itself_is_no_likeness():
-    """Of a curve without a slope, because the model has one, a cubic is held against what it has beside a slope."""
+    """Of a curve without a slope, because the model has one, a cubic is held against what it has
+    beside a slope.
+    """
     straight = np.column_stack([np.ones(21), BASIS.knots])
     free = np.eye(21) - straight @ np.linalg.pinv(straight)
     values = free @ BASIS.knots**3

@@ -1,4 +1,6 @@
-"""Signals that laws may hang on: lags and integrals against SciPy and closed forms, and none that tells nothing new."""
+"""Signals that laws may hang on: lags and integrals against SciPy and closed forms, and none that
+tells nothing new.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +11,16 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 from scipy.signal import lsim
 
-from orchestration.discrepancy.laws.linear.response import Course, Sides, continuous
+from orchestration.discrepancy.laws.linear.response import Sides, SimulatedCourse, continuous
 from orchestration.discrepancy.laws.signals import (
     LAGS,
-    Signal,
+    LawSignal,
+    current_signals,
     integrated,
     is_new,
     lagged,
-    of,
-    plain,
-    remembered,
+    remembered_signals,
+    signal_along,
 )
 
 TIME = np.linspace(0.0, 20.0, 401)
@@ -87,13 +89,15 @@ def test_integrals():
 
 
 def course(**inputs):
-    return Course.of(TIME, {"held": np.sign(WAVE)} | inputs, {"state": WAVE**2}, ["smooth"])
+    return SimulatedCourse.of(
+        TIME, {"held": np.sign(WAVE)} | inputs, {"state": WAVE**2}, ["smooth"]
+    )
 
 
 def test_what_is_remembered_of_each():
     one = course(smooth=WAVE)
-    signals = plain(one, {}, ())
-    found = dict(remembered(one, signals))
+    signals = current_signals(one, {}, ())
+    found = dict(remembered_signals(one, signals))
     assert {s.name for s in found} == {"held", "smooth", "state"}, "of the time nothing"
     for name in ("held", "smooth", "state"):
         kinds = [s.memory for s in found if s.name == name]
@@ -106,7 +110,7 @@ def test_what_is_remembered_of_each():
     assert constants[-1] == pytest.approx(5.0)
     assert np.diff(np.log(constants)) == pytest.approx(np.log(25.0) / (LAGS - 1))
     for signal, sides in found.items():
-        again = of(signal, one, {})
+        again = signal_along(signal, one, {})
         assert np.array_equal(sides.begin, again.begin)
         assert np.array_equal(sides.end, again.end)
 
@@ -114,32 +118,34 @@ def test_what_is_remembered_of_each():
 def test_a_signal_over_a_run():
     one = course(smooth=WAVE)
     behind = settled_lag(WAVE, 0.7, True)
-    assert of(Signal("smooth"), one, {}).begin is one.inputs["smooth"].begin
-    assert of(Signal("smooth", "lagged", 0.7), one, {}).begin == pytest.approx(behind, abs=1e-9)
-    assert of(Signal("smooth", "leading", 0.7), one, {}).begin == pytest.approx(
+    assert signal_along(LawSignal("smooth"), one, {}).begin is one.inputs["smooth"].begin
+    assert signal_along(LawSignal("smooth", "lagged", 0.7), one, {}).begin == pytest.approx(
+        behind, abs=1e-9
+    )
+    assert signal_along(LawSignal("smooth", "leading", 0.7), one, {}).begin == pytest.approx(
         WAVE - behind, abs=1e-9
     )
     warm = settled_lag(WAVE**2, 0.7, True) - WAVE[0] ** 2 * np.exp(-(one.time - one.time[0]) / 0.7)
-    assert of(Signal("smooth", "heat", 0.7), one, {}).begin == pytest.approx(warm, abs=1e-9), (
-        "cold at first"
-    )
-    jumps = of(Signal("held", "leading", 0.7), one, {})
+    assert signal_along(LawSignal("smooth", "heat", 0.7), one, {}).begin == pytest.approx(
+        warm, abs=1e-9
+    ), "cold at first"
+    jumps = signal_along(LawSignal("held", "leading", 0.7), one, {})
     rest = settled_lag(np.sign(WAVE), 0.7, False)
     assert jumps.begin == pytest.approx(np.sign(WAVE) - rest, abs=1e-9)
     assert jumps.end[:-1] == pytest.approx(np.sign(WAVE)[:-1] - rest[1:], abs=1e-9), (
         "the input before it jumps"
     )
-    through = of(Signal("held", "throughput"), one, {})
+    through = signal_along(LawSignal("held", "throughput"), one, {})
     assert through.begin == pytest.approx(TIME, abs=0.06)
-    assert of(Signal("time"), one, {}).begin.tolist() == TIME.tolist()
-    assert of(Signal("time"), one, {}).end[:-1].tolist() == TIME[1:].tolist()
+    assert signal_along(LawSignal("time"), one, {}).begin.tolist() == TIME.tolist()
+    assert signal_along(LawSignal("time"), one, {}).end[:-1].tolist() == TIME[1:].tolist()
     law = continuous(np.exp(WAVE))
-    assert of(Signal("law"), one, {"law": law}) is law
-    assert of(Signal("state"), one, {"state": law}) is one.states["state"], (
+    assert signal_along(LawSignal("law"), one, {"law": law}) is law
+    assert signal_along(LawSignal("state"), one, {"state": law}) is one.states["state"], (
         "a state goes before a law of its name"
     )
     with pytest.raises(KeyError, match="nothing"):
-        of(Signal("nothing"), one, {})
+        signal_along(LawSignal("nothing"), one, {})
 
 
 def test_what_moves_is_listed():
@@ -155,12 +161,12 @@ def test_what_moves_is_listed():
         "voltage": continuous(WAVE**3),
         "twice": continuous(2.0 * WAVE**2 + 1e3),
     }
-    found = plain(one, laws, {"voltage"})
+    found = current_signals(one, laws, {"voltage"})
     moving = ["held", "smooth", "same", "ramp", "state", "drop", "twice", "time"]
     assert [s.name for s in found] == moving, "whatever runs in proportion in this record"
     assert all(s.memory == "" for s in found)
-    assert found[Signal("drop")] is laws["drop"]
-    assert [s.name for s in plain(course(), {}, ())][-1] == "time"
+    assert found[LawSignal("drop")] is laws["drop"]
+    assert [s.name for s in current_signals(course(), {}, ())][-1] == "time"
 
 
 @settings(max_examples=50, deadline=None)
@@ -185,19 +191,21 @@ def test_what_stands_still_tells_nothing(values):
 
 
 def test_what_is_remembered_may_stand_still():
-    """A signal that moves at the last sample only, held until then, is behind any lag what it was."""
-    one = Course.of(TIME, {"late": np.where(TIME < 20.0, 1.0, 2.0)}, {}, False)
+    """A signal that moves at the last sample only, held until then, is behind any lag what it
+    was.
+    """
+    one = SimulatedCourse.of(TIME, {"late": np.where(TIME < 20.0, 1.0, 2.0)}, {}, False)
     told: list[np.ndarray] = []
-    signals = plain(one, {}, ())
-    assert Signal("late") in signals
-    kept = [s for s, sides in remembered(one, signals) if is_new(sides, told)]
+    signals = current_signals(one, {}, ())
+    assert LawSignal("late") in signals
+    kept = [s for s, sides in remembered_signals(one, signals) if is_new(sides, told)]
     assert "lagged" not in {s.memory for s in kept}
     assert "leading" in {s.memory for s in kept}
 
 
 def test_labels():
-    assert Signal("current").label == "current"
-    assert Signal("current", "lagged", 0.25).label == "current lagged by 0.25 s"
-    assert Signal("current", "leading", 12.0).label == "current less itself lagged by 12 s"
-    assert Signal("current", "integrated").label == "current integrated"
-    assert Signal("current", "throughput").label == "current integrated in modulus"
+    assert LawSignal("current").label == "current"
+    assert LawSignal("current", "lagged", 0.25).label == "current lagged by 0.25 s"
+    assert LawSignal("current", "leading", 12.0).label == "current less itself lagged by 12 s"
+    assert LawSignal("current", "integrated").label == "current integrated"
+    assert LawSignal("current", "throughput").label == "current integrated in modulus"

@@ -1,4 +1,6 @@
-"""One sign: a residual is measured minus simulated in the figures, in the words and in the picture beside them."""
+"""One sign: a residual is measured minus simulated in the figures, in the words and in the picture
+beside them.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,13 @@ import numpy as np
 import pytest
 
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.data.records import dataset
+from orchestration.discrepancy.data.dataset import dataset_of
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.pipeline import Result
-from orchestration.discrepancy.report.page import page
+from orchestration.discrepancy.report.page import diagnosis_page
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
-from orchestration.rig.emulator.records import draw, write
+from studies.emulator.records import draw, write
 from tests.support.pace import slow_but
 
 SIZE = 1e-4  # m
@@ -39,7 +41,9 @@ def quiet_time(drawn):
 
 @pytest.fixture(scope="module", params=slow_but([1.0, -1.0], -1.0), ids=["up", "down"])
 def jumped(request, tmp_path_factory):
-    """A diagnosis of a clean record of the rig, whose measured displacement jumps once, and when and by how much."""
+    """A diagnosis of a clean record of the rig, whose measured displacement jumps once, and when
+    and by how much.
+    """
     drawn = draw(None, 1, duration=300.0, rate=5.0)
     time, size = quiet_time(drawn), request.param * SIZE
     displacement = drawn.outputs["displacement"] + np.where(drawn.time >= time, size, 0.0)
@@ -47,17 +51,19 @@ def jumped(request, tmp_path_factory):
     write(replace(drawn, outputs=drawn.outputs | {"displacement": displacement}), path)
     model = find_model("ppy_actuator")
     record = read_for(model, path)
-    diagnosis = diagnose(PpyActuator, dataset(record, model, {}), [])
+    diagnosis = diagnose(PpyActuator, dataset_of(record, model, {}), [])
     return Result([record], [], model, [], diagnosis, None, None, None, []), time, size
 
 
 @pytest.fixture(scope="module")
 def text(jumped):
-    return "\n".join(page(jumped[0], "ppy diagnose record.csv").parts)
+    return "\n".join(diagnosis_page(jumped[0], "ppy diagnose record.csv").parts)
 
 
 def drawn_residual(text, output, model):
-    """What is drawn below an output as measured minus simulated: time (s) and values, as a browser unpacks them."""
+    """What is drawn below an output as measured minus simulated: time (s) and values, as a browser
+    unpacks them.
+    """
     figure, *_ = (
         json.loads(data)
         for data in re.findall(r'<script type="application/json">(.*?)</script>', text)

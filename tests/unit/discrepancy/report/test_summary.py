@@ -1,4 +1,6 @@
-"""Claims: what is written of a diagnosis, its verdicts and its options are documented, and is what it says it is."""
+"""Claims: what is written of a diagnosis, its verdicts and its options are documented, and is what
+it says it is.
+"""
 
 import json
 import re
@@ -13,13 +15,13 @@ from orchestration.discrepancy.design.experiment import DiscriminatingExperiment
 from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.pipeline import Options, diagnose
-from orchestration.discrepancy.report.errors import RunError
-from orchestration.discrepancy.report.summary import summary
+from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose
+from orchestration.discrepancy.report.summary import diagnosis_summary
+from orchestration.discrepancy.report.tables import RunError
 from orchestration.discrepancy.report.wording import sentence
 from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
-from orchestration.discrepancy.residuals.jumps import LevelShift
 from orchestration.discrepancy.residuals.lines import SpectralLine
+from orchestration.discrepancy.residuals.outliers import LevelShift
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import find_model
 from tests.support.command import works
@@ -34,14 +36,14 @@ def result():
         ["sensor_lag(voltage)", "quadratic_strain"],
         rig_record("sensor_lag.voltage", duration=200.0),
     )
-    result = diagnose(record, find_model("ppy_actuator"), options=Options(effects=effects))
+    result = diagnose(record, find_model("ppy_actuator"), options=DiagnosisOptions(effects=effects))
     assert result.diagnosis.causes[:1] == ["sensor_lag(voltage)"]
     return result
 
 
 def written_down(result):
     """The figures, as others read them."""
-    return json.loads(json.dumps(summary(result), allow_nan=False))
+    return json.loads(json.dumps(diagnosis_summary(result), allow_nan=False))
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +113,7 @@ def test_units_are_told_of_numbers_and_of_nothing_else(written):
 
 def test_percent_and_shares_are_what_is_said(result):
     """Held against NumPy: 100 (1 - |y - yhat| / |y - mean(y)|), and the share that is taken off."""
-    diagnosis, figures = result.diagnosis, summary(replace(result, gain=None))
+    diagnosis, figures = result.diagnosis, diagnosis_summary(replace(result, gain=None))
     validation, part = diagnosis.validation, slice(diagnosis.validation.first, None)
     for output, y in validation.data.measured.items():
         for model, when, errors in (
@@ -128,7 +130,7 @@ def test_percent_and_shares_are_what_is_said(result):
 
 def test_the_gain_is_that_of_the_fmus_where_they_were_run(result):
     gain = replace(result.gain, before={"voltage": 0.5}, after={"voltage": np.nan})
-    figures = summary(replace(result, gain=gain))["gain"]
+    figures = diagnosis_summary(replace(result, gain=gain))["gain"]
     assert figures["holdout_nrmse_before"] == {"voltage": 0.5}
     assert figures["holdout_nrmse_after"] == {"voltage": None}
 
@@ -155,10 +157,14 @@ def test_a_note_is_written_as_code_subject_and_sentence(written):
 
 
 def test_what_is_not_known_is_null():
-    """A record of the voltage says nothing about springs: only what is believed of them, nothing where they start."""
+    """A record of the voltage says nothing about springs: only what is believed of them, nothing
+    where they start.
+    """
     record = rig_record("double_layer", "current", "force", "voltage", outputs=("voltage",))
     written = written_down(
-        diagnose(record, find_model("ppy_actuator"), options=Options(effects=["double_layer"]))
+        diagnose(
+            record, find_model("ppy_actuator"), options=DiagnosisOptions(effects=["double_layer"])
+        )
     )
     (cause,) = written["causes"]
     assert cause["effect"] == "double_layer"

@@ -1,4 +1,6 @@
-"""Every note, whoever makes it, has a sentence with its facts; and why an effect was not named is said."""
+"""Every note, whoever makes it, has a sentence with its facts; and why an effect was not named is
+said.
+"""
 
 from __future__ import annotations
 
@@ -15,23 +17,23 @@ from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_lag, sensor_offset
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy import diagnosis as diagnosing
+from orchestration.discrepancy import conclude as conclusion
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.quality import assess
-from orchestration.discrepancy.data.screening import divided, drop_truncated, screened
+from orchestration.discrepancy.data.screening import drop_truncated, screen_and_divide, screened
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.residuals.remarks import remarks
+from orchestration.discrepancy.residuals.analysis import residual_notes
 from orchestration.discrepancy.selection import scoring
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.validation.confirmation import confirmed
+from orchestration.discrepancy.validation.confirmation import confirm
+from orchestration.discrepancy.validation.estimates import identifiability_notes
 from orchestration.discrepancy.validation.prediction import predict
-from orchestration.discrepancy.validation.reservations import reservations
 from orchestration.fmu.model import find_model
 from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
@@ -39,6 +41,7 @@ from tests.support.intersample_records import record
 from tests.support.noises import Clean, clean, controlled, gaussian, growing_with_size, outliers
 from tests.support.several import Cell, several
 
+NOTHING = pipeline.DiagnosisOptions(effects=[])
 Maker = Callable[[pytest.MonkeyPatch], list[Note]]
 SATURATION = EFFECTS["strain_saturation"]
 MAKERS: dict[NoteCode, Maker] = {}
@@ -97,7 +100,8 @@ def with_offset() -> Dataset:
     return with_output(data, "y", data.measured["y"] + 0.3)
 
 
-# --- faults of the data ---------------------------------------------------------------------------------------------
+# --- faults of the data
+# ---------------------------------------------------------------------------------------------
 
 
 @makes(NoteCode.CLIPPED)
@@ -187,12 +191,13 @@ def quantised(monkeypatch):
     return faults(with_output(data, "voltage", np.round(data.measured["voltage"] / 0.05) * 0.05))
 
 
-# --- what is left -----------------------------------------------------------------------------------------------------
+# --- what is left
+# --------------------------------------------------------------------------------------------------
 
 
 def left(clean: Clean) -> list[Note]:
     """Notes on what a perfect model leaves."""
-    return list(remarks({"y": analysed(clean)}))
+    return list(residual_notes({"y": analysed(clean)}))
 
 
 @makes(NoteCode.SOMETHING_LEFT)
@@ -220,7 +225,8 @@ def feedback(monkeypatch):
     return left(controlled(0, gaussian(), 2.0, 1))
 
 
-# --- how far the data reach -----------------------------------------------------------------------------------------
+# --- how far the data reach
+# -----------------------------------------------------------------------------------------
 
 
 @makes(NoteCode.CONSTANT_INPUT, NoteCode.NO_EXCITATION)
@@ -246,7 +252,7 @@ def jitter(monkeypatch):
 def absent_input(monkeypatch):
     record = rig_record(None, "current", "voltage")
     return pipeline.diagnose(
-        record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+        record, find_model("ppy_actuator"), options=pipeline.DiagnosisOptions(effects=[])
     ).notes
 
 
@@ -271,13 +277,13 @@ def gaps_in_time(monkeypatch):
         record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()}
     )
     return pipeline.diagnose(
-        record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+        record, find_model("ppy_actuator"), options=pipeline.DiagnosisOptions(effects=[])
     ).notes
 
 
 @makes(NoteCode.MANY_GAPS)
 def many_gaps(monkeypatch):
-    return divided(PpyActuator, with_gaps(2), None, {}).notes
+    return screen_and_divide(PpyActuator, with_gaps(2), None, {}).notes
 
 
 @makes(NoteCode.ENDS_EARLY)
@@ -290,7 +296,9 @@ def ends_early(monkeypatch):
 
 @makes(NoteCode.NOT_IN_VALIDATION_DATA)
 def not_in_validation_data(monkeypatch):
-    return divided(PpyActuator, short_record(), short_record().only(["voltage"]), {}).notes
+    return screen_and_divide(
+        PpyActuator, short_record(), short_record().only(["voltage"]), {}
+    ).notes
 
 
 @makes(NoteCode.INTERSAMPLE)
@@ -324,7 +332,8 @@ def input_noise(monkeypatch):
     return diagnose(PpyActuator, data, [lag], held=PpyActuator.layout.start_parameters).notes
 
 
-# --- effects --------------------------------------------------------------------------------------------------------
+# --- effects
+# --------------------------------------------------------------------------------------------------
 
 
 @makes(NoteCode.NO_TRACE)
@@ -353,16 +362,17 @@ def not_validated(monkeypatch):
     judged_by = ValidationData(
         replace(validation.data, measured=exact), validation.judged, validation.continued
     )
-    return confirmed(diagnosis.selection, judged_by).notes
+    return confirm(diagnosis.selection, judged_by).notes
 
 
 @makes(NoteCode.CONFOUNDED)
 def confounded(monkeypatch):
-    monkeypatch.setattr(diagnosing, "CONFOUNDED_SHARE", 0.0)
+    monkeypatch.setattr(conclusion, "CONFOUNDED_SHARE", 0.0)
     return diagnose(Product, with_offset(), [OFFSET, sensor_drift(Product, "y")]).notes
 
 
-# --- results --------------------------------------------------------------------------------------------------------
+# --- results
+# --------------------------------------------------------------------------------------------------
 
 
 def fails(*arguments: Any) -> Any:
@@ -387,7 +397,7 @@ def at_bound(monkeypatch):
 @makes(NoteCode.NOT_CONVERGED)
 def not_converged(monkeypatch):
     fitted = Search(products(2.0), Product, ["a"]).nominal()
-    return reservations(replace(fitted, fit=replace(fitted.fit, converged=False)), ["a"])
+    return identifiability_notes(replace(fitted, fit=replace(fitted.fit, converged=False)), ["a"])
 
 
 @makes(NoteCode.NOT_MOVED)
@@ -423,32 +433,32 @@ def end_not_followed(monkeypatch):
 
 @makes(NoteCode.NO_GAIN)
 def no_gain(monkeypatch):
-    monkeypatch.setattr(diagnosing, "DEGRADED", 0.0)
+    monkeypatch.setattr(conclusion, "DEGRADED", 0.0)
     return diagnose(Product, with_offset(), [OFFSET]).notes
 
 
 @makes(NoteCode.FMU_FAILED)
 def fmu_failed(monkeypatch):
-    monkeypatch.setattr(pipeline, "measured_gain", fails)
+    monkeypatch.setattr(pipeline, "measure_gain", fails)
     return pipeline.diagnose(
-        rig_record(), find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+        rig_record(), find_model("ppy_actuator"), options=pipeline.DiagnosisOptions(effects=[])
     ).notes
 
 
 @makes(NoteCode.NO_EXPERIMENT)
 def no_experiment(monkeypatch):
-    monkeypatch.setattr(pipeline, "design", fails)
+    monkeypatch.setattr(pipeline, "design_experiment", fails)
     record = rig_record()
     still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
     record = replace(record, signals=record.signals | still)
     return pipeline.diagnose(
-        record, find_model("ppy_actuator"), options=pipeline.Options(effects=[])
+        record, find_model("ppy_actuator"), options=pipeline.DiagnosisOptions(effects=[])
     ).notes
 
 
 @makes(NoteCode.NOT_REFITTED)
 def not_refitted(monkeypatch):
-    monkeypatch.setattr(diagnosing.Search, "refit", fails)
+    monkeypatch.setattr(conclusion.Search, "refit", fails)
     return diagnose(PpyActuator, short_record(), []).notes
 
 
@@ -457,7 +467,8 @@ def time_spent(monkeypatch):
     return diagnose(PpyActuator, short_record(), [SATURATION], budget=Budget(1e-9)).notes
 
 
-# --- sentences ------------------------------------------------------------------------------------------------------
+# --- sentences
+# --------------------------------------------------------------------------------------------------
 
 
 def other(fact: Any) -> Any:
@@ -532,4 +543,50 @@ def change(name, changed=False, uncertain=False):
     ],
 )
 def test_what_is_uncertain_is_not_said_to_be_unchanged(found, told):
-    assert wording.comparison(found) == told
+    assert wording.describe_changes(found) == told
+
+
+# --- what must be known to read a verdict
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def actuator():
+    return find_model("ppy_actuator")
+
+
+def test_a_record_that_tells_all_needs_no_more_words(actuator):
+    result = pipeline.diagnose(rig_record(), actuator, options=NOTHING)
+    assert wording.headline(result) == wording.sentence(result.diagnosis)
+
+
+def test_what_is_held_is_no_reservation(actuator):
+    known = ("alpha", "k1", "b1", "k2", "b2", "kelvin_elongation_start", "maxwell_elongation_start")
+    options = pipeline.DiagnosisOptions({"force": 0.7}, effects=[], hold=known)
+    result = pipeline.diagnose(rig_record(None, "current", "voltage"), actuator, options=options)
+    assert wording.headline(result) == wording.sentence(result.diagnosis)
+
+
+def test_ratios_out_of_all_reason_are_in_the_headline(actuator):
+    record = rig_record(None, "current", "force", "voltage")
+    record = replace(record, signals=record.signals | {"voltage": 1e3 * record.signals["voltage"]})
+    headline = wording.headline(pipeline.diagnose(record, actuator, options=NOTHING))
+    assert headline.count("out of all reason: ") == 1
+    assert "R1 times " in headline
+
+
+@pytest.mark.parametrize(
+    ("margin", "said"), [(2e-5, False), (-2e-5, False), (12.0, True), (-3.0, True)]
+)
+def test_a_difference_that_is_none_is_not_told_as_one(margin, said):
+    facts = {"course": "linear", "basis": "course", "margin": margin}
+    assert ("BIC" in wording.message(Note(NoteCode.INTERSAMPLE, "current", facts))) is said
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_an_input_that_is_forced_against_its_course_is_in_the_headline(actuator, asked):
+    """The rig holds its inputs between samples."""
+    result = pipeline.diagnose(
+        rig_record(), actuator, options=pipeline.DiagnosisOptions(effects=[], interpolate=asked)
+    )
+    assert ("its course is one of steps" in wording.headline(result)) is asked

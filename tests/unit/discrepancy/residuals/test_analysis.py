@@ -1,7 +1,8 @@
 """Claims: noise as it comes decides no verdict, and structure beneath it does.
 
-Every test that can decide a verdict is run on what a perfect model leaves of records drawn with NumPy: Gaussian,
-coloured and heavy-tailed noise, outliers, converters, levels that vary, closed loops. None may be called structure.
+Every test that can decide a verdict is run on what a perfect model leaves of records drawn with
+NumPy: Gaussian, coloured and heavy-tailed noise, outliers, converters, levels that vary, closed
+loops. None may be called structure.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from orchestration.discrepancy.residuals.analysis import rounding_error
 from tests.support.battery import analysed, found
 from tests.support.noises import (
     KINDS,
@@ -71,7 +73,8 @@ def test_false_alarms_of_the_battery(capsys):
         shares[kind] = sum(map(bool, each)) / MANY
         with capsys.disabled():
             print(
-                f"{kind:38s} {shares[kind]:6.1%}  {dict(Counter(name for names in each for name in names))}"
+                f"{kind:38s} {shares[kind]:6.1%} "
+                f" {dict(Counter(name for names in each for name in names))}"
             )
     assert {kind: share for kind, share in shares.items() if share > MOST} == {}
 
@@ -79,7 +82,9 @@ def test_false_alarms_of_the_battery(capsys):
 @pytest.mark.parametrize("noise", HEAVY)
 @pytest.mark.parametrize("seed", slow_but(range(4), 1, 2))
 class TestPower:
-    """What is there is found beneath such noise; its standard deviation is 0.05, or that of its bulk is."""
+    """What is there is found beneath such noise; its standard deviation is 0.05, or that of its
+    bulk is.
+    """
 
     def test_a_slip_is_a_level_shift(self, noise, seed):
         record = clean(SMOOTH[seed], HEAVY[noise])  # the model is to blame where an input steps
@@ -122,7 +127,22 @@ def test_an_input_that_nobody_feeds_back_is_none():
 
 
 def test_a_loop_hides_no_structure():
-    """What depends on the input some samples before is held against the model, whoever moved the input."""
+    """What depends on the input some samples before is held against the model, whoever moved the
+    input.
+    """
     record = controlled(1, gaussian(), 2.0, 1)
     late = np.concatenate([np.zeros(5), record.input[:-5]])
     assert "CrossCorrelation" in found(analysed(record, 0.03 * late / late.std()))
+
+
+def test_the_error_of_rounding_is_within_its_bound():
+    """The mean error of a converter over all places of a signal within a step, seen directly."""
+    place = np.linspace(0.0, 1.0, 41)
+    for deviation in (0.1, 0.2, 0.3):
+        drawn = deviation * np.random.default_rng(1).standard_normal((200_000, 1))
+        errors = np.round(place + drawn) - place
+        largest = np.abs(errors.mean(axis=0)).max()
+        after = float(np.sqrt(deviation**2 + 1.0 / 12.0))
+        assert largest < 1.05 * rounding_error(1.0, after)
+    assert rounding_error(1.0, 0.0) == 0.5
+    assert rounding_error(0.0, 1.0) == 0.0

@@ -5,18 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.report.wording import correlation
+from orchestration.discrepancy.report.wording import describe_correlation
 from orchestration.discrepancy.residuals.correlation import cross_correlations
-from orchestration.discrepancy.residuals.innovations import innovations_of
+from orchestration.discrepancy.residuals.innovations import score_innovations
 from orchestration.discrepancy.residuals.regressors import Regressor
 from orchestration.identify.noise.autoregression import ORDER
-from orchestration.identify.noise.model import estimate
+from orchestration.identify.noise.model import estimate_noise
 from tests.support.residuals import COLOURS, EVERY, STEP, bench, noise
 
 
 def correlations(residual, signals, present=EVERY, order=ORDER):
-    kind = estimate(residual, present, order)
-    return cross_correlations("y", innovations_of(residual, present, kind), kind, signals, STEP)[0]
+    kind = estimate_noise(residual, present, order)
+    return cross_correlations("y", score_innovations(residual, present, kind), kind, signals, STEP)[
+        0
+    ]
 
 
 @COLOURS
@@ -41,7 +43,7 @@ def test_a_correlation_is_found_at_its_lag(colour):
     assert best.significant
     alone = correlations(residual, [signals["square of charge"]])[0]
     assert alone.lag == pytest.approx(0.4, abs=0.11)
-    assert "later" in correlation(alone)
+    assert "later" in describe_correlation(alone)
 
 
 @COLOURS
@@ -52,7 +54,9 @@ def test_the_sign_is_that_of_the_dependence_in_number_and_word(colour, sign):
     (only,) = correlations(residual, [charge])
     assert only.significant
     assert np.sign(only.strength) == sign
-    assert correlation(only).startswith(f"y correlates with charge: {'+' if sign > 0 else '-'}0.")
+    assert describe_correlation(only).startswith(
+        f"y correlates with charge: {'+' if sign > 0 else '-'}0."
+    )
 
 
 def test_a_correlation_over_a_gap_uses_the_pairs_there_are():

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from orchestration.discrepancy.residuals.excess_variance import excess_variance_at_input_steps
-from orchestration.discrepancy.residuals.innovations import innovations_of
+from orchestration.discrepancy.residuals.innovations import score_innovations
 from orchestration.identify.noise.model import Noise
-from orchestration.records.input_steps import input_steps
+from orchestration.records.steps import input_steps
 from tests.support.residuals import EVERY, N, noise
 
 WHITE = Noise(np.empty(0), 1.0)
 
 
 def compared(innovation, inputs):
-    return excess_variance_at_input_steps([innovations_of(innovation, EVERY, WHITE)], inputs)
+    return excess_variance_at_input_steps([score_innovations(innovation, EVERY, WHITE)], inputs)
 
 
 def test_larger_innovations_where_an_input_steps_are_told_by_their_ranks():
@@ -33,7 +33,9 @@ def test_larger_innovations_where_an_input_steps_are_told_by_their_ranks():
 
 
 def test_a_few_larger_innovations_are_chance():
-    """Half as large again at a dozen of steps is 1 in 100 in noise of one level, whatever their variances' ratio."""
+    """Half as large again at a dozen of steps is 1 in 100 in noise of one level, whatever their
+    variances' ratio.
+    """
     drive = {"drive": np.repeat(np.arange(12), N // 12).astype(float)}
     where = input_steps(drive, N // 12 * 12)
     quiet = noise(0.0, 3)[: where.size]

@@ -34,7 +34,9 @@ def test_two_lines_are_told_by_frequency_and_amplitude_the_strongest_first(colou
 
 @pytest.mark.parametrize(("share", "expected"), [(0.03, []), (0.5, [0.5])])
 def test_what_is_little_beside_a_line_of_the_output_is_no_disturbance(share, expected):
-    """Under a periodic input a model that is 3 % off leaves a line; half of the output's own line is another matter."""
+    """Under a periodic input a model that is 3 % off leaves a line; half of the output's own line
+    is another matter.
+    """
     time = 0.1 * np.arange(4000)
     output = np.sin(2.0 * np.pi * 0.5 * time)
     residual = share * output + 0.01 * np.random.default_rng(0).standard_normal(time.size)

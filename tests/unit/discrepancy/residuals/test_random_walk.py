@@ -7,10 +7,10 @@ import pytest
 
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.diagnosis import searched
+from orchestration.discrepancy.diagnosis import searched_parameters
 from orchestration.discrepancy.residuals.random_walk import random_walk_test
 from orchestration.discrepancy.selection.search import Search
-from orchestration.rig.emulator.records import draw
+from studies.emulator.records import draw
 from tests.support.pace import slow_but
 from tests.support.residuals import COLOURS, N, noise
 
@@ -40,6 +40,8 @@ def test_restless_air_is_slow_and_a_clean_bench_is_not(colour):
     for hidden, wanders in ((None, False), ("restless_air", True)):
         drawn = draw(hidden, 1, noise_colour=colour, duration=300.0, rate=5.0)
         data = Dataset(drawn.time, drawn.inputs, drawn.outputs)
-        residual = Search(data, PpyActuator, searched(PpyActuator)).nominal().fit.residual
+        residual = (
+            Search(data, PpyActuator, searched_parameters(PpyActuator)).nominal().fit.residual
+        )
         assert random_walk_test(residual["displacement"]).significant is wanders
         assert not random_walk_test(residual["voltage"]).significant

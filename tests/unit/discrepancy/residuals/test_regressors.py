@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.residuals.regressors import RegressorKind, regressors
+from orchestration.discrepancy.residuals.regressors import RegressorKind, make_regressors
 
 
 def test_what_may_explain():
@@ -13,7 +13,8 @@ def test_what_may_explain():
     inputs = {"u": np.array([1.0, -2.0, 5.0]), "still": np.ones(3)}
     units = {"u": "A", "x": "1", "still": "N"}
     known = {
-        s.name: s for s in regressors(time, inputs, {"x": np.array([0.0, 1.0, 5.0])}, {}, units)
+        s.name: s
+        for s in make_regressors(time, inputs, {"x": np.array([0.0, 1.0, 5.0])}, {}, units)
     }
     assert list(known) == [
         "u",
@@ -34,7 +35,7 @@ def test_what_may_explain():
 def test_an_output_counts_by_its_speed():
     time = np.array([0.0, 1.0, 2.0, 3.0])
     outputs = {"y": np.array([0.0, -2.0, -4.0, -6.0]), "z": np.array([0.0, -1.0, -4.0, -9.0])}
-    known = {s.name: s for s in regressors(time, {}, {}, outputs, {"y": "V", "z": "V"})}
+    known = {s.name: s for s in make_regressors(time, {}, {}, outputs, {"y": "V", "z": "V"})}
     assert list(known) == ["speed of z", "time"]  # that of y does not vary
     assert known["speed of z"].values == pytest.approx(np.abs(np.gradient(outputs["z"], time)))
     assert known["speed of z"].unit == "V/s"

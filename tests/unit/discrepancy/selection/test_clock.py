@@ -1,6 +1,8 @@
-"""Claims: whether samples were taken evenly, or when their stamps say, is found from the record, without bias.
+"""Claims: whether samples were taken evenly, or when their stamps say, is found from the record,
+without bias.
 
-The records are SciPy's: of samples that were taken late and say so, and of even ones with stamps that are off.
+The records are SciPy's: of samples that were taken late and say so, and of even ones with stamps
+that are off.
 """
 
 from __future__ import annotations

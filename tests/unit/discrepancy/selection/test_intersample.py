@@ -1,4 +1,5 @@
-"""Claims: what inputs do between samples is found from the record, and estimates are unbiased for it.
+"""Claims: what inputs do between samples is found from the record, and estimates are unbiased for
+it.
 
 The records are SciPy's: currents that are functions of time between the samples, or held.
 """
@@ -17,7 +18,7 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.selection.intersample import Basis, Intersample, spread
+from orchestration.discrepancy.selection.intersample import InterpolationBasis, Intersample, spread
 from orchestration.fmu.model import find_model
 from tests.support.diagnosis import short_record
 from tests.support.intersample_records import NOISE, TRUE, record
@@ -47,7 +48,9 @@ def standardised(diagnosis, name: str) -> float:
     ),
 )
 def test_the_series_resistance_is_unbiased(kind, held):
-    """Held in place of smooth or the reverse, it would be off by T/2C: 4 %, dozens of standard errors."""
+    """Held in place of smooth or the reverse, it would be off by T/2C: 4 %, dozens of standard
+    errors.
+    """
     deviations = []
     for seed in range(6):
         diagnosis = judged(record(kind, held, seed, force="multilevel"))
@@ -71,7 +74,7 @@ def test_inputs_may_differ():
 def test_a_held_chirp_is_found_by_the_fits_and_said():
     diagnosis = judged(record("chirp", True, 1))
     choice = diagnosis.intersample["current"]
-    assert (choice.basis, choice.linear) == (Basis.FIT, False)
+    assert (choice.basis, choice.linear) == (InterpolationBasis.FIT, False)
     assert choice.margin > 100.0
     (note,) = [note for note in diagnosis.notes if note.code is NoteCode.INTERSAMPLE]
     assert wording.message(note).startswith(
@@ -84,18 +87,24 @@ def test_what_is_given_is_not_asked_of_the_record():
     given = {linear: judged(replace(data, linear=linear)) for linear in (True, False)}
     for linear, diagnosis in given.items():
         assert diagnosis.intersample["current"].linear is linear
-        assert diagnosis.intersample["current"].basis is Basis.GIVEN
+        assert diagnosis.intersample["current"].basis is InterpolationBasis.GIVEN
         assert NoteCode.INTERSAMPLE not in {note.code for note in diagnosis.notes}
     assert given[False].after["voltage"] < given[True].after["voltage"]
 
 
 def test_where_the_fits_do_not_tell_it_is_said_what_hangs_on_it():
-    """Of the voltage alone, and that for a few seconds, R1 and half a sample of the charge are the same."""
+    """Of the voltage alone, and that for a few seconds, R1 and half a sample of the charge are the
+    same.
+    """
     diagnosis = judged(
         record("multisine", False, 2, duration=40.0, rate=10.0, outputs=("voltage",), noise=3.0)
     )
     choice = diagnosis.intersample["current"]
-    assert (choice.linear, choice.basis, choice.hangs) == (True, Basis.COURSE, "R1")
+    assert (choice.linear, choice.basis, choice.dependent_parameter) == (
+        True,
+        InterpolationBasis.COURSE,
+        "R1",
+    )
     assert choice.factor == pytest.approx(1.0 + 0.1 / (2.0 * TRUE["C"] * TRUE["R1"]), rel=0.01)
     (note,) = [note for note in diagnosis.notes if note.code is NoteCode.INTERSAMPLE_OPEN]
     assert "the other way, R1 would be 1.0" in wording.message(note)
@@ -108,7 +117,9 @@ def test_where_the_fits_do_not_tell_it_is_said_what_hangs_on_it():
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_lag_that_takes_over_half_a_sample_has_an_interval_of_both(seed):
-    """Held or not, a lag of first order does nearly the same with another time: half a sample more or less."""
+    """Held or not, a lag of first order does nearly the same with another time: half a sample more
+    or less.
+    """
     time = np.arange(2000) / 20.0
     command = 2.2 * sawtooth(2.0 * np.pi * time / 18.0 + 0.4, 0.5)
     decay = np.exp(-0.05 / 0.3)
@@ -118,7 +129,7 @@ def test_a_lag_that_takes_over_half_a_sample_has_an_interval_of_both(seed):
     given = {"response_time": 0.3, "current_limit": 1.05}
     diagnosis = diagnose(find_model("galvanostat").cls, data, [], given)
     choice = diagnosis.intersample["current_command"]
-    assert (choice.linear, choice.hangs) == (False, "response_time")
+    assert (choice.linear, choice.dependent_parameter) == (False, "response_time")
     low, high = diagnosis.estimates["response_time"].interval
     assert low < 0.3 < high
 
@@ -132,7 +143,9 @@ def test_an_interval_holds_95_percent_of_both_ways(apart, margin):
     drawn = 0.02 * random.standard_normal(1_000_000) + np.where(other, 0.02 * apart, 0.0)
     fit = SimpleNamespace(covariance=SimpleNamespace(standard_errors=np.array([0.02, np.inf])))
     model = SimpleNamespace(fit=fit, problem=SimpleNamespace(names=["R1", "C"]))
-    choice = Intersample(True, Basis.COURSE, margin, shift={"R1": 0.02 * apart, "C": 1.0})
+    choice = Intersample(
+        True, InterpolationBasis.COURSE, margin, shift={"R1": 0.02 * apart, "C": 1.0}
+    )
     more = spread({"current": choice}, model)
     half = 1.96 * np.hypot(0.02, more[0])
     assert np.mean(np.abs(drawn) < half) == pytest.approx(0.95, abs=0.002)
@@ -143,7 +156,9 @@ def test_an_interval_holds_95_percent_of_both_ways(apart, margin):
     "hidden", slow_but(["strain_lag", "transport_delay", "sensor_lag", "diffusion"], "strain_lag")
 )
 def test_what_the_model_lacks_is_not_taken_for_the_input(hidden):
-    """Inputs of the rig are held; a lag that the model does not have looks like part of a sample."""
+    """Inputs of the rig are held; a lag that the model does not have looks like part of a
+    sample.
+    """
     chosen = diagnose(PpyActuator, short_record(hidden), []).intersample
     assert {choice.linear for choice in chosen.values()} == {False}
 

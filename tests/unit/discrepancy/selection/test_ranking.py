@@ -1,4 +1,6 @@
-"""In which order effects come: by how near their simulations are, and not by what a noise model makes of the rest."""
+"""In which order effects come: by how near their simulations are, and not by what a noise model
+makes of the rest.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,8 @@ from orchestration.discrepancy.selection import ranking
 from orchestration.discrepancy.selection.ranking import ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.selection.stepwise import loses_memory, select
-from orchestration.identify.noise.model import estimate
+from orchestration.discrepancy.selection.stepwise import select, whitens_residual
+from orchestration.identify.noise.model import estimate_noise
 from tests.support.regression_model import COUNT, GAIN, SPREAD, STEP, Amplifier, shaped
 
 
@@ -30,7 +32,9 @@ NEAR, FAR = shaped("near", slow), shaped("far", quick)
 
 
 def two_parts(seed, quick_part=0.6, count=COUNT):
-    """A signal that goes to and fro a few times; what is hidden has a slow part and a lesser quick one."""
+    """A signal that goes to and fro a few times; what is hidden has a slow part and a lesser quick
+    one.
+    """
     random = np.random.default_rng(seed)
     signal = 1.7 * np.sin(2.0 * np.pi * np.arange(count) / 180.0)
     hidden = slow(signal) + quick_part * quick(signal)
@@ -40,7 +44,9 @@ def two_parts(seed, quick_part=0.6, count=COUNT):
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_nearer_simulation_comes_first_though_a_colour_whitens_what_the_other_leaves(seed):
-    """An autoregression predicts the slow part, so that what simulates the quick one has the smaller innovations."""
+    """An autoregression predicts the slow part, so that what simulates the quick one has the
+    smaller innovations.
+    """
     data = two_parts(seed)
     search = Search(data, Amplifier, ["gain"])
     base = search.nominal()
@@ -101,9 +107,11 @@ def test_all_are_fitted_where_the_promising_leave_structure(monkeypatch, quick_p
 
 
 def left_by_a_model(residual):
-    """What a fitted model is asked for here: its residual, and the noise that is estimated from it."""
+    """What a fitted model is asked for here: its residual, and the noise that is estimated from
+    it.
+    """
     every = np.ones(residual.size, dtype=bool)
-    noise = estimate(residual, every)
+    noise = estimate_noise(residual, every)
     fit = SimpleNamespace(
         residual={"y": residual},
         noise={"y": noise},
@@ -114,7 +122,9 @@ def left_by_a_model(residual):
 
 @pytest.mark.parametrize("count", [300, 1000, 4000])
 def test_a_random_walk_keeps_its_memory_whatever_is_simulated(count):
-    """An offset, a drift and two waves are taken away from it: an autoregression might be let off for none."""
+    """An offset, a drift and two waves are taken away from it: an autoregression might be let off
+    for none.
+    """
     time = np.linspace(0.0, 1.0, count)
     waves = [f(2.0 * np.pi * time) for f in (np.cos, np.sin)]
     seen = []
@@ -125,16 +135,16 @@ def test_a_random_walk_keeps_its_memory_whatever_is_simulated(count):
             np.column_stack([np.ones(count), time, *waves]),
         ):
             left = walk - table @ np.linalg.lstsq(table, walk)[0]
-            seen.append(loses_memory(left_by_a_model(walk), left_by_a_model(left)))
+            seen.append(whitens_residual(left_by_a_model(walk), left_by_a_model(left)))
     assert np.mean(seen) < 0.05
 
 
-def test_a_slow_error_that_is_simulated_leaves_no_memory_though_an_autoregression_followed_it_better():
+def test_a_slow_error_that_is_simulated_leaves_no_memory_where_an_autoregression_followed_it():
     random, time = np.random.default_rng(1), np.linspace(0.0, 1.0, 1000)
     error, noise = 1.0 - np.exp(-time / 0.4), 0.02 * random.standard_normal(1000)
     straight = np.column_stack([np.ones(1000), time, time**2])
     form = straight @ np.linalg.lstsq(straight, error)[0]
     before, after = left_by_a_model(error + noise), left_by_a_model(error - form + noise)
-    assert loses_memory(before, after)
-    assert not loses_memory(after, before)
-    assert not loses_memory(before, before)
+    assert whitens_residual(before, after)
+    assert not whitens_residual(after, before)
+    assert not whitens_residual(before, before)

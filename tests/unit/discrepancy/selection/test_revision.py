@@ -1,4 +1,6 @@
-"""Effects judged together: the set that is named is the best of all sets, which here can be computed by regression."""
+"""Effects judged together: the set that is named is the best of all sets, which here can be
+computed by regression.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ from tests.support.regression_model import (
 )
 
 SHARE = 0.3  # of what only the mixture does
-# Polynomials of a Gaussian signal without a mean, which an autoregression might take for noise (Hermite).
+# Polynomials of a Gaussian signal without a mean, which an autoregression might take for noise
+# (Hermite).
 SHAPES = {
     "even": lambda s: s * s - 1.0,
     "odd": lambda s: s * s * s - 3.0 * s,
@@ -50,7 +53,9 @@ def columns(signal):
 
 
 def best_set(data):
-    """Of all sets of effects the one of the least BIC, with the price of having looked at so many."""
+    """Of all sets of effects the one of the least BIC, with the price of having looked at so
+    many.
+    """
     there = columns(data.inputs["signal"])
     names = [name for name in there if name]
 

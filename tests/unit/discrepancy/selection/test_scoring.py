@@ -1,4 +1,6 @@
-"""Which effects are worth a fit: figures that the decision quotes, and effects of which a record says nothing."""
+"""Which effects are worth a fit: figures that the decision quotes, and effects of which a record
+says nothing.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,13 @@ from fmus.kit.errors import UserError
 from fmus.kit.generic import coulomb_friction
 from fmus.kit.sensors import sensor_drift
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.candidates.outlook import LinearisedModel
+from orchestration.discrepancy.candidates.linearised_model import LinearisedModel
 from orchestration.discrepancy.data.holdout import HELD_OUT
-from orchestration.discrepancy.diagnosis import searched
+from orchestration.discrepancy.diagnosis import searched_parameters
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.problem import Problem
-from orchestration.rig.emulator.records import draw
+from orchestration.identify.fitting.problem import Problem
+from studies.emulator.records import draw
 from tests.support.diagnosis import as_measured
 from tests.support.regression_model import Amplifier, offset_record
 
@@ -30,7 +32,7 @@ def test_the_colour_of_the_base_swallows_a_drift_as_the_decision_says():
     )
     drawn = draw("sensor_drift", 1)
     first = as_measured(drawn).part(0, round(drawn.time.size * (1.0 - HELD_OUT)))
-    search = Search(first, PpyActuator, searched(PpyActuator))
+    search = Search(first, PpyActuator, searched_parameters(PpyActuator))
     looked_at = score(search, search.nominal(), [sensor_drift(PpyActuator, "voltage")])
     model = LinearisedModel(looked_at.model.problem, looked_at.model.fit)
     ((_, (direction,)),) = looked_at.directions.values()
@@ -41,7 +43,9 @@ def test_the_colour_of_the_base_swallows_a_drift_as_the_decision_says():
 
 @pytest.mark.parametrize("fails", [1, 2, 3, 4, 5, None])
 def test_an_effect_is_scored_at_the_values_at_which_it_can_be_simulated(monkeypatch, fails):
-    """The slowest values of a second parameter fail; with all, there is a reason, not an effect without a trace."""
+    """The slowest values of a second parameter fail; with all, there is a reason, not an effect
+    without a trace.
+    """
     friction = coulomb_friction(Amplifier, "amplified", "signal", unit="V")
     evaluate = Problem.evaluate
     tried = []

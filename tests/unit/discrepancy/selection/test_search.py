@@ -1,7 +1,8 @@
-"""Claims: candidates are held against each other in noise of one distribution, which is looked at anew with each cause.
+"""Claims: candidates are held against each other in noise of one distribution, which is looked at
+anew with each cause.
 
-Otherwise a change of the distribution passes for evidence: on a record whose noise varies in level, one effect that is
-not there had a fall of BIC of 88.
+Otherwise a change of the distribution passes for evidence: on a record whose noise varies in level,
+one effect that is not there had a fall of BIC of 88.
 """
 
 from __future__ import annotations
@@ -14,14 +15,17 @@ from scipy.ndimage import uniform_filter1d
 
 from fmus.kit import Output, Parameter
 from fmus.kit.functions import minimum
-from fmus.kit.sensors import sensor_lag, transport_delay
+from fmus.kit.sensors import measurement_effects, sensor_lag, transport_delay
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
+from orchestration.identify.fitting.prediction_error import fit_prediction_error
 from tests.support.gain import Gain
+from tests.support.several import Cell, measured
 
 
 def recorded(noise):
@@ -45,7 +49,9 @@ def test_the_noise_of_every_fit_is_of_the_distribution_of_the_first():
 
 
 def test_noise_that_makes_a_record_likely_does_not_lead_a_fit_away_from_it():
-    """The slow part of the input acts twice as much as the fast one, of which innovations tell by themselves."""
+    """The slow part of the input acts twice as much as the fast one, of which innovations tell by
+    themselves.
+    """
     random = np.random.default_rng(3)
     time, u = 0.1 * np.arange(4000), np.cumsum(random.standard_normal(4000))
     y = u + uniform_filter1d(u, 201) + 0.01 * random.standard_normal(4000)
@@ -59,7 +65,9 @@ def test_noise_that_makes_a_record_likely_does_not_lead_a_fit_away_from_it():
 
 
 def test_a_delayed_sensor_shows_at_first_what_was_before_the_record():
-    """A resistance and a capacitor in series, on paper; the current turns round as the record begins."""
+    """A resistance and a capacitor in series, on paper; the current turns round as the record
+    begins.
+    """
     step, late, lead = 0.1, 5, 60
     current = np.where(np.arange(1060) % 120 < 60, 0.5, -0.5)
     voltage = 0.8 * current + np.concatenate([[0.0], np.cumsum(current[:-1])]) * step / 2.0
@@ -108,3 +116,21 @@ def test_what_leaves_no_trace_is_not_searched_and_comes_back_at_the_end():
             note.facts["names"] for note in said.notes if note.code is NoteCode.UNDETERMINED
         ]
         assert undetermined == [("level",)]
+
+
+@pytest.mark.parametrize("spent", [True, False], ids=["no time left", "time enough"])
+def test_an_extended_model_is_no_farther_from_the_record_than_the_one_below(spent):
+    """A search whose time is spent where it begins leaves a drift of 10 mV/s that is not there."""
+    search = Search(measured(5, 1.0), Cell, ["R0", "R1", "tau1", "relaxed_start"])
+    base = search.nominal()
+    (drift,) = [effect for effect in measurement_effects(Cell) if effect.id == "sensor_drift"]
+    candidate = base.candidate.with_effect(drift)
+    problem = search.problem(candidate, [*search.parameters, *candidate.parameters], {})
+    problem.out_of_time = lambda: True
+    begun = problem.position(problem.start | base.fit.values | {"voltage_drift": 1e-2})
+    lost = FittedCandidate(candidate, problem, fit_prediction_error(problem, begun))
+    assert lost.fit.values["voltage_drift"] == pytest.approx(1e-2)
+    problem.out_of_time = lambda: spent
+    found = search.trusted(lost, base)
+    errors = [float(np.linalg.norm(model.fit.residual["voltage"])) for model in (found, base)]
+    assert errors[0] <= 1.02 * errors[1]

@@ -53,7 +53,9 @@ def test_looking_at_many_effects_has_its_price(seed):
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_the_model_itself_can_do_is_no_evidence_for_more(seed):
-    """A base model that stopped at a lesser optimum; an effect that does nothing comes with the better one."""
+    """A base model that stopped at a lesser optimum; an effect that does nothing comes with the
+    better one.
+    """
     search = Search(offset_record(0.0, seed), Amplifier, ["gain"])
     best = search.nominal()
     lesser = replace(best, fit=replace(best.fit, deviance=best.fit.deviance + 60.0))

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.report.system_wording import structure
+from orchestration.discrepancy.report.system import describe_dependence
+from orchestration.discrepancy.systems.adjustment import ParameterSearch
 from orchestration.discrepancy.systems.assessment import assess_outputs
 from orchestration.discrepancy.systems.cut import isolated_members
-from orchestration.discrepancy.systems.interpolation import choose_interpolation
-from orchestration.discrepancy.systems.member import opened
-from orchestration.discrepancy.systems.parameter_search import ParameterSearch
+from orchestration.discrepancy.systems.member import choose_interpolation, opened
 from orchestration.discrepancy.systems.system_record import read_system_record
 from orchestration.system import Port
 from tests.support.system.lags import SAMPLES, STEP, lags
@@ -62,13 +61,15 @@ def test_what_is_added_in_proportion_to_an_input_correlates_with_it_in_number_an
     assert np.sign(correlations["u"].strength) == sign
     assert assessment.regression.significant
     assert sign * np.corrcoef(assessment.regression.fitted, fed)[0, 1] > 0.9
-    assert structure(correlations["u"]).startswith(
+    assert describe_dependence(correlations["u"]).startswith(
         f"x correlates with u: {'+' if sign > 0 else '-'}0."
     )
 
 
 def test_the_slopes_of_a_search_are_those_of_its_residual(altered):
-    """Held against central differences: with one sign of the residual and another of its slopes nothing is found."""
+    """Held against central differences: with one sign of the residual and another of its slopes
+    nothing is found.
+    """
     with altered(0.0) as simulation:
         choose_interpolation(simulation, {})
         search = ParameterSearch(simulation, simulation.simulate({}))

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.report.system_wording import message
-from orchestration.discrepancy.systems.cut import InputOrigin, isolated_members
-from orchestration.discrepancy.systems.reason import ReasonCode
+from orchestration.discrepancy.report.system import describe_reason
+from orchestration.discrepancy.systems.cut import InputOrigin, ReasonCode, isolated_members
 from orchestration.system import Member, Port, System
 from orchestration.system.model import Connection
 from tests.support.hosts import build_one_state_fmu
@@ -45,7 +44,7 @@ def test_an_output_may_be_measured_where_it_arrives(system):
     assert back.outputs["x"] == pytest.approx((values - 0.5) / 2.0)
     assert fed.inputs["u"].origin is InputOrigin.MEASURED
     assert {name: reason.facts["signal"] for name, reason in back.missing.items()} == {"u": "drive"}
-    assert [message(reason) for reason in back.reason_not_assessable] == [
+    assert [describe_reason(reason) for reason in back.reason_not_assessable] == [
         "u is not measured (measure drive)"
     ]
 
@@ -56,4 +55,4 @@ def test_an_input_with_holes_is_missing(system):
     _, fed = isolated_members(system, {Port("a", "x"): holes, Port("b", "x"): values}, {})
     (reason,) = fed.reason_not_assessable
     assert reason.code is ReasonCode.INPUT_WITH_GAPS
-    assert message(reason) == "u is not measured (measure a.x without holes)"
+    assert describe_reason(reason) == "u is not measured (measure a.x without holes)"

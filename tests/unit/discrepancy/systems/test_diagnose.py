@@ -1,6 +1,8 @@
-"""Which member of a system is wrong: records of closed loops, made without any FMU, are cut open and judged.
+"""Which member of a system is wrong: records of closed loops, made without any FMU, are cut open
+and judged.
 
-What is written of it is documented.
+A member with another parameter is named with it: actuator, galvanostat, estimator and foot. What is
+written of it is documented.
 """
 
 from __future__ import annotations
@@ -12,12 +14,14 @@ import pytest
 
 from fmus import effects
 from fmus.kit.errors import UserError
-from orchestration.discrepancy.report.system_summary import summary
-from orchestration.discrepancy.report.system_wording import source, why
+from orchestration.discrepancy.report.system import (
+    describe_reasons,
+    describe_source,
+    system_diagnosis_summary,
+)
+from orchestration.discrepancy.systems.cut import ReasonCode
 from orchestration.discrepancy.systems.diagnose import diagnose_system
-from orchestration.discrepancy.systems.member_diagnosis import Effort
-from orchestration.discrepancy.systems.reason import ReasonCode
-from orchestration.discrepancy.systems.verdict import MemberVerdict
+from orchestration.discrepancy.systems.verdict import Effort, MemberVerdict
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import write_record
 from orchestration.system import library as shipped
@@ -35,6 +39,7 @@ BENCH = {
     "bench.position": "m",
     "bench.force_measured": "N",
 }
+FEET = ("an", "po", "do", "pl")
 ALL_RIGHT = {"estimator": "consistent", "galvanostat": "consistent", "actuator": "consistent"}
 
 
@@ -64,7 +69,9 @@ def verdicts(diagnosis):
 
 
 def sources(member):
-    return {name: source(given, name in member.linear) for name, given in member.inputs.items()}
+    return {
+        name: describe_source(given, name in member.linear) for name, given in member.inputs.items()
+    }
 
 
 def test_a_record_of_the_system_itself_blames_nobody(tmp_path):
@@ -72,12 +79,12 @@ def test_a_record_of_the_system_itself_blames_nobody(tmp_path):
     assert verdicts(diagnosis) == ALL_RIGHT
     assert diagnosis.verdict is MemberVerdict.CONSISTENT
     estimator = diagnosis.members[0]
-    assert "voltage_limit does not move in this record" in why(estimator)
+    assert "voltage_limit does not move in this record" in describe_reasons(estimator)
     actuator = diagnosis.members[2]
     assert sources(actuator)["current"] == "galvanostat.current, held between samples"
     for output, unit in (("voltage", "V"), ("displacement", "m")):
         assert actuator.final[output].noise_std == pytest.approx(NOISE[unit], rel=0.1)
-    text = json.dumps(summary(diagnosis), allow_nan=False)
+    text = json.dumps(system_diagnosis_summary(diagnosis), allow_nan=False)
     assert json.loads(text)["members"][2]["model"] == "ageing_actuator"
     assert json.loads(text)["members"][2]["reasons"][0]["code"] == "residual_is_noise"
 
@@ -97,12 +104,12 @@ def test_the_member_with_another_structure_is_named(saturating):
     assert saturating.wrong == ["actuator"]
     actuator = saturating.members[2]
     assert not actuator.final["voltage"].wrong
-    assert "displacement is off by" in why(actuator)
-    assert "whatever its parameters" in why(actuator)
+    assert "displacement is off by" in describe_reasons(actuator)
+    assert "whatever its parameters" in describe_reasons(actuator)
 
 
 def test_the_fields_documented_of_a_system_are_those_written(saturating):
-    written = json.loads(json.dumps(summary(saturating), allow_nan=False))
+    written = json.loads(json.dumps(system_diagnosis_summary(saturating), allow_nan=False))
     assert {path for path, _ in fields(written)} == set(documented(system=True))
 
 
@@ -112,13 +119,16 @@ def test_a_member_with_another_parameter_is_recalibrated(tmp_path):
     changed = {n: c for n, c in diagnosis.members[2].parameters.items() if c.differs}
     assert list(changed) == ["R1"]
     assert changed["R1"].value == pytest.approx(1.4 * 0.43, rel=0.01)
-    assert why(diagnosis.members[2]) == f"R1 is {changed['R1'].value:.4g} ohm instead of 0.43"
+    assert (
+        describe_reasons(diagnosis.members[2])
+        == f"R1 is {changed['R1'].value:.4g} ohm instead of 0.43"
+    )
 
 
 def test_what_to_measure_is_told(tmp_path):
     few = {name: unit for name, unit in WATCH.items() if name != "galvanostat.current"}
     diagnosis = watched(tmp_path, few)
-    reasons = {m.name: why(m) for m in diagnosis.members}
+    reasons = {m.name: describe_reasons(m) for m in diagnosis.members}
     assert reasons["actuator"] == "current is not measured (measure galvanostat.current)"
     assert reasons["galvanostat"] == "none of its outputs is measured"
     assert set(verdicts(diagnosis).values()) == {"cannot be judged"}
@@ -164,7 +174,7 @@ def test_an_output_that_was_hardly_measured_is_judged_all_the_same(tmp_path, few
     write_record(tmp_path / "few.csv", 0.05 * np.arange(200), record, dict.fromkeys(record, "1"))
     diagnosis = diagnose_system(tmp_path / "few.csv", tmp_path / "system.ssp")
     assert diagnosis.members[0].final["x"].whiteness is None
-    assert summary(diagnosis)["members"][0]["outputs"]["x"]["white"] is None
+    assert system_diagnosis_summary(diagnosis)["members"][0]["outputs"]["x"]["white"] is None
 
 
 def test_a_column_twice_and_a_record_too_short_are_refused(tmp_path):
@@ -177,3 +187,63 @@ def test_a_column_twice_and_a_record_too_short_are_refused(tmp_path):
     write_record(tmp_path / "short.csv", 0.05 * np.arange(50), short, dict.fromkeys(short, "1"))
     with pytest.raises(UserError, match="50 samples are too few; 100 are the least"):
         diagnose_system(tmp_path / "short.csv", tmp_path / "system.ssp")
+
+
+def changes(diagnosis):
+    """Parameters that are said to differ, by member; and nobody else is blamed."""
+    assert {
+        m.name for m in diagnosis.members if m.verdict not in ("consistent", "recalibrate")
+    } == set()
+    return {
+        m.name: {n: p.value for n, p in m.parameters.items() if p.differs}
+        for m in diagnosis.members
+        if m.verdict == "recalibrate"
+    }
+
+
+def test_the_limit_of_the_galvanostat(tmp_path):
+    diagnosis = watched(
+        tmp_path,
+        settings={"galvanostat.current_limit": 0.55},
+        values={"galvanostat.current_limit": 0.45},
+    )
+    assert changes(diagnosis) == {"galvanostat": {"current_limit": pytest.approx(0.45, rel=0.002)}}
+
+
+def test_the_voltage_limit_of_the_estimator(tmp_path):
+    diagnosis = watched(tmp_path, values={"estimator.initial_voltage_limit": 1.1})
+    assert changes(diagnosis) == {
+        "estimator": {"initial_voltage_limit": pytest.approx(1.1, rel=0.002)}
+    }
+
+
+@pytest.mark.slow
+def test_the_damping_of_the_foot(tmp_path):
+    """Two seconds at 200 Hz of a foot that is pulled by its four actuators and pushed at the
+    toe.
+    """
+    system, every = shipped.system("foot_gait"), 50
+    grid = 5e-3 * np.arange(400)
+    levels = {f"{a}_current": [-1.0, -0.3, 0.3, 1.0] for a in FEET}
+    levels |= {f"toe_force_{axis}": [-1.0, 0.0, 1.0] for axis in "xy"}
+    inputs = {
+        n: np.repeat(multilevel(grid, v, (0.1, 0.4), k), every)
+        for k, (n, v) in enumerate(levels.items())
+    }
+    columns = {name: "A" if name.endswith("current") else "N" for name in inputs}
+    columns |= {f"{a}.tension": "N" for a in FEET} | {f"foot.{a}_length_change": "m" for a in FEET}
+    columns |= {f"foot.{joint}_angle": "rad" for joint in ("ankle", "tm", "mtp")}
+    time = 1e-4 * np.arange(grid.size * every)
+    measure(
+        tmp_path / "record.csv",
+        system,
+        columns,
+        time,
+        inputs,
+        every,
+        values={"foot.ankle_damping": 0.03},
+    )
+    ssp.write(system, tmp_path / "system.ssp")
+    found = changes(diagnose_system(tmp_path / "record.csv", tmp_path / "system.ssp"))
+    assert list(found) == ["foot"]
+    assert found["foot"]["ankle_damping"] == pytest.approx(0.03, rel=0.06)  # instead of 0.02

@@ -1,4 +1,5 @@
-"""Claims: what acts in the part held out is confirmed there, what does not cannot be, and what does harm is no cause.
+"""Claims: what acts in the part held out is confirmed there, what does not cannot be, and what does
+harm is no cause.
 
 The records are simulated apart, by SciPy or by hand.
 """
@@ -13,7 +14,7 @@ from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.generic import cubic_stiffness
-from orchestration.discrepancy.candidates.paired_score import PairedScore
+from orchestration.discrepancy.candidates.paired_scores import PairedScore
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
@@ -24,6 +25,7 @@ from tests.support.cubic_regression import drawn_scores
 from tests.support.regression_model import OFFSET, OTHERS, STEP, Amplifier, offset_record
 
 CUBE = OTHERS[-1]
+OBVIOUS = 300.0  # likelihood ratio of what nobody could doubt
 NOISE, COUNT = 0.1, 1500
 
 
@@ -55,7 +57,9 @@ def test_what_acts_in_the_last_third_is_confirmed_there():
 
 
 def test_where_it_does_not_act_it_cannot_be_confirmed_and_stays_a_cause():
-    """By paper: without the cube u^3 / 30 the gain is off by 0.07, which with inputs below 0.22 gains 2 +- 2."""
+    """By paper: without the cube u^3 / 30 the gain is off by 0.07, which with inputs below 0.22
+    gains 2 +- 2.
+    """
     diagnosis = diagnose(Amplifier, cubed(np.where(LAST, 0.22, 2.0), strength=0.03), [CUBE])
     assert diagnosis.validation.first == LAST.argmax()
     found = diagnosis.confirmations["cubic_stiffness"]
@@ -71,7 +75,9 @@ def test_where_it_does_not_act_it_cannot_be_confirmed_and_stays_a_cause():
 
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_what_makes_unseen_data_worse_is_no_cause(seed):
-    """Where it is fitted, it bends up; with twice the input it saturates, and what was fitted goes astray."""
+    """Where it is fitted, it bends up; with twice the input it saturates, and what was fitted goes
+    astray.
+    """
     bent = cubed(
         np.where(LAST, 4.0, 1.5), seed=seed, course=lambda u: 0.3 * np.clip(u, -1.5, 1.5) ** 3
     )
@@ -83,7 +89,9 @@ def test_what_makes_unseen_data_worse_is_no_cause(seed):
 
 
 def test_of_what_is_none_little_is_confirmed():
-    """At most a share of 2.3 % by the normal distribution; of effects that are there nearly all are."""
+    """At most a share of 2.3 % by the normal distribution; of effects that are there nearly all
+    are.
+    """
     false = outcomes(drawn_scores(0.0, range(1000, 1300)))
     assert false.count(Outcome.CONFIRMED) <= 0.05 * len(false)
     true = outcomes(drawn_scores(4.0, range(100)))
@@ -133,7 +141,9 @@ class Filter(Component):
 
 
 def steps_and_rest(seed):
-    """Steps in the first half, rest in the second; the exact lag of one second, cubed in its spring by Euler's rule."""
+    """Steps in the first half, rest in the second; the exact lag of one second, cubed in its spring
+    by Euler's rule.
+    """
     rng = np.random.default_rng(seed)
     signal = np.repeat(rng.uniform(-1.0, 1.0, COUNT // 30), 30) * (np.arange(COUNT) < COUNT // 2)
     fine, x, shown = 20, 0.0, np.zeros(COUNT)
@@ -194,3 +204,20 @@ def test_an_offset_that_the_other_record_has_not_is_refuted():
         Amplifier, offset_record(300.0, 1), [OFFSET], holdout=offset_record(0.0, 2)
     )
     assert diagnosis.causes == []
+
+
+def claimed(held_out):
+    """Causes, and what is not claimed, of a record with an offset that is judged on another."""
+    diagnosis = diagnose(
+        Amplifier, offset_record(OBVIOUS, 1), [OFFSET], holdout=offset_record(held_out, 2)
+    )
+    dropped = [note.subject for note in diagnosis.notes if note.code is NoteCode.NOT_VALIDATED]
+    return diagnosis.causes, dropped
+
+
+def test_what_another_record_does_not_confirm_is_not_claimed():
+    assert claimed(held_out=0.0) == ([], ["force_offset"])
+
+
+def test_what_another_record_confirms_is_claimed():
+    assert claimed(held_out=OBVIOUS) == (["force_offset"], [])

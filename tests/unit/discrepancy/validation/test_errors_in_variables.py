@@ -1,4 +1,5 @@
-"""Claims: noise on a measured input is recognised, its bias is estimated, intervals bear it, and it is no cause.
+"""Claims: noise on a measured input is recognised, its bias is estimated, intervals bear it, and it
+is no cause.
 
 The records are SciPy's; the noise on the inputs is not seen by the actuator that is simulated.
 """
@@ -21,7 +22,10 @@ from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.selection.input_noise import measured_noise
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, Step, select
-from orchestration.discrepancy.validation.errors_in_variables import assess, defensible
+from orchestration.discrepancy.validation.errors_in_variables import (
+    drop_indefensible,
+    estimate_input_noise,
+)
 from tests.support.diagnosis import short_record
 from tests.support.gain import Gain
 from tests.support.intersample_records import TRUE, record, stimulus
@@ -54,7 +58,9 @@ def test_what_has_no_noise_has_none(kind, rate):
 
 
 def test_the_bias_is_that_of_attenuation():
-    """Least squares on a noisy regressor is short by the share of noise in its power (Fuller 1987, section 1.1)."""
+    """Least squares on a noisy regressor is short by the share of noise in its power (Fuller 1987,
+    section 1.1).
+    """
     time = 0.1 * np.arange(20000)
     u, noise = stimulus("triangle", time, 1, 10.0), 0.05
     random = np.random.default_rng(5)
@@ -62,7 +68,7 @@ def test_the_bias_is_that_of_attenuation():
     data = Dataset(time, {"u": u + noise * random.standard_normal(len(u))}, measured, frozenset())
     search = Search(data, Gain, ["factor"])
     base = search.nominal()
-    found = assess(search, base)
+    found = estimate_input_noise(search, base)
     attenuation = noise**2 / (np.mean(u**2) + noise**2)
     assert base.fit.values["factor"] / 2.0 - 1.0 == pytest.approx(-attenuation, rel=0.3)
     assert found.deviation["u"] == pytest.approx(noise, rel=0.05)
@@ -73,7 +79,9 @@ def test_the_bias_is_that_of_attenuation():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_of_the_input_that_is_most_of_what_is_left_is_held_against_a_claim_in_full(seed):
-    """A lag takes off noise that the plant never saw, and gains little where there is other noise beside it."""
+    """A lag takes off noise that the plant never saw, and gains little where there is other noise
+    beside it.
+    """
     time, random = 0.1 * np.arange(4000), np.random.default_rng(seed)
     u = stimulus("triangle", time, 1, 10.0)
     measured = {"y": 2.0 * u + 0.02 * random.standard_normal(len(u))}
@@ -85,7 +93,7 @@ def test_noise_of_the_input_that_is_most_of_what_is_left_is_held_against_a_claim
     gain = chosen.delta_bic(base, 1)
     assert gain > 100.0  # of which a search may be more suspicious by itself
     claimed = Selection(base, [Step(chosen, gain, gain, 0.0, [], [])], tried=1)
-    kept, notes = defensible(claimed, search, assess(search, base))
+    kept, notes = drop_indefensible(claimed, search, estimate_input_noise(search, base))
     assert kept.steps == []
     assert [note.code for note in notes] == [NoteCode.INPUT_NOISE_DOES_THE_SAME]
     assert 0.5 < notes[0].facts["gain"] / claimed.steps[0].gain < 2.0
@@ -93,7 +101,9 @@ def test_noise_of_the_input_that_is_most_of_what_is_left_is_held_against_a_claim
 
 @pytest.mark.parametrize("kind", slow_but(["triangle", "square", "multilevel"], "square"))
 def test_noise_on_an_input_is_told_and_no_cause(kind):
-    """A lag keeps noise of the current from the voltage, and a drift follows its integral: neither is there."""
+    """A lag keeps noise of the current from the voltage, and a drift follows its integral: neither
+    is there.
+    """
     for seed in range(3):
         data = record(kind, kind != "triangle", seed, force="multilevel", input_noise=0.005)
         diagnosis = diagnose(PpyActuator, data, SENSORS, held=AT_REST)
@@ -108,8 +118,8 @@ def test_noise_on_an_input_is_told_and_no_cause(kind):
         assert diagnosis.intersample["current"].linear is (kind == "triangle")
 
 
-# A record among them is taken to be held between samples: fits are held against each other by their BIC, in which noise
-# of the input, that the choice of the way moves with it, counts as evidence.
+# A record among them is taken to be held between samples: fits are held against each other by their
+# BIC, in which noise of the input, that the choice of the way moves with it, counts as evidence.
 WRONG_WAY = pytest.mark.xfail(
     strict=True, reason="noise on a triangle may turn the way between samples"
 )
@@ -161,15 +171,15 @@ def saturating():
     }
     search = Search(replace(data, inputs=noisy), PpyActuator, ["R1", "R2", "C", "alpha"])
     selection = select(search, [EFFECTS["strain_saturation"]])
-    return search, selection, assess(search, selection.base)
+    return search, selection, estimate_input_noise(search, selection.base)
 
 
 @pytest.mark.parametrize("hindrance", ["time", "failure"])
 def test_what_could_not_be_held_against_noise_is_not_claimed(saturating, monkeypatch, hindrance):
     search, selection, noise = saturating
-    assert [step.chosen.effect_name for step in defensible(selection, search, noise)[0].steps] == [
-        "strain_saturation"
-    ]
+    assert [
+        step.chosen.effect_name for step in drop_indefensible(selection, search, noise)[0].steps
+    ] == ["strain_saturation"]
 
     def fails(self, fitted):
         raise UserError("too stiff")
@@ -178,7 +188,7 @@ def test_what_could_not_be_held_against_noise_is_not_claimed(saturating, monkeyp
         monkeypatch.setattr(search, "budget", Budget(0.0))
     else:
         monkeypatch.setattr(Search, "refit", fails)
-    kept, notes = defensible(selection, search, noise)
+    kept, notes = drop_indefensible(selection, search, noise)
     assert kept.steps == []
     told = [(note.code, note.subject) for note in notes]
     left = [note.facts["untried"] for note in search.budget.notes]

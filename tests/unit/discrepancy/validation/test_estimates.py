@@ -1,13 +1,30 @@
-"""Which parameters are told to differ, and which no specimen can have: by hand."""
+"""Claims: parameters that differ, that no specimen can have, or that a wrong form of the model
+makes
+uncertain, are recognised; parameters that a record does not determine are noted.
+
+The oracles are figures by hand, and the scatter of estimates between records.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from orchestration.discrepancy.validation.estimates import implausible
-from orchestration.identify.estimate import Estimate, significantly_different
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.validation.estimates import (
+    identifiability_notes,
+    implausible,
+    misfit_spread,
+    parameter_estimates,
+)
+from orchestration.identify.uncertainty.estimate import Estimate, is_significantly_different
+from tests.support.regression_model import GAIN, SPREAD, STEP, Amplifier
+
+RECORDS, STRETCHES, LENGTH = 60, 24, 50
 
 
 @pytest.mark.parametrize(
@@ -21,7 +38,7 @@ from orchestration.identify.estimate import Estimate, significantly_different
     ],
 )
 def test_a_parameter_differs_surely_and_noticeably_or_not_at_all(change, error, differs):
-    assert significantly_different(change, error) is differs
+    assert is_significantly_different(change, error) is differs
 
 
 @pytest.mark.parametrize(
@@ -41,3 +58,59 @@ def test_a_parameter_that_may_be_that_of_a_specimen_is_not_out_of_all_reason(end
     assert implausible({"R": Estimate(100.0, 2.0, ends, "ohm")}, ["R"]) == {}
     reciprocal = tuple(4.0 / end if end else math.inf for end in reversed(ends))
     assert implausible({"R": Estimate(0.04, 2.0, reciprocal, "ohm")}, ["R"]) == {}
+
+
+def fitted(cubic, seed):
+    """A signal that is now large and now small, of which the truth has the cube too."""
+    random = np.random.default_rng(seed)
+    signal = np.repeat(random.uniform(0.3, 2.0, STRETCHES), LENGTH) * random.standard_normal(
+        STRETCHES * LENGTH
+    )
+    shown = GAIN * signal + cubic * signal**3 + SPREAD * random.standard_normal(signal.size)
+    search = Search(
+        Dataset(STEP * np.arange(signal.size), {"signal": signal}, {"shown": shown}),
+        Amplifier,
+        ["gain"],
+    )
+    return search.nominal()
+
+
+@pytest.mark.parametrize("cubic", [0.3])
+def test_the_spread_is_that_from_record_to_record(cubic):
+    models = [fitted(cubic, seed) for seed in range(RECORDS)]
+    scatter = np.std([m.fit.q[0] for m in models], ddof=1)
+    told = np.array(
+        [np.hypot(misfit_spread(m)[0], m.fit.covariance.standard_errors[0]) for m in models]
+    )
+    assert (
+        np.median([m.fit.covariance.standard_errors[0] for m in models]) < 0.5 * scatter
+    )  # of the fit alone
+    assert np.sqrt(np.mean(told**2)) == pytest.approx(scatter, rel=0.35)
+
+
+def test_a_model_of_the_right_form_is_known_as_well_as_its_fit_says():
+    models = [fitted(0.0, seed) for seed in range(20)]
+    ratio = [misfit_spread(m)[0] / m.fit.covariance.standard_errors[0] for m in models]
+    assert np.median(ratio) < 0.7
+
+
+def test_an_interval_is_that_of_the_regression():
+    model = fitted(0.0, 1)
+    signal = model.problem.inputs["signal"]
+    half = 1.96 * SPREAD / np.linalg.norm(signal)
+    estimate = parameter_estimates(model)["gain"]
+    low, high = estimate.interval
+    assert high - low == pytest.approx(2.0 * half, rel=0.1)
+    wider = parameter_estimates(model, 3.0 * model.fit.covariance.standard_errors)["gain"].interval
+    assert np.ptp(wider) == pytest.approx(np.sqrt(10.0) * (high - low), rel=0.05)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-4])
+def test_a_parameter_that_a_record_does_not_determine_is_noted(size):
+    random = np.random.default_rng(2)
+    signal = size * random.standard_normal(1000)
+    shown = GAIN * signal + SPREAD * random.standard_normal(1000)
+    data = Dataset(STEP * np.arange(1000), {"signal": signal}, {"shown": shown})
+    notes = identifiability_notes(Search(data, Amplifier, ["gain"]).nominal(), ["gain"])
+    told = [note.facts["names"] for note in notes if note.code is NoteCode.UNDETERMINED]
+    assert told == ([("gain",)] if size < 1.0 else [])

@@ -1,7 +1,9 @@
-"""Claims: two-input Box-Jenkins models are no worse than those of another tool that was given the same data.
+"""Claims: two-input Box-Jenkins models are no worse than those of another tool.
 
-The tool is timeseries-toolbox, whose authors follow Ljung and Box and Jenkins; it estimates no offset, so the means of
-the record are taken out for it, as its own examples do.
+It was given the same data.
+
+The tool is timeseries-toolbox, whose authors follow Ljung and Box and Jenkins; it estimates no
+offset, so the means of the record are taken out for it, as its own examples do.
 """
 
 import numpy as np
@@ -44,7 +46,8 @@ def test_the_free_run_is_no_farther_from_the_truth(d1):
         for seed, record in zip(SEEDS, records, strict=True)
     ]
     print(
-        f"d1 = {d1}: fit to the truth, median of {len(records)}: {np.median(ours):.2f} %, {np.median(others):.2f} %"
+        f"d1 = {d1}: fit to the truth, median of {len(records)}: {np.median(ours):.2f} %,"
+        f" {np.median(others):.2f} %"
     )
     assert np.median(ours) >= np.median(others)
     assert min(ours) >= min(others) - 0.1

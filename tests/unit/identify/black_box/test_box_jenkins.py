@@ -1,4 +1,7 @@
-"""Claims: two-input Box-Jenkins models come back from noisy data as well as the data allow, with honest uncertainty."""
+"""Claims: two-input Box-Jenkins models come back from noise as well as data allow.
+
+Their uncertainty is honest.
+"""
 
 import time
 
@@ -7,9 +10,9 @@ import pytest
 from statsmodels.tsa.statespace.sarimax import SARIMAX
 
 from orchestration.identify.black_box import box_jenkins, input_output_data, output_error
+from orchestration.identify.black_box.gauss_newton import minimise
 from orchestration.identify.black_box.orders import orders
 from orchestration.identify.black_box.prediction_error import PredictionError
-from orchestration.identify.black_box.search.gauss_newton import minimise
 from tests.support.black_box import BOX_JENKINS, box_jenkins_record, fit
 from tests.support.pace import slow_but
 
@@ -42,7 +45,10 @@ def found(records):
     ),
 )
 def test_the_free_run_is_the_truth_within_a_percent(offset, d1, least):
-    """But where an offset is to be told from red noise: the mean of that noise alone costs 0.7 % of 2000 samples."""
+    """Allow more where an offset is estimated in red noise.
+
+    The mean of that noise alone costs 0.7 % of 2000 samples.
+    """
     fits = []
     for seed in SEEDS:
         record = box_jenkins_record(seed, offset=offset, d1=d1)

@@ -1,6 +1,7 @@
-"""Claims: the order of excitation is what theory says of a signal, and a model that needs more is refused.
+"""Claims: the order of excitation is that of theory; models that need more are refused.
 
-Oracles: sums of sinusoids, periodic binary signals and white noise (Ljung, section 13.3), the covariance of AR(1).
+Oracles: sums of sinusoids, periodic binary signals and white noise (Ljung, section 13.3), the
+covariance of AR(1).
 """
 
 import numpy as np

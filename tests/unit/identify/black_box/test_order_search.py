@@ -1,4 +1,7 @@
-"""Claims: the search finds the structure that drew the data, and its table is laid out like the thesis' table 3-2."""
+"""Claims: the search finds the structure that drew the data.
+
+Its table is laid out like the thesis' table 3-2.
+"""
 
 import numpy as np
 import pytest
@@ -57,7 +60,10 @@ def test_figures_are_those_of_the_models(search):
 
 def test_the_table_is_laid_out_like_table_3_2(search):
     lines = search.table().splitlines()
-    head = "Model type|% fit ID data|% fit validation data|AIC|BIC|force model order|current model order|Noise model order"
+    head = (
+        "Model type|% fit ID data|% fit validation data|AIC|BIC|force model order|current model"
+        " order|Noise model order"
+    )
     assert [cell.strip() for cell in lines[0].split("  ") if cell.strip()] == head.split("|")
     assert [line.split()[0] for line in lines[1:]] == ["ARX", "ARMAX", "OE", "SS", "BJ"]
     assert len({len(line) for line in lines}) == 1

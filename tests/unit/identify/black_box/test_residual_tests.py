@@ -1,4 +1,4 @@
-"""Claims: correlations are those of statsmodels, limits hold what they say, and what a model misses is seen."""
+"""Claims: correlations are those of statsmodels, limits hold, and missing dynamics are seen."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,8 @@ from scipy.signal import lfilter
 from statsmodels.tsa.stattools import acf, ccf
 
 from fmus.kit.errors import UserError
-from orchestration.identify.black_box import (
-    box_jenkins,
-    input_output_data,
-    output_error,
-    residual_tests,
-)
+from orchestration.identify.black_box import box_jenkins, input_output_data, output_error
+from orchestration.identify.black_box.residual_tests import residual_tests
 from tests.support.black_box import box_jenkins_record
 
 

@@ -1,4 +1,7 @@
-"""Claims: the subspace method finds the system, its noise model predicts, and delays and feedthrough are kept."""
+"""Claims: the subspace method finds the system, and its noise model predicts.
+
+Delays and feedthrough are kept.
+"""
 
 import time
 
@@ -7,18 +10,28 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from orchestration.identify.black_box import box_jenkins, input_output_data, state_space
-from orchestration.identify.black_box.models.state_space import states
 from tests.support.black_box import box_jenkins_record, fit
 
 A = np.array([[0.9, 0.2, 0.0], [-0.2, 0.85, 0.1], [0.0, 0.0, 0.6]])
+
+
 B = np.array([[0.5, 0.0], [0.1, 0.4], [1.0, -0.3]])
+
+
 C = np.array([1.0, 0.0, 0.5])
+
+
 D = np.array([0.0, 0.2])
+
+
 Q, R = 0.02 * np.eye(3), 0.05
 
 
 def run(seed, samples=3000, noise=1.0):
-    """Step the equations with noise on states and output; return inputs, output and what it is without noise."""
+    """Step the equations with noise on states and output.
+
+    Return inputs, output and the output without noise.
+    """
     random = np.random.default_rng(seed)
     u = random.standard_normal((samples, 2))
     x, clean, y, truth = np.zeros(3), np.zeros(3), [], []
@@ -58,7 +71,7 @@ def test_in_noise_it_predicts_as_the_kalman_filter_of_the_truth():
 
 
 def test_it_is_near_what_the_data_allow():
-    """The innovations form of a Box-Jenkins system holds the states of all paths and of the noise."""
+    """Use as many states as the innovations form of a Box-Jenkins system, paths and noise."""
     fits = []
     for seed in range(5):
         record = box_jenkins_record(seed, offset=0.0)
@@ -89,16 +102,6 @@ def test_delayed_inputs_act_as_late_as_they_should(delays):
         impulse[0, i] = 1.0
         answer = model.simulate(impulse + model.input_offsets) - model.output_offset
         assert np.abs(answer[:delay]).max() < 1e-9 < abs(answer[delay])
-
-
-def test_states_are_those_of_the_recursion():
-    random = np.random.default_rng(4)
-    a = np.array([[0.5, 1.0, 0.0], [0.0, 0.5, 1.0], [0.0, 0.0, 0.5]])  # one eigenvector only
-    drive, x = random.standard_normal((50, 3)), random.standard_normal(3)
-    expected = [x]
-    for now in drive[:-1]:
-        expected.append(a @ expected[-1] + now)
-    assert states(a, drive, x) == pytest.approx(np.array(expected), abs=1e-12)
 
 
 def test_it_stays_stable_in_much_noise():

@@ -1,4 +1,7 @@
-"""Claims: on a measured record of two inputs the models foretell its second half as well as is known (DaISy)."""
+"""Claims: models of a measured record predict its second half as well as is known.
+
+It has two inputs (DaISy).
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Claims: R1, R2 and C come with intervals that hold, and least squares is off by as much as theory says.
+"""Claims: intervals of R1, R2 and C hold, and least squares is biased as theory says.
 
 Oracles: the circuit discretised by scipy, the limit of the normal matrix in noise, binomial bounds.
 """
@@ -15,7 +15,7 @@ from fmus import component
 from fmus.kit.errors import UserError
 from orchestration.identify import parameter_set
 from orchestration.identify.graphical.circuit import read_circuit
-from orchestration.identify.impedance import tustin
+from orchestration.identify.graphical.impedance import tustin
 from tests.support.command import PNG
 from tests.support.pace import slow_but
 
@@ -62,7 +62,10 @@ def test_intervals_of_the_one_without_bias_hold_the_truth():
 
 
 def test_least_squares_is_biased_as_theory_says():
-    """Noise adds its variance to one element of the normal matrix, and nothing to the right-hand side."""
+    """Compare with the limit of the normal matrix.
+
+    Noise adds its variance to one element of it, and nothing to the right-hand side.
+    """
     _, current, voltage = record(60_000, noise=0.0)
     rows = np.column_stack([current[1:], current[:-1], -voltage[:-1]])
     normal, right = rows.T @ rows / len(rows), rows.T @ voltage[1:] / len(rows)
@@ -77,7 +80,10 @@ def test_least_squares_is_biased_as_theory_says():
 
 
 def test_the_interval_is_the_delta_method_s():
-    """Standard errors of the circuit from the closed form: sensitivities of the response by R1, R2 and C themselves."""
+    """Compare with standard errors from the closed form.
+
+    They are from sensitivities of the response by R1, R2 and C themselves.
+    """
 
     def response(circuit):
         r1, r2, c = circuit

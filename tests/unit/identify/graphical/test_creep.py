@@ -1,4 +1,4 @@
-"""Claims: what is read off a step load is the Burgers body of the closed form, or a word says why it is not."""
+"""Claims: readings of a step load are the Burgers body of the closed form, or are refused."""
 
 import re
 
@@ -51,7 +51,10 @@ def test_taking_a_load_off_tells_the_same():
 
 @pytest.mark.parametrize("held", [30.0, 100.0, 400.0])
 def test_a_load_that_is_not_held_long_enough_is_told(held):
-    """The Kelvin element still creeps at the middle of the last third, 5/6 of the time, and counts as flow."""
+    """Warn where creep counts as flow.
+
+    The Kelvin element still creeps at the middle of the last third, 5/6 of the time.
+    """
     found = read_creep(*stepped(held, held / 600))
     flowing = 1 / (1 / B1 + np.exp(-held * 5 / 6 * K2 / B2) / B2)
     assert found.b1 == pytest.approx(flowing, rel=0.02)

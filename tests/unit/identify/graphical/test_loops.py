@@ -1,4 +1,7 @@
-"""Claims: slope, area and gap of loops are those of closed forms, and intervals hold the truth as often as they say."""
+"""Claims: slope, area and gap of loops are those of closed forms, and intervals hold.
+
+They hold the truth as often as they say.
+"""
 
 import re
 
@@ -7,7 +10,7 @@ import pytest
 from scipy.stats import linregress
 
 from fmus.kit.errors import UserError
-from orchestration.identify.graphical.loops import area, loops
+from orchestration.identify.graphical.loops import area, read_loops
 
 TIME = 0.01 * np.arange(3001)  # s
 OMEGA = 2 * np.pi / 2.5  # rad/s, 12 cycles
@@ -15,8 +18,11 @@ OMEGA = 2 * np.pi / 2.5  # rad/s, 12 cycles
 
 @pytest.mark.parametrize("lag", [-0.4, 0.0, 0.4, 1.2])
 def test_a_lagging_sine_makes_an_ellipse(lag):
-    """y = b sin(wt - lag) over x = a sin(wt): slope b/a cos(lag), area pi a b sin(lag); a polygon has corners."""
-    found = loops(TIME, 3.0 * np.sin(OMEGA * TIME), 0.5 * np.sin(OMEGA * TIME - lag), 2.5)
+    """Compare y = b sin(wt - lag) over x = a sin(wt) with the closed form.
+
+    Slope b/a cos(lag), area pi a b sin(lag); a polygon has corners.
+    """
+    found = read_loops(TIME, 3.0 * np.sin(OMEGA * TIME), 0.5 * np.sin(OMEGA * TIME - lag), 2.5)
     assert found.cycles == 12
     assert found.slope.value == pytest.approx(0.5 / 3.0 * np.cos(lag), abs=1e-9)
     assert found.slope_through_zero.value == pytest.approx(0.5 / 3.0 * np.cos(lag), abs=1e-9)
@@ -40,7 +46,7 @@ def test_lines_are_those_of_scipy_and_of_the_normal_equation():
     x = np.sin(OMEGA * TIME) + 0.7 + 0.1 * random.standard_normal(TIME.size)
     y = 0.3 + 2.0 * x + 0.05 * random.standard_normal(TIME.size)
     whole = slice(0, 3000)  # twelve cycles; the last sample begins the thirteenth
-    found, line = loops(TIME, x, y, 2.5), linregress(x[whole], y[whole])
+    found, line = read_loops(TIME, x, y, 2.5), linregress(x[whole], y[whole])
     assert (found.slope.value, found.intercept.value) == pytest.approx(
         (line.slope, line.intercept), rel=1e-9
     )
@@ -50,16 +56,19 @@ def test_lines_are_those_of_scipy_and_of_the_normal_equation():
 
 
 def test_cycles_need_not_be_whole_numbers_of_samples():
-    """0.15 Hz at 10 Hz, where samples are far apart: the polygon of many cycles has the area of the ellipse."""
+    """Compare 0.15 Hz at 10 Hz with the ellipse.
+
+    Samples are far apart, but the polygon of many cycles has its area.
+    """
     time = 0.1 * np.arange(601)
     omega = 0.3 * np.pi
-    found = loops(time, np.cos(omega * time), np.sin(omega * time), 1 / 0.15)
+    found = read_loops(time, np.cos(omega * time), np.sin(omega * time), 1 / 0.15)
     assert found.cycles == 9
     assert found.area.value == pytest.approx(np.pi, rel=2e-3)
 
 
 def test_a_drift_is_told_by_the_gap():
-    found = loops(TIME, np.sin(OMEGA * TIME), np.sin(OMEGA * TIME) + 0.02 * TIME, 2.5)
+    found = read_loops(TIME, np.sin(OMEGA * TIME), np.sin(OMEGA * TIME) + 0.02 * TIME, 2.5)
     assert found.gap.value == pytest.approx(0.02 * 2.5, rel=1e-9)
     assert found.gap.interval == pytest.approx((0.05, 0.05), rel=1e-9)
 
@@ -68,8 +77,11 @@ def test_a_drift_that_is_fitted_along_leaves_the_loops_as_they_were():
     """A charge that settles while a film flows pulls a line that knows of no time."""
     x = np.sin(OMEGA * TIME) + np.exp(-TIME / 7.5)
     y = 0.5 * x + 0.1 * np.cos(OMEGA * TIME)
-    still, drifting = loops(TIME, x, y, 2.5), loops(TIME, x, y + 0.02 * TIME, 2.5, drift=True)
-    blind = loops(TIME, x, y + 0.02 * TIME, 2.5)
+    still, drifting = (
+        read_loops(TIME, x, y, 2.5),
+        read_loops(TIME, x, y + 0.02 * TIME, 2.5, drift=True),
+    )
+    blind = read_loops(TIME, x, y + 0.02 * TIME, 2.5)
     columns = np.column_stack([x, np.ones(3001), TIME])[:3000]
     expected = np.linalg.lstsq(columns, (y + 0.02 * TIME)[:3000])[0]
     assert (drifting.slope.value, drifting.intercept.value) == pytest.approx(expected[:2], rel=1e-9)
@@ -83,7 +95,7 @@ def test_a_drift_that_is_fitted_along_leaves_the_loops_as_they_were():
 
 def test_what_comes_before_the_start_and_what_is_short_of_a_cycle_is_left_out():
     x = np.where(TIME < 5.0, 40.0, np.sin(OMEGA * TIME))
-    found = loops(TIME[:2900], x[:2900], 2.0 * x[:2900], 2.5, start=5.0)
+    found = read_loops(TIME[:2900], x[:2900], 2.0 * x[:2900], 2.5, start=5.0)
     assert found.cycles == 9
     assert found.slope.value == pytest.approx(2.0, rel=1e-9)
 
@@ -98,7 +110,7 @@ def test_intervals_hold_the_truth_19_times_in_20():
         own = np.column_stack([own, own[:, -1]])
         x, ahead = np.sin(OMEGA * time), np.cos(OMEGA * time)
         y = 0.1 + (1.0 + 0.1 * own[0]) * x + (0.2 + 0.05 * own[1]) * ahead
-        found = loops(time, x, y, 2.5)
+        found = read_loops(time, x, y, 2.5)
         for k, (q, true) in enumerate(
             ((found.slope, 1.0), (found.slope_through_zero, 1.0), (found.area, -0.2 * np.pi))
         ):
@@ -107,7 +119,7 @@ def test_intervals_hold_the_truth_19_times_in_20():
 
 
 def test_one_cycle_has_no_interval():
-    found = loops(TIME[:251], np.sin(OMEGA * TIME[:251]), np.sin(OMEGA * TIME[:251]), 2.5)
+    found = read_loops(TIME[:251], np.sin(OMEGA * TIME[:251]), np.sin(OMEGA * TIME[:251]), 2.5)
     assert found.cycles == 1
     assert found.area.interval == (-np.inf, np.inf)
     assert found.to_dict()["slope"]["ci95"] == [None, None]
@@ -146,4 +158,4 @@ SINE = np.sin(OMEGA * TIME)
 )
 def test_what_makes_no_loop_is_refused(time, x, y, options, message):
     with pytest.raises(UserError, match=f"^{re.escape(message)}$"):
-        loops(time, x, y, **({"period": 2.5} | options))
+        read_loops(time, x, y, **({"period": 2.5} | options))

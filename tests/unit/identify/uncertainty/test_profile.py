@@ -1,4 +1,4 @@
-"""Claims: a profile is the ellipse of a linear model, and where a model is not linear the likelihood itself.
+"""Claims: a profile is the ellipse of a linear model, and else the likelihood itself.
 
 Oracles: the deviance of y = a (1 - exp(-t / tau)) by scipy, with a in closed form; binomial bounds.
 """
@@ -17,8 +17,8 @@ from scipy.stats import binom, chi2, norm
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import fit_model
-from orchestration.identify.grey_box import fit
-from orchestration.identify.uncertainty.profile import Coordinate, profile
+from orchestration.identify.grey_box import fit_grey_box
+from orchestration.identify.uncertainty.profile import Coordinate, profile_likelihood
 from tests.support.command import PNG
 from tests.support.hosts import build_one_state_fmu
 
@@ -42,7 +42,7 @@ class Rise(Component):
 
     @Output("V")
     def y(self):
-        """The state times a."""
+        """Return the state times a."""
         return self.a * self.x
 
 
@@ -77,14 +77,14 @@ def rise(tau, seed, noise=0.02):
 
 
 def fitted(seed, tau=4.0, cls=Rise, names=("a", "tau")):
-    return fit(cls, TIME, *rise(tau, seed), names)
+    return fit_grey_box(cls, TIME, *rise(tau, seed), names)
 
 
 def by_hand(found, measured, ceiling=1e9):
-    """Interval of tau: the deviance of the best a for every tau, and what the ellipse says of coloured noise.
+    """Return the interval of tau by the deviance of the best a for every tau, and the ellipse's.
 
-    In the logarithm the standard error of the ellipse is its interval's; what white noise would have of it is by the
-    normal matrix of the closed form.
+    In the logarithm the standard error of the ellipse is its interval's; what white noise would
+    have of it is by the normal matrix of the closed form.
     """
 
     def squares(log_tau):
@@ -113,7 +113,7 @@ def by_hand(found, measured, ceiling=1e9):
 def test_of_a_linear_model_it_is_the_ellipse(colour):
     noise = lfilter([0.1], [1.0, -colour], np.random.default_rng(1).normal(size=400))
     u = np.random.default_rng(2).normal(size=400) + 2.0
-    found = fit(
+    found = fit_grey_box(
         Line, 0.1 * np.arange(400), {"u": u}, {"y": 3.0 * u - 1.0 + noise}, ["slope", "offset"]
     )
     for name, (low, high) in found.intervals.items():
@@ -142,7 +142,7 @@ def test_colour_counts_as_it_does_in_the_ellipse():
     """A wave that is left makes the interval wider, and by as much."""
     inputs, measured = rise(1.5, 5)
     measured["y"] += lfilter([0.01], [1.0, -0.8], np.random.default_rng(7).normal(size=TIME.size))
-    found = fit(Rise, TIME, inputs, measured, ["a", "tau"])
+    found = fit_grey_box(Rise, TIME, inputs, measured, ["a", "tau"])
     low, high, allowed = by_hand(found, measured["y"])
     assert allowed > 1.5
     assert found.profile("tau").interval == pytest.approx((low, high), rel=1e-3)
@@ -239,7 +239,7 @@ def followed(deviance, low=-10.0, high=10.0, asked=None):
         return start, deviance(start[0])
 
     along = Coordinate(0, float, low, high, False, np.ones(1), 0.5)
-    return profile("a", Parameter(0.0, "V"), refit, np.zeros(1), along)
+    return profile_likelihood("a", Parameter(0.0, "V"), refit, np.zeros(1), along)
 
 
 def test_a_better_optimum_on_the_way_is_told():
@@ -263,7 +263,10 @@ def test_where_the_model_fails_a_profile_ends():
 
 @pytest.mark.parametrize("worth", [None, np.nan, np.inf], ids=["raised", "nan", "inf"])
 def test_an_end_that_is_bracketed_is_no_open_one(worth):
-    """Between 1.70 and 1.99 there is no fit; on both sides the root is a straight line that is one at 1.8."""
+    """Fit nothing between 1.70 and 1.99.
+
+    On both sides the root is a straight line that is one at 1.8.
+    """
 
     def deviance(x):
         if 1.70 < x < 1.99:
@@ -294,7 +297,10 @@ def test_a_deviance_that_is_no_number_ends_a_profile_as_a_failure_does():
 
 
 def test_no_more_fits_are_made_than_make_sense():
-    """Every other fit finds a deviance just below the level, so that steps become shorter and shorter."""
+    """Let every other fit find a deviance just below the level.
+
+    Steps become shorter and shorter.
+    """
     asked = []
     found = followed(lambda x: 0.9 * (len(asked) % 2), -np.inf, np.inf, asked)
     assert found.open == (True, True)
@@ -316,7 +322,10 @@ def test_fits_of_a_crossing_count_among_those_that_are_made_at_most():
 
 
 def test_any_fmu_has_profiles(tmp_path):
-    """One parameter alone: the crossing of a sum of squares on paper; the FMU is opened again for it."""
+    """Profile one parameter alone: the crossing of a sum of squares on paper.
+
+    The FMU is opened again for it.
+    """
     time = 0.1 * np.arange(101)
     measured = 1.0 - np.exp(-time / 0.73) + 0.05 * np.random.default_rng(1).normal(size=101)
     model = find_model(str(build_one_state_fmu(tmp_path)))
@@ -362,8 +371,9 @@ def test_profiles_are_drawn(tmp_path):
 def test_profiles_hold_the_truth_as_often_as_they_say(true, least):
     """400 records of 1 s, of a time constant of 1, 3 and 10 s.
 
-    Of the longest many records have their optimum at the end of the range, where a time constant is infinite: there
-    half of a chi-square is zero (Self and Liang, J. Amer. Statist. Assoc. 82, 1987), and an interval holds more often.
+    Of the longest many records have their optimum at the end of the range, where a time constant is
+    infinite: there half of a chi-square is zero (Self and Liang, J. Amer. Statist. Assoc. 82,
+    1987), and an interval holds more often.
     """
     draws, held = 400, {"profile": 0, "ellipse": 0, "open": 0}
     for seed in range(draws):

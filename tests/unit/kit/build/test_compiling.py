@@ -1,4 +1,4 @@
-"""Claims: a compiler has a time, an interrupt leaves nothing of it, and what it made is known by how it was made.
+"""Claims: a compiler has limited time, and leaves nothing; its version is in a library's key.
 
 Compilers here are shell scripts, which write down what they are asked.
 """
@@ -14,8 +14,8 @@ import zipfile
 import pytest
 
 from fmus.kit import UserError
-from fmus.kit.build import build_cached, process, toolchain
-from fmus.kit.build.library_cache import key, library
+from fmus.kit.build import build_cached, toolchain
+from fmus.kit.build.toolchain import cached_library, library_digest
 from tests.support.kit_samples import Divider
 from tests.support.small_disk import disk_of_64_kib
 from tests.support.source import ROOT
@@ -41,15 +41,15 @@ FILES = {"a.c": b"int a;\n"}
 COMPILES = """
 import sys
 from fmus.kit.build import toolchain
-from fmus.kit.build.library_cache import library
+from fmus.kit.build.toolchain import cached_library
 toolchain.find_compiler = lambda target: toolchain.Compiler((sys.argv[1],))
-library({"a.c": b"int a;"}, "a.c", "linux64")
+cached_library({"a.c": b"int a;"}, "a.c", "linux64")
 """
 
 
 @pytest.fixture
 def compiler(tmp_path, monkeypatch, scratch):
-    """Write a compiler that is found, and have a cache that is empty: ``compiler(script)`` returns its path."""
+    """Write a compiler, and empty the cache: ``compiler(script)`` returns its path."""
     path = tmp_path / "cc"
 
     def write(script):
@@ -62,7 +62,7 @@ def compiler(tmp_path, monkeypatch, scratch):
 
     monkeypatch.setenv("PPY_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(toolchain, "find_compiler", lambda target: toolchain.Compiler((str(path),)))
-    toolchain._told_version.cache_clear()
+    toolchain._printed_version.cache_clear()
     return write
 
 
@@ -73,10 +73,11 @@ def asked(tmp_path):
 
 
 def compiled():
-    return library(FILES, "a.c", "linux64")
+    return cached_library(FILES, "a.c", "linux64")
 
 
-# --- time and interrupts ----------------------------------------------------------------------------------------------
+# --- time and interrupts
+# ----------------------------------------------------------------------------------------------
 
 
 def test_a_compiler_that_hangs_is_ended_with_all_that_it_started(
@@ -105,7 +106,7 @@ def test_all_targets_of_a_library_have_one_time(compiler, tmp_path, monkeypatch)
         toolchain, "find_compiler", lambda target: toolchain.Compiler((str(path),), ("one", "two"))
     )
     with pytest.raises(UserError, match="not done after 1 s"):
-        library(FILES, "a.c", "darwin64")
+        cached_library(FILES, "a.c", "darwin64")
     assert asked(tmp_path) == (0, 2)
 
 
@@ -149,7 +150,7 @@ def test_a_compiler_that_is_gone_is_told_in_one_line(compiler):
 
 
 def test_a_program_that_is_done_gives_what_it_printed(tmp_path):
-    done = process.run(["sh", "-c", "echo one; echo two >&2; exit 3"], 10.0)
+    done = toolchain.run_program(["sh", "-c", "echo one; echo two >&2; exit 3"], 10.0)
     assert (done.returncode, done.stdout, done.stderr) == (3, "one\n", "two\n")
 
 
@@ -166,22 +167,21 @@ def test_a_full_disk_is_told_whatever_the_compiler_says(compiler, tmp_path, monk
         compiled()
 
 
-# --- what a library is known by ---------------------------------------------------------------------------------------
+# --- what a library is known by
+# ---------------------------------------------------------------------------------------
 
 
 def test_the_version_is_asked_once_and_not_when_modules_are_imported(compiler, tmp_path):
     path = compiler(MAKES)
-    program = (
-        "import fmus.kit.build.library_cache, fmus.kit.record.compiled, orchestration.fmu.model"
-    )
+    program = "import fmus.kit.build.toolchain, fmus.kit.record.compiled, orchestration.fmu.model"
     done = subprocess.run(
         [sys.executable, "-c", program], env=os.environ | {"CC": str(path), "PYTHONPATH": str(ROOT)}
     )
     assert done.returncode == 0
     assert not (tmp_path / "asked").exists()
-    assert [library({"a.c": bytes([n])}, "a.c", "linux64").read_text() for n in (1, 1, 2, 2)] == [
-        "library\n"
-    ] * 4
+    assert [
+        cached_library({"a.c": bytes([n])}, "a.c", "linux64").read_text() for n in (1, 1, 2, 2)
+    ] == ["library\n"] * 4
     assert asked(tmp_path) == (1, 2)
 
 
@@ -204,7 +204,7 @@ def test_every_option_is_in_the_key(monkeypatch, target):
             ("zig", "cc"), options.pop("targets", toolchain.ZIG_TARGETS[target])
         )
         monkeypatch.setattr(toolchain, "find_compiler", lambda target: zig)
-        return key(FILES, "a.c", target, **options)
+        return library_digest(FILES, "a.c", target, **options)
 
     monkeypatch.setattr("importlib.metadata.version", lambda name: "1")
     keys = [made(), made(libraries=["m"]), made(targets=("x86_64-linux-gnu.2.31",)), made()]
@@ -240,5 +240,7 @@ def test_an_fmu_is_built_anew_by_another_compiler_and_if_it_is_damaged(compiler,
 def test_zig_is_asked_nothing(monkeypatch):
     if importlib.util.find_spec("ziglang") is None:
         pytest.skip("zig is not installed")
-    monkeypatch.setattr(process, "run", lambda *given: pytest.fail("a process was started"))
+    monkeypatch.setattr(
+        toolchain, "run_program", lambda *given: pytest.fail("a process was started")
+    )
     assert toolchain.find_compiler("linux64").version.startswith("zig ")

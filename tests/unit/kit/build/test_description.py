@@ -14,7 +14,7 @@ from fmus.kit.build import archive, version
 from fmus.kit.build.description import CATEGORIES, Capabilities, describe
 from fmus.kit.build.documentation import page
 from fmus.kit.symbolic import codegen
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from tests.support.kit_models import GUID, every_model, telling_models
 from tests.support.kit_samples import Divider, Thermostat
@@ -37,7 +37,7 @@ def description(cls, can=CAN):
 
 
 def read(cls):
-    """The description as fmpy reads it."""
+    """Read the description by fmpy."""
     return fmpy.read_model_description(
         io.BytesIO(archive.pack({"modelDescription.xml": description(cls)}))
     )

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from fmus.kit import UserError, build
-from fmus.kit.build import process, toolchain
-from fmus.kit.build.toolchain import compile_library, find_compiler
+from fmus.kit.build import toolchain
+from fmus.kit.build.toolchain import cached_library, compile_library, find_compiler
 from tests.support.kit_samples import Divider
 
 HERE = toolchain.host_platform()
@@ -51,7 +51,10 @@ def test_a_build_without_a_compiler_says_it_too():
 def test_unknown_platforms_are_refused():
     with pytest.raises(
         UserError,
-        match="unknown platform 'linux32'; FMI platforms built here: linux64, win64, darwin64, aarch64-linux",
+        match=(
+            "unknown platform 'linux32'; FMI platforms built here: linux64, win64, darwin64,"
+            " aarch64-linux"
+        ),
     ):
         find_compiler("linux32")
 
@@ -94,7 +97,7 @@ def test_a_failing_compilation_is_told_in_one_line(tmp_path):
 
 def test_a_compiler_that_says_nothing_is_told_too(monkeypatch, source):
     silent = subprocess.CompletedProcess([], 1, stdout="", stderr="")
-    monkeypatch.setattr(process, "run", lambda *given: silent)
+    monkeypatch.setattr(toolchain, "run_program", lambda *given: silent)
     monkeypatch.setattr(
         toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",))
     )
@@ -126,7 +129,7 @@ def test_libraries_have_the_format_of_their_platform(target, magic, source):
 
 
 def thin(processor, payload):
-    """A made-up little-endian 64-bit Mach-O library."""
+    """Make up a little-endian 64-bit Mach-O library."""
     return struct.pack("<IIIIIIII", 0xFEEDFACF, processor, 3, 6, 0, 0, 0, 0) + payload
 
 
@@ -199,7 +202,38 @@ def test_a_compiler_that_was_replaced_makes_other_libraries(tmp_path):
         compiler.chmod(0o755)
         told.append(toolchain.Compiler((str(compiler),)).version)
     assert told == [f"{tmp_path / str(n) / 'cc'}: compiler {n}.0" for n in (1, 2)]
-    toolchain._told_version.cache_clear()
+    toolchain._printed_version.cache_clear()
     (tmp_path / "1" / "cc").write_text("#!/bin/sh\necho compiler 3.0\n", encoding="utf-8")
     assert toolchain.Compiler((str(tmp_path / "1" / "cc"),)).version.endswith("compiler 3.0")
     assert toolchain.Compiler(("/no/such/compiler",)).version == "/no/such/compiler"
+
+
+def test_the_same_sources_are_compiled_once(tmp_path, monkeypatch):
+    """Another text, another file to compile, another library to link with makes another library."""
+    compiled = []
+
+    def compiler(sources, include, target, *, libraries):
+        compiled.append((sources[0].read_bytes(), libraries))
+        return str(compiled[-1]).encode()
+
+    monkeypatch.setenv("PPY_CACHE", str(tmp_path))
+    monkeypatch.setattr(toolchain, "compile_library", compiler)
+    monkeypatch.setattr(
+        toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/cc",))
+    )
+    files = {"a.c": b"1", "b.c": b"2"}
+    asked = [
+        (files, "a.c", "linux64"),
+        (files | {"b.c": b"3"}, "a.c", "linux64"),
+        (files, "b.c", "linux64"),
+    ]
+    asked += [(files, "a.c", "win64"), (files, "a.c", "linux64", ("m",))]
+    paths = [cached_library(*arguments) for arguments in asked]
+    assert len(set(paths)) == len(compiled) == len(asked)
+    assert [cached_library(*arguments) for arguments in asked] == paths
+    assert len(compiled) == len(asked)
+    assert [path.read_bytes() for path in paths] == [str(done).encode() for done in compiled]
+    monkeypatch.setattr(
+        toolchain, "find_compiler", lambda target: toolchain.Compiler(("/usr/bin/other",))
+    )
+    assert cached_library(*asked[0]) not in paths

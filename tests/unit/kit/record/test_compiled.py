@@ -1,6 +1,7 @@
-"""Claims: a component compiled for fitting follows exact solutions, and so do its sensitivities, sampled parts too.
+"""Claims: a component compiled for fitting follows exact solutions, its sensitivities too.
 
-Oracles are solutions on paper, differentiated by a complex step (exact to rounding), and central differences.
+Oracles are solutions on paper, differentiated by a complex step (exact to rounding), and central
+differences.
 """
 
 import numpy as np
@@ -11,7 +12,7 @@ from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserE
 from fmus.kit.record import compiled as kit_compiled
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.sensitivity import with_sensitivities
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.effects import DoubleLayer, ResistanceGrowth
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from orchestration.experiment.waveforms import multilevel, square_wave
@@ -53,12 +54,12 @@ class Sampled(Component):
 
     @Output("1")
     def driven(self):
-        """What the controller asks for."""
+        """Return the drive that the controller sets."""
         return self.drive
 
 
 def complex_step(function, values, name):
-    """Derivative of an analytic function with respect to one of its parameters, exact to rounding."""
+    """Return the derivative of an analytic function by a parameter, exact to rounding."""
     step = 1e-30 * abs(values[name])
     return np.imag(function(**values | {name: values[name] + 1j * step})) / step
 
@@ -114,8 +115,11 @@ def test_actuator_and_its_sensitivities_follow_the_solution_on_paper(values, sol
             )
 
 
-def sampled_solution(a, b, gain, reset, x_start, sum_start, drive_start, reference):
-    """x at every sample, exactly: between instants the drive is held. Updates come at the start of a step."""
+def sampled_solution(*, a, b, gain, reset, x_start, sum_start, drive_start, reference):
+    """Return x at every sample, exactly: between instants the drive is held.
+
+    Updates come at the start of a step.
+    """
     step = 0.5
     x, total, drive, found = x_start, sum_start, drive_start, []
     for r in reference:
@@ -151,7 +155,7 @@ def test_sensitivities_pass_through_sampled_updates():
 
 
 def test_sampling_between_communication_points_is_followed_too():
-    """The same run seen at 0.2 s, where no sample instant but every fifth falls on a communication point."""
+    """The same run at steps of 0.2 s: only every fifth sample instant is a communication point."""
     instants, time = samples(0.5, 41), samples(0.2, 101)
     values = {
         "a": 0.8,
@@ -231,7 +235,7 @@ class TwoIntegrators(Component):
 
 @pytest.mark.parametrize("linear", [[], ["u"], ["v"], ["u", "v"]])
 def test_one_input_is_held_while_another_goes_linearly(linear):
-    """The integral of c t is c t^2 / 2 where it is linear, and that of the sample before where it is held."""
+    """The integral of c t is c t^2 / 2 where it is linear, or of a held sample."""
     time, n, step = samples(0.5, 101), np.arange(101), 0.5
     signals = (
         CompiledModel(TwoIntegrators)
@@ -254,10 +258,10 @@ def test_the_answer_does_not_depend_on_which_sensitivities_are_asked():
 
 @pytest.mark.parametrize("resistance", [0.0, 0.1])
 def test_sensitivities_of_an_effect_at_neutral_and_beside_follow_the_solution_on_paper(resistance):
-    """A parameter whose default is zero sets no scale; its sensitivity has states that must be integrated accurately.
+    """A parameter whose default is zero sets no scale, but its sensitivity must be accurate.
 
-    Free charge and current through the double layer are linear in themselves: a matrix exponential, differentiated
-    by a complex step.
+    Free charge and current through the double layer are linear in themselves: a matrix exponential,
+    differentiated by a complex step.
     """
     R1, R2, C, tau = 0.43, 2.35, 2.70, 0.2
 

@@ -1,4 +1,4 @@
-"""Claims: a smooth input that bends between samples is simulated as it bends, and one of straight lines as it is."""
+"""Claims: a smooth input that bends between samples is simulated as it bends; lines stay lines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fmus.kit import stack
 from fmus.kit.record.smooth_inputs import is_curved, with_knots
 from fmus.kit.sensors import transport_delay
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.identify.delay import DelayedModel
+from orchestration.identify.fitting.delay import DelayedModel
 from tests.support.intersample_records import TRUE, circuit
 
 REST = {"charge_start": 0.0, "kelvin_elongation_start": 0.0, "maxwell_elongation_start": 0.0}
@@ -29,7 +29,7 @@ def triangle(time):
 
 
 def simulated(shape, rate, cls=PpyActuator, linear=("current",), **more):
-    """Voltage of the actuator under a current that is known at samples, and by SciPy under what it is between them."""
+    """Return the voltage under a current known at samples, and SciPy's under the true one."""
     time = np.arange(round(60.0 * rate) + 1) / rate
     model = DelayedModel(cls, ["R1"], linear)
     inputs = {"current": shape(time), "force": np.zeros(time.size)}
@@ -43,7 +43,7 @@ def simulated(shape, rate, cls=PpyActuator, linear=("current",), **more):
 
 @pytest.mark.parametrize(("rate", "within"), [(20.0, 2e-5), (10.0, 3e-4), (5.0, 5e-3)])
 def test_a_sine_is_simulated_as_a_sine(rate, within):
-    """Straight lines are off by a twelfth of the curvature, 0.5 % at 20 Hz and 8 % at 5 Hz, of what charges."""
+    """Straight lines miss a twelfth of the curvature: 0.5 % at 20 Hz and 8 % at 5 Hz."""
     _, ran, _, truth = simulated(sine, rate)
     assert np.abs(ran.signals["voltage"] - truth[::50]).max() < within * np.ptp(truth)
     assert len(ran.sensitivities["voltage"]) == len(ran.signals["voltage"])
@@ -61,7 +61,7 @@ def test_what_is_integrated_is_the_area_of_the_spline():
 
 
 def test_kinks_stay_kinks():
-    """Of ramps that turn at samples and between them; only there a straight line differs from what was."""
+    """Ramps turn at samples and between them; only there a straight line is wrong."""
     time = np.arange(1000) / 10.0
     assert not is_curved(time, triangle(time))
     assert with_knots(time, {"u": triangle(time)}, True)[0] is time

@@ -1,7 +1,7 @@
-"""Claims: models are made in several threads at once, and no two of them make expressions at the same time.
+"""Claims: models are made in several threads at once, but only one makes expressions at a time.
 
-CasADi ends the process if they do: four threads that made models of the voice coil came to a segmentation fault within
-a minute.
+CasADi ends the process if they do: four threads that made models of the voice coil came to a
+segmentation fault within a minute.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Decay(Component):
 
     @Output("1")
     def y(self):
-        """The state."""
+        """Return the state."""
         return self.x
 
 

@@ -1,4 +1,4 @@
-"""Claims: what is taken from the cache is what this user put there; all else is made anew, or refused in a line.
+"""Claims: the cache gives only files that this user put there; others are made anew, or refused.
 
 Digests are compared with those of ``sha256sum``; owners and modes are those of the file system.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from fmus.kit import UserError
-from fmus.kit.build import library_cache
+from fmus.kit.build import toolchain
 from fmus.kit.build.toolchain import find_compiler, host_platform
 from fmus.kit.storage import cache
 from tests.support.small_disk import disk_of_64_kib
@@ -29,7 +29,7 @@ SOURCE = b'__attribute__((visibility("default"))) int answer(void) { return 42; 
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A cache that is not there yet."""
+    """Return the path of a cache that is not there yet."""
     monkeypatch.setenv("PPY_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
@@ -46,7 +46,7 @@ class Maker:
 
 
 def taken(make, name="entry"):
-    return cache.entry(name, make).read_bytes()
+    return cache.cached_file(name, make).read_bytes()
 
 
 def mode(path):
@@ -83,8 +83,8 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_what_is_damaged_is_made_anew(place, damage):
     make, other = Maker(), Maker(b"another")
-    path = cache.entry("entry", make)
-    cache.entry("other", other)
+    path = cache.cached_file("entry", make)
+    cache.cached_file("other", other)
     DAMAGES[damage](path)
     assert taken(make) == b"contents"
     assert make.made == 2
@@ -103,7 +103,7 @@ STRANGE = {
 @pytest.mark.parametrize("strange", STRANGE)
 def test_what_others_can_have_written_is_made_anew(place, strange):
     make = Maker()
-    STRANGE[strange](cache.entry("entry", make))
+    STRANGE[strange](cache.cached_file("entry", make))
     assert taken(make) == b"contents"
     assert make.made == 2
     assert mode(place / "entry") == mode(place / "entry.sha256") == 0o600
@@ -113,7 +113,7 @@ def test_what_others_can_have_written_is_made_anew(place, strange):
 @pytest.mark.parametrize("name", ["entry", "entry.sha256"])
 def test_what_belongs_to_another_user_is_made_anew(place, name):
     make = Maker()
-    cache.entry("entry", make)
+    cache.cached_file("entry", make)
     os.chown(place / name, NOBODY, -1)
     assert taken(make) == b"contents"
     assert make.made == 2
@@ -125,7 +125,7 @@ def test_what_belongs_to_another_user_is_made_anew(place, name):
 def test_links_are_not_followed(place, tmp_path, name):
     """Not even to what is right in every other way; and what they lead to is left alone."""
     make = Maker()
-    cache.entry("entry", make)
+    cache.cached_file("entry", make)
     (place / name).rename(tmp_path / "elsewhere")
     (place / name).symlink_to(tmp_path / "elsewhere")
     before = (tmp_path / "elsewhere").read_bytes()
@@ -138,7 +138,7 @@ def test_links_are_not_followed(place, tmp_path, name):
 @posix
 def test_a_pipe_is_not_waited_for(place):
     make = Maker()
-    cache.entry("entry", make).unlink()
+    cache.cached_file("entry", make).unlink()
     os.mkfifo(place / "entry", 0o600)
     assert taken(make) == b"contents"
 
@@ -147,13 +147,13 @@ def test_a_pipe_is_not_waited_for(place):
 def test_folders_are_for_this_user_alone(place):
     make, before = Maker(), os.umask(0o000)
     try:
-        path = cache.entry("folder/entry", make)
+        path = cache.cached_file("folder/entry", make)
     finally:
         os.umask(before)
     assert [mode(one) for one in (place, path.parent, path)] == [0o700, 0o700, 0o600]
     place.chmod(0o777)
     path.parent.chmod(0o775)
-    assert cache.entry("folder/entry", make) == path
+    assert cache.cached_file("folder/entry", make) == path
     assert [mode(one) for one in (place, path.parent)] == [0o700, 0o700]
     assert make.made == 1
 
@@ -162,12 +162,12 @@ def test_folders_are_for_this_user_alone(place):
 @pytest.mark.parametrize("name", [".", "folder"])
 def test_a_folder_of_another_user_is_refused(place, name):
     make = Maker()
-    cache.entry("folder/entry", make)
+    cache.cached_file("folder/entry", make)
     os.chown(place / name, NOBODY, -1)
     with pytest.raises(
         UserError, match=r"the cache belongs to another user .*65534.*; name a folder.* PPY_CACHE"
     ) as told:
-        cache.entry("folder/entry", make)
+        cache.cached_file("folder/entry", make)
     assert str(told.value).startswith(str(place / name))
     assert "\n" not in str(told.value)
     assert make.made == 1
@@ -202,7 +202,7 @@ def test_a_cache_that_is_full_is_told_in_one_line(tmp_path, monkeypatch):
         with pytest.raises(
             UserError, match=r"disk/cache: the cache cannot be written \(No space left.*PPY_CACHE$"
         ):
-            cache.entry("entry", lambda: bytes(100_000))
+            cache.cached_file("entry", lambda: bytes(100_000))
         assert list((disk / "cache").glob("*.part")) == []
         assert taken(Maker()) == b"contents"
 
@@ -212,7 +212,7 @@ def test_what_cannot_be_made_leaves_nothing(place):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        cache.entry("entry", fails)
+        cache.cached_file("entry", fails)
     assert list(place.iterdir()) == []
 
 
@@ -246,7 +246,8 @@ def test_it_is_on_the_disk_before_it_has_its_name(place, monkeypatch):
     assert done == [digest, "entry.sha256", "folder", len(b"contents"), "entry", "folder"]
 
 
-# --- libraries --------------------------------------------------------------------------------------------------------
+# --- libraries
+# --------------------------------------------------------------------------------------------------
 
 
 def library():
@@ -254,7 +255,7 @@ def library():
         find_compiler(host_platform())
     except UserError as error:
         pytest.skip(str(error))
-    return library_cache.library({"answer.c": SOURCE}, "answer.c", host_platform())
+    return toolchain.cached_library({"answer.c": SOURCE}, "answer.c", host_platform())
 
 
 def test_a_damaged_library_is_compiled_anew_and_answers(place):
@@ -263,7 +264,7 @@ def test_a_damaged_library_is_compiled_anew_and_answers(place):
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     assert library() == path
-    assert library_cache.load(path).answer() == 42
+    assert toolchain.load_library(path).answer() == 42
 
 
 def test_a_library_that_was_damaged_since_is_not_loaded(place, monkeypatch):
@@ -273,15 +274,15 @@ def test_a_library_that_was_damaged_since_is_not_loaded(place, monkeypatch):
     whole = path.read_bytes()
     path.write_bytes(bytes(len(whole)))
     with pytest.raises(UserError, match="was damaged since it was compiled"):
-        library_cache.load(path)
+        toolchain.load_library(path)
     assert loaded == []
     path.write_bytes(whole)
-    library_cache.load(path)
+    toolchain.load_library(path)
     assert loaded == [str(path)]
 
 
 def test_what_cannot_be_loaded_is_told_in_one_line(tmp_path):
     (tmp_path / "library.so").write_bytes(b"no library")
     with pytest.raises(UserError, match=r"library\.so: cannot be loaded \(") as told:
-        library_cache.load(tmp_path / "library.so")
+        toolchain.load_library(tmp_path / "library.so")
     assert "\n" not in str(told.value)

@@ -1,4 +1,4 @@
-"""Claims: a temporary folder goes with its process, or, if that was killed, with the next one; others stay."""
+"""Claims: a temporary folder is removed with its process, or by the next one; others stay."""
 
 import contextlib
 import os
@@ -88,7 +88,7 @@ def test_a_copy_of_a_process_removes_nothing_of_it(place):
 
 @posix
 def test_what_another_holds_stays_whatever_the_number_of_its_process(place, monkeypatch):
-    """A file with a number in it would be read the wrong way: that of this process is in use, and given again."""
+    """A file with a process number would mislead: numbers are given again."""
     monkeypatch.setattr("tempfile.tempdir", str(place))
     scratch._sweep.cache_clear()
     (place / "ppy-fmu-old").mkdir()
@@ -209,7 +209,8 @@ def test_only_what_this_process_made_is_removed(tmp_path):
     assert tmp_path.is_dir()
 
 
-# --- no room ----------------------------------------------------------------------------------------------------------
+# --- no room
+# --------------------------------------------------------------------------------------------------
 
 
 def test_where_nothing_can_be_written_is_told_in_one_line(monkeypatch):

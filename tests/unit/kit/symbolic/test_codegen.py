@@ -8,7 +8,7 @@ import pytest
 import fmus
 from fmus.kit import UserError
 from fmus.kit.symbolic import codegen
-from fmus.kit.symbolic.trace import trace
+from fmus.kit.symbolic.tracing import trace
 from tests.support.kit_models import GUID, telling_models
 from tests.support.kit_samples import Thermostat
 from tests.support.small_disk import disk_of_64_kib
@@ -26,8 +26,9 @@ def test_generated_sources_are_deterministic(cls):
 
 def test_generated_sources_do_not_depend_on_the_hash_seed_or_the_folder(tmp_path):
     code = (
-        "import hashlib, fmus; from fmus.kit import stack; from fmus.kit.build.package import python_package;"
-        "from fmus.kit.symbolic import codegen; from fmus.kit.symbolic.trace import trace;"
+        "import hashlib, fmus; from fmus.kit import stack; from fmus.kit.build.package import"
+        " python_package;"
+        "from fmus.kit.symbolic import codegen; from fmus.kit.symbolic.tracing import trace;"
         "from fmus.ppy_actuator.effects import EFFECTS;"
         "cls = stack(fmus.component('ppy_actuator'), *EFFECTS.values());"
         "files = codegen.native_sources(trace(cls), 'g') | python_package(cls);"

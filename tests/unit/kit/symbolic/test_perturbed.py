@@ -1,7 +1,7 @@
-"""Laws with something added to them: what rates and outputs make of that, and what laws are computed from.
+"""Laws with additions: the response of rates and outputs, and the signals that laws depend on.
 
-Oracles: subclasses that add a number to one law by hand, evaluated as plain floats, in differences; and small models,
-read by eye.
+Oracles: subclasses that add a number to one law by hand, evaluated as plain floats, in differences;
+and small models, read by eye.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from fmus.kit.inputs import input_saturation
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
-from tests.support.clean.models.pendulum import Pendulum
+from studies.plants.models.pendulum import Pendulum
 
 POINTS = 3
 STEP = 1e-5  # of differences, relative to a typical magnitude
 
 
 class Chain(Component):
-    """Two states, laws of every kind: with an argument, called twice, of several numbers, of the time."""
+    """Two states, laws of every kind: with an argument, called twice, several numbers."""
 
     name = "chain"
 
@@ -74,7 +74,7 @@ class Chain(Component):
 
     @Output("1")
     def twice(self):
-        """A law of itself and of another."""
+        """Compute a law from another, called twice."""
         return self.damper() * self.damper() + self.second
 
     @Output("1")
@@ -84,7 +84,7 @@ class Chain(Component):
 
     @Output("1")
     def of_the_time(self):
-        """A law and the time."""
+        """Compute a law from another and the time."""
         return self.held() * self.time
 
     @Output("1")
@@ -127,7 +127,7 @@ class Divider(Component):
 
 
 def plus(cls, law, number):
-    """The component with a number added to one law."""
+    """Return the component with a number added to one law."""
 
     def more(self, *arguments, **named):
         return getattr(super(made, self), law)(*arguments, **named) + number
@@ -161,6 +161,20 @@ def points(cls, seed):
     )
 
 
+def by_differences(cls, laws, at, values):
+    """Return the slopes of rates and outputs by states and by additions to laws, in columns."""
+    columns = []
+    for s in cls.layout.states:
+        step = STEP * s.nominal
+        up, down = (evaluated(cls, at | {s.name: at[s.name] + way * step}) for way in (1.0, -1.0))
+        columns.append((up - down) / (2.0 * step))
+    for law, value in zip(laws, values, strict=True):
+        step = STEP * max(abs(value), 1e-3)
+        up, down = (evaluated(plus(cls, law, way * step), at) for way in (1.0, -1.0))
+        columns.append((up - down) / (2.0 * step))
+    return np.array(columns).T
+
+
 def check_against_differences(cls, seed=3, skipped=()):
     laws, (time, parameters, inputs, signals) = PerturbedLaws(cls), points(cls, seed)
     found, layout = laws.along(time, parameters, inputs, signals), cls.layout
@@ -173,18 +187,7 @@ def check_against_differences(cls, seed=3, skipped=()):
         exact = np.vstack(
             [np.hstack([found.a[k], found.b[k]]), np.hstack([found.c[k], found.d[k]])]
         )
-        columns = []
-        for s in layout.states:
-            step = STEP * s.nominal
-            up, down = (
-                evaluated(cls, at | {s.name: at[s.name] + way * step}) for way in (1.0, -1.0)
-            )
-            columns.append((up - down) / (2.0 * step))
-        for i, law in enumerate(laws.names):
-            step = STEP * max(abs(found.values[k, i]), 1e-3)
-            up, down = (evaluated(plus(cls, law, way * step), at) for way in (1.0, -1.0))
-            columns.append((up - down) / (2.0 * step))
-        expected = np.array(columns).T
+        expected = by_differences(cls, laws.names, at, found.values[k])
         for j, (one, other) in enumerate(zip(exact.T, expected.T, strict=True)):
             name = (states + laws.names)[j]
             if name not in skipped:
@@ -275,7 +278,7 @@ def test_the_graph_is_the_component_as_it_is():
 
 @pytest.mark.parametrize("law", CHAIN)
 def test_nothing_can_be_wrong_with_what_only_adds_up_laws(law):
-    """An input or a parameter that is handed on may be wrong: less of it arrives, or it is no constant."""
+    """An input or a parameter that is passed on may be wrong: less arrives, or it varies."""
     assert PerturbedLaws(Chain).is_definition(law) == (law == "sum_of_laws")
 
 

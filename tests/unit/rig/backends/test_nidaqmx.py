@@ -1,4 +1,4 @@
-"""Claims: volts go where the calibration says, on a device that is emulated behind the real library.
+"""NI-DAQmx backend on a device that is emulated behind the real library: volts by calibration.
 
 The last test wants a device: ``PPY_NIDAQMX_DEVICE`` names one whose outputs may be set to zero.
 """

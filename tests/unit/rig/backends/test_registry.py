@@ -1,4 +1,4 @@
-"""Claims: a backend is opened by its name or file, and whatever is wrong is told in a line."""
+"""Registry: a backend is opened by its name or file, and one line says what is wrong."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ class Lamp(Backend):
     def __init__(self, bulb: str, colour: str = "red"):
         if bulb == "broken":
             raise OSError("no\\nlight")
-        self.inputs, self.outputs, self.limits = {"power": "W"}, {"light": "lm"}, {"power": Limit(0.0, 5.0)}
+        self.inputs = {"power": "W"}
+        self.outputs = {"light": "lm"}
+        self.limits = {"power": Limit(0.0, 5.0)}
         if bulb == "vague":
             del self.limits
         if bulb == "odd":

@@ -1,4 +1,4 @@
-"""Claims: a record is given back row by row at its own pace, in SI, holes as holes."""
+"""Replay backend: a record is given back row by row at its own pace, in SI, holes as holes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Claims: messages of the calibration reach instruments that pyvisa-sim emulates, and what they answer is checked."""
+"""VISA backend on instruments that pyvisa-sim emulates: messages of a calibration, and answers."""
 
 from __future__ import annotations
 

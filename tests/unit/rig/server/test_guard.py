@@ -1,13 +1,13 @@
-"""Claims: the guard holds a device for hung or late when it is, and leaves one alone that is slow but well."""
+"""Guard: a device that hangs or is late is noticed, and one that is slow but well is left alone."""
 
 from __future__ import annotations
 
 import pytest
 
-from orchestration.rig.server.board import REST, RUN, Beat, Command
 from orchestration.rig.server.device import look
 from orchestration.rig.server.guard import fault_of
 from orchestration.rig.server.settings import WATCHDOGS
+from orchestration.rig.server.shared_memory import REST, RUN, Beat, Command
 
 pytestmark = pytest.mark.real_time
 

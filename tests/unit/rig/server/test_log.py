@@ -1,4 +1,4 @@
-"""Claims: lines have wall time, floods of a kind are thinned out, and a place that takes nothing holds nobody up."""
+"""Event log: lines have wall time, floods are thinned out, and a stuck stream holds nobody up."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_place_that_takes_nothing_holds_nobody_up(monkeypatch):
         took = time.monotonic() - begun
         monkeypatch.undo()
         os.set_blocking(read, False)
-        while log._places[0]._writer.is_alive():  # let the thread go before the pipe does
+        while log._destinations[0]._writer.is_alive():  # let the thread go before the pipe does
             try:
                 os.read(read, 1 << 20)
             except BlockingIOError:

@@ -1,4 +1,4 @@
-"""Claims: deadlines never drift nor pile up; what cannot be had of priority and core is a note."""
+"""Scheduling: deadlines never drift nor pile up; a note says if priority or core cannot be had."""
 
 from __future__ import annotations
 
@@ -41,12 +41,11 @@ def test_waking_early_is_no_missed_deadline():
 def test_a_core_is_taken_or_it_is_noted_why_not():
     """In a process of its own, which this is not to be kept on one core."""
     code = (
-        "import os; from orchestration.rig.server.scheduling import prefer; "
-        "core = min(os.sched_getaffinity(0)); "
-        "assert prefer(None, core) == [] and os.sched_getaffinity(0) == {core}; "
-        "notes = prefer(None, 100000); assert len(notes) == 1 and notes[0].startswith('--device-cpu 100000: '), notes; "
-        "os.setuid(65534) if os.getuid() == 0 else None; "
-        "notes = prefer(50, None); print(*notes)"
+        "import os; from orchestration.rig.server.scheduling import prefer; core ="
+        " min(os.sched_getaffinity(0)); assert prefer(None, core) == [] and os.sched_getaffinity(0)"
+        " == {core}; notes = prefer(None, 100000); assert len(notes) == 1 and"
+        " notes[0].startswith('--device-cpu 100000: '), notes; os.setuid(65534) if os.getuid() == 0"
+        " else None; notes = prefer(50, None); print(*notes)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -58,13 +57,12 @@ def test_a_core_is_taken_or_it_is_noted_why_not():
 
 def test_the_collector_leaves_what_was_there_and_collects_what_is_new():
     code = (
-        "import gc, weakref; from orchestration.rig.server.scheduling import Collector\n"
-        "class Knot: pass\n"
-        "collector = Collector(); assert not gc.isenabled() and gc.get_freeze_count() > 0\n"
-        "knot = Knot(); knot.itself = knot; seen = weakref.ref(knot); del knot\n"
-        "assert seen() is not None; collector.collect(5.0); assert seen() is None\n"
-        "knot = Knot(); knot.itself = knot; seen = weakref.ref(knot); del knot\n"
-        "collector.collect(5.5); assert seen() is not None; collector.collect(6.5); assert seen() is None\n"
+        "import gc, weakref; from orchestration.rig.server.scheduling import Collector\nclass Knot:"
+        " pass\ncollector = Collector(); assert not gc.isenabled() and gc.get_freeze_count() >"
+        " 0\nknot = Knot(); knot.itself = knot; seen = weakref.ref(knot); del knot\nassert seen()"
+        " is not None; collector.collect(5.0); assert seen() is None\nknot = Knot(); knot.itself ="
+        " knot; seen = weakref.ref(knot); del knot\ncollector.collect(5.5); assert seen() is not"
+        " None; collector.collect(6.5); assert seen() is None\n"
     )
     assert gc.isenabled()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

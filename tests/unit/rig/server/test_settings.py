@@ -1,4 +1,4 @@
-"""Claims: what is out of range, or would let strangers command a rig, is refused in a line before anything starts."""
+"""Settings: values that are out of range, or would let strangers command a rig, are refused."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.rig.server.settings import Settings, is_loopback, read_options
+from orchestration.rig.server.settings import ServerSettings, is_loopback, read_options
 
 pytestmark = pytest.mark.real_time
 
@@ -37,11 +37,11 @@ pytestmark = pytest.mark.real_time
 )
 def test_refused(given, part):
     with pytest.raises(UserError, match=part.replace("*", r"\*")):
-        Settings("emulator", **given)
+        ServerSettings("emulator", **given)
 
 
 def test_with_keys_it_may_be_anywhere():
-    assert Settings("emulator", host="0.0.0.0", keys=Path("keys.toml")).host == "0.0.0.0"
+    assert ServerSettings("emulator", host="0.0.0.0", keys=Path("keys.toml")).host == "0.0.0.0"
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Claims: what pages are told is in order, bounded and finite, whatever a server says."""
+"""Feed of the live page: items are in order, bounded and finite, whatever a server sends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A record about a free course. Oracle: a cost written out, minimised within bounds by a general method of SciPy."""
+"""A record about a free course. Oracle: a cost written out, minimised within bounds by a general
+method of SciPy.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from orchestration.discrepancy.laws.evidence import Basis, Columns, Curve
-from orchestration.discrepancy.laws.linear.course import FreeCourse
+from orchestration.discrepancy.laws.evidence import Basis, Curve, RegressorColumns
 from orchestration.discrepancy.laws.linear.linearised import LinearisedRecord
 from orchestration.discrepancy.laws.linear.powers import LEAST, MOST, reach
-from orchestration.identify.noise.model import white
+from orchestration.discrepancy.laws.linear.unknown_input import UnknownInput
+from orchestration.identify.noise.model import white_noise
 
 SAMPLES = 200
 TIME = np.linspace(0.0, 1.0, SAMPLES)
@@ -21,20 +23,22 @@ PRIOR = np.array([0.3, 0.3, 0.0])
 
 
 def record(own, step):
-    """One output in noise of unit size, with a curve and a step of three parameters in it, the last without a prior."""
+    """One output in noise of unit size, with a curve and a step of three parameters in it, the last
+    without a prior.
+    """
     noise = np.random.default_rng(1).normal(size=SAMPLES)
     residual = {"y": HATS @ np.array([0.4, -0.1, 0.0, 0.2, 0.9]) - own @ step + noise}
     left = {"y": np.random.default_rng(2).normal(size=SAMPLES)}
-    course = FreeCourse("law", residual, left, {"y": own}, [], {})
+    course = UnknownInput("law", residual, left, {"y": own}, [], {})
     made = LinearisedRecord(
-        course, PRIOR, {"y": np.ones(SAMPLES, dtype=bool)}, white(left), reach(np.ones(3))
+        course, PRIOR, {"y": np.ones(SAMPLES, dtype=bool)}, white_noise(left), reach(np.ones(3))
     )
     return made, made({"y": residual["y"]}), made({"y": own}), made({"y": HATS})
 
 
 def best(made, columns):
     free, own = made.free(columns), made.own(columns)
-    products = Columns(BASIS, free.T @ free, free.T @ free + own.T @ own, made.samples)
+    products = RegressorColumns(BASIS, free.T @ free, free.T @ free + own.T @ own, made.samples)
     return products.best(free.T @ made.residual)
 
 
@@ -90,7 +94,9 @@ def test_what_is_out_of_reach_is_the_least_that_bounds_allow(step):
 
 
 def test_of_two_levels_what_bends_is_nothing_and_the_rest_has_its_bounds():
-    """The prior of a curve through two knots has no bending part: a direction in which nothing can move."""
+    """The prior of a curve through two knots has no bending part: a direction in which nothing can
+    move.
+    """
     made, whole, own, _ = record(OWN, np.array([-4.0, 0.1, 0.2]))
     levels = Basis(np.array([-1.0, 1.0]))
     columns = made({"y": 50.0 * levels(np.sign(X))})

@@ -1,4 +1,6 @@
-"""With which power laws hang on a parameter. Oracle: laws written down here, and how a power keeps its sign."""
+"""With which power laws hang on a parameter. Oracle: laws written down here, and how a power keeps
+its sign.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,8 @@ import pytest
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.functions import exp
 from fmus.kit.symbolic.perturbed import PerturbedLaws
-from orchestration.discrepancy.laws.linear.powers import LEAST, MOST, moved, powers, reach
-from orchestration.discrepancy.laws.linear.response import Course
+from orchestration.discrepancy.laws.linear.powers import LEAST, MOST, affine_powers, moved, reach
+from orchestration.discrepancy.laws.linear.response import SimulatedCourse
 
 
 class Wall(Component):
@@ -38,15 +40,19 @@ TIME = np.linspace(0.0, 10.0, 501)
 
 
 def test_powers_are_those_that_are_written():
-    course = Course.of(TIME, {"heat": np.sin(TIME)}, {"warmth": 1.0 + 0.3 * np.cos(TIME)}, True)
+    course = SimulatedCourse.of(
+        TIME, {"heat": np.sin(TIME)}, {"warmth": 1.0 + 0.3 * np.cos(TIME)}, True
+    )
     names = ["conductance", "resistance", "capacity", "bend", "unused", "warmth_start"]
-    found = powers(PerturbedLaws(Wall), course, VALUES | {"warmth_start": 1.0}, names)
+    found = affine_powers(PerturbedLaws(Wall), course, VALUES | {"warmth_start": 1.0}, names)
     assert found == pytest.approx([1.0, -1.0, -1.0, 2.0, 1.0, 1.0], abs=0.01)
 
 
 @pytest.mark.parametrize("power", [1.0, -1.0, 2.0, -0.5])
 def test_a_step_goes_where_the_power_goes(power):
-    """To first order p^n changes by n times the relative change of p; that much it changes in the end."""
+    """To first order p^n changes by n times the relative change of p; that much it changes in the
+    end.
+    """
     least, most = reach(np.array([power]))
     for step in np.linspace(least[0], most[0], 7):
         q = moved(np.array([step]), np.array([power]), np.array([True]))

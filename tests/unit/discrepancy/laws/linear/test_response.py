@@ -1,6 +1,7 @@
 """What outputs make of additions to laws.
 
-Oracles: exact sensitivities of the same model with the addition compiled in; closed forms; superposition.
+Oracles: exact sensitivities of the same model with the addition compiled in; closed forms;
+superposition.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.laws.linear.response import (
-    Course,
     LinearResponse,
     Sides,
+    SimulatedCourse,
     continuous,
     responses_of_runs,
 )
-from orchestration.records.joined import Run
-from tests.support.clean.models.pendulum import Pendulum
+from orchestration.records.joined import MeasuredRun
+from studies.plants.models.pendulum import Pendulum
 
 SAMPLES = 1500
 FIRST_ORDER = 0.01  # rms, relative: of what is straight between samples
@@ -137,10 +138,17 @@ def sensitivities(cls, law, signal, shape, time, inputs, linear, values=None):
 
 def responses(cls, law, signal, shape, time, inputs, linear, ran, outputs, runs=None, values=None):
     """Of every run, end to end."""
-    runs = runs or [Run("", 0, len(time))]
+    runs = runs or [MeasuredRun("", 0, len(time))]
     found = {o: np.full(len(time), np.nan) for o in outputs}
     parts = responses_of_runs(
-        PerturbedLaws(cls), time, inputs, ran, values or {}, linear, runs, outputs
+        PerturbedLaws(cls),
+        time,
+        inputs,
+        ran,
+        values or {},
+        linear=linear,
+        runs=runs,
+        outputs=outputs,
     )
     for run, course, response in parts:
         x = {**course.inputs, **course.states}[signal]
@@ -218,7 +226,9 @@ def test_one_input_smooth_and_one_held():
     ids=lambda v: getattr(v, "name", None),
 )
 def test_linear_models_are_met_exactly(cls, law, outputs, uneven):
-    """What is added is held between samples as the input is, and a stiff part is far faster than these."""
+    """What is added is held between samples as the input is, and a stiff part is far faster than
+    these.
+    """
     time, inputs = clocks(0.05, uneven), {"drive": held(SAMPLES, 5, (-1.0, 0.5, 2.0), 7)}
     ran, exact = sensitivities(cls, law, "drive", "cubic", time, inputs, False)
     found = responses(cls, law, "drive", "cubic", time, inputs, False, ran, outputs)
@@ -233,7 +243,7 @@ def test_runs_are_by_themselves():
     ahead = time[first - 1] + gap
     joined = np.append(time[:first], ahead + time[:second])
     inputs = given(Pendulum, joined, True)
-    runs = [Run("a", 0, first), Run("b", first, SAMPLES, ahead=ahead)]
+    runs = [MeasuredRun("a", 0, first), MeasuredRun("b", first, SAMPLES, ahead=ahead)]
     parts, exact = {}, []
     for run, weight in zip(runs, (5.0, 2.0), strict=True):
         fed = {n: v[run.samples] for n, v in inputs.items()}
@@ -265,9 +275,9 @@ def test_runs_are_by_themselves():
         inputs,
         signals,
         {"weight@b": 2.0},
-        True,
-        runs,
-        ["position"],
+        linear=True,
+        runs=runs,
+        outputs=["position"],
     )
     assert course.time[0] == pytest.approx(0.0)
     assert len(one.steps) == first - 1
@@ -276,7 +286,7 @@ def test_runs_are_by_themselves():
 
 def of_lag(time, drive, linear=False, **values):
     model = CompiledModel(Lag).run(time, {"drive": drive}, values, linear)
-    course = Course.of(time, {"drive": drive}, {"state": model.signals["state"]}, linear)
+    course = SimulatedCourse.of(time, {"drive": drive}, {"state": model.signals["state"]}, linear)
     return LinearResponse(PerturbedLaws(Lag), course, values, ["seen", "state"])
 
 
@@ -298,14 +308,16 @@ def test_a_lag_in_closed_form():
 
 
 def test_what_an_addition_drives_changes_within_a_step():
-    """A law times a ramp: of dx/dt = t w with w = 1 comes t^2 / 2, however far samples are apart."""
+    """A law times a ramp: of dx/dt = t w with w = 1 comes t^2 / 2, however far samples are
+    apart.
+    """
     cls = type(
         "Ramped",
         (Lag,),
         {"change": lambda self: self.drive * self.arriving(), "arriving": lambda self: 0.0},
     )
     time = clocks(0.7, True)
-    course = Course.of(time, {"drive": time}, {"state": np.zeros(SAMPLES)}, True)
+    course = SimulatedCourse.of(time, {"drive": time}, {"state": np.zeros(SAMPLES)}, True)
     response = LinearResponse(PerturbedLaws(cls), course, {}, ["state"])
     assert response("arriving", continuous(np.ones((SAMPLES, 1))))["state"][:, 0] == pytest.approx(
         time**2 / 2.0
@@ -353,9 +365,9 @@ def test_steps_add_up_to_the_response():
         inputs,
         ran,
         {},
-        True,
-        [Run("", 0, SAMPLES)],
-        ["angle", "velocity"],
+        linear=True,
+        runs=[MeasuredRun("", 0, SAMPLES)],
+        outputs=["angle", "velocity"],
     )
     rng = np.random.default_rng(2)
     added = Sides(rng.normal(size=(SAMPLES, 2)), rng.normal(size=(SAMPLES, 2)))
@@ -372,26 +384,32 @@ def test_steps_add_up_to_the_response():
 
 def test_sides_of_a_course():
     time = np.array([0.0, 1.0, 2.0])
-    course = Course.of(
+    course = SimulatedCourse.of(
         time, {"a": np.array([1.0, 2.0, 4.0]), "b": np.float64(3.0)}, {"x": time}, ["b"]
     )
     assert course.inputs["a"].end.tolist() == [1.0, 2.0, 4.0], "held"
     assert course.inputs["b"].end.tolist() == [3.0, 3.0, 3.0]
     assert course.states["x"].end.tolist() == [1.0, 2.0, 2.0]
-    assert Course.of(time, {"a": time}, {}, True).inputs["a"].end.tolist() == [1.0, 2.0, 2.0]
+    assert SimulatedCourse.of(time, {"a": time}, {}, True).inputs["a"].end.tolist() == [
+        1.0,
+        2.0,
+        2.0,
+    ]
 
 
 def test_the_time_goes_on_within_a_step():
     """A law of the time at the end of a step is that of the next sample."""
     cls = type("Ticking", (Lag,), {"arriving": lambda self: self.drive * self.time})
     time = np.array([0.0, 0.5, 2.0])
-    course = Course.of(time, {"drive": np.ones(3)}, {"state": np.zeros(3)}, False)
+    course = SimulatedCourse.of(time, {"drive": np.ones(3)}, {"state": np.zeros(3)}, False)
     values = LinearResponse(PerturbedLaws(cls), course, {}, ["seen"]).values["arriving"]
     assert values.begin.tolist() == [0.0, 0.5, 2.0]
     assert values.end.tolist() == [0.5, 2.0, 2.0]
 
 
 def test_an_output_that_is_none_is_refused():
-    course = Course.of(np.arange(3.0), {"drive": np.ones(3)}, {"state": np.zeros(3)}, False)
+    course = SimulatedCourse.of(
+        np.arange(3.0), {"drive": np.ones(3)}, {"state": np.zeros(3)}, False
+    )
     with pytest.raises(ValueError, match="nothing"):
         LinearResponse(PerturbedLaws(Lag), course, {}, ["nothing"])

@@ -1,4 +1,6 @@
-"""Claims: the course of an addition is the likeliest random walk, as a dense least-squares problem has it too."""
+"""Claims: the course of an addition is the likeliest random walk, as a dense least-squares problem
+has it too.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,8 @@ from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.symbolic.perturbed import PerturbedLaws
-from orchestration.discrepancy.laws.linear.response import Course, LinearResponse, Sides
-from orchestration.discrepancy.laws.linear.smoothing import Wanted, calmest, smoothed
+from orchestration.discrepancy.laws.linear.response import LinearResponse, Sides, SimulatedCourse
+from orchestration.discrepancy.laws.linear.smoothing import TrackingTarget, smoothed, smoothest
 
 N, STEP, LAG = 120, 0.1, 0.7
 
@@ -39,12 +41,14 @@ class Lag(Component):
 def response():
     time = STEP * np.arange(N)
     still = np.zeros(N)
-    course = Course.of(time, {"drive": still}, {"state": still}, True)
+    course = SimulatedCourse.of(time, {"drive": still}, {"state": still}, True)
     return LinearResponse(PerturbedLaws(Lag), course, {}, ["shown"])
 
 
 def shown(w):
-    """The lag of a course that is straight between samples, in closed form, and a tenth of it beside."""
+    """The lag of a course that is straight between samples, in closed form, and a tenth of it
+    beside.
+    """
     z = STEP / LAG
     decay = np.exp(-z)
     late = 1.0 - (1.0 - decay) / z
@@ -54,7 +58,7 @@ def shown(w):
 
 def wanted(response, y, slopes=None):
     none = np.zeros((len(y), 0))
-    return Wanted(response, {"shown": y}, {"shown": none if slopes is None else slopes})
+    return TrackingTarget(response, {"shown": y}, {"shown": none if slopes is None else slopes})
 
 
 NOTHING = np.zeros(0)
@@ -92,7 +96,9 @@ def test_it_is_what_a_dense_least_squares_problem_gives(response, stirred, gap):
 
 
 def test_the_course_makes_up_for_what_a_coordinate_may_not_do(response):
-    """Of a step of 5, wanted by an output that shows little of it, there is 1; what is left is as small as it was."""
+    """Of a step of 5, wanted by an output that shows little of it, there is 1; what is left is as
+    small as it was.
+    """
     slope = 0.1 * np.cos(np.arange(N) / 30.0)[:, None]
     y = -5.0 * slope[:, 0]
     found, step, left = smoothed(
@@ -119,12 +125,14 @@ def test_runs_have_courses_of_their_own_and_one_step(response):
 
 
 def test_a_course_is_let_go_no_farther_than_it_has_to_be(response):
-    """Noise asks for none, a wave for as much as follows it, and no course for what is mere noise."""
+    """Noise asks for none, a wave for as much as follows it, and no course for what is mere
+    noise.
+    """
     rng = np.random.default_rng(4)
     noise = 0.05 * rng.normal(size=N)
     wave = shown(np.sin(np.arange(N) / 3.0)) + noise
     level = {"shown": 0.05}
-    calm, stirred = (calmest([wanted(response, y)], "fed", level, NOTHING) for y in (noise, wave))
+    calm, stirred = (smoothest([wanted(response, y)], "fed", level, NOTHING) for y in (noise, wave))
     assert calm < stirred
     [course], _, left = smoothed([wanted(response, wave)], "fed", level, NOTHING, stirred)
     assert left < 1.5 * N

@@ -1,1 +1,0 @@
-"""Reference results of the degradation estimator, and the script that makes them."""

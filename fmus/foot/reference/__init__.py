@@ -1,1 +1,0 @@
-"""Reference results of both forms of the foot, from an independent solution."""

@@ -1,1 +1,0 @@
-"""Reference results of the galvanostat."""

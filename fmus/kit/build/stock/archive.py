@@ -1,0 +1,172 @@
+"""Stock archives of pythonfmu: a component behind pythonfmu's binary, for users of that ecosystem.
+
+pythonfmu's own builder makes it, from an adapter and the package of the Python build, in a process
+of its own, because it does not clean up modules and paths. The description is ours, and the archive
+is packed again so that it can be reproduced.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import io
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from fmus.kit import files
+from fmus.kit.build import archive
+from fmus.kit.build.documentation import documents
+from fmus.kit.build.package import python_package
+from fmus.kit.component import Component
+from fmus.kit.errors import UserError
+from fmus.kit.storage import scratch
+
+# The lines of the contract (docs/reference/fmu-contract.md) that such an archive cannot fulfil
+LIMITS = (
+    (
+        "errors: whatever fails is Fatal, not Error; what is asked of an instance after that may"
+        " crash the process"
+    ),
+    (
+        "arguments: wrong calls, times that do not follow, negative steps and a wrong GUID are not"
+        " refused"
+    ),
+    "leaks: every instance costs kilobytes that are not given back",
+    "places: a folder whose name needs percent-encoding crashes the process",
+    "Python: the process must have loaded one (3.11 or newer); no other host loads the binary",
+    "platforms: those that pythonfmu has a binary for",
+)
+_SCRIPT = '''"""The slave of this FMU; its component is in the folder beside."""
+
+from {package} import MODEL, create
+from {package}.adapter import ComponentSlave, kept
+
+# pythonfmu runs this for every instance, and releases the globals once too often each time
+kept.append(globals())
+
+
+class {name}(ComponentSlave):
+    model, create = MODEL, staticmethod(create)
+'''
+_IN_PYTHON_BUILD = "resources/python/"
+
+
+def stock_archive(
+    cls: type[Component],
+    version: str,
+    platforms: Sequence[str] | None,
+    progress: Callable[[str], None],
+) -> bytes:
+    """Build a component's archive for pythonfmu.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    version : str
+        Of this package.
+    platforms : sequence of str, optional
+        FMI platforms; default all that pythonfmu has a binary for.
+    progress : callable
+        Called with a short message at each step.
+
+    Returns
+    -------
+    bytes
+        The same sources and the same pythonfmu give the same bytes.
+
+    Raises
+    ------
+    UserError
+        If pythonfmu is not installed or fails, has no binary for a platform, or the component
+        computes elsewhere.
+    """
+    from fmus.kit.build.description import Capabilities, describe
+    from fmus.kit.symbolic import trace
+
+    if importlib.util.find_spec("pythonfmu") is None:
+        raise UserError("pythonfmu is not installed; pip install 'ppy-rig[pythonfmu]' brings it")
+    if cls.engine is not None:
+        raise UserError(
+            f"{cls.name} asks something outside of it, which the pythonfmu runtime cannot; build"
+            " python"
+        )
+    progress(f"{cls.name}: pythonfmu's builder")
+    carried = python_package(cls)
+    package = {"adapter.py": (Path(__file__).parent / "adapter.py").read_bytes()}
+    others = {}
+    for path, text in carried.items():
+        if path.startswith(_IN_PYTHON_BUILD):
+            package[path.removeprefix(_IN_PYTHON_BUILD)] = text
+        else:
+            others[path] = text
+    contents = _built(cls.name, package, platforms)
+    licence = importlib.metadata.distribution("pythonfmu").read_text("licenses/LICENSE") or ""
+    contents |= documents(cls) | {"documentation/licenses/pythonfmu.txt": licence.encode()}
+    contents |= others
+    can = Capabilities(
+        needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False
+    )
+
+    def described(guid: str) -> dict[str, bytes]:
+        return {"modelDescription.xml": describe(cls, trace(cls), can, version, guid)}
+
+    return archive.pack(
+        contents | described(archive.identity(contents | described(archive.NO_GUID)))
+    )
+
+
+def _built(
+    name: str, package: dict[str, bytes], platforms: Sequence[str] | None
+) -> dict[str, bytes]:
+    """Return the files of the archive that pythonfmu builds from a package, without a description.
+
+    Modules of one name are one in a process, so these are named after their contents.
+    """
+    stem = f"{name}_{archive.identity(package).strip('{}').replace('-', '')}"
+    with scratch.folder("build") as folder:
+        inside = folder / f"{stem}_package"
+        built = folder / "built.fmu"
+        for path, text in package.items():
+            files.write(inside / path, text)
+        script = folder / f"{stem}.py"
+        files.write(script, _SCRIPT.format(package=inside.name, name=name).encode())
+        command = [
+            sys.executable,
+            "-m",
+            "pythonfmu",
+            "build",
+            "-f",
+            str(script),
+            "-d",
+            str(built),
+            str(inside),
+        ]
+        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        if done.returncode != 0:
+            lines = (done.stderr.strip() or "no message").splitlines()
+            raise UserError(f"pythonfmu failed for {name}: {lines[-1]}")
+        archived = io.BytesIO(built.read_bytes())
+    with zipfile.ZipFile(archived) as unpacked:
+        entries = [entry for entry in unpacked.namelist() if entry != "modelDescription.xml"]
+        contents = {entry: unpacked.read(entry) for entry in entries}
+    return _for_platforms(contents, platforms)
+
+
+def _for_platforms(built: dict[str, bytes], platforms: Sequence[str] | None) -> dict[str, bytes]:
+    """Return files without the binaries for other platforms."""
+    binaries = {entry: entry.split("/")[1] for entry in built if entry.startswith("binaries/")}
+    known = sorted(set(binaries.values()))
+    wanted = set(platforms or known)
+    absent = sorted(wanted - set(known))
+    if absent:
+        raise UserError(
+            f"pythonfmu has no binary for {absent[0]}; it has some for {', '.join(known)}"
+        )
+    return {
+        entry: contents
+        for entry, contents in built.items()
+        if entry not in binaries or binaries[entry] in wanted
+    }

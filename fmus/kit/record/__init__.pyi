@@ -1,0 +1,5 @@
+from .compiled import CompiledModel as CompiledModel
+from .compiled import Trajectory as Trajectory
+from .compiled import plain_library as plain_library
+from .library import RecordLibrary as RecordLibrary
+from .smooth_inputs import with_knots as with_knots

@@ -1,0 +1,10 @@
+from . import codegen as codegen
+from .families import families_for as families_for
+from .families import list_laws as list_laws
+from .hoisting import hoist as hoist
+from .perturbed import Jacobians as Jacobians
+from .perturbed import PerturbedLaws as PerturbedLaws
+from .sensitivity import with_sensitivities as with_sensitivities
+from .tracing import Graph as Graph
+from .tracing import dependencies as dependencies
+from .tracing import trace as trace

@@ -1,0 +1,356 @@
+"""The traced graph of a component: its laws as CasADi expressions, and their structure.
+
+One evaluation of the laws on symbols gives expressions for the rates, the outputs and the sampled
+updates. The C code of the native FMU, the dependencies in ``ModelStructure``, event indicators,
+exact sensitivities and linearisation are derived from these.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from fmus.kit.component import Component
+from fmus.kit.declare import Declaration
+from fmus.kit.errors import UserError
+from fmus.kit.layout import Layout
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A traced component, whose symbols and expressions are CasADi columns in layout order.
+
+    Attributes
+    ----------
+    name : str
+        Name of the component.
+    tolerance : float
+        Declared accuracy of the integration.
+    layout : Layout
+    time, parameters, inputs, states, discretes : casadi.SX
+        Symbols.
+    rates, outputs : casadi.SX
+        Expressions in those symbols.
+    updates : tuple of casadi.SX
+        For each sample period, the values of *all* discrete states after its sample instant.
+    restorable : bool
+        Whether its state is that of its laws, so that it can be saved and restored.
+    """
+
+    name: str
+    tolerance: float
+    layout: Layout
+    time: ca.SX
+    parameters: ca.SX
+    inputs: ca.SX
+    states: ca.SX
+    discretes: ca.SX
+    rates: ca.SX
+    outputs: ca.SX
+    updates: tuple[ca.SX, ...]
+    restorable: bool = True
+
+    @property
+    def arguments(self) -> list[ca.SX]:
+        """Arguments shared by every generated function."""
+        return [self.time, self.parameters, self.inputs, self.states, self.discretes]
+
+    @cached_property
+    def start(self) -> tuple[ca.SX, ca.SX]:
+        """Start parameters of the states and of the discrete states."""
+        index = {p.starts: i for i, p in enumerate(self.layout.parameters)}
+
+        def starts(group: Sequence[Declaration]) -> ca.SX:
+            return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[v.name]] for v in group))
+
+        return starts(self.layout.states), starts(self.layout.discretes)
+
+    @cached_property
+    def indicators(self) -> ca.SX:
+        """Event indicators: expressions that change their sign where rates or outputs switch."""
+        moving = [self.time, self.inputs, self.states]
+        return switches([self.rates, self.outputs], self.arguments, moving)
+
+    def functions(self, tangent: bool = True) -> list[ca.Function]:
+        """Make the CasADi functions that the native engine calls (``fmi2/engine.h``).
+
+        Parameters
+        ----------
+        tangent : bool
+            Whether the function for directional derivatives computes them, or is empty.
+
+        Returns
+        -------
+        list of casadi.Function
+            Rates, outputs, an update for each sample period, tangent.
+        """
+        arguments = self.arguments
+        seeds = [
+            ca.SX.sym("dparameters", self.parameters.numel()),
+            ca.SX.sym("dinputs", self.inputs.numel()),
+            ca.SX.sym("dstates", self.states.numel()),
+            ca.SX.sym("ddiscretes", self.discretes.numel()),
+        ]
+        # sparse results would shorten the C arrays; the engine expects full vectors
+        rates = ca.densify(self.rates)
+        outputs = ca.densify(self.outputs)
+        updates = [ca.densify(update) for update in self.updates]
+        tangents = []
+        if tangent:
+            known = ca.vertcat(*arguments[1:])
+            seed = ca.vertcat(*seeds)
+            tangents = ca.cse([ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)])
+        return [
+            ca.Function("rates", arguments, ca.cse([rates]), {"cse": True}),
+            ca.Function("outputs", arguments, ca.cse([outputs]), {"cse": True}),
+            *(
+                ca.Function(f"update_{i}", arguments, ca.cse([update]))
+                for i, update in enumerate(updates)
+            ),
+            ca.Function("tangent", [*arguments, *seeds], tangents),
+        ]
+
+    def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
+        """Return the sparsity of expressions.
+
+        Parameters
+        ----------
+        expressions, symbols : casadi.SX
+            Columns.
+
+        Returns
+        -------
+        list of list of int
+            For each expression, the positions of the symbols it depends on.
+        """
+        if expressions.numel() == 0 or symbols.numel() == 0:
+            return [[] for _ in range(expressions.numel())]
+        pattern = np.array(ca.DM(ca.jacobian_sparsity(expressions, symbols), 1).full(), dtype=bool)
+        return [[int(k) for k in np.flatnonzero(row)] for row in pattern]
+
+    def linearise(self, **values: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Linearise about an operating point.
+
+        Parameters
+        ----------
+        **values : float
+            Parameters, inputs and states by name (SI); all others are at their defaults.
+
+        Returns
+        -------
+        A, B, C, D : ndarray
+            State-space matrices from the inputs to the outputs, in layout order.
+
+        Raises
+        ------
+        UserError
+            If there is no variable of a name.
+        """
+        point = self.point(**values)
+        jacobians = [
+            ca.densify(ca.jacobian(expression, symbols))
+            for expression in (self.rates, self.outputs)
+            for symbols in (self.states, self.inputs)
+        ]
+        linearise = ca.Function("linearise", self.arguments, jacobians)
+        return tuple(matrix.full() for matrix in linearise(0.0, *point))
+
+    def point(self, **values: float) -> list[np.ndarray]:
+        """Return vectors of parameters, inputs, states and discretes at an operating point.
+
+        Parameters
+        ----------
+        **values : float
+            By name (SI), in place of defaults; the default of a state is its start parameter.
+
+        Returns
+        -------
+        list of ndarray
+
+        Raises
+        ------
+        UserError
+            If there is no variable of a name.
+        """
+        layout = self.layout
+        groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
+        unknown = set(values) - {v.name for group in groups for v in group}
+        if unknown:
+            raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
+        known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
+        starts = {state: known[parameter] for state, parameter in layout.start_of.items()}
+        chosen = starts | known
+        return [np.array([float(chosen[v.name]) for v in group]) for group in groups]
+
+
+def trace(cls: type[Component]) -> Graph:
+    """Evaluate the laws of a component on symbols.
+
+    Parameters
+    ----------
+    cls : type[Component]
+
+    Returns
+    -------
+    Graph
+    """
+    layout = cls.layout
+    component = cls()
+    component.time = ca.SX.sym("time")
+    parameters = _set_symbols(component, layout.parameters)
+    inputs = _set_symbols(component, layout.inputs)
+    states = _set_symbols(component, layout.states)
+    discretes = _set_symbols(component, layout.discretes)
+    updates = []
+    for _, members in layout.sampled:
+        names = [d.name for d in members]
+        laws = component.laws([d.update for d in members])
+        after = {name: law() for name, law in zip(names, laws, strict=True)}
+        updates.append(
+            _column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes])
+        )
+    return Graph(
+        name=cls.name,
+        tolerance=cls.tolerance,
+        layout=layout,
+        time=component.time,
+        parameters=parameters,
+        inputs=inputs,
+        states=states,
+        discretes=discretes,
+        rates=_column(component.rates()),
+        outputs=_column(component.outputs()),
+        updates=tuple(updates),
+        restorable=cls.engine is None,
+    )
+
+
+def _set_symbols(component: Component, group: Sequence[Declaration]) -> ca.SX:
+    """Set some variables of a component to new symbols, and return these as a column."""
+    column = _column([ca.SX.sym(v.name) for v in group])
+    # not setattr: an effect of an input stands in the class under the name of the input
+    component.__dict__.update(zip([v.name for v in group], ca.vertsplit(column), strict=True))
+    return column
+
+
+def _column(values: list[Any]) -> ca.SX:
+    """Join values to a column, which may be empty."""
+    return ca.vertcat(ca.SX(0, 1), *values)
+
+
+def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]]:
+    """Return the dependencies of every unknown of ``ModelStructure``, by value reference.
+
+    They are exact, because they are the sparsity of the traced laws.
+
+    Parameters
+    ----------
+    layout : Layout
+    graph : Graph
+
+    Returns
+    -------
+    dict
+        ``Outputs`` and ``Derivatives`` on inputs and continuous states; ``InitialUnknowns`` on
+        parameters and inputs, the states following their start parameters.
+    """
+    first_input = len(layout.parameters)
+    first_state = first_input + len(layout.inputs)
+    first_discrete = first_state + len(layout.states)
+    first_output = first_discrete + len(layout.discretes)
+    first_derivative = len(layout.variables)
+
+    def shifted(first: int, rows: list[list[int]], known: int) -> dict[int, list[int]]:
+        """Return the knowns of each row, both numbered from a first value reference on."""
+        return {first + i: [known + k for k in row] for i, row in enumerate(rows)}
+
+    knowns = ca.vertcat(graph.inputs, graph.states)
+    outputs = shifted(first_output, graph.depends(graph.outputs, knowns), first_input)
+    # A continuous state is its own known; a discrete one depends on nothing until the next sample
+    # instant.
+    outputs |= {first_state + i: [first_state + i] for i, s in enumerate(layout.states) if s.output}
+    outputs |= {first_discrete + i: [] for i, d in enumerate(layout.discretes) if d.output}
+    derivatives = shifted(first_derivative, graph.depends(graph.rates, knowns), first_input)
+
+    given = ca.vertcat(graph.parameters, graph.inputs)
+    vectors = {
+        first_state: graph.states,
+        first_discrete: graph.discretes,
+        first_output: graph.outputs,
+        first_derivative: graph.rates,
+    }
+    initial: dict[int, list[int]] = {}
+    for first, vector in vectors.items():
+        at_start = ca.substitute([vector], [graph.states, graph.discretes], list(graph.start))[0]
+        initial |= shifted(first, graph.depends(at_start, given), 0)
+    # FMI counts every continuous state among the initial unknowns, but a discrete one only if it is
+    # an output.
+    for i, discrete in enumerate(layout.discretes):
+        if not discrete.output:
+            del initial[first_discrete + i]
+    return {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": initial}
+
+
+_COMPARED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX}
+_AT_ZERO = {ca.OP_FABS, ca.OP_SIGN}
+
+
+def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence[ca.SX]) -> ca.SX:
+    """Make functions that change their sign where laws switch from one expression to another.
+
+    Laws switch at comparisons, the smaller and the larger of two values, magnitudes and signs.
+    Places that depend on parameters and discrete states only are omitted, and so is rounding: a
+    converter steps at every count of its signal, and no solver should stop there.
+
+    Parameters
+    ----------
+    laws : sequence of casadi.SX
+    arguments : sequence of casadi.SX
+        All symbols of the laws.
+    moving : sequence of casadi.SX
+        Those of them that change between events.
+
+    Returns
+    -------
+    casadi.SX
+        A column, one function for each place.
+    """
+    function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
+    work: list[Any] = [None] * function.sz_w()
+    places: dict[frozenset[int], ca.SX] = {}
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        inputs = function.instruction_input(k)
+        outputs = function.instruction_output(k)
+        if operation == ca.OP_INPUT:
+            argument, element = inputs
+            work[outputs[0]] = arguments[argument].nz[element]
+        elif operation == ca.OP_CONST:
+            work[outputs[0]] = ca.SX(function.instruction_constant(k))
+        elif operation != ca.OP_OUTPUT:
+            operands = [work[i] for i in inputs]
+            place = _place(operation, operands)
+            if place is not None:
+                # the magnitude of a value that is compared with zero switches at the same place
+                key = frozenset(o.element_hash() for o in operands if not o.is_zero())
+                places.setdefault(key, place)
+            apply = ca.SX.unary if len(operands) == 1 else ca.SX.binary
+            work[outputs[0]] = apply(operation, *operands)
+    variables = ca.vertcat(*moving)
+    return _column([place for place in places.values() if ca.depends_on(place, variables)])
+
+
+def _place(operation: int, operands: list[ca.SX]) -> ca.SX | None:
+    """Return the expression that is zero where an operation switches; None if it never does."""
+    is_bounded = not any(o.is_constant() and math.isinf(float(o)) for o in operands)
+    if operation in _COMPARED and is_bounded:
+        return operands[0] - operands[1]
+    if operation in _AT_ZERO:
+        return operands[0]
+    return None

@@ -1,1 +1,0 @@
-"""Reference results of both actuators, from an independent solution."""

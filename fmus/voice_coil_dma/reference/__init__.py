@@ -1,1 +1,0 @@
-"""Reference results of the voice-coil dynamic mechanical analyzer, and what computes them."""

@@ -1,0 +1,17 @@
+from .api import black_box as black_box
+from .api import build as build
+from .api import check as check
+from .api import compare as compare
+from .api import diagnose as diagnose
+from .api import fit as fit
+from .api import laws as laws
+from .api import read_record as read_record
+from .api import run as run
+from .api import simulate as simulate
+from .api import sweep as sweep
+from .api import sweep_file as sweep_file
+from .fmu import find_model as find_model
+from .sweeps.sensitivity import bands as bands
+from .sweeps.sensitivity import sensitivity as sensitivity
+from .sweeps.sensitivity import tornado as tornado
+from .system import System as System

@@ -1,0 +1,111 @@
+"""Forms of values on the command line: names with commas, pairs, times, numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+from fmus.kit import UserError
+from orchestration.api.declaration import Form
+
+
+def comma_list(text: str | None, flag: str) -> list[str]:
+    """Return names that are separated by commas; none of them may be empty or there twice."""
+    if text is None or not text.strip():
+        return []
+    names = [name.strip() for name in text.split(",")]
+    if "" in names:
+        raise UserError(f"{flag} {text!r}: there is nothing before or after a comma")
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise UserError(f"{flag} {text!r}: {twice} is named twice")
+    return names
+
+
+def some_of(advice: str) -> Form:
+    """Return the form of names separated by commas; without a name it is refused with advice."""
+
+    def read(text: str, flag: str) -> list[str]:
+        names = comma_list(text, flag)
+        if not names:
+            raise UserError(f"{flag} {text!r}: {advice}")
+        return names
+
+    return Form(read, _joined, str | None)
+
+
+def numbers(least: int) -> Form:
+    """Return the form of whole numbers separated by commas, none of them below the least."""
+
+    def read(text: str, flag: str) -> list[int]:
+        try:
+            values = [int(one) for one in text.split(",")]
+        except ValueError:
+            values = [least - 1]
+        if min(values) < least:
+            raise UserError(f"{flag} {text!r}: write whole numbers from {least} on, such as 1,2,3")
+        return values
+
+    return Form(read, _joined, str)
+
+
+def seconds(text: str) -> float:
+    """Read a time: a number of seconds, or one with a unit."""
+    from orchestration.fmu import read_amount
+
+    try:
+        return float(text)  # what makes no sense, such as nan, is refused where its sense is known
+    except ValueError:
+        return read_amount(text, "s", f"{text!r}")
+
+
+def _in_seconds(value: float) -> str:
+    return f"{value:.12g}s" if isfinite(value) else f"{value}"
+
+
+def _joined(values: Sequence[object]) -> list[str]:
+    return [",".join(map(str, values))]
+
+
+def _one_or_all(values: list[int]) -> int | list[int]:
+    return values[0] if len(values) == 1 else values
+
+
+def _read_effects(text: str, flag: str) -> list[str] | None:
+    names = comma_list(text, flag)
+    return [] if names == ["none"] else names or None
+
+
+def _read_mapping(texts: Sequence[str], flag: str) -> dict[str, str]:
+    from orchestration.records import parse_mapping
+
+    return parse_mapping(texts)
+
+
+def _read_settings(texts: Sequence[str], flag: str) -> dict[str, str]:
+    settings = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise UserError(f"{flag} {text!r}: write name=value or name=value[unit]")
+        settings[name.strip()] = value.strip()
+    return settings
+
+
+def _pairs(values: Mapping[str, object]) -> list[str]:
+    return [f"{name}={value}" for name, value in values.items()]
+
+
+NAMES = Form(comma_list, _joined, str | None)
+EFFECTS = Form(_read_effects, lambda names: [",".join(names) or "none"], str | None)
+MAPPING = Form(_read_mapping, _pairs, list[str] | None)
+SETTINGS = Form(_read_settings, _pairs, list[str] | None)
+TEXTS = Form(typed=list[str] | None, write=list)
+TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
+LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
+EFFECTS_OR_NONE = EFFECTS._replace(read=lambda text, flag: _read_effects(text, flag) or [])
+ONE_OR_ALL = Form(
+    lambda text, flag: _one_or_all(numbers(0).read(text, flag)),
+    lambda value: _joined(value if isinstance(value, Sequence) else [value]),
+    str,
+)

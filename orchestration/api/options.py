@@ -1,0 +1,620 @@
+"""Options of the functions of ``import orchestration as ppy`` that the command line takes, too.
+
+Nothing heavy is imported here, for ``ppy COMMAND --help`` reads this module; types that would need
+it stand in quotes. With ``from __future__ import annotations`` all of them would, and the options
+beside them could not be read.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypedDict
+
+from orchestration.api.declaration import Form, Option
+from orchestration.api.forms import (
+    EFFECTS,
+    EFFECTS_OR_NONE,
+    LEFT_OUT,
+    MAPPING,
+    NAMES,
+    ONE_OR_ALL,
+    SETTINGS,
+    TEXTS,
+    TIME,
+    numbers,
+    some_of,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from orchestration.api.records import Records
+    from orchestration.fmu.isolation import Limits
+    from orchestration.records import Record
+    from orchestration.sweeps import Design, Task
+
+
+# --- what several functions take -----------------------------------------------------------------
+
+
+class MappingOption(TypedDict, total=False):
+    """The columns of a file that have other names than the model's signals."""
+
+    mapping: Annotated[
+        Mapping[str, str] | None,
+        Option(
+            "Which column is which signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
+            'Column of a file to signal of the model, such as ``{"stress": "force[N]"}``, for'
+            " records that are given as files.",
+            flag="--map",
+            metavar="COLUMN=SIGNAL[UNIT]",
+            form=MAPPING,
+        ),
+    ]
+
+
+class SettingsOption(TypedDict, total=False):
+    """The values that a model starts from."""
+
+    settings: Annotated[
+        Mapping[str, float | str] | None,
+        Option(
+            "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable.",
+            "Values of parameters, which a fit starts from, and of inputs that stay at a value:"
+            ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``.',
+            flag="--set",
+            metavar="NAME=VALUE[UNIT]",
+            form=SETTINGS,
+        ),
+    ]
+
+
+class RecordOptions(MappingOption, total=False):
+    """The records of a diagnosis: their columns, what they have in common, which of them judge."""
+
+    runs: Annotated[
+        str | None,
+        Option(
+            "Column that tells the records in a file apart; else a clock that restarts.",
+            "Column of a file that tells its records apart, and labels them.",
+            metavar="COLUMN",
+        ),
+    ]
+    each: Annotated[
+        Sequence[str],
+        Option(
+            "Parameters that differ from record to record, e.g. ocv,R0.",
+            "Parameters that differ from record to record.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    holdout: Annotated[
+        "Records | None",
+        Option(
+            "A record to judge by, or labels such as 7,8,9 of some of several; default the last"
+            " third. Repeatable.",
+            "Other records to judge by, or some of those given by their labels, such as"
+            ' ``"7,8,9"``. Without it the last third of the record is held out, or the last third'
+            " of several records.",
+            kind="Record, str or Path, or sequence of these, optional",
+            metavar="RECORD",
+            form=TEXTS,
+        ),
+    ]
+    interpolate: Annotated[
+        bool | None,
+        Option(
+            "Inputs go smoothly between samples, or are held; default what the record tells.",
+            "Whether inputs go smoothly between samples, or are held; unless given, the record"
+            " tells.",
+            flag="--interpolate/--no-interpolate",
+        ),
+    ]
+
+
+class SearchOptions(SettingsOption, total=False):
+    """The search for a cause: where it starts, what it leaves alone, how long it takes."""
+
+    hold: Annotated[
+        Sequence[str],
+        Option(
+            "Parameters that are known and not fitted, e.g. mass,R1; see --set.",
+            "Parameters that are known and not fitted.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    time: Annotated[
+        float | None,
+        Option(
+            "For each search, e.g. 60s, 5min or inf; then the best answer so far. Default 60 s for"
+            " 60,000 samples or less, and in proportion beyond.",
+            "Time that the search may take, then the best answer so far is returned, with a note;"
+            " a minute for up to 60,000 samples and in proportion beyond, unless given. With"
+            " ``inf`` nothing hangs on how fast the machine is. With a later record to compare"
+            " it holds for each of three searches.",
+            unit="s",
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+
+
+class ProgressOption(TypedDict, total=False):
+    """The words on how far the work is."""
+
+    progress: Annotated[
+        Callable[[str], None],
+        Option(doc="Told what is being done.", default=lambda text: None),
+    ]
+
+
+# --- diagnose and laws ---------------------------------------------------------------------------
+
+
+class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
+    """Options of ``diagnose``, beside the record and the model."""
+
+    effects: Annotated[
+        Sequence[str] | None,
+        Option(
+            "Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates; families: all"
+            " that is known and what fits the model's laws by their units, e.g. dead_zone(voltage),"
+            " the default where its file lists none.",
+            "Only these, as ``id`` or ``id(output)``; an empty one only recalibrates."
+            ' ``["families"]`` is all that is known and what fits the model\'s laws by their units,'
+            " which is the default where a model's file lists no effects.",
+            form=EFFECTS,
+            complete="effect",
+        ),
+    ]
+    fit: Annotated[
+        Sequence[str],
+        Option(
+            "Parameters of an FMU without equations that are fitted too, e.g. p1,p2.",
+            "Parameters of an FMU without equations, which is diagnosed from outside: effects of"
+            " measurement on its outputs, and corrections of these by any of its signals.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    compare: Annotated[
+        "Record | str | Path | None",
+        Option(
+            "A later record of the specimen: what changed in it.",
+            "A later record of the same specimen: `DiagnosisResult.changes` then tells which"
+            " parameters changed, and which effects came or went.",
+            kind="Record, str or Path, optional",
+            metavar="AFTER",
+            form=Form(typed=Path | None),
+        ),
+    ]
+    laws: Annotated[
+        bool,
+        Option(
+            "Leave out asking every law of the model what it lacks, where something is left.",
+            "Whether, where something is left that neither parameters nor effects account for,"
+            " every law is asked what it lacks (`laws`). What unseen data confirm of it is a"
+            " cause.",
+            default=True,
+            flag="--no-laws",
+            form=LEFT_OUT,
+        ),
+    ]
+
+
+class LawsOptions(RecordOptions, SearchOptions, total=False):
+    """Options of ``laws``, beside the record and the model."""
+
+    effects: Annotated[
+        Sequence[str] | None,
+        Option(
+            "Looked for before the laws are asked, and part of the model then if named, e.g."
+            " diffusion; families is all that is known; default none.",
+            "Looked for before the laws are asked, as in `diagnose`; what is named there is part of"
+            " the model that is asked. None unless given.",
+            default=(),
+            form=EFFECTS_OR_NONE,
+            complete="effect",
+        ),
+    ]
+
+
+class DiagnoseKeywords(DiagnoseOptions, ProgressOption, total=False):
+    """Keyword arguments of ``diagnose``."""
+
+
+class LawsKeywords(LawsOptions, ProgressOption, total=False):
+    """Keyword arguments of ``laws``."""
+
+
+# --- simulate and run ----------------------------------------------------------------------------
+
+_TIMES = "such as 30s, 10ms or 2min, plain numbers in s; default the record's, else the FMU's own."
+
+
+class GridOptions(TypedDict, total=False):
+    """The points in time of a simulation, where no record has them."""
+
+    stop: Annotated[
+        float | None,
+        Option(
+            f"Stop time, {_TIMES}",
+            "Last point; the FMU's own unless given.",
+            unit="s",
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    step: Annotated[
+        float | None,
+        Option(
+            f"Communication step, {_TIMES}",
+            "From point to point; the FMU's own unless given.",
+            unit="s",
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+
+
+class PointsOption(TypedDict, total=False):
+    """The points in time themselves."""
+
+    time: Annotated[
+        "ArrayLike | None",
+        Option(
+            doc="Points, s; else a grid from zero to `stop` by `step`, by default the FMU's own"
+            " experiment.",
+            kind="array_like, shape (n,), optional",
+        ),
+    ]
+
+
+class IsolateKeyword(TypedDict, total=False):
+    """A process of its own for one run of an FMU."""
+
+    isolate: Annotated[
+        "bool | Limits",
+        Option(
+            doc="Run it in a process of its own, which an FMU may end or hang in without harm; with"
+            " other limits than usual.",
+            default=False,
+            kind="bool or Limits",
+        ),
+    ]
+
+
+class SimulateKeywords(PointsOption, GridOptions, SettingsOption, IsolateKeyword, total=False):
+    """Keyword arguments of ``simulate``."""
+
+
+class RunKeywords(IsolateKeyword, total=False):
+    """Keyword arguments of ``run`` for an experiment."""
+
+    settings: Annotated[
+        Mapping[str, object] | None,
+        Option(
+            doc="Of an experiment: what replaces values of its file, such as"
+            ' ``{"duration": "20 s", "R1": "610 mohm"}``.'
+        ),
+    ]
+
+
+# --- build ---------------------------------------------------------------------------------------
+
+
+class BuildKeywords(TypedDict, total=False):
+    """Keyword arguments of ``build``."""
+
+    runtime: Annotated[
+        str,
+        Option(
+            doc="Compiled from C, laws interpreted by Python, or a stock archive of pythonfmu,"
+            " which promises less.",
+            default="native",
+            choices=("native", "python", "pythonfmu"),
+        ),
+    ]
+    effects: Annotated[
+        Sequence[str], Option(doc="Effects of the catalogue to lay over it.", default=())
+    ]
+    platforms: Annotated[Sequence[str] | None, Option(doc="FMI platforms; default this machine's.")]
+
+
+# --- compare and fit -----------------------------------------------------------------------------
+
+
+class WorkersOption(TypedDict, total=False):
+    """The processes of a fit."""
+
+    workers: Annotated[
+        int,
+        Option(
+            "Processes that run an FMU without equations.",
+            "Processes that run an FMU without equations side by side in a fit.",
+            default=1,
+            metavar="N",
+            least=1,
+        ),
+    ]
+
+
+class FittedOption(TypedDict, total=False):
+    """The parameters that a comparison fits first."""
+
+    fit: Annotated[
+        Sequence[str],
+        Option(
+            "Parameters to recalibrate, e.g. R1,R2,C.",
+            "Parameters to recalibrate first.",
+            default=(),
+            form=some_of("name the parameters to recalibrate, e.g. R1,R2,C"),
+        ),
+    ]
+
+
+class FitKeywords(MappingOption, SettingsOption, WorkersOption, total=False):
+    """Keyword arguments of ``fit``."""
+
+
+class CompareKeywords(FittedOption, FitKeywords, total=False):
+    """Keyword arguments of ``compare``."""
+
+
+# --- black-box models ----------------------------------------------------------------------------
+
+_AT_LEAST_ONE = some_of("name at least one, or leave the option out")
+
+
+class StudyOptions(TypedDict, total=False):
+    """The models that are tried on a record, and what chooses among them."""
+
+    share: Annotated[
+        float,
+        Option(
+            "Of the record that models are identified from.",
+            "Of the record that models are identified from; the rest judges them.",
+            default=0.5,
+        ),
+    ]
+    structures: Annotated[
+        Sequence[str],
+        Option(
+            "Of ARX, ARMAX, OE, SS (subspace), BJ (Box-Jenkins).",
+            "Ljung's; SS is a subspace method, BJ has a denominator of its own for every input.",
+            default=("ARX", "ARMAX", "OE", "SS", "BJ"),
+            kind='sequence of {"ARX", "ARMAX", "OE", "SS", "BJ"}',
+            form=_AT_LEAST_ONE,
+        ),
+    ]
+    path_orders: Annotated[
+        Sequence[int],
+        Option(
+            "Of the path from every input, all combinations.",
+            "Orders of the path from every input; every combination with `noise_orders` is tried.",
+            default=(1, 2, 3),
+            flag="--orders",
+            form=numbers(1),
+        ),
+    ]
+    noise_orders: Annotated[
+        Sequence[int],
+        Option(
+            "Of the noise model.",
+            "Orders of the noise model.",
+            default=(1, 2, 3),
+            form=numbers(1),
+        ),
+    ]
+    delays: Annotated[
+        int | Sequence[int],
+        Option(
+            "In samples: one number, or one for every input.",
+            "From every input to the output, in samples; 0 where the output answers in the same"
+            " sample.",
+            default=1,
+            form=ONE_OR_ALL,
+        ),
+    ]
+    criterion: Annotated[
+        str,
+        Option(
+            "What chooses: BIC or AIC.",
+            "What chooses the model.",
+            default="BIC",
+            choices=("BIC", "AIC"),
+        ),
+    ]
+
+
+class SamplePeriodOption(TypedDict, total=False):
+    """The sample period of a file that has no time."""
+
+    step: Annotated[
+        float | None,
+        Option(
+            "Sample period of a file without time, such as 1s.",
+            "Sample period of a file that has no time.",
+            unit="s",
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+
+
+class InputsOption(TypedDict, total=False):
+    """The columns that drive a black-box model."""
+
+    inputs: Annotated[
+        Sequence[str],
+        Option(
+            "What drives it; all but the first unless named.",
+            "Columns; all but the first and the output unless given.",
+            default=(),
+            metavar="COLUMNS",
+            form=_AT_LEAST_ONE,
+        ),
+    ]
+
+
+class CountOption(TypedDict, total=False):
+    """The count of what is done."""
+
+    progress: Annotated[
+        Callable[[int, int], None],
+        Option(
+            doc="Told how many are done, and of how many.",
+            default=lambda done, whole: None,
+        ),
+    ]
+
+
+class StudyKeywords(StudyOptions, CountOption, total=False):
+    """Keyword arguments of a study of columns."""
+
+
+class BlackBoxKeywords(SamplePeriodOption, StudyKeywords, total=False):
+    """Keyword arguments of ``black_box``."""
+
+
+# --- sweeps --------------------------------------------------------------------------------------
+
+
+class SweepDesignOptions(TypedDict, total=False):
+    """The cases of a sweep, and what is kept of each."""
+
+    kind: Annotated[
+        str,
+        Option(
+            "grid, list (first values together, then second ones), draws (a list drawn at random:"
+            " bands), latin-hypercube, sobol; sobol-indices, tornado: which parameters matter.",
+            "Design; `sensitivity` and `tornado` tell what the last two come to, and `bands` what"
+            " cases come to that were drawn at random, such as those of ``fit(...).draws(200)``.",
+            default="grid",
+            flag="--design",
+            choices=(
+                "grid",
+                "list",
+                "draws",
+                "latin-hypercube",
+                "sobol",
+                "sobol-indices",
+                "tornado",
+            ),
+        ),
+    ]
+    samples: Annotated[
+        int | None,
+        Option(
+            "Cases of latin-hypercube and sobol; of sobol-indices for each parameter, and twice as"
+            " many.",
+            "Cases of a design that chooses values; of ``sobol-indices`` as many for each"
+            " parameter, and twice as many besides.",
+            metavar="N",
+        ),
+    ]
+    seed: Annotated[int, Option("Of what is chosen at random.", default=0, least=0)]
+    outputs: Annotated[
+        Sequence[str],
+        Option(
+            "Which outputs are kept, e.g. voltage,charge.",
+            "Outputs that are kept; all unless given.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    keep: Annotated[
+        Sequence[str] | None,
+        Option(
+            "What of each: last,smallest,largest as a rule, mean, rms, trace (all of it; of"
+            " --fitted).",
+            "Of each output: ``last``, ``smallest``, ``largest``, which are kept unless given,"
+            " ``mean``, ``rms``, or ``trace`` for its whole course.",
+            form=NAMES,
+        ),
+    ]
+
+
+class SweepEngineOptions(TypedDict, total=False):
+    """The engine that runs the cases of a sweep, and its processes."""
+
+    engine: Annotated[
+        str,
+        Option(
+            "auto, fmu, or compiled: the equations of a component, faster, same numbers.",
+            "What runs the cases: the FMU, or the equations of a component in compiled code, which"
+            " comes to the same numbers sooner and is the choice of ``auto`` wherever it is"
+            " possible.",
+            default="auto",
+            choices=("auto", "fmu", "compiled"),
+        ),
+    ]
+    workers: Annotated[
+        int,
+        Option(
+            "Processes that run cases.",
+            "Processes, 1000 at most; never more than there are cases.",
+            default=1,
+            metavar="N",
+        ),
+    ]
+    scheduler: Annotated[
+        str | None,
+        Option(
+            "Run on a Dask cluster, such as tcp://10.0.0.5:8786.",
+            'Address of a Dask cluster that runs the cases, such as ``"tcp://10.0.0.5:8786"``.',
+            metavar="ADDRESS",
+        ),
+    ]
+
+
+class SweepFileKeywords(SweepEngineOptions, CountOption, total=False):
+    """Keyword arguments of ``sweep_file``, beside its ``note``."""
+
+    folder: Annotated[
+        str | Path | None,
+        Option(
+            doc="Keeps what is done, so that the same call goes on after an interrupt; it stays."
+            " Traces are read from there when they are used, so that they need not fit into"
+            " memory."
+        ),
+    ]
+    isolate: Annotated[
+        bool | None,
+        Option(
+            doc="Run the FMU in processes of their own, which it may end or hang in: that case"
+            " fails, and the others go on. None: if it is a file that somebody gave.",
+            default=False,
+        ),
+    ]
+    limits: Annotated[
+        "Limits | None",
+        Option(doc="Of such a process; the usual ones unless given.", kind="Limits, optional"),
+    ]
+    check: Annotated[
+        "Callable[[Task, Design], None]",
+        Option(
+            doc="Told what is going to be run before anything is; what it raises ends the sweep.",
+            default=lambda task, cases: None,
+            kind="callable",
+        ),
+    ]
+
+
+class SweepKeywords(
+    PointsOption, GridOptions, SettingsOption, SweepDesignOptions, SweepFileKeywords, total=False
+):
+    """Keyword arguments of ``sweep``."""
+
+
+class NoteOption(TypedDict, total=False):
+    """The words on what a file leaves open."""
+
+    note: Annotated[
+        Callable[[str], None],
+        Option(
+            doc="Told what else is worth knowing, such as inputs that stay at their start value.",
+            default=lambda line: None,
+        ),
+    ]

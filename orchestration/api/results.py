@@ -1,0 +1,473 @@
+"""The results of ``ppy.diagnose`` and ``ppy.laws``, to read, to look at and to pass on."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from fmus.kit import Component, UserError, files, stack
+from fmus.kit.build import host_platform
+from orchestration.discrepancy import Change, Verdict, export, fitted_defaults, pipeline
+from orchestration.discrepancy.design import DiscriminatingExperiment
+from orchestration.discrepancy.foreign import WrappedFmu, corrected_system
+from orchestration.discrepancy.laws import Correction, LawMapResult
+from orchestration.discrepancy.report import (
+    diagnosis_page,
+    diagnosis_summary,
+    picture,
+    terminal,
+    wording,
+)
+from orchestration.discrepancy.report import laws as laws_report
+from orchestration.discrepancy.report.laws import (
+    LawReport,
+    effect_file,
+    figures,
+    headline,
+    law_map,
+    laws_page,
+)
+from orchestration.identify.uncertainty import Estimate
+from orchestration.records import Record
+from orchestration.reporting import path_of_report, plain_text, preformatted
+from orchestration.system.ssp import write as write_ssp
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+    from orchestration.reporting import Page
+
+
+@dataclass(frozen=True)
+class ProposedExperiment:
+    """The experiment that would tell more.
+
+    Attributes
+    ----------
+    design : DiscriminatingExperiment
+        Stimuli by input, duration, step and the evidence to expect.
+    component : str
+        That it is made on.
+    """
+
+    design: DiscriminatingExperiment
+    component: str
+
+    def __str__(self) -> str:
+        return wording.describe_experiment(self.design)
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(
+            f"{name}: {stimulus.kind}" for name, stimulus in self.design.stimuli.items()
+        )
+        return f"<ProposedExperiment {kinds}; {self.design.duration:g} s>"
+
+    def toml(self) -> str:
+        """Return it as ``ppy run`` reads it."""
+        return self.design.toml(self.component, str(self))
+
+    def to_toml(self, path: str | Path) -> Path:
+        """Write it for ``ppy run``.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        files.write(Path(path), self.toml().encode())
+        return Path(path)
+
+
+class DiagnosisGain(NamedTuple):
+    """Normalised RMS errors on data that no fit has seen, by output.
+
+    Attributes
+    ----------
+    before, after : dict of str to float
+        Of the refitted model, and of the extended one.
+    """
+
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+class _Result:
+    """A result that prints as its command does, is written as a page, and has a model to build."""
+
+    _LACKING = ""  # said where there is no model to build
+
+    model: type[Component] | None
+
+    def __init__(self, result: pipeline.Result, command: Sequence[str]):
+        self._result = result
+        self._command = shlex.join(command)
+
+    def overview(self) -> list[RenderableType]:
+        """Return what the command prints."""
+        raise NotImplementedError
+
+    def _page(self, command: str) -> Page:
+        """Return the page to look at and pass on, with the command that made it."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return "\n".join(plain_text(part) for part in self.overview())
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write the page to look at and pass on.
+
+        Parameters
+        ----------
+        path : str or Path
+            An ``.html`` file.
+        command : str
+            What made it, for the page; unless given, a command that does the same.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written, or its name does not end in ``.html``.
+        """
+        target = path_of_report(path)
+        self._page(command or self._command).write(target)
+        return target
+
+    def fmu(
+        self,
+        path: str | Path,
+        platforms: Sequence[str] | None = None,
+        progress: Callable[[str], None] = lambda text: None,
+    ) -> list[Path]:
+        """Write `model` as an FMU: the native build to the path, the Python build beside it.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``F.fmu``; the Python build goes to ``F.python.fmu``.
+        platforms : sequence of str, optional
+            FMI platforms; default this machine's.
+        progress : callable
+            Told what is being done.
+
+        Raises
+        ------
+        UserError
+            If there is no model, or an FMU cannot be built or written.
+        """
+        if self.model is None:
+            raise UserError(f"{path}: {self._LACKING}, so there is nothing to make an FMU of")
+        sources = [record.source for record in (*self._result.records, *self._result.holdouts)]
+        return export(self.model, Path(path), sources, platforms or [host_platform()], progress)
+
+
+class DiagnosisResult(_Result):
+    """The result of a diagnosis: what a model gets wrong on a record, and what follows from it.
+
+    Parameters
+    ----------
+    result : pipeline.Result
+    changes : list of Change, optional
+    later : pipeline.Result, optional
+        Diagnosis of the later record, in which they were found.
+    command : sequence of str
+        Words of a command that makes the same diagnosis.
+    around : WrappedFmu, optional
+        Of an FMU without equations, behind which a component was diagnosed.
+
+    Attributes
+    ----------
+    verdict : str
+        ``consistent``, ``recalibrate``, ``cause``, ``ambiguous`` or ``unexplained``.
+    sentence : str
+        The verdict in words, with what must be known to read it.
+    causes, alternatives : list of str
+        Effects that were named, and those that this record cannot tell from them.
+    parameters : dict of str to Estimate
+        By name: ``value``, ``interval`` (95 %), ``nominal``, ``unit``; SI.
+    changed : list of str
+        Parameters that differ significantly from nominal.
+    gain : DiagnosisGain
+        Errors on data that no fit has seen.
+    model : type[Component] or None
+        The extended model, with fitted values as defaults; None where nothing could be said.
+    experiment : ProposedExperiment or None
+        Where the verdict is ambiguous.
+    record : Record
+        The first of the records.
+    records : list of Record
+        All that the model was fitted to.
+    notes : list of str
+        What could not be judged, and why.
+    changes : list of Change or None
+        What changed in a later record, where one was given.
+    later : DiagnosisResult or None
+        What the model gets wrong on that record.
+    law_map : list of dict
+        What the laws lack, the best first, as in `LawsResult`; empty where nothing is left, or they
+        were not asked.
+    """
+
+    _LACKING = "nothing could be said of the model"
+
+    def __init__(
+        self,
+        result: pipeline.Result,
+        changes: Sequence[Change] | None = None,
+        later: pipeline.Result | None = None,
+        command: Sequence[str] = (),
+        around: WrappedFmu | None = None,
+    ):
+        super().__init__(result, command)
+        self._around = around
+        self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
+        self.changes: list[Change] | None = None if changes is None else list(changes)
+        diagnosis = result.diagnosis
+        errors = result.gain or diagnosis
+        self.verdict: Verdict = diagnosis.verdict
+        self.sentence: str = headline(result)
+        self.causes: list[str] = diagnosis.causes
+        self.alternatives: list[str] = []
+        for step in diagnosis.selection.steps:
+            self.alternatives += [effect.effect_name for effect in step.alternatives]
+        self.parameters: dict[str, Estimate] = diagnosis.estimates
+        self.changed: list[str] = diagnosis.changed
+        self.gain = DiagnosisGain(errors.before, errors.after)
+        self.model = result.component
+        self.experiment = (
+            ProposedExperiment(result.experiment, result.model.name) if result.experiment else None
+        )
+        self.record: Record = result.record
+        self.records: list[Record] = list(result.records)
+        self.notes: list[str] = [wording.message(note) for note in result.notes]
+        self.law_map: list[dict[str, Any]] = law_map(LawReport(result, result.laws))
+
+    @property
+    def details(self) -> pipeline.Result:
+        """All that the diagnosis rests on."""
+        return self._result
+
+    def overview(self) -> list[RenderableType]:
+        """Return what ``ppy diagnose`` prints."""
+        parts: list[RenderableType] = [terminal.overview(self._result)]
+        if self.changes is not None and self.later is not None:
+            parts.append(terminal.comparison(self.changes, self.later.details))
+        return parts
+
+    def _page(self, command: str) -> Page:
+        later = self.later.details if self.later else None
+        return diagnosis_page(self._result, command, self.changes or (), later)
+
+    def __repr__(self) -> str:
+        causes = f" {', '.join(self.causes)}" if self.causes else ""
+        return (
+            f"<DiagnosisResult {self.verdict}{causes}: {self._result.model.name},"
+            f" {self._result.files}>"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
+        figures = diagnosis_summary(self._result)
+        if self.changes is not None and self.later is not None:
+            figures |= {
+                "comparison": [change.to_dict() for change in self.changes],
+                "later": self.later.to_dict(),
+            }
+        return figures
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table, a row for each.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        rows = {
+            name: {
+                "value": e.value,
+                "low": e.interval[0],
+                "high": e.interval[1],
+                "nominal": e.nominal,
+                "unit": e.unit,
+            }
+            for name, e in self.parameters.items()
+        }
+        return pandas.DataFrame.from_dict(rows, orient="index")
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the output that gained most over the validation data.
+
+        Measured, refitted and extended, and residuals.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        return picture.draw_diagnosis(
+            self._result.diagnosis, self._result.model, None if path is None else Path(path)
+        )
+
+    def system(self, path: str | Path) -> Path:
+        """Write an FMU without equations and its correction as one system.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``S.ssp``.
+
+        Raises
+        ------
+        UserError
+            If nothing could be said of the FMU, it has equations, or the file cannot be written.
+        """
+        if self._around is None:
+            raise UserError(
+                f"{path}: the model has equations; the extended one is an FMU of its own (fmu)"
+            )
+        if self.model is None:
+            raise UserError(
+                f"{path}: nothing could be said of the FMU, so there is nothing to correct it by"
+            )
+        write_ssp(corrected_system(self._around, self.model), Path(path))
+        return Path(path)
+
+
+class LawsResult(_Result):
+    """The result of asking laws: what a model's laws lack on a record, and what follows from it.
+
+    Parameters
+    ----------
+    report : LawReport
+    command : sequence of str
+        Words of a command that asks the same.
+
+    Attributes
+    ----------
+    sentence : str
+        What was found, in words, with what unseen data say of it.
+    law_map : list of dict
+        Corrections of laws, the best first: ``effect`` (the name that `diagnose` gives it),
+        ``law``, ``signal``, ``memory``, ``constant`` (s, of a lag), ``kind`` (``add`` or
+        ``multiply``), ``delta_bic``, ``shape`` (empty where no simple one is as good as the curve),
+        ``parameters``, ``curve`` (``x``, ``y``, ``low``, ``high``), ``units`` (of ``law`` and
+        ``signal``), ``confirmed`` (None where unseen data were not asked), ``alike`` (what this
+        record cannot tell it from); SI.
+    model : type[Component] or None
+        The model with the best correction, with fitted values as defaults; None where there is
+        none.
+    diagnosis : DiagnosisResult
+        What was found out about the model before its laws were asked.
+    """
+
+    _LACKING = "no law is found to lack anything"
+
+    def __init__(self, report: LawReport, command: Sequence[str] = ()):
+        super().__init__(report.result, command)
+        self._report = report
+        self.sentence: str = laws_report.wording.sentence(report)
+        self.law_map: list[dict[str, Any]] = law_map(report)
+        self.diagnosis = DiagnosisResult(report.result)
+        last = report.rounds[-1].best
+        self.model = None if last is None else _corrected_model(report, last)
+
+    @property
+    def details(self) -> LawMapResult | None:
+        """All that it rests on; None where no input moves, so that nothing could be asked."""
+        return self._report.found
+
+    def overview(self) -> list[RenderableType]:
+        """Return what ``ppy laws`` prints."""
+        return [laws_report.terminal.overview(self._report)]
+
+    def _page(self, command: str) -> Page:
+        return laws_page(self._report, command)
+
+    def __repr__(self) -> str:
+        best = f" {self._report.best.entry.label}" if self._report.best else " nothing found"
+        return f"<LawsResult{best}: {self._report.result.model.name}, {self._report.result.files}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: the form that ``ppy laws --json`` writes."""
+        return laws_report.summary.laws_summary(self._report)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the corrections as a table, a row for each, the best first.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        columns = ("law", "signal", "memory", "constant", "kind", "delta_bic", "shape", "confirmed")
+        return pandas.DataFrame(
+            [{name: row[name] for name in columns} for row in self.law_map], columns=list(columns)
+        )
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the curve of the best correction with its 95 % band, and where the record has been.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If no law is found to lack anything, or the file cannot be written.
+        """
+        return figures.draw_curve(
+            self._report, self._best("draw"), None if path is None else Path(path)
+        )
+
+    def effect(self, path: str | Path) -> Path:
+        """Write the best correction as a class of a few lines to lay over the model.
+
+        Parameters
+        ----------
+        path : str or Path
+            A ``.py`` file.
+
+        Raises
+        ------
+        UserError
+            If no law is found to lack anything, or it cannot be written, or its name does not end
+            in ``.py``.
+        """
+        target = Path(path)
+        if target.suffix.lower() != ".py":
+            raise UserError(f"{target}: the name of a file of Python ends in .py")
+        self._best(f"write to {target}")
+        effect_file.write_effect(self._report, target)
+        return target
+
+    def _best(self, purpose: str) -> Correction:
+        if self._report.best is None:
+            raise UserError(f"{self._LACKING}, so there is nothing to {purpose}")
+        return self._report.best
+
+
+def _corrected_model(report: LawReport, best: Correction) -> type[Component]:
+    """Return the model with a correction, and with fitted values as defaults."""
+    cls = best.model.candidate.cls
+    made = stack(cls, name=f"{cls.name}_fitted", defaults=fitted_defaults(best.model))
+    made.remark = f"Fitted to {report.result.files!a}\n{laws_report.wording.sentence(report)}"
+    return made

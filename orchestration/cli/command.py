@@ -1,0 +1,161 @@
+"""Commands of typer, made from classes of options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from inspect import Parameter, Signature, signature
+from typing import Annotated, Any
+
+import typer
+
+from fmus import MODELS
+from orchestration.api.declaration import REQUIRED, Option, options_of
+
+DEFAULT_MODEL = "ppy_actuator"
+Body = Callable[..., None]
+
+
+def command(declared: type) -> Callable[[Body], Body]:
+    """Make a function of options into what typer makes a command of.
+
+    Parameters
+    ----------
+    declared : TypedDict
+        Class of the options.
+
+    Returns
+    -------
+    callable
+        Decorator of a function that takes the options, complete, and typer's context if it has a
+        second argument. The command's attribute ``__options__`` has the options by name.
+    """
+    options = {
+        name: option for name, option in options_of(declared).items() if option.on_command_line
+    }
+
+    def decorate(body: Body) -> Body:
+        wants_context = len(signature(body).parameters) > 1
+
+        def run(context: typer.Context, **typed: Any) -> None:
+            values = {name: option.read(typed[name]) for name, option in options.items()}
+            if wants_context:
+                body(values, context)
+            else:
+                body(values)
+
+        made: Any = run
+        made.__name__ = body.__name__
+        made.__doc__ = body.__doc__
+        made.__module__ = body.__module__
+        made.__annotations__ = {}  # typer reads those of the signature
+        made.__options__ = options
+        made.__signature__ = Signature([_CONTEXT, *map(_parameter, options.values())])
+        return run
+
+    return decorate
+
+
+_CONTEXT = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
+
+
+def _parameter(option: Option) -> Parameter:
+    """Return what typer reads an option from."""
+    kind = option.type if option.form.typed is None else option.form.typed
+    more: dict[str, Any] = {
+        "help": option.help,
+        "metavar": option.metavar,
+        "parser": _parser(option),
+        "min": option.least,
+        "max": option.most,
+        "autocompletion": _completion(option),
+    }
+    names = () if option.argument else ("/".join(option.flags),)
+    about = typer.Argument(**more) if option.argument else typer.Option(*names, **more)
+    default = Parameter.empty if option.default is REQUIRED else _typed_default(option)
+    return Parameter(
+        option.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, about]
+    )
+
+
+def _typed_default(option: Option) -> Any:
+    """Return the default as it is typed, which is what the help shows."""
+    if option.form.typed is None:
+        return option.default
+    if option.form.typed is bool:
+        return False
+    if option.default in (None, ()):
+        return None
+    return option.form.write(option.default)[0]
+
+
+def _parser(option: Option) -> Callable[[str], Any] | None:
+    parse = option.form.parse
+    if parse is None:
+        return None
+
+    def parser(text: str) -> Any:
+        try:
+            return parse(text)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from error
+
+    return parser
+
+
+# --- completion ----------------------------------------------------------------------------------
+
+
+def _completion(option: Option) -> Callable[..., list[str]] | None:
+    if option.complete:
+        return _COMPLETIONS[option.complete]
+    if not option.choices:
+        return None
+    return lambda incomplete: [name for name in option.choices if name.startswith(incomplete)]
+
+
+def _complete_components(incomplete: str) -> list[str]:
+    return [name for name in MODELS if name.startswith(incomplete)]
+
+
+def _complete_systems(incomplete: str) -> list[str]:
+    from orchestration.system import NAMES
+
+    return [name for name in NAMES if name.startswith(incomplete)]
+
+
+def _complete_experiments(incomplete: str) -> list[str]:
+    from orchestration.experiment import shipped
+
+    return [name for name in shipped() if name.startswith(incomplete)]
+
+
+def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
+    """Return effects of the component that was named before, after those that are there already.
+
+    No file is run for it.
+    """
+    from fmus import component
+    from orchestration.fmu import known_effects
+
+    # while an option lacks its value, what was named before is among the arguments that are not
+    # sorted out yet
+    words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
+    name = next((word for word in words if word in MODELS), None)
+    if name is None and context.command.name in ("diagnose", "laws") and "--model" not in words:
+        name = DEFAULT_MODEL
+    if name is None:
+        return []
+    before, comma, last = incomplete.rpartition(",")
+    return [
+        f"{before}{comma}{effect}"
+        for effect in known_effects(component(name))
+        if effect.startswith(last)
+    ]
+
+
+_COMPLETIONS: Mapping[str, Callable[..., list[str]]] = {
+    "component": _complete_components,
+    "effect": _complete_effects,
+    "experiment": _complete_experiments,
+    "system": _complete_systems,
+}

@@ -1,0 +1,525 @@
+"""Options of each command: those of Python, those that commands share, and its own.
+
+No ``from __future__ import annotations``: see `orchestration.api.options`.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, TypedDict
+
+from orchestration.api.declaration import REQUIRED, Option
+from orchestration.api.forms import NAMES, TEXTS, some_of
+from orchestration.api.options import (
+    DiagnoseOptions,
+    FittedOption,
+    GridOptions,
+    InputsOption,
+    LawsOptions,
+    MappingOption,
+    SamplePeriodOption,
+    SettingsOption,
+    StudyOptions,
+    SweepDesignOptions,
+    SweepEngineOptions,
+    WorkersOption,
+)
+from orchestration.cli.options import (
+    IsolateOption,
+    IsolationOptions,
+    JsonOption,
+    LaidOverOption,
+    ModelArgument,
+    ModelOption,
+    PlatformsOption,
+    PlotOption,
+    PresetOption,
+    RealTimeOptions,
+    RecordArgument,
+    RuntimeOption,
+)
+
+# --- components and FMUs -------------------------------------------------------------------------
+
+
+class InfoCommand(ModelArgument, LaidOverOption, JsonOption, total=False):
+    """Options of ``ppy info``."""
+
+
+class CheckCommand(JsonOption, total=False):
+    """Options of ``ppy check``."""
+
+    fmus: Annotated[
+        list[Path],
+        Option("FMU files, ours or anybody's.", default=REQUIRED, metavar="FMU...", argument=True),
+    ]
+
+
+class BuildOptions(TypedDict, total=False):
+    """The builds that are made, and where they go."""
+
+    names: Annotated[
+        list[str] | None,
+        Option(
+            "Components, path/to/file.py:Class, or FMUs built from these; default all components.",
+            metavar="[MODEL]...",
+            complete="component",
+            argument=True,
+        ),
+    ]
+    runtime: Annotated[
+        str,
+        Option(
+            "python, native or both; pythonfmu: a stock archive of that.",
+            default="both",
+            choices=("python", "native", "both", "pythonfmu"),
+        ),
+    ]
+    out: Annotated[Path, Option("Folder that gets RUNTIME/NAME.fmu.", default=Path("fmu"))]
+
+
+class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption, BuildOptions, total=False):
+    """Options of ``ppy build``."""
+
+
+# --- simulations ---------------------------------------------------------------------------------
+
+
+class InputFileOption(TypedDict, total=False):
+    """The record that drives a simulation."""
+
+    input_file: Annotated[
+        Path | None,
+        Option("Record with the inputs, held between samples.", flag="--input"),
+    ]
+
+
+class SignalsOption(TypedDict, total=False):
+    """The signals of a simulation as a file."""
+
+    out: Annotated[
+        Path | None,
+        Option("Inputs and outputs, with units: .csv, .nc or .parquet.", metavar="FILE"),
+    ]
+
+
+class SimulateCommand(
+    ModelArgument,
+    InputFileOption,
+    LaidOverOption,
+    SettingsOption,
+    PresetOption,
+    MappingOption,
+    GridOptions,
+    SignalsOption,
+    PlotOption,
+    RuntimeOption,
+    IsolationOptions,
+    total=False,
+):
+    """Options of ``ppy simulate``."""
+
+
+class ExperimentOptions(TypedDict, total=False):
+    """The experiment that is run, and its result."""
+
+    experiment: Annotated[
+        str | None,
+        Option(
+            "One of --list, a file, or a result to make again.",
+            metavar="NAME|FILE.toml|RESULT",
+            complete="experiment",
+            argument=True,
+        ),
+    ]
+    settings: Annotated[
+        Sequence[str],
+        Option(
+            "Over the file: duration=20s, R1=610mohm, inputs.current.value=1.",
+            default=(),
+            flag="--set",
+            metavar="KEY=VALUE",
+            form=TEXTS,
+        ),
+    ]
+    out: Annotated[
+        Path | None,
+        Option("Result: .nc, .parquet (both can be run again) or .csv.", metavar="FILE"),
+    ]
+    plot: Annotated[
+        Path | None, Option("Picture (.png, .svg, .pdf) or page (.html).", metavar="FILE")
+    ]
+
+
+class ExperimentRuntimeOption(TypedDict, total=False):
+    """The build of components that an experiment runs, in place of that in its file."""
+
+    runtime: Annotated[
+        str | None,
+        Option("Which build of components to run: native, python.", choices=("native", "python")),
+    ]
+
+
+class ListOption(TypedDict, total=False):
+    """The list in place of a run."""
+
+    show_list: Annotated[
+        bool, Option("List the experiments that ship.", default=False, flag="--list")
+    ]
+
+
+class RunCommand(
+    ExperimentOptions,
+    JsonOption,
+    ExperimentRuntimeOption,
+    RealTimeOptions,
+    IsolationOptions,
+    ListOption,
+    total=False,
+):
+    """Options of ``ppy run``."""
+
+
+class OverOption(TypedDict, total=False):
+    """The values that parameters of a sweep go through."""
+
+    over: Annotated[
+        Sequence[str],
+        Option(
+            "What a parameter, or an input that is held, goes through: R1=0.3..0.7:41,"
+            " C=1e-3..1e-1:7 log, k1=6.3N/mm, 9N/mm; R1=0.3..0.7 for a design that chooses the"
+            " values. Repeatable.",
+            default=(),
+            metavar="NAME=FROM..TO:COUNT",
+            form=TEXTS,
+        ),
+    ]
+    fitted: Annotated[
+        Path | None,
+        Option(
+            "Draw parameters from a fit (ppy identify --json): --samples of them, and bands of the"
+            " outputs.",
+            metavar="FILE",
+        ),
+    ]
+
+
+class DatasetOption(TypedDict, total=False):
+    """The result of a sweep as a file."""
+
+    out: Annotated[
+        Path | None,
+        Option(
+            "Result with units: .nc, or .zarr for more than fits into memory. Interrupted, the same"
+            " command goes on.",
+            metavar="FILE",
+        ),
+    ]
+
+
+class SweepCommand(
+    ModelArgument,
+    OverOption,
+    SweepDesignOptions,
+    LaidOverOption,
+    SettingsOption,
+    PresetOption,
+    GridOptions,
+    SweepEngineOptions,
+    DatasetOption,
+    PlotOption,
+    RuntimeOption,
+    IsolationOptions,
+    total=False,
+):
+    """Options of ``ppy sweep``."""
+
+
+# --- a model and a record ------------------------------------------------------------------------
+
+
+class FiguresOption(TypedDict, total=False):
+    """The figures of a comparison as a file."""
+
+    out: Annotated[Path | None, Option("The figures as JSON (.json).", metavar="FILE")]
+
+
+class MeasuredOptions(
+    RecordArgument,
+    ModelOption,
+    LaidOverOption,
+    MappingOption,
+    SettingsOption,
+    PresetOption,
+    total=False,
+):
+    """A model, and the record that it is held against."""
+
+
+class CompareCommand(
+    MeasuredOptions,
+    FittedOption,
+    FiguresOption,
+    JsonOption,
+    PlotOption,
+    RuntimeOption,
+    IsolateOption,
+    total=False,
+):
+    """Options of ``ppy compare``."""
+
+
+class RequiredFitOption(TypedDict, total=False):
+    """The parameters to identify."""
+
+    fit: Annotated[
+        list[str],
+        Option(
+            "Parameters, e.g. R1,R2,C.",
+            default=REQUIRED,
+            form=some_of("name the parameters, e.g. R1,R2,C"),
+        ),
+    ]
+
+
+class ProfileOptions(TypedDict, total=False):
+    """The intervals by the likelihood itself, and the identified values as a file."""
+
+    profile: Annotated[
+        list[str] | None,
+        Option(
+            "Of the fitted ones: an interval by the likelihood itself.",
+            metavar="PARAMETERS",
+            form=NAMES,
+        ),
+    ]
+    profile_plot: Annotated[
+        Path | None,
+        Option("The profiles as a picture (.png, .svg or .pdf).", metavar="FILE"),
+    ]
+    ssv: Annotated[
+        Path | None,
+        Option("The values as a parameter set (.ssv), for any system.", metavar="FILE"),
+    ]
+
+
+class IdentifyCommand(
+    MeasuredOptions,
+    RequiredFitOption,
+    WorkersOption,
+    ProfileOptions,
+    JsonOption,
+    PlotOption,
+    IsolateOption,
+    total=False,
+):
+    """Options of ``ppy identify``."""
+
+
+class OutputOption(TypedDict, total=False):
+    """The column that a black-box model predicts."""
+
+    output: Annotated[str, Option("What is foretold.", default=REQUIRED, metavar="COLUMN")]
+
+
+class BlackBoxOutputs(TypedDict, total=False):
+    """The files of a black-box identification."""
+
+    report: Annotated[Path | None, Option("The page (.html).", metavar="FILE")]
+    out: Annotated[
+        Path | None,
+        Option("The model as a class (.py), for ppy build, simulate and diagnose.", metavar="FILE"),
+    ]
+
+
+class BlackBoxCommand(
+    RecordArgument,
+    OutputOption,
+    InputsOption,
+    SamplePeriodOption,
+    StudyOptions,
+    JsonOption,
+    BlackBoxOutputs,
+    total=False,
+):
+    """Options of ``ppy black-box``."""
+
+
+# --- diagnoses -----------------------------------------------------------------------------------
+
+
+class JudgedOptions(TypedDict, total=False):
+    """The records and the model of a diagnosis."""
+
+    records: Annotated[
+        list[Path],
+        Option(
+            "Measured records: CSV, Parquet, TDMS, MAT or LabVIEW text. Several have one set of"
+            " parameters.",
+            default=REQUIRED,
+            metavar="RECORD...",
+            argument=True,
+        ),
+    ]
+    model: Annotated[
+        str | None,
+        Option(
+            "A component (see ppy list), path/to/file.py:Class, or any FMU; default ppy_actuator.",
+            metavar="MODEL",
+            complete="component",
+        ),
+    ]
+
+
+class ReportOption(TypedDict, total=False):
+    """The page of a diagnosis."""
+
+    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
+
+
+class DiagnoseOutputs(TypedDict, total=False):
+    """The files that a diagnosis makes, beside figures and page."""
+
+    fmu: Annotated[
+        Path | None,
+        Option("The extended model as FMU: F.fmu (native) and F.python.fmu beside it."),
+    ]
+    ssp: Annotated[
+        Path | None,
+        Option("An FMU without equations with its correction, as a system.", metavar="S.ssp"),
+    ]
+    experiment: Annotated[
+        Path | None,
+        Option("Experiment (.toml) that would tell alternatives apart, for ppy run."),
+    ]
+
+
+class SystemOption(TypedDict, total=False):
+    """The system whose members are judged in place of one model."""
+
+    system: Annotated[
+        Path | None,
+        Option("Judge every member of a system alone, cut where it was measured.", metavar="S.ssp"),
+    ]
+
+
+class DiagnoseCommand(
+    JudgedOptions,
+    LaidOverOption,
+    DiagnoseOptions,
+    JsonOption,
+    ReportOption,
+    DiagnoseOutputs,
+    PlatformsOption,
+    SystemOption,
+    IsolateOption,
+    total=False,
+):
+    """Options of ``ppy diagnose``."""
+
+
+class LawsOutputs(TypedDict, total=False):
+    """The files that asked laws make, beside figures and page."""
+
+    effect_out: Annotated[
+        Path | None,
+        Option("The best correction as a class to lay over the model.", metavar="F.py"),
+    ]
+    fmu: Annotated[
+        Path | None,
+        Option("The corrected model as FMU: F.fmu (native) and F.python.fmu beside it."),
+    ]
+
+
+class LawsCommand(
+    JudgedOptions,
+    LaidOverOption,
+    LawsOptions,
+    JsonOption,
+    ReportOption,
+    LawsOutputs,
+    PlatformsOption,
+    total=False,
+):
+    """Options of ``ppy laws``."""
+
+
+# --- demonstration, thesis, systems --------------------------------------------------------------
+
+
+class DemoCommand(TypedDict, total=False):
+    """Options of ``ppy demo``."""
+
+    out: Annotated[
+        Path,
+        Option(
+            "Folder for FMUs, pictures, the record and the report.", default=Path("demo-output")
+        ),
+    ]
+
+
+class PageOption(TypedDict, total=False):
+    """The page of the thesis."""
+
+    out: Annotated[
+        Path,
+        Option("Where the page goes.", default=Path("thesis.html"), metavar="FOLDER_OR_HTML"),
+    ]
+
+
+class ThesisCommand(PageOption, JsonOption, total=False):
+    """Options of ``ppy thesis``."""
+
+
+class SystemArgument(TypedDict, total=False):
+    """The system, by its place."""
+
+    name: Annotated[
+        str,
+        Option(
+            "A system (see ppy system list) or its file.",
+            default=REQUIRED,
+            metavar="NAME_OR_SSP",
+            complete="system",
+            argument=True,
+        ),
+    ]
+
+
+class DrawSystemCommand(SystemArgument, total=False):
+    """Options of ``ppy system draw``."""
+
+    out: Annotated[
+        Path | None,
+        Option("Picture (.png, .svg or .pdf); default NAME.png.", metavar="FILE"),
+    ]
+
+
+class SspOption(TypedDict, total=False):
+    """The file that a system is written to."""
+
+    out: Annotated[Path | None, Option("The .ssp, or a .ssd with resources/; default NAME.ssp.")]
+
+
+class ConnectorsOption(TypedDict, total=False):
+    """The connectors of a system as a whole."""
+
+    connectors: Annotated[
+        bool,
+        Option(
+            "Inputs and outputs as connectors of the system; not for libcosim, Ecos.",
+            default=False,
+        ),
+    ]
+
+
+class ExportSystemCommand(SystemArgument, SspOption, RuntimeOption, ConnectorsOption, total=False):
+    """Options of ``ppy system export``."""
+
+
+class CheckSystemCommand(TypedDict, total=False):
+    """Options of ``ppy system check``."""
+
+    file: Annotated[
+        Path,
+        Option("System, ours or anybody's.", default=REQUIRED, metavar="FILE.ssp", argument=True),
+    ]

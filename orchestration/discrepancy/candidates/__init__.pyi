@@ -1,0 +1,17 @@
+from .candidate import Candidate as Candidate
+from .candidate import catalogue as catalogue
+from .candidate import label as label
+from .candidate import own_parameters as own_parameters
+from .encompassing_test import Amount as Amount
+from .encompassing_test import encompassing as encompassing
+from .evidence import FittedCandidate as FittedCandidate
+from .evidence import ScoredModel as ScoredModel
+from .evidence import ScreenedCandidate as ScreenedCandidate
+from .linearised_model import LinearisedModel as LinearisedModel
+from .paired_scores import PairedInnovations as PairedInnovations
+from .paired_scores import PairedScore as PairedScore
+from .paired_scores import paired_score as paired_score
+from .scales import signal_scales as signal_scales
+from .score_test import ScoreDirection as ScoreDirection
+from .score_test import score_directions as score_directions
+from .score_test import start_values as start_values

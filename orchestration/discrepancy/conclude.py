@@ -1,0 +1,415 @@
+"""The conclusion of a diagnosis: what a selected model is worth, its parameters, and the verdict.
+
+It is drawn in one place, whether the selected effects come from the catalogue or from a law that
+was found to lack something.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from orchestration.discrepancy.candidates import FittedCandidate, label
+from orchestration.discrepancy.data import Dataset, ValidationData
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.residuals import (
+    ResidualAnalysis,
+    Structure,
+    analyse_residuals,
+    residual_notes,
+    robust_power,
+)
+from orchestration.discrepancy.selection import (
+    FAILURES,
+    Intersample,
+    Search,
+    Selection,
+    intersample,
+)
+from orchestration.discrepancy.validation import (
+    Confirmation,
+    ConfirmedSelection,
+    Errors,
+    deviation_beside_fit,
+    errors_in_variables,
+    identifiability_notes,
+    implausible,
+    model_errors,
+    parameter_estimates,
+    significantly_changed,
+    unpredicted_outputs,
+)
+from orchestration.identify.fitting import FitResult
+from orchestration.identify.uncertainty import Estimate
+from orchestration.records import base_name
+
+DEGRADED = 1.1  # times the error before, above which it has grown
+# Share of the structure in a residual that may remain beside a cause, which never has quite the
+# catalogue's form.
+TOLERATED_STRUCTURE = 0.25
+CONFOUNDED_SHARE = 0.75  # of what an effect does that another would do too, to be noted
+
+
+class Verdict(StrEnum):
+    """The verdict of a diagnosis (DESIGN, section 8)."""
+
+    CONSISTENT = "consistent"
+    RECALIBRATE = "recalibrate"
+    CAUSE = "cause"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A verdict and what it rests on.
+
+    Attributes
+    ----------
+    verdict : Verdict
+    selection : Selection
+        Effects that were named and not refuted, and what was tried beside them.
+    estimates : dict of str to Estimate
+        Of the best model, fitted to all that was measured.
+    changed : list of str
+        Parameters that differ significantly from nominal, the surest first.
+    residuals : dict of str to ResidualAnalysis
+        By output, of the best model over the estimation data.
+    fitted_errors, judged_errors : dict of str to dict of str to float
+        Normalised RMS errors of free runs over the estimation and the validation data, by model and
+        output; see `model_errors`.
+    estimation : Dataset
+        What was fitted to.
+    validation : ValidationData
+        What was held out.
+    final : FittedCandidate
+        The best model fitted to all that was measured, now that its gain is known; the estimates
+        are its.
+    notes : list of Note
+        What could not be assessed, and why.
+    intersample : dict of str to Intersample
+        What every input that moves is taken to do between samples.
+    excused : frozenset of tuple of str and type
+        Kinds of structure, by output, that noise on the inputs makes by itself.
+    confirmations : dict of str to Confirmation
+        What the validation data say of every effect that was named, by its name.
+    """
+
+    verdict: Verdict
+    selection: Selection
+    estimates: dict[str, Estimate]
+    changed: list[str]
+    residuals: dict[str, ResidualAnalysis]
+    fitted_errors: Errors
+    judged_errors: Errors
+    estimation: Dataset
+    validation: ValidationData
+    final: FittedCandidate
+    notes: list[Note] = field(default_factory=list)
+    intersample: dict[str, Intersample] = field(default_factory=dict)
+    excused: frozenset[tuple[str, type]] = frozenset()
+    confirmations: dict[str, Confirmation] = field(default_factory=dict)
+
+    def unexplained(self, output: str) -> list[Structure]:
+        """Return structure in the residual of an output that input noise does not make by itself.
+
+        The most telling comes first.
+        """
+        return [
+            s for s in self.residuals[output].structure if (output, type(s)) not in self.excused
+        ]
+
+    @property
+    def before(self) -> dict[str, float]:
+        """Normalised RMS error of the refitted model on the validation data, by output."""
+        return self.judged_errors["refitted"]
+
+    @property
+    def after(self) -> dict[str, float]:
+        """Normalised RMS error of the best model on the validation data, by output."""
+        return self.judged_errors.get("extended", self.before)
+
+    @property
+    def usable(self) -> Dataset:
+        """All measured data that the final model was fitted to."""
+        problem = self.final.problem
+        several = problem.runs if len(problem.runs) > 1 else ()
+        return Dataset(
+            problem.time, problem.inputs, problem.measured, self.estimation.linear, several
+        )
+
+    @property
+    def causes(self) -> list[str]:
+        """Effects named, in the order in which they were added."""
+        return [step.chosen.effect_name for step in self.selection.steps]
+
+    @property
+    def explained(self) -> bool:
+        """True if the effects named, or parameters, account for all that the record shows."""
+        beside = {NoteCode.SOMETHING_LEFT, NoteCode.IMPLAUSIBLE}
+        return self.verdict is not Verdict.UNEXPLAINED and not beside & {
+            note.code for note in self.notes
+        }
+
+    @property
+    def unsettled(self) -> bool:
+        """True if nothing is claimed, because time was spent before the model was fitted."""
+        codes = {note.code for note in self.notes}
+        return {NoteCode.NOT_CONVERGED, NoteCode.TIME_SPENT} <= codes and not self.causes
+
+    @property
+    def inconclusive(self) -> bool:
+        """True if nothing can be said of the model: nothing was excited, or nothing was fitted."""
+        return self.verdict is Verdict.AMBIGUOUS and not self.causes
+
+
+@dataclass(frozen=True)
+class DiagnosisData:
+    """The data that a diagnosis is concluded from, and what was learned about them before.
+
+    Attributes
+    ----------
+    estimation : Dataset
+        What the models of the selection were fitted to.
+    validation : ValidationData
+        What was held out.
+    usable : Dataset
+        All that the best model is fitted to at the end.
+    more_than_estimation : bool
+        Whether `usable` holds more than the estimation data.
+    parameters : sequence of str
+        Of the base model, that are searched in the final fit.
+    intersample : dict of str to Intersample
+        What every input that moves is taken to do between samples.
+    input_noise : errors_in_variables.InputNoise
+        Noise on measured inputs, and what it does to the estimates of the base model.
+    informative : bool
+        Whether the record can tell anything of the model at all.
+    notes : sequence of Note
+        On the data and on the search, which come before those on the model.
+    """
+
+    estimation: Dataset
+    validation: ValidationData
+    usable: Dataset
+    more_than_estimation: bool
+    parameters: Sequence[str]
+    intersample: dict[str, Intersample]
+    input_noise: errors_in_variables.InputNoise
+    informative: bool = True
+    notes: Sequence[Note] = ()
+
+
+def errors_fall(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Return whether the error fell in some output and grew noticeably in none."""
+    falls = any(after[o] < before[o] for o in before)
+    grows = any(after[o] > DEGRADED * before[o] for o in before)
+    return falls and not grows
+
+
+def conclude(
+    search: Search,
+    judged: ConfirmedSelection,
+    data: DiagnosisData,
+    *,
+    improves: Callable[[Mapping[str, float], Mapping[str, float]], bool] = errors_fall,
+) -> Diagnosis:
+    """Draw the conclusion from a selection of effects that was judged on unseen data.
+
+    The best model is fitted to all that was measured, its parameters get their intervals, its
+    residuals are analysed, and the verdict follows from what it does not account for.
+
+    Parameters
+    ----------
+    search : Search
+        Fits of models over the estimation data.
+    judged : ConfirmedSelection
+        The selection less what unseen data refute, with its predictions of these.
+    data : DiagnosisData
+    improves : callable
+        Given the errors on unseen data without and with the effects, by output, returns whether
+        the effects are worth having; if not, a note says so.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    UserError
+        If the best model cannot be simulated over the data.
+    """
+    selection = judged.selection
+    best_prediction = judged.predictions[-1]
+    final, refit_notes = _fit_to_all(search, selection.best, data)
+    residuals = analyse_residuals(selection.best, data.estimation)
+    parameters = _assess_parameters(search, final, selection, residuals, data)
+    excused = errors_in_variables.excused_structure(residuals, selection, search, data.input_noise)
+    unfollowed = unpredicted_outputs(data.validation, best_prediction)
+    structure_remains = _structure_remains(selection, residuals, excused)
+
+    doubts = []
+    if selection.steps:
+        if structure_remains:
+            doubts.append(Note(NoteCode.SOMETHING_LEFT))
+        if not improves(judged.predictions[0].errors, best_prediction.errors):
+            doubts.append(Note(NoteCode.NO_GAIN))
+    notes = [
+        *data.notes,
+        *judged.notes,
+        *refit_notes,
+        *parameters.notes,
+        *(note for _, note in sorted(search.not_assessed.items())),
+        *_confounding_notes(selection),
+        *residual_notes(residuals),
+        *unfollowed,
+        *doubts,
+        *search.budget.notes,
+    ]
+    undecided = not data.informative or (parameters.interrupted and not selection.steps)
+    misfit = structure_remains or parameters.implausible or bool(unfollowed)
+    fitted_errors, judged_errors = model_errors(judged.predictions, data.validation)
+    return Diagnosis(
+        verdict=Verdict.AMBIGUOUS if undecided else _verdict(selection, parameters.changed, misfit),
+        selection=selection,
+        estimates=parameters.estimates,
+        changed=parameters.changed,
+        residuals=residuals,
+        fitted_errors=fitted_errors,
+        judged_errors=judged_errors,
+        estimation=data.estimation,
+        validation=data.validation,
+        final=final,
+        notes=notes,
+        intersample=data.intersample,
+        excused=excused,
+        confirmations=judged.confirmations,
+    )
+
+
+def _fit_to_all(
+    search: Search, best: FittedCandidate, data: DiagnosisData
+) -> tuple[FittedCandidate, list[Note]]:
+    """Fit the best model to all that was measured; if that fails, keep its fit to the first part.
+
+    Where there is no more than that part, the model is fitted once more only if parameters were
+    left out of the search.
+    """
+    complete = {*map(base_name, best.problem.names)}.issuperset(data.parameters)
+    if complete and not data.more_than_estimation:
+        return best, []
+    whole = replace(search, data=data.usable, parameters=data.parameters)
+    try:
+        return whole.trusted(whole.refit(best)), []
+    except FAILURES as error:
+        return best, [Note(NoteCode.NOT_REFITTED, "", {"reason": str(error)})]
+
+
+@dataclass(frozen=True)
+class _ParameterAssessment:
+    """Parameters of the final model, and the reservations about them.
+
+    Attributes
+    ----------
+    estimates : dict of str to Estimate
+    changed : list of str
+        Those that differ significantly from nominal.
+    implausible : bool
+        Whether one has a value that no specimen can have.
+    interrupted : bool
+        Whether time was spent before the fit converged, so that where it ended tells of the clock
+        alone.
+    notes : list of Note
+    """
+
+    estimates: dict[str, Estimate]
+    changed: list[str]
+    implausible: bool
+    interrupted: bool
+    notes: list[Note]
+
+
+def _assess_parameters(
+    search: Search,
+    final: FittedCandidate,
+    selection: Selection,
+    residuals: Mapping[str, ResidualAnalysis],
+    data: DiagnosisData,
+) -> _ParameterAssessment:
+    """Give the parameters of the final model their intervals, and tell which of them changed."""
+    starts = final.candidate.cls.layout.start_parameters
+    physical = [name for name in data.parameters if name not in starts]
+    by_input_noise = data.input_noise.spread_of(final.problem.names)
+    by_intersample = intersample.spread(data.intersample, final)
+    spread = deviation_beside_fit(final, (by_input_noise, by_intersample), selection, residuals)
+    estimates = parameter_estimates(final, spread)
+    interrupted = not final.fit.converged and bool(search.budget.notes)
+    changed = []
+    if data.informative and not interrupted:
+        changed = significantly_changed(final, physical, spread)
+    ratios = {} if interrupted else implausible(estimates, physical)
+    notes = []
+    if data.informative:
+        notes += identifiability_notes(final, physical)
+    if ratios:
+        notes.append(Note(NoteCode.IMPLAUSIBLE, "", {"ratios": ratios}))
+    return _ParameterAssessment(estimates, changed, bool(ratios), interrupted, notes)
+
+
+def _structure_remains(
+    selection: Selection,
+    residuals: Mapping[str, ResidualAnalysis],
+    excused: frozenset[tuple[str, type]],
+) -> bool:
+    """Return whether residuals hold structure that neither input noise nor a cause's form makes.
+
+    An effect that is named is never quite of the form that the catalogue gives it, and that leaves
+    some structure where it acts.
+    """
+    if any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
+        return True
+    structured = [
+        output
+        for output, analysis in residuals.items()
+        if any((output, type(s)) not in excused for s in analysis.structure)
+    ]
+    if not selection.steps:
+        return bool(structured)
+    before = selection.base.fit
+    after = selection.best.fit
+    return not all(_is_tolerated(before, after, output) for output in structured)
+
+
+def _is_tolerated(before: FitResult, after: FitResult, output: str) -> bool:
+    """Return whether only a small share of the structure in a residual remains beside a cause."""
+    noise = robust_power(after.innovation[output]) * after.noise[output].deviation ** 2
+    remaining = robust_power(after.residual[output]) - noise
+    return remaining < TOLERATED_STRUCTURE * (robust_power(before.residual[output]) - noise)
+
+
+def _confounding_notes(selection: Selection) -> list[Note]:
+    """Note the effects not named that would do much of what a named one does."""
+    named = {label(effect) for effect in selection.best.candidate.effects}
+    notes = []
+    for step in selection.steps:
+        known = named | {alternative.effect_name for alternative in step.alternatives}
+        confounders = {
+            name: share
+            for name, share in step.confounding.items()
+            if share > CONFOUNDED_SHARE and name not in known
+        }
+        if confounders:
+            shares = dict(sorted(confounders.items(), key=lambda item: -item[1]))
+            notes.append(Note(NoteCode.CONFOUNDED, step.chosen.effect_name, {"shares": shares}))
+    return notes
+
+
+def _verdict(selection: Selection, changed: Sequence[str], misfit: bool) -> Verdict:
+    """Return the verdict; a cause that is named and not refuted goes before any misfit."""
+    if selection.steps:
+        ambiguous = any(step.alternatives for step in selection.strong)
+        return Verdict.AMBIGUOUS if ambiguous else Verdict.CAUSE
+    if misfit:
+        return Verdict.UNEXPLAINED
+    return Verdict.RECALIBRATE if changed else Verdict.CONSISTENT

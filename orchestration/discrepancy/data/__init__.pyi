@@ -1,0 +1,16 @@
+from .dataset import Dataset as Dataset
+from .dataset import dataset_of as dataset_of
+from .dataset import gap_notes as gap_notes
+from .dataset import joined_dataset as joined_dataset
+from .dataset import record_labels as record_labels
+from .dataset import refuse_same as refuse_same
+from .holdout import HELD_OUT as HELD_OUT
+from .holdout import ValidationData as ValidationData
+from .holdout import is_at_rest as is_at_rest
+from .intersample import IntersampleCourse as IntersampleCourse
+from .intersample import classify_course as classify_course
+from .intersample import white_noise as white_noise
+from .quality import resolution_of as resolution_of
+from .screening import DividedData as DividedData
+from .screening import is_excited as is_excited
+from .screening import screen_and_divide as screen_and_divide

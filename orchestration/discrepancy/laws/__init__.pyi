@@ -1,0 +1,9 @@
+from .base import search_of as search_of
+from .discovery import Correction as Correction
+from .discovery import LawMapResult as LawMapResult
+from .discovery import discover as discover
+from .entry import Entry as Entry
+from .fitting import unit_of as unit_of
+from .input_denoising import noise_of_inputs as noise_of_inputs
+from .input_denoising import with_denoised_inputs as with_denoised_inputs
+from .signals import LawSignal as LawSignal

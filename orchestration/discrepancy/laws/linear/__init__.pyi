@@ -1,0 +1,11 @@
+from .linearised import LinearisedRecord as LinearisedRecord
+from .powers import affine_powers as affine_powers
+from .powers import moved as moved
+from .powers import reach as reach
+from .response import LinearResponse as LinearResponse
+from .response import Sides as Sides
+from .response import SimulatedCourse as SimulatedCourse
+from .response import continuous as continuous
+from .response import responses_of_runs as responses_of_runs
+from .unknown_input import UnknownInput as UnknownInput
+from .unknown_input import estimate_unknown_input as estimate_unknown_input

@@ -1,0 +1,264 @@
+"""Unknown input to a law, estimated so that the model follows the record.
+
+A model that lacks much runs elsewhere than the plant did, and its signals there are of no use. With
+an unknown input added to one of its laws it runs where the plant ran, as far as that law can take
+it there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from fmus.kit import Component, Effect, Input, UserError
+from fmus.kit.symbolic import PerturbedLaws
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.laws.linear.response import (
+    LinearResponse,
+    Sides,
+    SimulatedCourse,
+    responses_of_runs,
+)
+from orchestration.discrepancy.laws.linear.smoothing import TrackingTarget, smoothed, smoothest
+from orchestration.discrepancy.selection import Search
+from orchestration.identify.noise import noise_std
+from orchestration.records import MeasuredRun
+
+Array = NDArray[np.float64]
+_ROUNDS = 6
+_SETTLED = 0.01  # fall of the cost, relative, that ends the rounds
+_HALVINGS = 5
+_ORDERS = 2, 3  # of differences
+_KNOWN = 0.01  # precision of a coordinate without a prior, in its sizes
+_LEAST = 1e-6  # of the residual of a model, which noise is taken to be at least
+_NEIGHBOURS = 5  # samples
+_FAR = 6.0  # deviations from their median, beyond which one of them is an outlier
+
+
+def disturbed(cls: type[Component], law: str) -> type[Effect]:
+    """Return an effect that adds an input to a law."""
+    name = f"{law}_addition"
+
+    def more(self: Any, *arguments: Any) -> Any:
+        return getattr(super(effect, self), law)(*arguments) + getattr(self, name)
+
+    about = {
+        "id": "addition",
+        law: more,
+        name: Input("1", doc=f"added to {law}"),
+        "__module__": cls.__module__,
+    }
+    effect: type[Effect] = type(f"AdditionTo{law.title()}", (Effect,), about)
+    return effect
+
+
+@dataclass(frozen=True)
+class UnknownInput:
+    """An unknown input to one law, and the model that follows a record by it, linearised.
+
+    Attributes
+    ----------
+    law : str
+    residual : dict of str to ndarray, shape (m,)
+        Measured minus simulated without the input, to first order.
+    unexplained : dict of str to ndarray, shape (m,)
+        Measured minus simulated with it.
+    slopes : dict of str to ndarray, shape (m, p)
+        Derivatives of the residual by the model's own parameters.
+    parts : list of tuple of MeasuredRun, Course and LinearResponse
+    values : dict of str to float
+        The model's own parameters beside the input, SI.
+    """
+
+    law: str
+    residual: dict[str, Array]
+    unexplained: dict[str, Array]
+    slopes: dict[str, Array]
+    parts: list[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]
+    values: dict[str, float]
+
+
+def estimate_unknown_input(
+    search: Search, base: FittedCandidate, laws: PerturbedLaws, law: str
+) -> UnknownInput:
+    """Estimate the unknown input to one law with which a fitted model follows the record.
+
+    Parameters
+    ----------
+    search : Search
+    base : FittedCandidate
+    laws : PerturbedLaws
+        Of the model.
+    law : str
+
+    Returns
+    -------
+    UnknownInput
+
+    Raises
+    ------
+    UserError
+        If the model cannot be simulated with it.
+    """
+    plant = _DrivenModel(search, base, laws, law)
+    course = np.zeros(len(search.data.time))
+    here = plant.at(course, plant.q)
+    if not any(r.moves(law) for _, _, r in here.parts):
+        return plant.result(course, here)
+    targets = plant.targets(course, here)
+    reach = smoothest(targets, law, plant.noise, plant.precision)
+    for _ in range(_ROUNDS):
+        target = np.zeros_like(course)
+        courses, step, _ = smoothed(
+            plant.targets(course, here), law, plant.noise, plant.precision, reach
+        )
+        for (run, _, _), one in zip(here.parts, courses, strict=True):
+            target[run.samples] = one
+        q = plant.within(here.q + step)
+        following = plant.towards(course, here, target, q)
+        if following is None:
+            break
+        fallen = here.cost - following[1].cost
+        course, here = following
+        if fallen < _SETTLED * here.cost:
+            break
+    return plant.result(course, here)
+
+
+@dataclass(frozen=True)
+class _DrivenRun:
+    """A simulation with an input added to a law, and its responses to more of it."""
+
+    q: Array
+    error: dict[str, Array]
+    slopes: dict[str, Array]
+    cost: float
+    parts: list[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]
+
+
+class _DrivenModel:
+    """Simulations of a model with an input added to one of its laws."""
+
+    def __init__(self, search: Search, base: FittedCandidate, laws: PerturbedLaws, law: str):
+        data = search.data
+        name = f"{law}_addition"
+        self._laws = laws
+        self._law = law
+        self._data = data
+        self._name = name
+        moving = True if data.linear is True else {*(data.linear or ()), name}
+        fed = {**data.inputs, name: np.zeros(len(data.time))}
+        here = replace(search, data=replace(data, inputs=fed, linear=moving))
+        candidate = base.candidate.with_effect(disturbed(base.candidate.cls, law))
+        names = [*search.parameters, *base.candidate.parameters, *base.candidate.starts]
+        self._problem = here.problem(candidate, names, {**search.fixed, **base.fit.values})
+        self.q = self._problem.position(self._problem.start | base.fit.values)
+        # a coordinate without a prior is known to some of its sizes
+        self.precision = np.where(base.fit.prior_precision > 0.0, base.fit.prior_precision, _KNOWN)
+        self._outputs = list(self._problem.measured)
+        residual, _ = self._problem.evaluate(self.q)
+        self.noise = noise_floor(residual)
+
+    def within(self, q: Array) -> Array:
+        """Return coordinates within their ranges."""
+        return np.clip(q, *self._problem.bounds())
+
+    def at(self, course: Array, q: Array) -> _DrivenRun:
+        """Simulate with an input (n,), at coordinates (p,)."""
+        problem = self._problem
+        problem.inputs = {**self._data.inputs, self._name: course}
+        problem.forget()
+        error, slopes = problem.evaluate(q)
+        cost = sum(float(np.sum((e / self.noise[o]) ** 2)) for o, e in error.items())
+        values = problem.start | problem.values(q)
+        ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
+        parts = responses_of_runs(
+            self._laws,
+            problem.time,
+            self._data.inputs,
+            ran.signals,
+            values,
+            linear=self._data.linear or (),
+            runs=problem.runs,
+            outputs=self._outputs,
+        )
+        return _DrivenRun(q, dict(error), dict(slopes), cost, parts)
+
+    def towards(
+        self, course: Array, here: _DrivenRun, target: Array, q: Array
+    ) -> tuple[Array, _DrivenRun] | None:
+        """Go as far towards a target input as costs less; None if nothing does."""
+        for halving in range(_HALVINGS):
+            share = 0.5**halving
+            tried = course + share * (target - course)
+            try:
+                run = self.at(tried, here.q + share * (q - here.q))
+            except UserError:
+                continue
+            if run.cost < here.cost:
+                return tried, run
+        return None
+
+    def targets(self, course: Array, here: _DrivenRun) -> list[TrackingTarget]:
+        """Return the residual of every run without the input; outliers are not known."""
+        whole = {
+            o: self._full(_without_outliers(e, self.noise[o]), o) for o, e in here.error.items()
+        }
+        shown = self._response(course, here)
+        slopes = {o: self._full(j, o) for o, j in here.slopes.items()}
+        return [
+            TrackingTarget(
+                response,
+                {o: (whole[o] + shown[o])[run.samples] for o in whole},
+                {o: np.nan_to_num(j[run.samples]) for o, j in slopes.items()},
+            )
+            for run, _, response in here.parts
+        ]
+
+    def result(self, course: Array, here: _DrivenRun) -> UnknownInput:
+        """Return the residual with the input and without it."""
+        present = self._problem.present
+        shown = self._response(course, here)
+        residual = {o: e + shown[o][present[o]] for o, e in here.error.items()}
+        self._problem.forget()
+        return UnknownInput(
+            self._law, residual, here.error, here.slopes, here.parts, self._problem.values(here.q)
+        )
+
+    def _response(self, course: Array, here: _DrivenRun) -> dict[str, Array]:
+        """Return the response (n,) of the outputs to an input."""
+        responses = {o: np.zeros(len(course)) for o in self._outputs}
+        for run, _, response in here.parts:
+            begin = course[run.samples, None]
+            end = np.append(begin[1:], begin[-1:], axis=0)
+            for o, rows in response(self._law, Sides(begin, end)).items():
+                responses[o][run.samples] = rows[:, 0]
+        return responses
+
+    def _full(self, values: Array, output: str) -> Array:
+        """Return values (n, ...) with NaN where nothing was measured."""
+        whole = np.full((len(self._data.time), *values.shape[1:]), np.nan)
+        whole[self._problem.present[output]] = values
+        return whole
+
+
+def noise_floor(residual: Mapping[str, Array]) -> dict[str, float]:
+    """Estimate the standard deviation of the noise of outputs by differences of residuals."""
+    floor = {}
+    for o, e in residual.items():
+        rms = float(np.sqrt(np.mean(e**2)))
+        # what a model lacks is smoother than noise, and smoother than the record; its curvature
+        # must not count
+        floor[o] = max(min(rms, *(noise_std(e, order) for order in _ORDERS)), _LEAST * rms) or 1.0
+    return floor
+
+
+def _without_outliers(error: Array, deviation: float) -> Array:
+    """Return a residual with NaN for samples that are far from their neighbours."""
+    far = np.abs(error - median_filter(error, _NEIGHBOURS, mode="nearest")) > _FAR * deviation
+    return np.where(far, np.nan, error)

@@ -1,0 +1,11 @@
+from . import effect_file as effect_file
+from . import figures as figures
+from . import summary as summary
+from . import terminal as terminal
+from . import wording as wording
+from .law_report import LawReport as LawReport
+from .page import add_laws as add_laws
+from .page import laws_page as laws_page
+from .summary import law_map as law_map
+from .wording import headline as headline
+from .wording import typeset_headline as typeset_headline

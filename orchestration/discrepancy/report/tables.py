@@ -1,0 +1,234 @@
+"""Rows of the tables that terminal, page and JSON share: errors, evidence and changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmus.kit.units import format_value
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.changes import Change
+from orchestration.discrepancy.data import Dataset
+from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.pipeline import Result
+from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.validation import predict
+from orchestration.identify import finite_or_none, normalised_rms
+from orchestration.records import MeasuredRun
+
+_MODELS = {
+    "untouched": "untouched",
+    "least_squares": "least squares",
+    "refitted": "refitted",
+    "extended": "extended",
+}
+CHANGE_HEAD = ["parameter", "before", "after", "gain", "verdict"]
+
+
+@dataclass(frozen=True)
+class RunError:
+    """Errors of the best model in one record.
+
+    Attributes
+    ----------
+    label : str
+    held_out : bool
+    samples : int
+    nrmse : dict of str to float
+        Normalised RMS error of every output; of a record held out, where it is judged.
+    """
+
+    label: str
+    held_out: bool
+    samples: int
+    nrmse: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it ready for JSON."""
+        return {
+            "record": self.label,
+            "held_out": self.held_out,
+            "samples": self.samples,
+            "nrmse": {output: finite_or_none(error) for output, error in self.nrmse.items()},
+        }
+
+
+def run_errors(result: Result) -> list[RunError]:
+    """Return the errors of the best model in every record; none where there is only one record.
+
+    Parameters
+    ----------
+    result : Result
+
+    Returns
+    -------
+    list of RunError
+        First of the records fitted to, then of those held out, each in the order given.
+    """
+    estimation = result.diagnosis.estimation
+    validation = result.diagnosis.validation
+    if not (estimation.several or validation.data.several):
+        return []
+    best = result.diagnosis.selection.best
+    simulated = result.gain.extended if result.gain else predict(validation, best).simulated
+    errors = []
+    for run in estimation.runs:
+        label = run.label or result.files
+        nrmse = _fitted_nrmse(best, estimation, run)
+        errors.append(RunError(label, False, run.last - run.first, nrmse))
+    for run in validation.data.runs:
+        nrmse = validation.nrmse(simulated, run.samples)
+        errors.append(RunError(run.label, not validation.continued, run.last - run.first, nrmse))
+    return errors
+
+
+def _fitted_nrmse(model: FittedCandidate, data: Dataset, run: MeasuredRun) -> dict[str, float]:
+    """Return the error of every output in one run of the data that a model was fitted to."""
+    nrmse = {}
+    for output, present_residual in model.fit.residual.items():
+        residual = np.full(len(data.time), np.nan)
+        residual[model.problem.present[output]] = present_residual
+        y = data.measured[output][run.samples]
+        simulated = y - np.where(np.isnan(y), 0.0, residual[run.samples])
+        nrmse[output] = normalised_rms(y, simulated)
+    return nrmse
+
+
+def error_table(diagnosis: Diagnosis) -> tuple[list[str], list[list[str]]]:
+    """Return head and rows of a table of normalised RMS errors of free runs.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    head : list of str
+    rows : list of list of str
+        One for every output and part of the data, with a column for every model.
+    """
+    models = [name for name in _MODELS if name in diagnosis.fitted_errors]
+    parts = {"fitted": diagnosis.fitted_errors, "held out": diagnosis.judged_errors}
+    rows = []
+    for part, errors in parts.items():
+        for output in next(iter(errors.values()), {}):
+            cells = [f"{errors[name][output]:.4g}" if name in errors else "" for name in models]
+            rows.append([output, part, *cells])
+    return ["output", "where", *(_MODELS[name] for name in models)], rows
+
+
+@dataclass(frozen=True)
+class TriedEffect:
+    """An effect that was fitted, with the evidence for it and its verdict.
+
+    Attributes
+    ----------
+    candidate : FittedCandidate
+        The model with the effect.
+    gain : float
+        Fall of BIC.
+    p_value : float
+    verdict : {"named", "not told apart", "rejected"}
+    reason : str
+        Why it was rejected, what it is not told apart from, or what unseen data say of it.
+    """
+
+    candidate: FittedCandidate
+    gain: float
+    p_value: float
+    verdict: str
+    reason: str = ""
+
+
+def tried_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
+    """Return every effect that was fitted, once: those named, their alternatives, and others.
+
+    Others are judged by the last step in which they were tried, and sorted by their gain.
+    """
+    listed = _named_effects(diagnosis) + _alternative_effects(diagnosis)
+    names = {row.candidate.effect_name for row in listed}
+    rejected = _rejected_effects(diagnosis, names)
+    return listed + sorted(rejected, key=lambda row: (-row.gain, row.candidate.candidate.name))
+
+
+def _named_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
+    return [
+        TriedEffect(
+            step.chosen, step.gain, step.p_value, "named", _unseen_evidence(diagnosis, step.chosen)
+        )
+        for step in diagnosis.selection.steps
+    ]
+
+
+def _alternative_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
+    selection = diagnosis.selection
+    rows = []
+    for step, smaller in zip(selection.steps, _models_by_step(diagnosis), strict=False):
+        for alternative in step.alternatives:
+            gain = step.gains[alternative.effect_name]
+            p_value = alternative.p_value(smaller, selection.tried)
+            reason = f"from {step.chosen.effect_name}"
+            rows.append(TriedEffect(alternative, gain, p_value, "not told apart", reason))
+    return rows
+
+
+def _rejected_effects(diagnosis: Diagnosis, listed: set[str]) -> list[TriedEffect]:
+    """Return effects that were tried and that no table has yet, by the last trial of each."""
+    selection = diagnosis.selection
+    rejected_by_step = [*(step.rejected for step in selection.steps), selection.rejected]
+    last_trial: dict[str, tuple[FittedCandidate, FittedCandidate]] = {}
+    gains: dict[str, list[float]] = {}
+    for rejected, smaller in zip(rejected_by_step, _models_by_step(diagnosis), strict=True):
+        for candidate, gain in rejected:
+            last_trial[candidate.effect_name] = candidate, smaller
+            gains.setdefault(candidate.effect_name, []).append(gain)
+    causes = " and ".join(step.chosen.effect_name for step in selection.steps)
+    rows = []
+    for name, (candidate, smaller) in last_trial.items():
+        if name not in listed:
+            p_value = candidate.p_value(smaller, selection.tried)
+            reason = wording.why_not(gains[name], causes, name in selection.unsure)
+            rows.append(TriedEffect(candidate, gains[name][-1], p_value, "rejected", reason))
+    return rows
+
+
+def _models_by_step(diagnosis: Diagnosis) -> list[FittedCandidate]:
+    """Return the models to which every step, and a last one in vain, tried to add an effect."""
+    selection = diagnosis.selection
+    return [selection.base, *(step.chosen for step in selection.steps)]
+
+
+def _unseen_evidence(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:
+    """Return what the part held out says of a cause, and how surely; empty if it was not judged."""
+    confirmation = diagnosis.confirmations.get(chosen.effect_name)
+    if confirmation is None:
+        return ""
+    score = confirmation.score
+    outcome = wording.confirmation(diagnosis, chosen.effect_name)
+    return f"{outcome} (log-likelihood {score.gain:+.3g} ± {score.standard_error:.2g})"
+
+
+def change_rows(changes: Sequence[Change]) -> list[list[str]]:
+    """Return the rows of a table of changes below `CHANGE_HEAD`, as plain text."""
+    rows = []
+    for change in changes:
+        name = f"{change.name} ({change.effect})" if change.effect else change.name
+        before = format_value(change.before, change.declaration)
+        after = format_value(change.after, change.declaration)
+        rows.append([name, before, after, format_gain(change), change_verdict(change)])
+    return rows
+
+
+def format_gain(change: Change) -> str:
+    """Return the share of the squared error that a change explains; empty where it is unknown."""
+    return "" if change.gain is None else f"{100 * change.gain:.1f} %"
+
+
+def change_verdict(change: Change) -> str:
+    """Return in a word whether a change is claimed."""
+    if change.changed:
+        return "changed"
+    return "uncertain" if change.uncertain else "not claimed"

@@ -1,0 +1,17 @@
+from .analysis import ALPHA as ALPHA
+from .analysis import ResidualAnalysis as ResidualAnalysis
+from .analysis import SignalTests as SignalTests
+from .analysis import Structure as Structure
+from .analysis import analyse_outputs as analyse_outputs
+from .analysis import analyse_residuals as analyse_residuals
+from .analysis import has_structure as has_structure
+from .analysis import residual_notes as residual_notes
+from .correlation import CrossCorrelation as CrossCorrelation
+from .excess_variance import ExcessVariance as ExcessVariance
+from .innovations import robust_power as robust_power
+from .lines import flattening_gain as flattening_gain
+from .lines import flattening_pole as flattening_pole
+from .lines import spectral_level as spectral_level
+from .operating_regions import ConditionalMean as ConditionalMean
+from .operating_regions import OperatingRegion as OperatingRegion
+from .random_walk import RandomWalkTest as RandomWalkTest

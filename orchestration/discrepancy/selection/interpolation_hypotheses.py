@@ -1,0 +1,118 @@
+"""Hypotheses about inputs between samples, held or linear, tested again with the best effect.
+
+A model that is wrong may ask for the wrong one: what an effect delays looks like half a sample
+more, or less, than there is. So where a model without effects leaves structure, and the record can
+tell the hypotheses apart, the best effect is searched under both, and where the other one wins, all
+are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from fmus.kit import Effect
+from orchestration.discrepancy.candidates import FittedCandidate, ScoredModel
+from orchestration.discrepancy.residuals import has_structure
+from orchestration.discrepancy.selection.intersample import (
+    CLEAR,
+    InterpolationBasis,
+    Intersample,
+    turned,
+)
+from orchestration.discrepancy.selection.ranking import few, nearest_bic
+from orchestration.discrepancy.selection.revision import explaining, revised
+from orchestration.discrepancy.selection.scoring import score
+from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.stepwise import Selection, select
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Inputs taken as held or linear between samples, and the base model fitted accordingly.
+
+    Attributes
+    ----------
+    search : Search
+    scored : ScoredModel
+        The model, and where effects would move it.
+    chosen : dict of str to Intersample
+    """
+
+    search: Search
+    scored: ScoredModel
+    chosen: dict[str, Intersample]
+
+
+def selected(
+    search: Search,
+    base: FittedCandidate,
+    chosen: dict[str, Intersample],
+    effects: Sequence[type[Effect]],
+) -> tuple[Hypothesis, Selection]:
+    """Select effects that explain what is wrong, and take inputs as the best effect asks.
+
+    Parameters
+    ----------
+    search : Search
+    base : FittedCandidate
+        The model without effects.
+    chosen : dict of str to Intersample
+        By its fit.
+    effects : sequence of type[Effect]
+        The catalogue.
+    """
+    hypothesis = Hypothesis(search, score(search, base, effects), chosen)
+    selection = _select_and_revise(hypothesis, effects)
+    other = by_effects(hypothesis, effects)
+    if other is not hypothesis:
+        other_selection = _select_and_revise(other, effects)
+        if other_selection.steps:
+            return other, other_selection
+    return hypothesis, selection
+
+
+def _select_and_revise(hypothesis: Hypothesis, effects: Sequence[type[Effect]]) -> Selection:
+    search = hypothesis.search
+    selection = select(search, effects, hypothesis.scored)
+    return explaining(search, revised(search, selection, effects))
+
+
+def by_effects(hypothesis: Hypothesis, effects: Sequence[type[Effect]]) -> Hypothesis:
+    """Let the best effect overrule how inputs are taken.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        By the fit of the model without effects.
+    effects : sequence of type[Effect]
+        The catalogue.
+
+    Returns
+    -------
+    Hypothesis
+        The same, or the one that the record asks for.
+    """
+    search = hypothesis.search
+    base = hypothesis.scored.model
+    names = [name for name, choice in hypothesis.chosen.items() if choice.open]
+    if not names or search.budget.spent() or not has_structure(base, search.data):
+        return hypothesis
+    search.progress("looking at inputs both ways")
+    promising = few(hypothesis.scored, effects)
+    best = hypothesis
+    least = nearest_bic(search, hypothesis.scored, promising)
+    for name in names:
+        other = turned(best.search, best.scored.model, [name])
+        if other is None or search.budget.spent():
+            continue
+        scored = score(*other, promising)
+        bic = nearest_bic(other[0], scored, promising)
+        if least - bic >= CLEAR:
+            is_linear = not hypothesis.chosen[name].linear
+            choice = Intersample(is_linear, InterpolationBasis.FIT, least - bic)
+            best = Hypothesis(other[0], scored, best.chosen | {name: choice})
+            least = bic
+    if best is hypothesis:
+        return hypothesis
+    return replace(best, scored=score(best.search, best.scored.model, effects))

@@ -1,0 +1,17 @@
+from . import errors_in_variables as errors_in_variables
+from .confirmation import Confirmation as Confirmation
+from .confirmation import ConfirmedSelection as ConfirmedSelection
+from .confirmation import Outcome as Outcome
+from .confirmation import confirm as confirm
+from .confirmation import score as score
+from .estimates import deviation_beside_fit as deviation_beside_fit
+from .estimates import identifiability_notes as identifiability_notes
+from .estimates import implausible as implausible
+from .estimates import parameter_estimates as parameter_estimates
+from .estimates import significantly_changed as significantly_changed
+from .prediction import Errors as Errors
+from .prediction import Prediction as Prediction
+from .prediction import model_errors as model_errors
+from .prediction import parameters_on as parameters_on
+from .prediction import predict as predict
+from .prediction import unpredicted_outputs as unpredicted_outputs

@@ -1,0 +1,252 @@
+"""Subjects of an experiment, a component or a system: their signals, and a way to run them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import UserError, suggestion
+from fmus.kit.record import CompiledModel
+from fmus.kit.storage import scratch
+from orchestration import master
+from orchestration.experiment.model import Experiment, Master
+from orchestration.fmu import Signal, Value, find_model, read_description, read_signal
+from orchestration.fmu.isolation import Limits
+from orchestration.master.reference import Mechanical, fuse, mechanical
+from orchestration.system import Member, Port, System, library, ssp
+from orchestration.system import checking as check
+from orchestration.system.ssp import ENDINGS
+
+Array = NDArray[np.float64]
+Progress = Callable[[int], None]
+
+
+class Runner(Protocol):
+    """Runs a subject over communication points."""
+
+    def __call__(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
+        record: Sequence[str],
+        progress: Progress,
+        *,
+        pace: master.RealTime | None = None,
+        isolation: Limits | None = None,
+    ) -> master.Run:
+        """Return the recorded outputs.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Communication points, s.
+        inputs : Mapping of str to ndarray, shape (n,)
+        settings : Mapping of str to float or str
+            Parameters.
+        record : sequence of str
+            Names of outputs.
+        progress : callable
+            Called with the number of points done.
+        pace : RealTime, optional
+            Keeps pace with real time.
+        isolation : Limits, optional
+            Of a process beside this one, in which the run goes on.
+        """
+
+
+_NO_READING = ("parameter", "input", "independent")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A component or a system.
+
+    Attributes
+    ----------
+    name : str
+    inputs, parameters, outputs : Mapping of str to Signal
+        What can be driven, set and recorded; in a system the latter two are ``member.variable``.
+        Inputs of members that nothing feeds can be set.
+    fed : Mapping of str to str
+        Inputs that cannot be set, and why.
+    usual : list of str
+        Outputs that are recorded unless the experiment names others.
+    settings : Mapping of str to float or str
+        Parameters that are set already: those of the preset, or of the members of the system.
+    duration, step : float
+        Seconds, of its default experiment.
+    guids : Mapping of str to str
+        GUID of every FMU.
+    couplings : list of Mechanical
+        Those whose imbalance can be computed.
+    run : callable
+        A `Runner`.
+    foreign : bool
+        Whether an FMU among it is not one of ours.
+    """
+
+    name: str
+    inputs: Mapping[str, Signal]
+    fed: Mapping[str, str]
+    parameters: Mapping[str, Signal]
+    outputs: Mapping[str, Signal]
+    usual: Sequence[str]
+    settings: Mapping[str, Value]
+    duration: float
+    step: float
+    guids: Mapping[str, str]
+    couplings: Sequence[Mechanical]
+    run: Runner
+    foreign: bool
+
+
+@contextmanager
+def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
+    """Find what an experiment is made on; while the context lasts, it can be run.
+
+    Raises
+    ------
+    UserError
+        If there is no such component, system, preset or effect, or an FMU cannot be read or built.
+    """
+    with scratch.folder("system") as folder:
+        try:
+            if experiment.component is not None:
+                made_on = _component(experiment, experiment.component)
+            else:
+                made_on = _system(experiment, str(experiment.system), folder)
+        except UserError as error:
+            raise UserError(f"{where}: {error}") from error
+        yield made_on
+
+
+def _component(experiment: Experiment, name: str) -> Subject:
+    """Wrap a component as a system of one member, whose signals need no ``member.`` before them."""
+    model = find_model(name, experiment.runtime, experiment.effects)
+    usual = read_description(model.path).defaultExperiment
+    duration = float(getattr(usual, "stopTime", None) or 10.0)
+    member = model.path.stem.replace(".", "_")
+    system = System(
+        model.name,
+        members=(Member(member, model.path, model.settings([], experiment.preset), model.cls),),
+        connections=(),
+        inputs={name: (Port(member, name),) for name in model.inputs},
+        step=float(getattr(usual, "stepSize", None) or duration / 1000),
+        stop=duration,
+    )
+    return _seen(system, experiment, f"{member}.")
+
+
+def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
+    is_file = Path(name).suffix.lower() in ENDINGS
+    return _seen(
+        ssp.read(Path(name), folder) if is_file else library.system(name, experiment.runtime),
+        experiment,
+    )
+
+
+def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
+    check.check(system)
+    described = {member.name: read_description(member.fmu) for member in system.members}
+    variables = {
+        f"{member}.{v.name}".removeprefix(prefix): v
+        for member, description in described.items()
+        for v in description.modelVariables
+    }
+    outputs = {name: read_signal(v) for name, v in variables.items() if _is_recordable(v)}
+    ports = {name: str(ports[0]).removeprefix(prefix) for name, ports in system.inputs.items()}
+    fed = {str(c.target): f"it receives {c.source}" for c in system.connections}
+    for name, targets in system.inputs.items():
+        fed |= dict.fromkeys([name, *map(str, targets)], f"give it as inputs.{name}")
+    how = experiment.master or Master()
+
+    def run(
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
+        record: Sequence[str],
+        progress: Progress,
+        *,
+        pace: master.RealTime | None = None,
+        isolation: Limits | None = None,
+    ) -> master.Run:
+        ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
+        names = [f"{prefix}{name}" for name in record]
+        if how.method == "fused":
+            return _fused(ready, time, inputs, names, progress)
+        options = how.model_dump(exclude_none=True)
+        return master.run(
+            ready,
+            time,
+            inputs,
+            record=names,
+            progress=progress,
+            real_time=pace,
+            isolation=isolation,
+            **options,
+        )
+
+    wanted = [str(port) for port in system.outputs.values()]
+    return Subject(
+        name=system.name,
+        inputs={name: read_signal(variables[port]) for name, port in ports.items()},
+        fed=fed,
+        parameters={
+            name: read_signal(v)
+            for name, v in variables.items()
+            if v.causality == "parameter"
+            or (v.causality == "input" and v.type != "String" and f"{prefix}{name}" not in fed)
+        },
+        outputs=outputs,
+        usual=wanted or [name for name in outputs if variables[name].causality == "output"],
+        settings={
+            f"{m.name}.{n}".removeprefix(prefix): v
+            for m in system.members
+            for n, v in m.parameters.items()
+        },
+        duration=system.stop,
+        step=system.step,
+        guids={name: description.guid for name, description in described.items()},
+        couplings=mechanical(system) if how.couples_evenly else [],
+        run=run,
+        foreign=any(member.cls is None for member in system.members),
+    )
+
+
+def _is_recordable(variable: Any) -> bool:
+    return variable.causality not in _NO_READING and variable.type != "String"
+
+
+def _fused(
+    system: System, time: Array, inputs: Mapping[str, Array], record: Sequence[str], tell: Progress
+) -> master.Run:
+    """Run a system as one compiled model.
+
+    Inputs are held as a master holds them; members exchange all the time.
+    """
+    model = CompiledModel(fuse(system))
+    begin = perf_counter()
+    signals = model.run(time, inputs).signals
+    for name in record:
+        if name not in signals:
+            raise UserError(
+                f"{name}: a fused system has states and outputs only{suggestion(name, signals)}"
+            )
+    tell(time.size)
+    spent = master.Statistics({}, time.size - 1, 0, 0, perf_counter() - begin)
+    return master.Run(time, {name: signals[name] for name in record}, {}, True, "", spent, {})
+
+
+def known(name: str, among: Mapping[str, Signal], what: str, where: str) -> Signal:
+    """Return a signal by its name; UserError with the nearest one if there is none."""
+    if name not in among:
+        raise UserError(f"{where}: {what} named {name!r}{suggestion(name, among)}")
+    return among[name]

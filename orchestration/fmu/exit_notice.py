@@ -1,0 +1,53 @@
+"""A notice printed if an FMU exits this process, which would otherwise look like success."""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import functools
+from collections import Counter
+
+from orchestration.fmu.isolation import shared_progress
+from orchestration.fmu.kernel import load_exit_watch
+
+_NOTICE_SIZE = 500  # bytes
+_open_count = ctypes.c_int(0)
+_notice = ctypes.create_string_buffer(_NOTICE_SIZE)
+_open_fmus: Counter[str] = Counter()
+
+
+def note_opened(label: str) -> None:
+    """Watch for an exit of this process from now on, until the FMU is closed."""
+    # the exit of an isolated process is noticed by its parent
+    if shared_progress.current is None and _start_watch():
+        _open_fmus[label] += 1
+        _update_notice()
+
+
+def note_closed(label: str) -> None:
+    """Stop watching for an exit if this was the last open FMU."""
+    if _open_fmus[label]:
+        _open_fmus[label] -= 1
+        _update_notice()
+
+
+def _update_notice() -> None:
+    names = ", ".join(sorted(+_open_fmus))
+    notice = f"error: {names}: the FMU has ended this process; give --isolate\n"
+    _notice.value = notice.encode()[: _NOTICE_SIZE - 1]
+    _open_count.value = _open_fmus.total()
+
+
+@functools.cache
+def _start_watch() -> bool:
+    """Install the watch once; false if there is no compiler for it."""
+    watch = load_exit_watch()
+    if watch is None:
+        return False
+    watch(ctypes.byref(_open_count), _notice)
+    atexit.register(_stop_watch)  # an exit by Python is not one by an FMU
+    return True
+
+
+def _stop_watch() -> None:
+    _open_count.value = 0

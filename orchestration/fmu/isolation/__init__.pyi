@@ -1,0 +1,16 @@
+from . import limits as limits
+from . import shared_progress as shared_progress
+from .limits import DEFAULT as DEFAULT
+from .limits import STEP_TIMEOUT as STEP_TIMEOUT
+from .limits import Limits as Limits
+from .limits import isolation as isolation
+from .limits import limits_of as limits_of
+from .pool import Pool as Pool
+from .process import Ended as Ended
+from .process import Process as Process
+from .shared_progress import SharedProgress as SharedProgress
+from .shared_progress import activity as activity
+from .shared_progress import allocate_rows as allocate_rows
+from .shared_progress import describe_rows as describe_rows
+from .shared_progress import noting as noting
+from .shared_progress import tracked_run as tracked_run

@@ -1,0 +1,49 @@
+"""Sending Python objects over a byte stream, each preceded by a mark and its length.
+
+FMUs may print to the same stream; they do not write the mark by accident.
+"""
+
+from __future__ import annotations
+
+import pickle
+from io import FileIO
+from typing import IO, Any
+
+_MARK = b"\x93ppy\r\n\x1a\n"
+_LENGTH_SIZE = 8  # bytes
+_CHUNK = 2**20  # bytes read at once
+
+
+def send(stream: IO[bytes], message: Any) -> None:
+    """Send an object.
+
+    Raises
+    ------
+    OSError
+        If the other end is closed.
+    """
+    data = pickle.dumps(message)
+    stream.write(_MARK + len(data).to_bytes(_LENGTH_SIZE, "little") + data)
+    stream.flush()
+
+
+def receive(stream: IO[bytes] | FileIO) -> Any:
+    """Wait for the next object; None at the end of the stream, or if it holds anything else."""
+    try:
+        head = _read(stream, len(_MARK) + _LENGTH_SIZE)
+        size = int.from_bytes(head[len(_MARK) :], "little") if head.startswith(_MARK) else 0
+        data = _read(stream, size)
+    except (OSError, ValueError):
+        return None
+    return pickle.loads(data) if data and len(data) == size else None
+
+
+def _read(stream: IO[bytes] | FileIO, size: int) -> bytes:
+    """Read that many bytes, fewer only at the end; an unbuffered stream returns some at a time."""
+    data = bytearray()
+    while len(data) < size:
+        more = stream.read(min(size - len(data), _CHUNK))
+        if not more:
+            break
+        data += more
+    return bytes(data)

@@ -1,0 +1,322 @@
+"""The progress of a process, in shared memory that outlives it: current FMU call, points, rows."""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import UserError, files
+from orchestration.fmu.kernel import Progress
+
+Array = NDArray[np.float64]
+# names of the files in the folder of a process
+_MEMORY = "progress"
+_LEGEND = "legend"
+_DESCRIPTION = "description"
+_ROWS = "rows"
+_TEXT_SIZE = 500  # bytes
+_SLOTS = 16  # runs of the kernel that can be tracked at the same time
+_NO_SLOT = -1
+_STEP_CALLS = ("step", "fmi2DoStep")
+
+
+class _Head(ctypes.Structure):
+    """The part of the shared memory that precedes the runs of the kernel."""
+
+    _fields_ = (
+        ("beat", ctypes.c_int64),
+        ("point", ctypes.c_int64),
+        ("length", ctypes.c_int32),
+        ("slot", ctypes.c_int32),
+        ("text", ctypes.c_char * _TEXT_SIZE),
+    )
+
+
+class ProgressState(NamedTuple):
+    """A snapshot of the progress of a process.
+
+    Attributes
+    ----------
+    doing : str
+        The current call of an FMU; empty if there is none.
+    point : int
+        The next communication point of the run, also of a run that is over.
+    row : int
+        Number of rows that the kernel has kept and that were not taken yet.
+    beat : tuple of int
+        Different whenever a call was begun or ended since the last snapshot.
+    listed : bool
+        Whether the call is an operation of the kernel, which is the same at every point.
+    step : bool
+        Whether that operation is a step to the point.
+    """
+
+    doing: str
+    point: int
+    row: int
+    beat: tuple[int, int, int]
+    listed: bool = False
+    step: bool = False
+
+    def words(self, time: Sequence[float] | Array, otherwise: str) -> str:
+        """Describe the current call and its time.
+
+        Parameters
+        ----------
+        time : sequence of float, shape (n,)
+            Communication points in s.
+        otherwise : str
+            The description if there is no current call.
+        """
+        if not self.listed or not 0 <= self.point < len(time):
+            return self.doing or otherwise
+        if self.step:
+            return f"{self.doing} from {time[self.point - 1]:g} s"
+        return f"{self.doing} at {time[self.point]:g} s"
+
+
+class SharedProgress:
+    """The shared memory and the files of one process, in a folder that another process can read.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing folder.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        path = folder / _MEMORY
+        size = ctypes.sizeof(_Head) + _SLOTS * ctypes.sizeof(Progress)
+        if not path.exists():
+            path.write_bytes(bytes(size))
+        with path.open("r+b") as file:
+            self._memory = mmap.mmap(file.fileno(), size)
+        if hasattr(mmap, "MADV_DONTFORK"):
+            # else a copy of the process that an FMU makes would write to this memory too
+            self._memory.madvise(mmap.MADV_DONTFORK)
+        self._head = _Head.from_buffer(self._memory)
+        self._runs = (Progress * _SLOTS).from_buffer(self._memory, ctypes.sizeof(_Head))
+        self._used_slots: set[int] = set()
+
+    # ---- written by the process itself
+
+    def clear(self) -> None:
+        """Note that no call and no run is in progress."""
+        self._head.length = 0
+        self._head.slot = _NO_SLOT
+
+    def begin_call(self, description: bytes) -> None:
+        """Note the beginning of a call of an FMU, described in UTF-8."""
+        head = self._head
+        description = description[:_TEXT_SIZE]
+        head.text = description
+        head.length = len(description)
+        head.beat += 1
+
+    def end_call(self) -> None:
+        """Note that the call of the FMU has returned."""
+        self._head.length = 0
+        self._head.beat += 1
+
+    def allocate_run(self, legend: list[tuple[str, bool]]) -> Progress:
+        """Return shared memory for a run of the kernel; private memory if all slots are in use.
+
+        Parameters
+        ----------
+        legend : list of (str, bool)
+            For each operation of the run: what is asked of which FMU, and whether it is a step.
+        """
+        free = next((k for k in range(_SLOTS) if k not in self._used_slots), None)
+        if free is None:
+            return Progress()
+        self._used_slots.add(free)
+        files.write(self.folder / f"{_LEGEND}{free}", pickle.dumps(legend))
+        return self._runs[free]
+
+    def release_run(self, run: Progress) -> None:
+        """Let another run use the memory of this one."""
+        self._used_slots.discard(self._slot(run))
+
+    def begin_run(self, run: Progress) -> None:
+        """Note that the kernel begins or continues a run."""
+        self._head.slot = self._slot(run)
+
+    def end_run(self) -> None:
+        """Note that the kernel has stopped or paused its run."""
+        if self._head.slot != _NO_SLOT:
+            self._head.point = self._runs[self._head.slot].point
+        self._head.slot = _NO_SLOT
+
+    def _slot(self, run: Progress) -> int:
+        offset = ctypes.addressof(run) - ctypes.addressof(self._runs)
+        size = ctypes.sizeof(Progress)
+        return offset // size if 0 <= offset < _SLOTS * size else _NO_SLOT
+
+    def describe_rows(self, description: Any) -> None:
+        """Save a description of the rows for the process that reads them."""
+        files.write(self.folder / _DESCRIPTION, pickle.dumps(description))
+
+    def allocate_rows(self, shape: tuple[int, int], name: str = _ROWS) -> Array:
+        """Return an array in a file of that name; see the function of the same name."""
+        if 0 in shape:  # nothing can be mapped
+            return np.empty(shape)
+        path = self.folder / name
+        array: Array = np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape)
+        return array
+
+    # ---- read by the process that started it
+
+    def state(self) -> ProgressState:
+        """Return a snapshot; it is not trusted, for an FMU may have overwritten the memory."""
+        head = self._head
+        # the other process goes on meanwhile, so each value is read once
+        doing = head.text[: max(0, head.length)].decode(errors="replace")
+        slot = head.slot
+        if not 0 <= slot < _SLOTS:
+            return ProgressState(doing, head.point, 0, (head.beat, 0, 0))
+        run = self._runs[slot]
+        operation, step = self._operation(slot, run.position)
+        beat = (head.beat, run.point, run.position)
+        listed = bool(operation and not doing)
+        return ProgressState(doing or operation, run.point, run.row, beat, listed, step)
+
+    def _operation(self, slot: int, position: int) -> tuple[str, bool]:
+        """Return what the operation at a position asks of which FMU, and whether it is a step."""
+        try:
+            legend = pickle.loads((self.folder / f"{_LEGEND}{slot}").read_bytes())
+        except Exception:  # missing or damaged
+            legend = [("an FMU", False)]
+        if not legend:
+            return "", False
+        operation, step = legend[max(0, min(position, len(legend) - 1))]
+        return operation, step
+
+    def rows_description(self) -> Any:
+        """Return the saved description of the rows; None if there is none or it is damaged."""
+        with suppress(Exception):
+            return pickle.loads((self.folder / _DESCRIPTION).read_bytes())
+        return None
+
+    def read_rows(self, count: int, name: str = _ROWS) -> Array | None:
+        """Return the first rows; None if there are none or fewer, or they are damaged."""
+        with suppress(OSError, ValueError):
+            rows = np.array(np.load(self.folder / name))
+            return rows[:count] if 0 < count <= len(rows) else None
+        return None
+
+
+current: SharedProgress | None = None  # of this process, if another process has started it
+
+
+def allocate_rows(shape: tuple[int, int], name: str = _ROWS) -> Array:
+    """Return an array that is filled row by row and outlives this process if it is isolated.
+
+    Raises
+    ------
+    UserError
+        If there is no room for it.
+    """
+    if current is None:
+        return np.empty(shape)
+    try:
+        return current.allocate_rows(shape, name)
+    except OSError as error:
+        raise UserError(
+            f"{current.folder}: cannot be written ({error.strerror or error})"
+        ) from error
+
+
+class activity:  # a generator would take as long as some of the calls
+    """A context that shows other processes what an FMU is asked to do."""
+
+    __slots__ = ("_description",)
+
+    def __init__(self, description: str):
+        self._description = description
+
+    def __enter__(self) -> None:
+        if current is not None:
+            current.begin_call(self._description.encode())
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if current is not None and kind is None:  # else the next call is noted anyway
+            current.end_call()
+
+
+@contextmanager
+def tracked_run() -> Iterator[Progress]:
+    """Make visible to other processes how far a run in Python is, by the point that it sets."""
+    shared = current
+    if shared is None:
+        yield Progress()
+        return
+    run = shared.allocate_run([])
+    run.point = run.position = run.row = 0
+    shared.begin_run(run)
+    try:
+        yield run
+    finally:
+        shared.end_run()
+        shared.release_run(run)
+
+
+def describe_rows(description: Any) -> None:
+    """Save a description of the rows for the process that reads them, if there is one."""
+    if current is not None:
+        current.describe_rows(description)
+
+
+class _NotedCall(partial[int]):
+    """A call of an FMI function that other processes can see while it lasts."""
+
+    progress: SharedProgress
+    # encoded in advance: resetting an FMU takes a dozen calls and must not take as long as a run
+    description: bytes
+    is_step: bool  # whether the time is added to the description at every call
+
+    def __call__(self, /, *more: Any, **options: Any) -> int:
+        description = self.description
+        if self.is_step:
+            time = [*self.args, *more][1]
+            seconds = f"{getattr(time, 'value', time):g}".encode()
+            description = b"%s from %s s" % (description, seconds)
+        self.progress.begin_call(description)
+        status = super().__call__(*more, **options)
+        self.progress.end_call()
+        return status
+
+
+def noting(call: Callable[..., int], label: str, request: str) -> Any:
+    """Return a call of an FMI function that is noted in the shared progress, if there is one.
+
+    Parameters
+    ----------
+    call : callable
+        Returns the FMI status.
+    label : str
+        The name of the FMU.
+    request : str
+        What the FMU is asked to do.
+
+    Returns
+    -------
+    callable
+        `call` itself if this process is not isolated.
+    """
+    if current is None:
+        return call
+    noted = _NotedCall(call)
+    noted.progress = current
+    noted.is_step = request in _STEP_CALLS
+    noted.description = f"{label}: {'step' if noted.is_step else request}".encode()
+    return noted

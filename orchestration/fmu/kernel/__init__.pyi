@@ -1,0 +1,13 @@
+from . import library as library
+from . import one_fmu as one_fmu
+from .library import Progress as Progress
+from .library import load_exit_watch as load_exit_watch
+from .library import load_stepper as load_stepper
+from .one_fmu import PreparedRun as PreparedRun
+from .program import WHOLE_NUMBERS as WHOLE_NUMBERS
+from .program import Execution as Execution
+from .program import Handler as Handler
+from .program import KernelReturn as KernelReturn
+from .program import Program as Program
+from .program import Pulse as Pulse
+from .program import Values as Values

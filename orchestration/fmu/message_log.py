@@ -1,0 +1,67 @@
+"""Log messages of FMUs, sorted by the instance that sent them.
+
+fmpy expands the variable arguments of FMI's logger in a proxy that knows one receiver for the whole
+process. Therefore there is one permanent receiver here, which tells instances apart by their
+component environment.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+from collections import deque
+from typing import Any
+from weakref import WeakValueDictionary
+
+import fmpy.fmi2 as fmi2
+from fmpy.fmi1 import printLogMessage
+from fmpy.logging import addLoggerProxy
+
+# an FMU may send a message at every step
+_MESSAGE_COUNT = 3
+_MESSAGE_LENGTH = 1000  # characters
+
+
+class MessageLog:
+    """The last messages of one FMU instance: warnings and worse.
+
+    Attributes
+    ----------
+    messages : deque of str
+        Newest last, without control characters of a terminal.
+    callbacks : fmpy.fmi2.fmi2CallbackFunctions
+        To instantiate with; the FMU keeps a pointer to it.
+    """
+
+    def __init__(self) -> None:
+        self.messages: deque[str] = deque(maxlen=_MESSAGE_COUNT)
+        number = next(_numbers)
+        self.callbacks = fmi2.fmi2CallbackFunctions()
+        self.callbacks.logger = _RECEIVER
+        self.callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+        self.callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+        self.callbacks.componentEnvironment = number
+        # makes the receiver that of the proxy, also if another was set in the meantime
+        addLoggerProxy(ctypes.byref(self.callbacks))
+        _logs[number] = self
+
+    def last(self, otherwise: str) -> str:
+        """Return the last messages in one line, or another text if there are none."""
+        return "; ".join(self.messages) or otherwise
+
+
+_logs: WeakValueDictionary[int, MessageLog] = WeakValueDictionary()
+_numbers = itertools.count(1)
+
+
+def _receive(environment: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
+    log = _logs.get(environment or 0)
+    if log is None:
+        printLogMessage(environment, name, status, category, message)
+    elif status not in (fmi2.fmi2OK, fmi2.fmi2Pending):
+        text = message[: 4 * _MESSAGE_LENGTH].decode(errors="replace")[:_MESSAGE_LENGTH]
+        printable = "".join(c if c.isprintable() else " " for c in text)
+        log.messages.append(" ".join(printable.split()))
+
+
+_RECEIVER = fmi2.fmi2CallbackLoggerTYPE(_receive)

@@ -1,1 +1,0 @@
-"""The shared library of an FMU: opened and closed, its functions, what it logs."""

@@ -1,0 +1,337 @@
+"""Simulation of one FMU over given inputs: communication points, steps, results and their plot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import UserError, units
+from orchestration.fmu import stepping
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
+from orchestration.fmu.kernel import library, one_fmu
+from orchestration.fmu.model import Model
+from orchestration.fmu.signal import Value
+from orchestration.records import Record
+
+Array = NDArray[np.float64]
+_MOST_STEPS = 1e7
+
+
+def grid(start: float, stop: float, step: float) -> Array:
+    """Return communication points from start to stop at a step; the last step may be shorter.
+
+    Parameters
+    ----------
+    start, stop, step : float
+        In seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Both ends included.
+
+    Raises
+    ------
+    UserError
+        If the numbers make no grid.
+    """
+    if not (np.isfinite([start, stop, step]).all() and step > 0.0 and stop > start):
+        raise UserError(
+            f"cannot step from {start:g} s to {stop:g} s by {step:g} s: --stop must come later and"
+            " --step be positive"
+        )
+    if (stop - start) / step > _MOST_STEPS:
+        raise UserError(
+            f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at"
+            " most 1e7 are made"
+        )
+    count = int((stop - start) / step * (1 + 1e-12)) + 1
+    points: Array = start + step * np.arange(count, dtype=np.float64)
+    if stop - points[-1] < 1e-9 * min(step, stop - start):
+        return points
+    return np.concatenate([points, [stop]])
+
+
+def points(recorded: Array, stop: float | None, step: float | None) -> Array:
+    """Return communication points for a record, beginning at its first time.
+
+    Parameters
+    ----------
+    recorded : ndarray, shape (m,)
+        Times of the record in seconds.
+    stop : float, optional
+        Last point in seconds; default the end of the record.
+    step : float, optional
+        Step of a grid in seconds; default the times of the record.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    UserError
+        If the numbers make no grid, or the record ends before `stop` and there is no `step` for the
+        time after it.
+    """
+    first = float(recorded[0])
+    end = float(recorded[-1])
+    last = end if stop is None else stop
+    if step is not None:
+        return grid(first, last, step)
+    if not first < last <= end:
+        raise UserError(
+            f"--stop {last:g} s is not within the record, which goes from {first:g} s to {end:g} s "
+            "(with --step, its last values are held beyond its end)"
+        )
+    return recorded[recorded <= last]
+
+
+def held(record: Record, name: str, time: Array) -> Array:
+    """Return a recorded signal at other times, each sample held until the next.
+
+    Parameters
+    ----------
+    record : Record
+    name : str
+        A signal of it.
+    time : ndarray, shape (n,)
+        In seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    tolerance = 1e-9 * np.median(np.diff(record.time))
+    index = np.searchsorted(record.time, time + tolerance, side="right") - 1
+    return record.signals[name][np.clip(index, 0, None)]
+
+
+def simulate(
+    model: Model,
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, Value],
+    progress: Callable[[int], None] = lambda done: None,
+    note: Callable[[str], None] = lambda line: None,
+    *,
+    isolation: Limits | None = None,
+) -> dict[str, Array]:
+    """Run the model's FMU.
+
+    Parameters
+    ----------
+    model : Model
+    time : ndarray, shape (n,)
+        Communication points in seconds.
+    inputs : Mapping[str, ndarray]
+        Values (n,) by input, in the FMU's units; missing inputs stay at their start value.
+    parameters : Mapping[str, float | str]
+        Values that replace defaults, in the FMU's units; constant values of inputs too.
+    progress : callable
+        Called with the number of points done.
+    note : callable
+        Called with the messages of an FMU that did not fail.
+    isolation : Limits, optional
+        Limits of a separate process in which it is run; default in this process.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Every output, in the FMU's units.
+
+    Raises
+    ------
+    UserError
+        If the FMU refuses or fails; see :class:`orchestration.fmu.instance.Fmu`.
+    UnfinishedSimulation
+        If it fails after the first point.
+    """
+    path = model.path.resolve()
+    outputs = list(model.outputs)
+    arguments = (path, outputs, time, dict(inputs), dict(parameters))
+    if isolation is None:
+        return _simulate(*arguments, progress=progress, note=note)
+    with Process(isolation) as process:
+        try:
+            results: dict[str, Array] = process.call(
+                _simulate, *arguments, callbacks={"progress": progress, "note": note}
+            )
+        except Ended as end:
+            if end.interrupted:
+                raise KeyboardInterrupt from end
+            rows = process.progress.read_rows(end.state.point)
+            names = process.progress.rows_description() or outputs
+            message = f"{end.state.words(time, model.path.name)}: {end.reason}"
+            raise _unfinished(message, time, names, rows) from end
+        return results
+
+
+def _simulate(
+    path: Path,
+    outputs: Sequence[str],
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, Value],
+    *,
+    progress: Callable[[int], None],
+    note: Callable[[str], None],
+) -> dict[str, Array]:
+    with Fmu(path, parameters) as fmu:
+        fmu.start(float(time[0]))
+        results = simulate_instance(fmu, time, inputs, outputs, progress)
+        if fmu.complaints:
+            note(fmu.complaints)
+        return results
+
+
+class UnfinishedSimulation(UserError):
+    """The error that an FMU has stopped its simulation before the end.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Points that were reached, in s.
+    outputs : dict of str to ndarray, shape (n,)
+        Outputs at these points.
+    """
+
+    def __init__(self, message: str, time: Array, outputs: dict[str, Array]):
+        super().__init__(message, time, outputs)  # all that is needed to unpickle it
+        self.time = time
+        self.outputs = outputs
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+def _unfinished(message: str, time: Array, names: Sequence[str], rows: Array | None) -> UserError:
+    """Return the error of a simulation, with its results if there are any.
+
+    Parameters
+    ----------
+    message : str
+    time : ndarray, shape (n,)
+    names : sequence of str
+        Outputs in the columns of `rows`.
+    rows : ndarray, shape (m, outputs), or None
+        Outputs at the points that were reached.
+    """
+    if rows is None or not len(rows):
+        return UserError(message)
+    outputs = {name: rows[:, k].copy() for k, name in enumerate(names)}
+    return UnfinishedSimulation(message, time[: len(rows)], outputs)
+
+
+def simulate_instance(
+    fmu: Fmu,
+    time: Array,
+    inputs: Mapping[str, Array],
+    outputs: Sequence[str] | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+    *,
+    linear: Collection[str] = (),
+    parts: int = 1,
+) -> dict[str, Array]:
+    """Step a started instance over given communication points.
+
+    Inputs are set at every point, and are held until the next or change linearly; outputs are read
+    at every point *after* its inputs are set, so that a direct feedthrough shows at once.
+
+    Parameters
+    ----------
+    fmu : Fmu
+    time : ndarray, shape (n,)
+        Communication points in seconds, increasing.
+    inputs : Mapping[str, ndarray]
+        Values of shape (n,) by input name, in the FMU's units.
+    outputs : sequence of str, optional
+        Variables to read; default every output.
+    progress : callable
+        Called with the number of points done, now and then.
+    linear : collection of str
+        Real inputs that change linearly from point to point. An FMU that can interpolate gets their
+        slopes, any other holds the value at the middle of every part, whose effect on its states
+        differs in the second order only.
+    parts : int
+        Steps from point to point.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+
+    Raises
+    ------
+    UserError
+        If a step fails or is discarded, with the time and the FMU's message; nothing shorter is
+        returned.
+    """
+    names = list(fmu.outputs if outputs is None else outputs)
+    check_inputs(fmu, inputs)
+    course = stepping.plan_course(fmu, time, inputs, linear, parts)
+    has_kernel = library.load_stepper() is not None
+    follow_course = one_fmu.follow_course if has_kernel else stepping.follow_course
+    result = allocate_rows((len(time), len(names)))
+    try:
+        follow_course(fmu, course, names, result, progress, max(1, len(time) // 200))
+    except stepping.StepFailed as failure:
+        raise _unfinished(str(failure), time, names, result[: failure.point]) from failure
+    progress(len(time))
+    return {name: result[:, i] for i, name in enumerate(names)}
+
+
+def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
+    """Refuse names that are no inputs of an FMU.
+
+    Raises
+    ------
+    UserError
+        If there is one.
+    """
+    for name in names:
+        if fmu.variable(name).causality != "input":
+            known = ", ".join(fmu.inputs) or "none"
+            raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {known}")
+
+
+def plot(
+    path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = ""
+) -> None:
+    """Plot inputs and outputs over time, one panel each, in display units.
+
+    Parameters
+    ----------
+    path : Path
+        The picture to write.
+    model : Model
+    time : ndarray, shape (n,)
+        In seconds.
+    signals : Mapping of str to ndarray, shape (n,)
+        By input or output, in the FMU's units.
+    title : str
+        Default the name of the model.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    from orchestration.reporting import pictures
+
+    known = {**model.inputs, **model.outputs}
+    figure, panels = pictures.panels(len(signals), title or model.name)
+    for panel, (name, values) in zip(panels, signals.items(), strict=True):
+        signal = known[name]
+        style = "steps-post" if name in model.inputs else "default"  # inputs are held
+        panel.plot(
+            time,
+            units.convert(values, signal.unit, signal.display),
+            color=pictures.MODEL,
+            drawstyle=style,
+        )
+        pictures.label(panel, name, signal.display)
+    pictures.save(figure, path)

@@ -1,0 +1,5 @@
+from .linear import LinearModel as LinearModel
+from .polynomial import PolynomialModel as PolynomialModel
+from .state_space import StateSpaceModel as StateSpaceModel
+from .state_space import free_responses as free_responses
+from .state_space import states as states

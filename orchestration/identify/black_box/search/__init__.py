@@ -1,1 +1,0 @@
-"""Searches for the parameters that predict best, and where they start."""

@@ -1,0 +1,241 @@
+"""A black-box study: models of a record in every structure and order, and the best of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from fmus.kit import files
+from orchestration.identify.black_box.data import InputOutputData
+from orchestration.identify.black_box.excitation import pexcit
+from orchestration.identify.black_box.models import LinearModel
+from orchestration.identify.black_box.order_search import (
+    STRUCTURES,
+    OrderSearch,
+    Row,
+    search_orders,
+)
+from orchestration.identify.black_box.polynomials import Roots
+from orchestration.identify.black_box.residual_tests import ResidualTests
+from orchestration.identify.black_box.study.columns import Columns
+from orchestration.identify.black_box.study.component import source
+from orchestration.identify.metrics import finite_or_none
+from orchestration.reporting import preformatted
+
+
+@dataclass(frozen=True)
+class BlackBox:
+    """The result of :func:`study`.
+
+    Attributes
+    ----------
+    columns : Columns
+    search : OrderSearch
+        Every model that was tried, identified from the first part of the record.
+    estimation, validation : InputOutputData
+        The first part, and the rest.
+    """
+
+    columns: Columns
+    search: OrderSearch
+    estimation: InputOutputData
+    validation: InputOutputData
+
+    @property
+    def chosen(self) -> Row:
+        """The model that the criterion prefers."""
+        return self.search.chosen
+
+    @property
+    def model(self) -> LinearModel:
+        """The model that is preferred; its transfer functions are `control` objects."""
+        return self.chosen.identification.model
+
+    @cached_property
+    def residual_tests(self) -> ResidualTests:
+        """Tests of the chosen model's residual for whiteness and independence of the inputs."""
+        return self.chosen.identification.residual_tests()
+
+    @cached_property
+    def excitation(self) -> dict[str, int]:
+        """Order to which every input excites persistently (thesis, eq. 3.16)."""
+        data = self.estimation
+        return {
+            name: pexcit(values)
+            for name, values in zip(data.input_names, data.inputs.T, strict=True)
+        }
+
+    @property
+    def sentence(self) -> str:
+        """The result in a sentence."""
+        row = self.chosen
+        tests = self.residual_tests
+        verdict = (
+            "is white and independent of the inputs" if tests.passed else "still holds structure"
+        )
+        article = "A" if row.structure == "BJ" else "An"
+        return (
+            f"{article} {row.structure} model follows the part of {self.columns.path.name} that it"
+            f" has not seen by {row.validation_fit:.1f} %, free running; its one-step residual"
+            f" {verdict}."
+        )
+
+    def __str__(self) -> str:
+        return "\n".join(
+            [self.sentence, "", self.search.table(), "", self.chosen.identification.summary()]
+        )
+
+    def __repr__(self) -> str:
+        row = self.chosen
+        return f"<BlackBox {row.structure}: {row.validation_fit:.1f} % on unseen data>"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON; numbers in the units of the file."""
+        units = self.columns.units
+        return {
+            "record": {
+                "file": self.columns.path.name,
+                "samples": len(self.columns.data),
+                "step": self.model.step,
+                "estimated_from": len(self.estimation),
+                "notes": [*self.columns.notes],
+            },
+            "inputs": {
+                name: {"unit": units[name], "excitation": self.excitation[name]}
+                for name in self.estimation.input_names
+            },
+            "output": {
+                "name": self.model.output_name,
+                "unit": units[self.model.output_name],
+            },
+            "criterion": self.search.criterion,
+            "models": [_row(row) for row in self.search.rows],
+            "left_out": [*self.search.left_out],
+            "chosen": _row(self.chosen) | self._details(),
+        }
+
+    def _details(self) -> dict[str, Any]:
+        """Return the figures of the chosen model beyond those that every row has."""
+        identification = self.chosen.identification
+        model = self.model
+        tests = self.residual_tests
+        inputs = self.estimation.input_names
+        return {
+            "parameters": {
+                p.name: {"value": p.value, "standard_error": finite_or_none(p.standard_error)}
+                for p in identification.parameters
+            },
+            "noise_variance": model.noise_variance,
+            "white": tests.whiteness.is_white,
+            "independent_of": {
+                name: cross.is_independent for name, cross in zip(inputs, tests.inputs, strict=True)
+            },
+            "poles": {name: _pairs(model.s_plane_poles(name)) for name in inputs},
+            "zeros": {name: _pairs(model.s_plane_zeros(name)) for name in inputs},
+            "messages": [*identification.messages],
+        }
+
+    def report(self, path: str | Path) -> Path:
+        """Write a page: table of structures, free run, residual tests, s-plane, parameters.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        from orchestration.identify.black_box.study import page
+
+        return page.write(self, Path(path))
+
+    def export(self, path: str | Path, name: str = "") -> Path:
+        """Write the chosen model as a class, of which ``ppy build file.py:Class`` makes FMUs.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``file.py``; the model is called after it unless named.
+        name : str
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        target = Path(path)
+        doc = (
+            f"{self.chosen.structure} model of {self.model.output_name}, identified from"
+            f" {self.columns.path.name}."
+        )
+        text = source(self.model, name or target.stem, self.columns.units, doc)
+        files.write(target, text.encode())
+        return target
+
+
+def _row(row: Row) -> dict[str, Any]:
+    """Return the figures of one model of the search."""
+    return {
+        "structure": row.structure,
+        "path_orders": [*row.path_orders],
+        "noise_order": row.noise_order,
+        "fit": finite_or_none(row.fit),
+        "validation_fit": finite_or_none(row.validation_fit),
+        "aic": row.aic,
+        "bic": row.bic,
+    }
+
+
+def _pairs(roots: Roots) -> list[list[float]]:
+    """Return real and imaginary part of every root, as JSON has no complex numbers."""
+    return [[float(z.real), float(z.imag)] for z in roots]
+
+
+def study(
+    columns: Columns,
+    share: float = 0.5,
+    structures: Sequence[str] = STRUCTURES,
+    path_orders: Sequence[int] = (1, 2, 3),
+    noise_orders: Sequence[int] = (1, 2, 3),
+    delays: int | Sequence[int] = 1,
+    *,
+    criterion: str = "BIC",
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+) -> BlackBox:
+    """Identify models of every structure and order from the first part of a record.
+
+    They are judged by the other part, the validation data.
+
+    Parameters
+    ----------
+    columns : Columns
+    share : float
+        Of the record that models are identified from.
+    structures, path_orders, noise_orders, delays, criterion, progress
+        See :func:`search_orders`.
+
+    Returns
+    -------
+    BlackBox
+
+    Raises
+    ------
+    UserError
+        If there is no such structure or criterion, or no model can be identified.
+    """
+    estimation, validation = columns.data.split(share)
+    search = search_orders(
+        estimation,
+        validation,
+        structures,
+        path_orders,
+        noise_orders,
+        delays,
+        criterion=criterion,
+        progress=progress,
+    )
+    return BlackBox(columns, search, estimation, validation)

@@ -1,0 +1,304 @@
+"""Any FMU as a model to fit: its simulation over a record, and derivatives by differences.
+
+The directional derivatives of FMI 2.0 are at one communication point, and by parameters in
+initialization only, so that they do not hold the effect of a parameter on later steps. So every
+parameter is moved a little to either side. The step is chosen for the FMU: the error of a
+difference falls with the square of the step and the noise of the FMU's solver grows with its
+reciprocal, so that of a ladder of steps the best are two neighbours that agree best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
+from itertools import pairwise
+from math import inf
+from pathlib import Path
+from time import monotonic
+from types import SimpleNamespace, TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import ParameterDeclaration, UserError
+from fmus.kit.record import Trajectory
+from orchestration.fmu import Model, RepeatedFmu, Signal, Value, read_description
+from orchestration.fmu.isolation import Ended, Limits, Pool, limits_of
+
+Array = NDArray[np.float64]
+_LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
+_PATIENCE = 2.0  # s that a run may take in any case
+_STIFFER = 30.0  # times as long as the first run that others may take
+_MOVED = 2.0  # factor between values of a parameter from which on a step is chosen anew
+_repeated: RepeatedFmu | None = None  # that of a worker process
+_Stimulus = tuple[Array, dict[str, Array]]  # time and inputs
+
+
+class FmuWithDifferences:
+    """An FMU with derivatives by differences; a context manager that closes it.
+
+    Parameters
+    ----------
+    model : Model
+    names : sequence of str
+        Parameters by which derivatives are taken.
+    outputs : sequence of str
+        Outputs to simulate.
+    settings : Mapping of str to float or str
+        Other parameters, in the FMU's units.
+    workers : int
+        Processes that run it side by side; with one it runs in this process.
+
+    Attributes
+    ----------
+    layout : SimpleNamespace
+        Its ``parameters`` are the declarations, as of a component.
+    delays : dict
+        Empty; it is there as in `DelayedModel`.
+    runs : int
+        Number of simulations made.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        names: Sequence[str],
+        outputs: Sequence[str],
+        settings: Mapping[str, Value] | None = None,
+        workers: int = 1,
+    ):
+        sizes = _nominal(model.path)
+        numbers = [s for s in model.parameters.values() if s.type != "string"]
+        self.layout = SimpleNamespace(
+            parameters=[_declared(s, sizes.get(s.name, 0.0)) for s in numbers]
+        )
+        self.delays: dict[str, str] = {}
+        self.runs = 0
+        self._declared = {p.name: p for p in self.layout.parameters}
+        self._path = model.path
+        self._names = list(names)
+        self._outputs = list(outputs)
+        self._settings = dict(settings or {})
+        self._workers = workers
+        self._limits = limits_of(model.foreign)
+        # by parameter: its size where the relative step was chosen, and the step
+        self._steps: dict[str, tuple[float, float]] = {}
+        self._open = ExitStack()
+        self._is_open = False
+        self._longest = np.inf  # s that a run may take
+
+    @contextmanager
+    def opened(self) -> Iterator[None]:
+        """Open it for the time of a context, unless it is open."""
+        with nullcontext() if self._is_open else self:
+            yield
+
+    def __enter__(self) -> FmuWithDifferences:
+        if self._limits is None:
+            self._fmu = self._open.enter_context(RepeatedFmu(self._path))
+        if self._limits is not None or self._workers > 1:
+            pool = Pool(self._limits or Limits(inf, inf), self._workers, _begin, self._path)
+            self._pool = self._open.enter_context(pool)
+        self._is_open = True
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._is_open = False
+        self._open.__exit__(kind, error, trace)
+
+    def run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float = 0.0,
+    ) -> Trajectory:
+        """Simulate like `CompiledModel.run`, with inputs held from sample to sample.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        inputs : Mapping of str to ndarray, shape (n,)
+            In the FMU's units, as is everything else.
+        parameters : Mapping of str to float
+            Values of the parameters named at first; others are ignored.
+        effort : float
+            Ignored: the integrator is the FMU's own.
+
+        Returns
+        -------
+        Trajectory
+            Of the outputs.
+
+        Raises
+        ------
+        UserError
+            If the FMU fails there, or on both sides.
+        """
+        at = {name: float(parameters[name]) for name in self._names}
+        stimulus = (time, dict(inputs))
+        here = self._first_run(stimulus, at)
+        for name in self._names:
+            if not self._still_holds(name, at[name]):
+                step = self._choose_step(stimulus, at, here, name)
+                self._steps[name] = (self._size(name, at[name]), step)
+        slopes = self._slopes(
+            stimulus, at, here, [(name, self._steps[name][1]) for name in self._names]
+        )
+        for name, slope in zip(self._names, slopes, strict=True):
+            if not np.isfinite(slope).all():
+                raise UserError(f"{self._path.name}: fails on either side of {name} = {at[name]:g}")
+        signals = {output: here[:, k] for k, output in enumerate(self._outputs)}
+        sensitivities = {}
+        for k, output in enumerate(self._outputs):
+            by_parameter = np.array([slope[:, k] for slope in slopes])
+            sensitivities[output] = by_parameter.reshape(len(slopes), len(time)).T
+        return Trajectory(signals, sensitivities)
+
+    def _first_run(self, stimulus: _Stimulus, at: Mapping[str, float]) -> Array:
+        """Simulate the outputs (n, m) at a point; the first such run limits the time of others.
+
+        The model is not stiff where a fit begins, and elsewhere it shall not be much more so.
+        """
+        begin = monotonic()
+        (outputs,) = self._run_all(stimulus, [at])
+        if self._longest == np.inf:
+            self._longest = max(_PATIENCE, _STIFFER * (monotonic() - begin))
+        if isinstance(outputs, UserError):
+            raise outputs
+        return outputs
+
+    def _size(self, name: str, value: float) -> float:
+        """Return the size of a parameter, to which steps are relative."""
+        return abs(value) or self._declared[name].nominal
+
+    def _still_holds(self, name: str, value: float) -> bool:
+        """Tell whether a step was chosen where the parameter was of about the same size."""
+        if name not in self._steps:
+            return False
+        before, _ = self._steps[name]
+        return 1.0 / _MOVED <= self._size(name, value) / before <= _MOVED
+
+    def _choose_step(
+        self, stimulus: _Stimulus, at: Mapping[str, float], here: Array, name: str
+    ) -> float:
+        """Return the relative step whose difference changes least with a longer one."""
+        slopes = self._slopes(stimulus, at, here, [(name, step) for step in _LADDER])
+        scale = np.where(here.std(axis=0) > 0.0, here.std(axis=0), 1.0)
+        changes = np.array(
+            [
+                float(np.linalg.norm((longer - shorter) / scale))
+                for longer, shorter in pairwise(slopes)
+            ]
+        )
+        usable = np.isfinite(changes) & [bool(slope.any()) for slope in slopes[1:]]
+        return float(_LADDER[1 + int(np.argmin(np.where(usable, changes, np.inf)))])
+
+    def _slopes(
+        self,
+        stimulus: _Stimulus,
+        at: Mapping[str, float],
+        here: Array,
+        steps: Sequence[tuple[str, float]],
+    ) -> list[Array]:
+        """Return derivatives (n, m), one for each parameter and relative step.
+
+        They are from one side where the FMU fails on the other, and NaN where it fails on both.
+        """
+        sides = [self._sides(name, at[name], step) for name, step in steps]
+        points = []
+        for (name, _), pair in zip(steps, sides, strict=True):
+            points += [{**at, name: x} for x in pair]
+        outputs = iter(self._run_all(stimulus, points))
+        slopes = []
+        for (name, _), (low, high) in zip(steps, sides, strict=True):
+            below = next(outputs)
+            above = next(outputs)
+            if isinstance(below, UserError):
+                low = at[name]
+                below = here
+            if isinstance(above, UserError):
+                high = at[name]
+                above = here
+            slopes.append(
+                (above - below) / (high - low) if high > low else np.full_like(here, np.nan)
+            )
+        return slopes
+
+    def _sides(self, name: str, value: float, step: float) -> tuple[float, float]:
+        """Return values on either side, inside the range of the parameter."""
+        declared = self._declared[name]
+        width = step * self._size(name, value)
+        return max(value - width, declared.min), min(value + width, declared.max)
+
+    def _run_all(
+        self, stimulus: _Stimulus, points: Sequence[Mapping[str, float]]
+    ) -> list[Array | UserError]:
+        """Run the FMU at several points; return outputs (n, m), or the error, of each."""
+        self.runs += len(points)
+        jobs = [
+            (*stimulus, self._settings | dict(values), self._outputs, self._longest)
+            for values in points
+        ]
+        if self._limits is None and (self._workers == 1 or len(jobs) == 1):
+            return [_run(self._fmu, *job) for job in jobs]
+        futures = [self._pool.submit(_work, job) for job in jobs]
+        try:
+            return [future.result() for future in futures]
+        except Ended as end:
+            where = end.state.words(stimulus[0], self._path.name)
+            raise UserError(f"{where}: {end.reason}") from end
+
+
+def _begin(path: Path) -> None:
+    """Open the FMU of a worker process."""
+    global _repeated
+    _repeated = RepeatedFmu(path)
+    _repeated.__enter__()
+
+
+def _work(job: Any) -> Array | UserError:
+    """Run the FMU of a worker process."""
+    assert _repeated is not None
+    return _run(_repeated, *job)
+
+
+def _run(fmu: RepeatedFmu, *job: Any) -> Array | UserError:
+    """Run an FMU once; return the outputs (n, m), or the error."""
+    try:
+        return fmu.run(*job)
+    except UserError as error:
+        return error
+
+
+def _nominal(path: Path) -> dict[str, float]:
+    """Return the nominal values that an FMU declares, by variable."""
+    sizes = {}
+    for variable in read_description(path).modelVariables:
+        size = getattr(variable, "nominal", None)
+        if size:
+            sizes[variable.name] = abs(float(size))
+    return sizes
+
+
+def _declared(signal: Signal, nominal: float) -> ParameterDeclaration:
+    """Return a parameter of an FMU as a component declares one."""
+    declared = ParameterDeclaration(
+        unit=signal.unit,
+        doc=signal.doc,
+        min=signal.min,
+        max=signal.max,
+        display=signal.display,
+        type=signal.type,
+        nominal=nominal or abs(signal.start) or 1.0,
+        start=signal.start,
+    )
+    declared.name = signal.name
+    return declared

@@ -1,0 +1,235 @@
+"""Transport delays of measured outputs, exact: the undelayed model read at earlier instants.
+
+A component has a delay as a shift register, because an FMU keeps no other past; over a whole record
+the past is known. The register differs from the exact delay in the curvature within one of its
+periods, and its dozens of discrete states, each with derivatives, cost many times the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit import Component, Effect, stack, transport_delay
+from fmus.kit.record import CompiledModel, Trajectory, with_knots
+
+Array = NDArray[np.float64]
+_NEAR = 1e-3  # of a sample: step of the derivative by time
+
+
+class DelayedModel:
+    """A compiled component whose measurements may be delayed.
+
+    A delay counts as the outermost of the effects.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    sensitivities : sequence of str
+        Parameters by which derivatives are taken.
+    linear : bool or collection of str
+        Inputs that are smooth, all or those named (`smooth_inputs`); others are held until the next
+        sample.
+
+    Attributes
+    ----------
+    layout : Layout
+        Of the component, the registers included.
+    delays : dict of str to str
+        Names of the delays by output.
+    """
+
+    def __init__(
+        self,
+        cls: type[Component],
+        sensitivities: Sequence[str],
+        linear: bool | Collection[str] = False,
+    ):
+        base, effects = vars(cls).get("stacked", (cls, ()))
+        delays = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
+        others = tuple(e for e in effects if e not in delays)
+        own = {p.name for delay in delays for p in delay.layout.parameters}
+        self.layout = cls.layout
+        self.delays = {delay.output: delay.neutral for delay in delays}
+        self._histories = {delay.output: _history_of(delay) for delay in delays}
+        self._linear = linear
+        self._names = list(sensitivities)
+        self._model = _compiled(base, others, tuple(n for n in sensitivities if n not in own))
+        self._known = {p.name for p in self._model.layout.parameters}
+
+    def run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float = 1e6,
+    ) -> Trajectory:
+        """Simulate like `CompiledModel.run`.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        inputs : Mapping of str to ndarray, shape (n,)
+            SI.
+        parameters : Mapping of str to float
+            SI.
+        effort : float
+            Internal steps per sample, beyond which the model has become too stiff.
+
+        Returns
+        -------
+        Trajectory
+
+        Raises
+        ------
+        UserError
+            If the simulation fails.
+        """
+        given = {name: value for name, value in parameters.items() if name in self._known}
+        clock, fed, samples = with_knots(time, inputs, self._linear)
+        if not self.delays:
+            trajectory = self._model.run(clock, fed, given, self._linear, effort)
+            return trajectory if samples == slice(None) else _picked(trajectory, samples)
+        pasts = {
+            output: _past(time, parameters[name])
+            for output, name in self.delays.items()
+            if parameters[name] > 0.0
+        }
+        # one simulation over the samples, all earlier instants and the knots of the inputs
+        read = [instants for past in pasts.values() for instants in (past.then, past.near)]
+        instants = np.unique(np.concatenate([time, *read, clock]))
+        stimulus = self._resampled(clock, fed, instants)
+        trajectory = self._model.run(instants, stimulus, given, self._linear, effort)
+        now = _picked(trajectory, np.searchsorted(instants, time))
+        # a delayed output is that of earlier instants; before the record it ran on a line
+        by_delay: dict[str, dict[str, Array]] = {}
+        for output, past in pasts.items():
+            then = np.searchsorted(instants, past.then)
+            near = np.searchsorted(instants, past.near)
+            delayed = trajectory.signals[output][then]
+            now.sensitivities[output] = trajectory.sensitivities[output][then]
+            history = self._histories[output]
+            by_delay[output] = {
+                self.delays[output]: past.slope(delayed, trajectory.signals[output][near]),
+                history.level: past.before.astype(np.float64),
+                history.slope: past.before * (time - time[0]),
+            }
+            for name in (history.level, history.slope):
+                delayed = delayed + parameters.get(name, 0.0) * by_delay[output][name]
+            now.signals[output] = delayed
+        now.signals.update(self._lines(time, parameters))
+        return Trajectory(
+            now.signals,
+            {o: self._complete(s, by_delay.get(o, {})) for o, s in now.sensitivities.items()},
+        )
+
+    def _lines(self, time: Array, parameters: Mapping[str, float]) -> dict[str, Array]:
+        """Return the states of the delays: rate and level of the lines before the record."""
+        lines = {}
+        for history in self._histories.values():
+            rate = np.full(len(time), parameters.get(history.slope, 0.0))
+            lines[history.rate] = rate
+            lines[history.state] = parameters.get(history.level, 0.0) + rate * (time - time[0])
+        return lines
+
+    def _resampled(
+        self, clock: Array, inputs: Mapping[str, Array], instants: Array
+    ) -> dict[str, Array]:
+        """Return inputs at other instants: smooth ones interpolated, others held."""
+        smooth = inputs if self._linear is True else self._linear or ()
+        held = np.searchsorted(clock, instants, "right") - 1
+        resampled = {}
+        for name, given in inputs.items():
+            values = np.broadcast_to(np.asarray(given, dtype=float), len(clock))
+            resampled[name] = np.interp(instants, clock, values) if name in smooth else values[held]
+        return resampled
+
+    def _complete(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
+        """Insert the derivatives by the parameters of a delay among the others."""
+        others = iter(slopes.T)
+        columns = []
+        for name in self._names:
+            if name in self._known:
+                columns.append(next(others))
+            else:
+                columns.append(by_delay.get(name, np.zeros(len(slopes))))
+        return np.column_stack(columns) if columns else slopes
+
+
+class _History(NamedTuple):
+    """The line on which a delayed output ran before the record.
+
+    Attributes
+    ----------
+    level, slope : str
+        Parameters: its value and slope at the beginning of the record.
+    state, rate : str
+        States of the delay that hold both.
+    """
+
+    level: str
+    slope: str
+    state: str
+    rate: str
+
+
+def _history_of(delay: type[Effect]) -> _History:
+    """Return the names by which a delay declares the line before the record."""
+    state, rate = (s.name for s in delay.layout.states)
+    start = delay.layout.start_of
+    return _History(start[state], start[rate], state, rate)
+
+
+class _Past(NamedTuple):
+    """The instants at which an output was measured that is delayed.
+
+    Attributes
+    ----------
+    then : ndarray, shape (n,)
+        Instants of the undelayed output; not before the record begins.
+    near : ndarray, shape (n,)
+        Others close by in the same stretch of held inputs, or the same where the record begins.
+    before : ndarray of bool, shape (n,)
+        True where the output is from before the record.
+    """
+
+    then: Array
+    near: Array
+    before: NDArray[np.bool_]
+
+    def slope(self, at_then: Array, at_near: Array) -> Array:
+        """Return the derivative (n,) of the delayed output by its delay."""
+        return np.asarray(
+            -(at_near - at_then) / np.where(self.near == self.then, 1.0, self.near - self.then)
+        )
+
+
+def _past(time: Array, delay: float) -> _Past:
+    """Return the instants that a delayed output is of."""
+    then = np.maximum(time - delay, time[0])
+    step = _NEAR * float(np.median(np.diff(time)))
+    following = time[np.minimum(np.searchsorted(time, then, "right"), len(time) - 1)]
+    near = np.where(following - then > step, then + step, then - step)
+    before = time - delay < time[0]
+    return _Past(then, np.where(before, then, near), before)
+
+
+def _picked(trajectory: Trajectory, at: slice | NDArray[np.intp]) -> Trajectory:
+    """Return a simulation at some of its instants."""
+    return Trajectory(
+        {name: values[at] for name, values in trajectory.signals.items()},
+        {name: values[at] for name, values in trajectory.sensitivities.items()},
+    )
+
+
+@lru_cache(maxsize=64)
+def _compiled(
+    base: type[Component], effects: tuple[type[Effect], ...], names: tuple[str, ...]
+) -> CompiledModel:
+    """Compile a model, once for all fits of it: tracing one of many parameters takes seconds."""
+    return CompiledModel(stack(base, *effects) if effects else base, names)

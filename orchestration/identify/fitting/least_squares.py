@@ -1,0 +1,216 @@
+"""Nonlinear least squares within bounds, stepping back where a model fails.
+
+The method is SciPy's trust-region reflective one.
+
+Sources: Branch, Coleman and Li, *SIAM Journal on Scientific Computing* 21 (1999); Bates and Watts,
+*Technometrics* 23 (1981); docs/decisions/0014-one-fit.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from fmus.kit import UserError
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+_NOWHERE = 1e-9  # length of a step, in searched coordinates, after which a search gives up
+_ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
+# singular value, relative to the largest, below which no step goes in its direction
+_UNDETERMINED = 1e-10
+
+
+class SearchEndedError(UserError):
+    """A search cannot go on: there is no time left, or nowhere to go."""
+
+
+class Minimum(NamedTuple):
+    """The point where a search ended.
+
+    Attributes
+    ----------
+    q : ndarray, shape (p,)
+        The best point.
+    converged : bool
+        True if the cost fell no more; else the trial points were used up.
+    """
+
+    q: Array
+    converged: bool
+
+
+def minimise(
+    residual: Function,
+    jacobian: Function,
+    q: Array,
+    low: Array,
+    high: Array,
+    tolerance: float = 1e-6,
+    *,
+    trials: int = 200,
+) -> Minimum:
+    """Minimise a sum of squared residuals within bounds.
+
+    Parameters
+    ----------
+    residual, jacobian : callable
+        Residuals (m,) and their Jacobian (m, p) at a point. From a point where a residual is not
+        finite, or raises a UserError, the search steps back; at a SearchEndedError it ends with the
+        best point so far.
+    q, low, high : ndarray, shape (p,)
+        Starting point and bounds; a coordinate whose bounds are equal stays there. In every
+        coordinate a step of one should be a large one.
+    tolerance : float
+        Fall of the cost, relative to it, that ends the search.
+    trials : int
+        Largest number of points that are tried.
+
+    Returns
+    -------
+    Minimum
+
+    Raises
+    ------
+    UserError
+        If the residual raises it, or it or its Jacobian is not finite, where the search starts.
+    """
+    search = _Search(residual, jacobian, np.clip(q, low, high), low < high)
+    fallen = np.inf
+    # A trust region that has become small makes steps that gain little. A new search begins with a
+    # large one.
+    while search.free.any() and search.least > 0.0 and fallen > tolerance * search.least:
+        before = search.least
+        try:
+            converged, promised = search.run(low, high, tolerance, trials)
+        except SearchEndedError:
+            return Minimum(search.best, False)
+        if not converged:
+            return Minimum(search.best, False)
+        fallen = before - search.least if promised > tolerance * search.least else 0.0
+    return Minimum(search.best, True)
+
+
+class _Search:
+    """A search of the free coordinates, with the best point so far.
+
+    Parameters
+    ----------
+    residual, jacobian, q
+        See `minimise`.
+    free : ndarray of bool, shape (p,)
+        Coordinates that are searched.
+    """
+
+    def __init__(self, residual: Function, jacobian: Function, q: Array, free: NDArray[np.bool_]):
+        self._residual = residual
+        self._jacobian = jacobian
+        self.free = free
+        self.best = q
+        self._rows = residual(q)
+        self._tried = 0
+        if not np.isfinite(self._rows).all():
+            raise UserError("the simulation is not finite where the search starts")
+
+    @property
+    def least(self) -> float:
+        """The cost at the best point."""
+        return float(self._rows @ self._rows)
+
+    def run(self, low: Array, high: Array, tolerance: float, trials: int) -> tuple[bool, float]:
+        """Search from the best point until steps gain no more.
+
+        Coordinates are scaled: a step of one is a large one, or one that changes the simulation by
+        as much as its error, if that is less. They begin at a distance of one from their origin,
+        because that is the length of SciPy's first step.
+
+        Returns
+        -------
+        converged : bool
+            False if the trial points were used up.
+        promised : float
+            Fall of the cost with another whole step, were the residual linear.
+        """
+        origin = self.best
+        begin = self._rows
+        free = self.free
+        # used once; a Jacobian may cost as many simulations as there are coordinates
+        at_origin = [self._jacobian(origin)[:, free]]
+        if not np.isfinite(at_origin[0]).all():
+            raise UserError("the derivatives are not finite where the search starts")
+        effect = np.linalg.norm(at_origin[0], axis=0)
+        wrong = np.sqrt(self.least)
+        size = wrong / np.maximum(effect, wrong)
+        start = np.full(int(free.sum()), free.sum() ** -0.5)
+        known = True  # the residual at the first point, even if there is no time for any other
+
+        def moved(steps: Array) -> Array:
+            point = origin.copy()
+            point[free] += size * (steps - start)
+            return point
+
+        def rows(steps: Array) -> Array:
+            nonlocal known
+            if not known:
+                return self._at(moved(steps))
+            known = False
+            return begin
+
+        def slopes(steps: Array) -> Array:
+            return (at_origin.pop() if at_origin else self._jacobian(moved(steps))[:, free]) * size
+
+        bounds = (start + (low - origin)[free] / size, start + (high - origin)[free] / size)
+        with np.errstate(over="ignore"):  # of a trust region that vanishes where nothing is to gain
+            solution = least_squares(
+                rows,
+                start,
+                slopes,
+                bounds,
+                ftol=tolerance,
+                xtol=_ROUNDING,
+                gtol=_ROUNDING,
+                max_nfev=max(1, trials - self._tried),
+            )
+        self.best = moved(solution.x)
+        self._rows = solution.fun
+        # a coordinate at its bound is off it by a rounding error
+        active = solution.active_mask
+        upper = np.where(active > 0, high[free], self.best[free])
+        self.best[free] = np.where(active < 0, low[free], upper)
+        promised = _promised(np.asarray(solution.jac)[:, active == 0], solution.fun)
+        return bool(solution.success), promised
+
+    def _at(self, point: Array) -> Array:
+        """Return the residual at a point; infinite where there is none, for a step back."""
+        self._tried += 1
+        values = residual_or_none(self._residual, point)
+        if values is None:
+            if np.abs(point - self.best).max() <= _NOWHERE:
+                raise SearchEndedError("the model fails wherever the search could go")
+            return np.full_like(self._rows, np.inf)
+        if float(values @ values) < self.least:
+            self.best = point
+            self._rows = values
+        return values
+
+
+def _promised(jacobian: Array, residual: Array) -> float:
+    """Return the fall of the cost with a whole Gauss-Newton step, were the residual linear."""
+    step = np.linalg.lstsq(jacobian, -residual, rcond=_UNDETERMINED)[0]
+    after = residual + jacobian @ step
+    return float(residual @ residual - after @ after)
+
+
+def residual_or_none(residual: Function, q: Array) -> Array | None:
+    """Return the residual at a point; None where it is not finite or raises a UserError."""
+    try:
+        values = residual(q)
+    except SearchEndedError:
+        raise
+    except UserError:
+        return None
+    return values if np.isfinite(values).all() else None

@@ -1,0 +1,470 @@
+"""The prediction-error method: parameters and the noise of every output, fitted in turn.
+
+The model runs free over the record; its residual is whitened by an autoregression that is estimated
+with it (Ljung: System Identification, section 7.2), or weighted by its size where the noise is
+taken as white: the output-error method. Physical parameters may have a Gaussian prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.identify.fitting.least_squares import Minimum, minimise
+from orchestration.identify.fitting.problem import Problem
+from orchestration.identify.fitting.simulation_error import (
+    error_at,
+    error_scales,
+    fit_simulation_error,
+    pooled_error,
+)
+from orchestration.identify.noise import Noise, tails, white_noise
+from orchestration.identify.uncertainty import (
+    Covariance,
+    excess_variance,
+    heteroscedastic,
+    parameter_covariance,
+    sandwich_covariance,
+)
+
+Array = NDArray[np.float64]
+# Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
+# keeps parameters that the record does not determine from running away, and weighs next to nothing
+# in others.
+PRIOR_STD = 1.0
+# error of the free run that a noise model may cost, over the least
+TOLERATED_EXCESS = 1.02
+# Trial points of a fit that is begun again in white noise; the one in coloured noise goes on from
+# where it ends.
+BRIEF = 12
+_BISECTIONS = 6
+_CURVED = 0.1  # of the expected curvature, below which the observed one is chance
+
+
+@dataclass(frozen=True)
+class Method:
+    """The effort of a fit: tolerance, passes and trial points.
+
+    The default tolerance is far below what any evidence turns on.
+
+    Attributes
+    ----------
+    tolerance : float
+        Fall of the sum of squared innovations that ends a search.
+    passes : int
+        Of fitting with a noise model and estimating the noise model from the residual, at most.
+    settled : float
+        Fall of BIC from one pass to the next that ends them.
+    trials : int
+        Points that a pass may try.
+    restarts : int
+        Times that a fit is begun again in white noise, at most.
+    """
+
+    tolerance: float = 0.05
+    passes: int = 3
+    settled: float = 0.5
+    trials: int = 200
+    # One or two suffice where the model can follow the record; where it cannot, as with a wrong
+    # unit, each gains a little and dozens would follow.
+    restarts: int = 4
+
+
+FULL = Method()
+FIXED_COLOUR = Method(restarts=0)  # in a colour that is known
+SCREEN = Method(passes=1, trials=BRIEF, restarts=0)  # to decide whether a full fit is worth it
+EVALUATE = Method(passes=1, trials=1, restarts=0)  # evaluation without a search
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted candidate: parameters, noise, residuals and their statistics.
+
+    Attributes
+    ----------
+    q : ndarray, shape (p,)
+        Searched coordinates.
+    values : dict of str to float
+        Parameters by name, SI.
+    noise : dict of str to Noise
+        By output, of the residual.
+    residual : dict of str to ndarray, shape (m,)
+        Measured minus simulated.
+    innovation : dict of str to ndarray, shape (m,)
+        The whitened residual.
+    weights : dict of str to ndarray, shape (m,)
+        Weights of innovations; about 1, and small for outliers in heavy tails.
+    information : ndarray, shape (p, p)
+        Of all innovations on the searched coordinates (Fisher).
+    prior_precision : ndarray, shape (p,)
+        Curvature of the prior of every coordinate; zero where there is none.
+    deviance : float
+        Minus twice the logarithm of the likelihood, up to a constant of the record.
+    parameters : int
+        Number of estimated parameters, those of the noise included.
+    samples : int
+    converged : bool
+        True if the search ended by itself.
+    covariance : Covariance
+        Of the searched coordinates. It includes the prior, so that parameters of which the record
+        determines only a combination, such as a ratio, are not given as exact.
+    excess_variance : ndarray, shape (p,)
+        Ratio of the variance of every coordinate to that of the likelihood, at least 1: more in
+        noise of a level that varies with the effect of the coordinate.
+    """
+
+    q: Array
+    values: dict[str, float]
+    noise: dict[str, Noise]
+    residual: dict[str, Array]
+    innovation: dict[str, Array]
+    weights: dict[str, Array]
+    information: Array
+    prior_precision: Array
+    deviance: float
+    parameters: int
+    samples: int
+    converged: bool
+    covariance: Covariance
+    excess_variance: Array
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion."""
+        return self.deviance + self.parameters * float(np.log(self.samples))
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """Gaussian prior of some coordinates, as rows of a least-squares problem."""
+
+    mean: Array
+    precision: Array  # zero where there is none
+
+    @property
+    def _held(self) -> NDArray[np.intp]:
+        return np.flatnonzero(self.precision)
+
+    def residual(self, q: Array) -> Array:
+        """Return the rows (r,) of the coordinates that have a prior."""
+        return np.asarray(np.sqrt(self.precision[self._held]) * (q - self.mean)[self._held])
+
+    @property
+    def jacobian(self) -> Array:
+        """The derivatives (r, p) of the rows."""
+        return np.diag(np.sqrt(self.precision))[self._held]
+
+
+def fit_prediction_error(
+    problem: Problem,
+    start: Array,
+    noise: Mapping[str, Noise] | None = None,
+    physical: NDArray[np.bool_] | None = None,
+    prior_std: float = PRIOR_STD,
+    method: Method = FULL,
+    *,
+    farthest: float = np.inf,
+) -> FitResult:
+    """Fit the searched parameters of a problem, and the noise of its outputs in turn.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ndarray, shape (p,)
+        Searched coordinates to begin with.
+    noise : Mapping of str to Noise, optional
+        By output, to begin with; None takes noise of the size of the residual, white unless its
+        colour is known.
+    physical : ndarray of bool, shape (p,), optional
+        Parameters that have a prior; none by default.
+    prior_std : float
+        Its standard deviation, see `PRIOR_STD`.
+    method : Method
+    farthest : float
+        Limit of the pooled error of the free run, however likely the noise makes the record beyond
+        it.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the search starts.
+    """
+    prior = _prior(problem, physical, prior_std)
+
+    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = method.trials) -> FitResult:
+        end = _minimised(problem, q, noise, prior, method, trials)
+        return _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
+
+    def iterate(first: FitResult) -> FitResult:
+        """Fit in the noise that is estimated where the last pass ended, in turn."""
+        fitted = first
+        for _ in range(method.passes - 1):
+            before = fitted
+            fitted = one_pass(before.q, before.noise)
+            if before.bic - fitted.bic < method.settled:
+                return min(before, fitted, key=lambda f: f.bic)
+        return fitted
+
+    q = np.clip(problem.inside(start), *problem.bounds())
+    residual = problem.evaluate(q)[0]
+    begin = one_pass(
+        q, noise or (problem.noise(residual) if problem.colour else white_noise(residual))
+    )
+    best = iterate(begin)
+    in_white = None if noise else begin  # the last pass in white noise
+    for _ in range(method.restarts):
+        if not any(len(n.coefficients) > 1 for n in best.noise.values()):
+            break
+        # a noise model that explains what the model could explain keeps it from doing so: begin
+        # again in white noise
+        again = one_pass(best.q, white_noise(best.residual), BRIEF)
+        # from where the last pass in white noise ended, all would go as before
+        same = in_white is not None and abs(in_white.bic - again.bic) < method.settled
+        in_white = again
+        other = again if same else iterate(again)
+        if best.bic - other.bic < method.settled:
+            break
+        best = other
+    return best
+
+
+def fit_free_run(
+    problem: Problem,
+    starts: Sequence[Array],
+    physical: NDArray[np.bool_] | None = None,
+    prior_std: float = PRIOR_STD,
+    method: Method = FULL,
+) -> FitResult:
+    """Fit the free run by plain least squares, and assess it in the noise of its residual.
+
+    Its intervals allow for the colour and the changing level of that noise.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : sequence of ndarray, shape (p,)
+        Points to begin at; see `simulation_error.starting_points`.
+    physical, prior_std, method
+        See :func:`fit_prediction_error`.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the first search starts.
+    """
+    prior = _prior(problem, physical, prior_std)
+    scales = error_scales(problem)
+    rows = (prior.residual, prior.jacobian)
+    minimum = fit_simulation_error(
+        problem, starts, scales, method.tolerance / problem.samples, rows
+    )
+    fitted = _assessed(problem, minimum, prior)
+    slopes = problem.evaluate(minimum.q)[1]
+    weighted = {o: j / scales[o] for o, j in slopes.items()}
+    stacked = np.vstack(list(weighted.values()))
+    noise = [replace(n, deviation=n.deviation / scales[o]) for o, n in fitted.noise.items()]
+    bread = parameter_covariance(stacked.T @ stacked, prior.precision)
+    return replace(fitted, covariance=sandwich_covariance(bread, weighted.values(), noise))
+
+
+def choose_credible_fit(problem: Problem, likeliest: FitResult, free_run: FitResult) -> FitResult:
+    """Return the likelier of two fits, unless its simulation is farther from the record.
+
+    A noise model may make a record likely with a simulation that follows it badly: it then explains
+    as noise what the simulation should explain.
+
+    Parameters
+    ----------
+    problem : Problem
+    likeliest, free_run : FitResult
+        Of :func:`fit_prediction_error` and :func:`fit_free_run`.
+    """
+    scales = error_scales(problem)
+    weights = likeliest.weights
+    near = TOLERATED_EXCESS * pooled_error(free_run.residual, scales, weights)
+    return likeliest if pooled_error(likeliest.residual, scales, weights) <= near else free_run
+
+
+def _is_curved(observed: Array, expected: Array) -> bool:
+    """Tell whether an observed information is clearly positive in every direction.
+
+    It is compared with the expected one.
+    """
+    scale = np.sqrt(np.diag(expected))
+    seen = scale > 0.0
+    size = np.outer(scale[seen], scale[seen])
+
+    def least(information: Array) -> float:
+        return float(np.linalg.eigvalsh(information[np.ix_(seen, seen)] / size).min(initial=1.0))
+
+    return least(observed) > _CURVED * least(expected)
+
+
+def _prior(problem: Problem, physical: NDArray[np.bool_] | None, prior_std: float) -> _Prior:
+    """Return the prior of physical parameters, about where the problem starts."""
+    mean = problem.position(problem.start)
+    held = np.isfinite(mean) & (False if physical is None else physical.astype(bool))
+    return _Prior(mean, np.where(held, prior_std**-2, 0.0))
+
+
+def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> Array:
+    """Return the last point from begin to end whose simulation is near enough to the record."""
+    if farthest == np.inf:
+        return end
+
+    def allowed(q: Array) -> bool:
+        return error_at(problem, q) <= farthest
+
+    if allowed(end) or not allowed(begin):
+        return end
+    near = 0.0
+    far = 1.0
+    for _ in range(_BISECTIONS):
+        middle = (near + far) / 2.0
+        if allowed(begin + middle * (end - begin)):
+            near = middle
+        else:
+            far = middle
+    return np.asarray(begin + near * (end - begin))
+
+
+def fit_in_noise(
+    problem: Problem, q: Array, noise: Mapping[str, Noise], method: Method
+) -> tuple[Array, float]:
+    """Fit in noise that is given, without a prior; return the end, (p,), and the deviance there.
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the search starts.
+    """
+    end = _minimised(problem, q, noise, _prior(problem, None, PRIOR_STD), method, method.trials).q
+    residual = problem.evaluate(end)[0]
+    present = problem.present
+    deviance = sum(
+        n.deviance(n.whiten(residual[o], present[o]), present[o]) for o, n in noise.items()
+    )
+    return end, deviance
+
+
+def _minimised(
+    problem: Problem,
+    q: Array,
+    noise: Mapping[str, Noise],
+    prior: _Prior,
+    method: Method,
+    trials: int,
+) -> Minimum:
+    """Minimise in noise that is given, and go on across samples that delays have come to."""
+
+    def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
+        residual = problem.evaluate(q)[0]
+        return {
+            o: tails.rooted(n.whiten(residual[o], problem.present[o]), n.freedom)
+            for o, n in noise.items()
+        }
+
+    def rows(q: Array) -> Array:
+        return np.concatenate([*(root for root, _ in rooted(q).values()), prior.residual(q)])
+
+    def slopes(q: Array) -> Array:
+        jacobian = problem.evaluate(q)[1]
+        roots = rooted(q)
+        parts = []
+        for o, n in noise.items():
+            whitened = n.whiten(jacobian[o], problem.present[o])
+            heavy = n.freedom < np.inf
+            parts.append(roots[o][1][:, np.newaxis] * whitened if heavy else whitened)
+        return np.vstack([*parts, prior.jacobian])
+
+    def search(begin: Array) -> Minimum:
+        low, high = problem.smooth_bounds(begin)
+        residual = problem.time_limited(rows)
+        tolerance = method.tolerance / problem.samples
+        return minimise(residual, slopes, begin, low, high, tolerance=tolerance, trials=trials)
+
+    best = search(q)
+    other = problem.across_sample(best.q)
+    while other is not None:
+        tried = search(other)
+        if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
+            break
+        best = tried
+        other = problem.across_sample(best.q)
+    return best
+
+
+def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
+    """Assess a point in the noise that is estimated from its residual."""
+    q = minimum.q
+    residual, slopes = problem.evaluate(q)
+    noise = problem.noise(residual)
+    innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
+    weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
+    jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
+    deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
+    score = np.concatenate([weights[o] * innovation[o] for o in noise])
+    curvature = _curvature(noise, innovation)
+    information = (jacobian.T * curvature.expected) @ jacobian
+    plain = parameter_covariance(information, prior.precision)
+    return FitResult(
+        q,
+        problem.values(q),
+        noise,
+        residual,
+        innovation,
+        weights,
+        information=information,
+        prior_precision=prior.precision,
+        deviance=float(deviance + (prior.residual(q) ** 2).sum()),
+        parameters=len(q) + sum(n.parameters for n in noise.values()),
+        samples=len(score),
+        converged=minimum.converged,
+        covariance=_covariance(plain, jacobian, score, curvature, information, prior),
+        excess_variance=excess_variance(plain, jacobian, score, curvature.expected),
+    )
+
+
+class _Curvature(NamedTuple):
+    """Second derivative of the loss by every innovation, (m,): as expected, and as it is."""
+
+    expected: Array
+    observed: Array
+
+
+def _curvature(noise: Mapping[str, Noise], innovation: Mapping[str, Array]) -> _Curvature:
+    """Return the curvature at the innovations of all outputs."""
+    expected = [np.full_like(innovation[o], n.information) for o, n in noise.items()]
+    observed = [tails.curvature(innovation[o], n.freedom) for o, n in noise.items()]
+    return _Curvature(np.concatenate(expected), np.concatenate(observed))
+
+
+def _covariance(
+    plain: Covariance,
+    jacobian: Array,
+    score: Array,
+    curvature: _Curvature,
+    information: Array,
+    prior: _Prior,
+) -> Covariance:
+    """Return the covariance of the fit, by the observed curvature unless that is chance.
+
+    Of few samples in heavy tails the curvature may be anything.
+    """
+    observed = (jacobian.T * curvature.observed) @ jacobian
+    if not _is_curved(observed, information):
+        return heteroscedastic(plain, jacobian, score, curvature.expected)
+    bread = parameter_covariance(observed, prior.precision)
+    return heteroscedastic(bread, jacobian, score, curvature.observed)

@@ -1,0 +1,192 @@
+"""The simulation-error fit: least squares of the free run's errors (output-error method).
+
+Nothing is assumed of the noise but its size, so that no noise model can explain what the simulation
+should explain (Ljung: System Identification, section 7.2). The search begins at several
+points, because the sum has several minima where time constants are far from what they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from fmus.kit import UserError
+from orchestration.identify.fitting.least_squares import Minimum, minimise
+from orchestration.identify.fitting.problem import Problem
+from orchestration.identify.noise import noise_std
+from orchestration.records import base_name
+
+Array = NDArray[np.float64]
+# spread of starting points about nominal, in searched coordinates: a decade either way
+_SPREAD = float(np.log(10.0))
+_STARTS = 4  # beside the nominal one
+_BRIEF = 12  # trial points after which only the best start goes on
+_FLOOR = 1.1  # times the noise: an error below it leaves nothing to be gained elsewhere
+# Fall of minus twice the log-likelihood for which another optimum than that of the nominal start is
+# taken: very strong evidence (Kass and Raftery 1995). A parameter that does nothing where it is
+# nominal may follow a little of the noise elsewhere, as a limit does that is just reached.
+_CLEARLY = 10.0
+_FINE = 1e-4  # of the spread of an output: least noise that it is weighted by
+
+
+def error_scales(problem: Problem) -> dict[str, float]:
+    """Return the size of the noise of every output, robustly from its third differences."""
+    spread = {o: float(np.nanstd(y)) for o, y in problem.measured.items()}
+    return {o: max(noise_std(y, 3), _FINE * spread[o]) or 1.0 for o, y in problem.measured.items()}
+
+
+def pooled_error(
+    residual: Mapping[str, Array],
+    scales: Mapping[str, float],
+    weights: Mapping[str, Array] | None = None,
+) -> float:
+    """Return the root mean square error of all outputs, each over the size of its noise.
+
+    Parameters
+    ----------
+    residual : Mapping of str to ndarray, shape (m,)
+        By output.
+    scales : Mapping of str to float
+        See `error_scales`.
+    weights : Mapping of str to ndarray, shape (m,), optional
+        Weights of all samples; equal by default.
+    """
+    scaled = np.concatenate([e / scales[o] for o, e in residual.items()])
+    counted = np.concatenate(
+        [weights[o] if weights is not None else np.ones_like(e) for o, e in residual.items()]
+    )
+    return float(np.sqrt((counted * scaled**2).sum() / counted.sum()))
+
+
+def error_at(problem: Problem, q: Array) -> float:
+    """Return the pooled error at a point; infinite where the model cannot be simulated.
+
+    Parameters
+    ----------
+    problem : Problem
+    q : ndarray, shape (p,)
+    """
+    try:
+        error = pooled_error(problem.evaluate(q)[0], error_scales(problem))
+    except UserError:
+        return np.inf
+    return error if np.isfinite(error) else np.inf
+
+
+def starting_points(problem: Problem) -> list[Array]:
+    """Return the nominal point, and others spread evenly within a decade.
+
+    Start values of states, and values that are a run's own, stay nominal.
+    """
+    nominal = problem.inside(problem.position(problem.start))
+    moved = np.array(
+        [not problem.declared[name].starts and base_name(name) == name for name in problem.names]
+    )
+    if not moved.any():
+        return [nominal]
+    points = 2.0 * qmc.Halton(int(moved.sum()), scramble=False).random(_STARTS + 1)[1:] - 1.0
+    low, high = problem.bounds()
+    others = []
+    for point in points:
+        q = nominal.copy()
+        q[moved] += _SPREAD * point
+        others.append(problem.inside(np.clip(q, low, high)))
+    return [nominal, *others]
+
+
+def fit_simulation_error(
+    problem: Problem,
+    starts: Sequence[Array],
+    scales: Mapping[str, float],
+    tolerance: float,
+    prior: tuple[Callable[[Array], Array], Array] | None = None,
+) -> Minimum:
+    """Fit by plain least squares, each output over the size of its noise.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : sequence of ndarray, shape (p,)
+        The first is searched to the end; the others only if that does not come down to the noise.
+    scales : Mapping of str to float
+        See `error_scales`.
+    tolerance : float
+        Fall of the sum of squares, relative to it, that ends a search.
+    prior : tuple of callable and ndarray, optional
+        Rows of a prior, and their Jacobian.
+
+    Returns
+    -------
+    Minimum
+        Where the first search ended, or the best of the others if it is clearly better.
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the first search starts.
+    """
+    errors = _WeightedErrors(problem, scales, prior)
+    first = errors.search(starts[0], tolerance)
+    best = first
+    if errors.cost(best.q) <= _FLOOR**2 * problem.samples:
+        return best
+    for start in starts[1:]:
+        if problem.out_of_time():
+            break
+        best = errors.better(best, start, tolerance)
+    # not by a ratio, for a record without noise may be met exactly
+    clearly = errors.cost(first.q) > errors.cost(best.q) * np.exp(_CLEARLY / problem.samples)
+    return best if clearly else first
+
+
+class _WeightedErrors:
+    """Errors of the free run as a least-squares problem, each over the size of its noise.
+
+    Parameters
+    ----------
+    problem, scales, prior
+        See `fit_simulation_error`.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        scales: Mapping[str, float],
+        prior: tuple[Callable[[Array], Array], Array] | None,
+    ):
+        self._problem = problem
+        self._scales = scales
+        self._prior = prior
+
+    def rows(self, q: Array) -> Array:
+        """Return the weighted errors (m,)."""
+        parts = [e / self._scales[o] for o, e in self._problem.evaluate(q)[0].items()]
+        return np.concatenate([*parts, self._prior[0](q)] if self._prior else parts)
+
+    def slopes(self, q: Array) -> Array:
+        """Return their derivatives (m, p)."""
+        parts = [j / self._scales[o] for o, j in self._problem.evaluate(q)[1].items()]
+        return np.vstack([*parts, self._prior[1]] if self._prior else parts)
+
+    def cost(self, q: Array) -> float:
+        """Return their sum of squares."""
+        return float((self.rows(q) ** 2).sum())
+
+    def search(self, begin: Array, tolerance: float, trials: int = 200) -> Minimum:
+        """Search for the least sum of squares from a point."""
+        low, high = self._problem.smooth_bounds(begin)
+        residual = self._problem.time_limited(self.rows)
+        return minimise(residual, self.slopes, begin, low, high, tolerance=tolerance, trials=trials)
+
+    def better(self, best: Minimum, start: Array, tolerance: float) -> Minimum:
+        """Return the better of a minimum and the end of a search from another start."""
+        try:
+            tried = self.search(start, tolerance, _BRIEF)
+            if not tried.converged and self.cost(tried.q) < 4.0 * self.cost(best.q):
+                tried = self.search(tried.q, tolerance)
+        except UserError:  # it cannot be simulated there
+            return best
+        return tried if self.cost(tried.q) < self.cost(best.q) else best

@@ -1,0 +1,11 @@
+from .circuit import CircuitReading as CircuitReading
+from .circuit import read_circuit as read_circuit
+from .creep import CreepReading as CreepReading
+from .creep import read_creep as read_creep
+from .impedance import least_squares_windows as least_squares_windows
+from .impedance import magnitude as magnitude
+from .impedance import tustin as tustin
+from .impedance import zero_order_hold as zero_order_hold
+from .loops import Loops as Loops
+from .loops import read_loops as read_loops
+from .quantity import GraphicalEstimate as GraphicalEstimate

@@ -1,0 +1,14 @@
+from . import tails as tails
+from .autoregression import ORDER as ORDER
+from .autoregression import fit_autoregression as fit_autoregression
+from .autoregression import segments as segments
+from .autoregression import yule_walker as yule_walker
+from .ljung_box import WHITENESS_SAMPLES as WHITENESS_SAMPLES
+from .ljung_box import Whiteness as Whiteness
+from .ljung_box import whiteness as whiteness
+from .model import Noise as Noise
+from .model import Whitening as Whitening
+from .model import estimate_noise as estimate_noise
+from .model import noise_samples as noise_samples
+from .model import noise_std as noise_std
+from .model import white_noise as white_noise

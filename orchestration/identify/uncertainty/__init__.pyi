@@ -1,0 +1,15 @@
+from .covariance import Covariance as Covariance
+from .covariance import clustered_covariance as clustered_covariance
+from .covariance import excess_variance as excess_variance
+from .covariance import heteroscedastic as heteroscedastic
+from .covariance import parameter_covariance as parameter_covariance
+from .covariance import sandwich_covariance as sandwich_covariance
+from .estimate import Distribution as Distribution
+from .estimate import Estimate as Estimate
+from .estimate import is_significantly_different as is_significantly_different
+from .estimate import joint_distribution as joint_distribution
+from .picture import draw as draw
+from .profile import LEVEL as LEVEL
+from .profile import Coordinate as Coordinate
+from .profile import Profile as Profile
+from .profile import profile_likelihood as profile_likelihood

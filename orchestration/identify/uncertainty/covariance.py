@@ -1,0 +1,197 @@
+"""Covariance of estimated parameters, and which of them the data do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orchestration.identify.noise import Noise
+
+Array = NDArray[np.float64]
+# eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding
+_SINGULAR = 1e-10
+# highest leverage that is granted: a sample that is fitted exactly says nothing of its noise
+_LEVERAGE = 0.9
+# share of a parameter in a singular direction, from which on it is not identifiable itself
+_INVOLVED = 1e-3
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of estimated parameters.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (p, p)
+        In the directions that the data determine; zero along the others.
+    unidentifiable : ndarray of bool, shape (p,)
+        Parameters that the data do not determine, or only together with others.
+    """
+
+    matrix: Array
+    unidentifiable: NDArray[np.bool_]
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors (p,); infinite where a parameter is unidentifiable."""
+        return np.where(self.unidentifiable, np.inf, np.sqrt(np.diag(self.matrix)))
+
+    def correlations(self, names: Sequence[str]) -> dict[tuple[str, str], float]:
+        """Return the correlations of all pairs; zero where one of them is not determined.
+
+        Parameters
+        ----------
+        names : sequence of str, length p
+        """
+        sizes = np.sqrt(np.diag(self.matrix))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            matrix = np.nan_to_num(self.matrix / np.outer(sizes, sizes))
+        correlations = {}
+        for i, one in enumerate(names):
+            for j, other in enumerate(names[:i]):
+                correlations[other, one] = float(np.clip(matrix[i, j], -1.0, 1.0))
+        return correlations
+
+
+def parameter_covariance(information: Array, prior: ArrayLike = 0.0) -> Covariance:
+    """Invert a normal matrix (Ljung: System Identification, section 9.4).
+
+    It is scaled to a unit diagonal first, so that units do not decide which directions are
+    singular, and inverted in the others (Belsley, Kuh, Welsch: Regression Diagnostics,
+    chapter 3).
+
+    Parameters
+    ----------
+    information : ndarray, shape (p, p)
+        Normal matrix of whitened derivatives.
+    prior : float or ndarray, shape (p,)
+        Precision of a Gaussian prior of every parameter, zero for none.
+
+    Returns
+    -------
+    Covariance
+    """
+    known = information + np.diag(np.broadcast_to(prior, len(information)))
+    scale = np.sqrt(np.diag(known))
+    unidentifiable = scale <= 0.0
+    matrix = np.zeros_like(known)
+    seen = np.flatnonzero(~unidentifiable)
+    if seen.size:
+        block = np.ix_(seen, seen)
+        size = np.outer(scale[seen], scale[seen])
+        values, directions = np.linalg.eigh(known[block] / size)
+        regular = values > _SINGULAR * values[-1]
+        inverse = (directions[:, regular] / values[regular]) @ directions[:, regular].T
+        matrix[block] = inverse / size
+        unidentifiable[seen] = np.abs(directions[:, ~regular]).max(axis=1, initial=0.0) > _INVOLVED
+    return Covariance(matrix, unidentifiable)
+
+
+def sandwich_covariance(
+    bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise]
+) -> Covariance:
+    """Return the covariance of parameters fitted as if residuals were white (Ljung, section 9.4).
+
+    Between two halves of the inverse normal matrix stands the covariance of the scores, in coloured
+    noise.
+
+    Parameters
+    ----------
+    bread : Covariance
+        Inverse of the normal matrix that was fitted with.
+    jacobian : iterable of ndarray, shape (m, p)
+        Of the residual of every output, weighted as it was fitted.
+    noise : iterable of Noise
+        Of these residuals.
+
+    Returns
+    -------
+    Covariance
+    """
+    scores = np.vstack([n.backwards(j) for n, j in zip(noise, jacobian, strict=True)])
+    halves = scores @ bread.matrix
+    return replace(bread, matrix=halves.T @ halves)
+
+
+def excess_variance(
+    bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0
+) -> Array:
+    """Return the ratio of the variance of parameters in heteroscedastic noise to that assumed.
+
+    White's estimate, with every residual as it would be had its sample not been fitted (HC3 of
+    MacKinnon and White, J. Econometrics 29, 1985). A ratio below 1 may come from few samples and is
+    not taken.
+
+    Parameters
+    ----------
+    bread : Covariance
+        Inverse of the information.
+    jacobian : ndarray, shape (m, p)
+        Of every innovation.
+    score : ndarray, shape (m,)
+        Every innovation times its weight.
+    curvature : float or ndarray, shape (m,)
+        Second derivative of the loss by every innovation, which decides its leverage.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Ratio of variances, at least 1.
+    """
+    along = jacobian @ bread.matrix
+    leverage = np.clip(curvature * (along * jacobian).sum(axis=1), 0.0, _LEVERAGE)
+    robust = ((along * (score / (1.0 - leverage))[:, np.newaxis]) ** 2).sum(axis=0)
+    plain = np.diag(bread.matrix)
+    ratio = np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0)
+    return np.asarray(np.maximum(ratio, 1.0))
+
+
+def heteroscedastic(
+    bread: Covariance, jacobian: Array, score: Array, curvature: ArrayLike = 1.0
+) -> Covariance:
+    """Return a covariance widened by :func:`excess_variance`."""
+    wider = np.sqrt(excess_variance(bread, jacobian, score, curvature))
+    return replace(bread, matrix=bread.matrix * np.outer(wider, wider))
+
+
+def clustered_covariance(
+    bread: Covariance, jacobian: Array, residual: Array, stretches: NDArray[np.intp]
+) -> Covariance:
+    """Return the covariance of parameters from the influence of single stretches of a record.
+
+    The residual may be coloured, of changing level or systematic: only its repetitions from stretch
+    to stretch count as independent. Stretches have to be longer than its memory. Sources: CR2 of
+    Bell and McCaffrey, Survey Methodology 28, 2002; Cameron and Miller, J. Human Resources 50,
+    2015.
+
+    Parameters
+    ----------
+    bread : Covariance
+        Inverse of the normal matrix J'J that was fitted with.
+    jacobian : ndarray, shape (m, p)
+        Of the residual, weighted as it was fitted.
+    residual : ndarray, shape (m,)
+        Weighted alike.
+    stretches : ndarray of int, shape (m,)
+        Number of the stretch that a sample belongs to.
+
+    Returns
+    -------
+    Covariance
+    """
+    middle = np.zeros_like(bread.matrix)
+    for stretch in np.unique(stretches):
+        within = stretches == stretch
+        slopes = jacobian[within]
+        errors = residual[within]
+        frame, triangle = np.linalg.qr(slopes)
+        leverage, directions = np.linalg.eigh(triangle @ bread.matrix @ triangle.T)
+        # the fit has taken a part of a stretch out of its residual: (I - H)^(-1/2) restores it
+        more = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, _LEVERAGE)) - 1.0
+        missing = directions @ (more * (directions.T @ (frame.T @ errors)))
+        score = slopes.T @ errors + triangle.T @ missing
+        middle += np.outer(score, score)
+    return replace(bread, matrix=bread.matrix @ middle @ bread.matrix)

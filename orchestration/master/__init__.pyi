@@ -1,0 +1,11 @@
+from .interrupt import Interrupt as Interrupt
+from .interrupt import deferred as deferred
+from .pacing import Pacer as Pacer
+from .pacing import Pacing as Pacing
+from .pacing import RealTime as RealTime
+from .realtime_priority import realtime_priority as realtime_priority
+from .result import Run as Run
+from .result import Statistics as Statistics
+from .result import Stopped as Stopped
+from .simulation import CouplingOptions as CouplingOptions
+from .simulation import run as run

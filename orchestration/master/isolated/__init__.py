@@ -1,1 +1,0 @@
-"""A run in a process of its own, of which the rows outlive it."""

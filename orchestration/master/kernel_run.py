@@ -1,0 +1,240 @@
+"""A run of a system in the stepping kernel: its schedule as a program, executed point by point."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.fmu.isolation import allocate_rows
+from orchestration.fmu.kernel import (
+    WHOLE_NUMBERS,
+    Execution,
+    Handler,
+    KernelReturn,
+    Program,
+    Values,
+    library,
+)
+from orchestration.master.buffers import Buffer, BufferTransfer
+from orchestration.master.executor import Executor
+from orchestration.master.instances import Instance
+from orchestration.master.schedule import ExchangeStage, MemberCall, PlainStep
+
+Array = NDArray[np.float64]
+
+
+class KernelRun:
+    """Steps and exchanges of all members at every point after the first; a context manager.
+
+    Parameters
+    ----------
+    executor : Executor
+        All members take part in every step, and inputs are held.
+    points : sequence of float
+        Communication points in s.
+    most : int
+        Largest number of points between two calls of `take_rows`.
+    """
+
+    def __init__(self, executor: Executor, points: Sequence[float], most: int):
+        self._executor = executor
+        self._rows = allocate_rows((most, len(executor.outputs.at)))
+        program = translate(executor, points, self._rows)
+        self._execution = Execution(program, len(executor.members), first=1)
+
+    def __enter__(self) -> KernelRun:
+        self._execution.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._execution.__exit__(*error)
+        execution = self._execution
+        executor = self._executor
+        # a step that failed was begun
+        executor.complete.count += execution.point - 1 + execution.within_point
+        for k, member in enumerate(executor.members):
+            member.fmu.warnings += int(execution.warnings[k])
+            executor.seconds[k] += float(execution.seconds[k])
+
+    @property
+    def done(self) -> int:
+        """Number of communication points that are complete."""
+        return self._execution.point
+
+    def advance(self, until: int) -> bool:
+        """Go on up to a communication point, not included; false if interrupted before.
+
+        Raises
+        ------
+        UserError
+            If a member fails or gives another a number that is not finite, or a loop cannot be
+            solved.
+        """
+        return self._execution.advance(until)
+
+    def take_rows(self) -> Array:
+        """Return the rows of outputs since the last call; they are valid until `advance`."""
+        rows = self._rows[: self._execution.row_count]
+        self._execution.rewind_rows()
+        return rows
+
+
+def translate(executor: Executor, points: Sequence[float], rows: Array) -> Program:
+    """Return the kernel's program of what all members do in a step and at its end.
+
+    Parameters
+    ----------
+    executor : Executor
+        All members take part in every step, and inputs are held.
+    points : sequence of float
+        Communication points in s; the program is for those after the first.
+    rows : ndarray, shape (any, outputs)
+        Receives the outputs, one row for each point, from the first row after a rewind.
+
+    Returns
+    -------
+    Program
+        The owners in it are the members, by their number.
+    """
+    translation = _Translation(executor, points)
+    program = translation.program
+    program.add_timer_start()
+    for number, calls in executor.complete.steps:
+        for call in calls:
+            translation.add_call(call, lag=1)
+        program.add_time_spent(number)
+    for stage in executor.complete.stages:
+        translation.add_stage(stage, lag=0)
+    outputs = executor.outputs
+    program.add_row_copy(ctypes.addressof(outputs.cells), len(outputs.at), rows)
+    return program
+
+
+class _Translation:
+    """A program to which calls and exchanges of a schedule are added one by one."""
+
+    def __init__(self, executor: Executor, points: Sequence[float]):
+        self._executor = executor
+        self._points = points
+        self._times = np.array(points)
+        self._owners = {member.name: k for k, member in enumerate(executor.members)}
+        self.program = Program(owners=[member.fmu.label for member in executor.members])
+
+    def add_stage(self, stage: ExchangeStage, lag: int) -> None:
+        """Add an exchange of values.
+
+        Parameters
+        ----------
+        stage : ExchangeStage
+        lag : int
+            1 before the step, where external values are those of the point before, else 0.
+        """
+        inputs = self._executor.inputs
+        outputs = self._executor.outputs
+        copies = [
+            _link(inputs, target, _buffer_place(outputs, source)) for target, source in stage.copies
+        ]
+        copy_sources = [source for _, source in stage.copies]
+        self.program.add_links(library.PASS, copies, self._not_finite_handler(copy_sources, lag))
+        scaled = [
+            _link(inputs, c.target, _buffer_place(outputs, c.source), c.factor, c.offset)
+            for c in stage.scaled
+        ]
+        scaled_sources = [c.source for c in stage.scaled]
+        self.program.add_links(library.SCALE, scaled, self._not_finite_handler(scaled_sources, lag))
+        self._add_columns(library.DISTURB, stage.disturbances, lag)
+        self._add_columns(library.DRIVE, stage.external, lag)
+        for call in stage.calls:
+            self.add_call(call, lag)
+
+    def _add_columns(self, kind: int, columns: Sequence[tuple[int, list[float]]], lag: int) -> None:
+        """Add copying external values, or adding disturbances, to inputs."""
+        links = []
+        for target, column in columns:
+            values = np.array(column)
+            self.program.hold(values)
+            source = Values.in_rows(values).shifted(-lag)
+            links.append(_link(self._executor.inputs, target, source))
+        self.program.add_links(kind, links, self._not_finite_handler([], lag))
+
+    def add_call(self, call: MemberCall, lag: int) -> None:
+        """Add a call; `lag` as in `add_stage`."""
+        operation = call.operation
+        member = call.member
+        handler = self._call_handler(call, lag)
+        if isinstance(operation, ExchangeStage):
+            self.add_stage(operation, lag)
+        elif isinstance(operation, PlainStep):
+            ends = Values.in_rows(self._times)
+            self.program.add_step(
+                member.fmu.bound("fmi2DoStep"),
+                ends.shifted(-1),
+                ends,
+                handler,
+                owner=self._owners[member.name],
+                final=operation.final,
+            )
+        elif isinstance(operation, BufferTransfer):
+            self._add_transfer(operation, member, handler)
+        else:
+            self.program.add_python_call(handler)
+
+    def _add_transfer(self, transfer: BufferTransfer, member: Instance, handler: Handler) -> None:
+        is_setting = transfer.verb == "Set"
+        kind = transfer.kind
+        fmu = member.fmu
+        buffer = self._executor.inputs if is_setting else self._executor.outputs
+        call = fmu.bound(f"fmi2{transfer.verb}{kind.capitalize()}")
+        owner = self._owners[member.name]
+        references = [fmu.variables[port.variable].valueReference for port in transfer.ports]
+        places = [buffer.at[port] for port in transfer.ports]
+        if kind == "real":
+            operation = library.SET_REAL if is_setting else library.GET_REAL
+            values = _buffer_place(buffer, places[0])
+            self.program.add_real(operation, call, references, values, handler, owner=owner)
+        else:
+            operation = WHOLE_NUMBERS[kind] if is_setting else library.GET_WHOLE
+            values = _buffer_place(buffer, 0)
+            self.program.add_whole(
+                operation, call, references, values, places, handler, owner=owner
+            )
+
+    def _enter_point(self, point: int, lag: int) -> None:
+        """Let the executor be in the step to a point, so that messages tell its time."""
+        self._executor.enter_point(self._points[point - 1], self._points[point], point - lag)
+
+    def _call_handler(self, call: MemberCall, lag: int) -> Handler:
+        """Return a handler that makes the call in Python, or reports its failure."""
+
+        def handle(returned: KernelReturn) -> None:
+            self._enter_point(returned.point, lag)
+            failed = returned.reason == library.FAILED
+            status = returned.status if failed else call.call()
+            if status:
+                call.member.check_status(status, call.request, self._executor.clock)
+
+        return handle
+
+    def _not_finite_handler(self, sources: list[int], lag: int) -> Handler:
+        """Return a handler that names the output whose value is not finite."""
+
+        def handle(returned: KernelReturn) -> None:
+            self._enter_point(returned.point, lag)
+            self._executor.raise_not_finite(sources[returned.which])
+
+        return handle
+
+
+def _buffer_place(buffer: Buffer, place: int) -> Values:
+    return Values(ctypes.addressof(buffer.cells)).shifted(place)
+
+
+def _link(
+    inputs: Buffer, target: int, source: Values, factor: float = 1.0, offset: float = 0.0
+) -> library.ValueLink:
+    target_address = _buffer_place(inputs, target).address
+    return library.ValueLink(target_address, source.address, source.stride, factor, offset)

@@ -1,0 +1,1 @@
+from .registry import read_table as read_table

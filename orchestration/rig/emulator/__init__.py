@@ -1,1 +1,0 @@
-"""An emulated rig that shares no code with the models: its physics, effects hidden in it, and records drawn from it."""

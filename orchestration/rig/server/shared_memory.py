@@ -1,0 +1,277 @@
+"""Memory that front, device and guard share: slots for one record each, where the newest wins.
+
+There is no queue that could fill up. A slot has one writer. It holds two copies, written in turns,
+each with a count and a checksum: a reader takes the newest whose checksum is right. A writer that
+is killed in the middle of writing thus leaves the record before, nobody waits for anybody, and
+there is no lock that a killed process could keep.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from multiprocessing import get_context
+from typing import Any, Generic, NamedTuple, TypeVar
+from zlib import crc32
+
+SIGNALS = 32  # of each kind, at most
+_NUMBERS = f"{8 * SIGNALS}s"
+_TEXT = 500  # bytes
+_DESCRIPTION = 16384  # bytes
+_HEAD = struct.Struct("<QI")  # count, checksum of the count and the record
+_COUNT = struct.Struct("<Q")
+_ATTEMPTS = 100  # a writer would have to lap a reader as often
+
+# Orders of the front to the device.
+REST, RUN, END = range(3)
+# States of the device, as the guard knows them.
+OPENING, SERVING, GONE = range(3)
+
+
+class Command(NamedTuple):
+    """The newest command, written by the front.
+
+    `acknowledged` counts acknowledgements: whoever tripped stays safe until the next. `accepted` is
+    when the newest command was accepted, `values` are packed.
+    """
+
+    order: int = REST
+    acknowledged: int = 0
+    accepted: float = 0.0
+    values: bytes = b""
+
+
+class Beat(NamedTuple):
+    """A sign of life, written by the device before every call of the backend and before it sleeps.
+
+    `call` is what it is about to do, `opened` whether it has read the backend once, `safe` whether
+    the rig is in its safe state.
+    """
+
+    time: float
+    process: int
+    opened: bool
+    safe: bool
+    call: bytes
+
+
+class Sample(NamedTuple):
+    """A sample, written by the device after every reading.
+
+    `taken` is when each value was last finite, 0 if never.
+    """
+
+    number: int
+    clock: float
+    missed: int
+    applied: bytes
+    values: bytes
+    taken: bytes
+
+
+class Trip(NamedTuple):
+    """A report of device or guard that it went to the safe state: why, and whether it was reached.
+
+    `ended` says that the backend is closed.
+    """
+
+    time: float
+    reached: bool
+    ended: bool
+    reason: bytes
+
+
+class Watch(NamedTuple):
+    """A report of the guard on the device, written by the guard.
+
+    `acknowledged` is how many acknowledgements it takes into account, `ending` whether all is to
+    end.
+    """
+
+    device: int
+    acknowledged: int
+    ending: bool
+
+
+class Description(NamedTuple):
+    """The signals of the backend as JSON, written by the device when it has opened it."""
+
+    text: bytes
+
+
+Record = TypeVar("Record", bound=tuple[Any, ...])
+_LAYOUTS: dict[type, str] = {
+    Command: "<BQd" + _NUMBERS,
+    Beat: "<dQ??16s",
+    Sample: "<QdQ" + 3 * _NUMBERS,
+    Trip: f"<d??{_TEXT}s",
+    Watch: "<BQ?",
+    Description: f"<{_DESCRIPTION}s",
+}
+
+
+class Slot(Generic[Record]):
+    """Room for one record in shared memory.
+
+    Parameters
+    ----------
+    memory : memoryview
+        Bytes.
+    start : int
+        Where the slot begins.
+    kind : type
+        Of the record.
+    """
+
+    def __init__(self, memory: memoryview, start: int, kind: type[Record]) -> None:
+        self._kind = kind
+        self._layout = struct.Struct(_LAYOUTS[kind])
+        size = _HEAD.size + self._layout.size
+        self._halves = [memory[start + k * size : start + (k + 1) * size] for k in range(2)]
+        self._count = 0  # 0: to be seen from the memory; only a writer keeps count
+
+    @staticmethod
+    def size(kind: type) -> int:
+        """Return how many bytes a slot for a kind of record takes."""
+        return 2 * (_HEAD.size + struct.calcsize(_LAYOUTS[kind]))
+
+    def write(self, record: Record) -> None:
+        """Replace the record.
+
+        Parameters
+        ----------
+        record : Record
+        """
+        if self._count == 0:
+            self._count = max((count for count, _ in self._valid()), default=0)
+        self._count += 1
+        data = self._layout.pack(*record)
+        checksum = crc32(data, crc32(_COUNT.pack(self._count)))
+        self._halves[self._count % 2][:] = _HEAD.pack(self._count, checksum) + data
+
+    def read(self) -> Record | None:
+        """Return the newest record.
+
+        Returns
+        -------
+        Record or None
+            None if nothing was written yet.
+        """
+        for _ in range(_ATTEMPTS):
+            copies = self._valid()
+            if len(copies) == 1:
+                # the other is being written; and this one may have been, since it was copied
+                again = self._valid()
+                if len(again) == 1 and again != copies:
+                    continue
+                copies = again
+            if copies:
+                return self._kind(*self._layout.unpack(max(copies)[1]))
+            if not any(any(half[: _HEAD.size]) for half in self._halves):
+                return None
+        return None
+
+    def _valid(self) -> list[tuple[int, bytes]]:
+        """Return counts and bytes of the copies whose checksum is right."""
+        copies = []
+        for half in self._halves:
+            copy = bytes(half)
+            count, checksum = _HEAD.unpack_from(copy)
+            data = copy[_HEAD.size :]
+            if count and checksum == crc32(data, crc32(copy[: _COUNT.size])):
+                copies.append((count, data))
+        return copies
+
+
+class SharedMemory:
+    """All slots, in memory that a process hands to those it starts.
+
+    Parameters
+    ----------
+    memory : ctypes array
+        From :func:`new_memory`.
+
+    Attributes
+    ----------
+    command : Slot of Command
+        Written by the front.
+    watch, rescue : Slot of Watch, Slot of Trip
+        Written by the guard.
+    beat, sample, trip, description
+        Written by the device.
+    """
+
+    def __init__(self, memory: Any) -> None:
+        view = memoryview(memory).cast("B")
+        starts = iter(_starts())
+        self.command = Slot(view, next(starts), Command)
+        self.watch = Slot(view, next(starts), Watch)
+        self.rescue = Slot(view, next(starts), Trip)
+        self.beat = Slot(view, next(starts), Beat)
+        self.sample = Slot(view, next(starts), Sample)
+        self.trip = Slot(view, next(starts), Trip)
+        self.description = Slot(view, next(starts), Description)
+
+
+# in the order of the slots
+_KINDS = (Command, Watch, Trip, Beat, Sample, Trip, Description)
+
+
+def _starts() -> list[int]:
+    """Return where each slot starts, and where the last one ends."""
+    starts = [0]
+    for kind in _KINDS:
+        starts.append(starts[-1] + (Slot.size(kind) + 63) // 64 * 64)
+    return starts
+
+
+def new_memory() -> Any:
+    """Allocate memory for all slots.
+
+    Returns
+    -------
+    ctypes array
+        Shared with the processes that it is handed to when they are started; it goes when the last
+        of them ends.
+    """
+    return get_context("spawn").RawArray("B", _starts()[-1])
+
+
+def pack(values: Sequence[float]) -> bytes:
+    """Pack numbers into bytes of a record.
+
+    Parameters
+    ----------
+    values : sequence of float
+        At most ``SIGNALS``.
+
+    Returns
+    -------
+    bytes
+    """
+    return struct.pack(f"<{len(values)}d", *values)
+
+
+def unpack(data: bytes, count: int) -> tuple[float, ...]:
+    """Unpack numbers from bytes of a record.
+
+    Parameters
+    ----------
+    data : bytes
+    count : int
+
+    Returns
+    -------
+    tuple of float
+    """
+    return struct.unpack_from(f"<{count}d", data)
+
+
+def write_text(text: str) -> bytes:
+    """Pack a text into bytes of a record: one line, cut to the room there is."""
+    return " ".join(text.split()).encode()[:_TEXT]
+
+
+def read_text(data: bytes) -> str:
+    """Unpack a text from bytes of a record."""
+    return data.rstrip(b"\0").decode(errors="ignore")

@@ -1,0 +1,3 @@
+from .feed import Feed as Feed
+from .feed import Listener as Listener
+from .serve import PageServer as PageServer

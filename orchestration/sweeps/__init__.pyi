@@ -1,0 +1,16 @@
+from . import picture as picture
+from .compiled import choose_equations as choose_equations
+from .designs import Design as Design
+from .designs import design as design
+from .execution import MOST_WORKERS as MOST_WORKERS
+from .execution import check_memory as check_memory
+from .execution import run_sweep as run_sweep
+from .file import read_sweep as read_sweep
+from .fitted import SweepFit as SweepFit
+from .fitted import read_fitted as read_fitted
+from .ranges import given_range as given_range
+from .ranges import read_range as read_range
+from .reductions import KEPT as KEPT
+from .reductions import TRACE as TRACE
+from .reductions import checked_reductions as checked_reductions
+from .task import Task as Task

@@ -1,0 +1,121 @@
+"""Local workers that run the cases of a sweep: this process, its threads, or other processes.
+
+A worker that ends takes no case with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestration.fmu.isolation import Ended, Limits, Pool
+from orchestration.sweeps.chunking import QUEUED, Chunks
+from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed
+
+Array = NDArray[np.float64]
+RowsAndOutcomes = tuple[list[int], Outcomes]
+Submit = Callable[[Array], "Future[Outcomes]"]
+
+_runner: CaseRunner | None = None  # in a worker
+
+
+def run_cases(
+    task: Task, cases: Array, which: Sequence[int], count: int = 1
+) -> Iterator[RowsAndOutcomes]:
+    """Run cases, and yield their outcomes as they come.
+
+    Parameters
+    ----------
+    task : Task
+    cases : ndarray, shape (n, p)
+    which : sequence of int
+        Rows to run.
+    count : int
+        Workers: processes besides this one, or its threads for compiled code; with one the cases
+        run here.
+
+    Yields
+    ------
+    list of int and Outcomes
+        Rows and their outcomes, in any order with several workers. Cases whose worker ends are run
+        again in smaller chunks; a case fails that ends its worker in a chunk of its own.
+
+    Raises
+    ------
+    UserError
+        If the FMU cannot be opened.
+    """
+    if task.limits is None or task.equations:
+        with CaseRunner(task) as runner:  # raises here, in one line, if the FMU cannot be opened
+            if count == 1 or len(which) < 2:
+                chunks = Chunks(task, which)
+                while chunks:
+                    rows = chunks.next()
+                    outcomes = runner.run(cases[rows])
+                    chunks.took(len(rows), outcomes.seconds)
+                    yield rows, outcomes
+                return
+    with _pool(task, count) as submit:
+        yield from _run_in_parallel(submit, task, cases, Chunks(task, which, count), count)
+
+
+@contextmanager
+def _pool(task: Task, count: int) -> Iterator[Submit]:
+    """Yield a function that submits cases to workers."""
+    if not task.equations:
+        with Pool(task.limits or Limits(inf, inf), count, _open, task) as processes:
+            yield lambda values: processes.submit(_work, values)
+        return
+    with CaseRunner(task) as runner, ThreadPoolExecutor(count) as threads:
+        try:
+            yield lambda values: threads.submit(runner.run, values)
+        finally:
+            threads.shutdown(wait=False, cancel_futures=True)
+
+
+def _run_in_parallel(
+    submit: Submit, task: Task, cases: Array, chunks: Chunks, count: int
+) -> Iterator[RowsAndOutcomes]:
+    """Let workers run all chunks.
+
+    A chunk whose worker ends is halved, and halved again, until the case to blame is alone.
+    """
+    running: dict[Future[Outcomes], list[int]] = {}
+    suspects: list[list[int]] = []
+    while chunks or running or suspects:
+        while (chunks or suspects) and len(running) < QUEUED * count:
+            rows = suspects.pop() if suspects else chunks.next()
+            running[submit(cases[rows])] = rows
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in done:
+            rows = running.pop(future)
+            try:
+                outcomes = future.result()
+            except Ended as end:
+                half = len(rows) // 2
+                if half:
+                    suspects += [rows[:half], rows[half:]]
+                else:
+                    where = end.state.words(task.time, task.path.name)
+                    yield rows, failed(task, f"{where}: {end.reason}")
+                continue
+            chunks.took(len(rows), outcomes.seconds)
+            yield rows, outcomes
+
+
+def _open(task: Task) -> None:
+    """Open the FMU of a worker for as long as the worker lives."""
+    global _runner
+    _runner = CaseRunner(task)
+    _runner.__enter__()
+
+
+def _work(cases: Array) -> Outcomes:
+    """Run cases (k, p) in a worker."""
+    assert _runner is not None
+    return _runner.run(cases)

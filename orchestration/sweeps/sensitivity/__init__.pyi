@@ -1,0 +1,12 @@
+from . import indices as indices
+from . import one_at_a_time as one_at_a_time
+from . import prediction_bands as prediction_bands
+from .analysis import analysis_of as analysis_of
+from .analysis import check_picture as check_picture
+from .analysis import merge_analysis as merge_analysis
+from .indices import SOBOL_INDICES as SOBOL_INDICES
+from .indices import sensitivity as sensitivity
+from .one_at_a_time import TORNADO as TORNADO
+from .one_at_a_time import tornado as tornado
+from .prediction_bands import BANDS as BANDS
+from .prediction_bands import bands as bands

@@ -1,0 +1,203 @@
+"""Tornado plot: each parameter by itself moves from one end of its range to the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+from rich.table import Table
+
+from fmus.kit import UserError
+from orchestration.reporting import pictures, plain_table
+from orchestration.sweeps.ranges import Range
+from orchestration.sweeps.sensitivity.numbers import (
+    names_to_draw,
+    numbers,
+    parameters_of,
+    require_complete,
+    require_design,
+)
+
+Array = NDArray[np.float64]
+TORNADO = "tornado"
+ENDS = ("from", "to")
+_WORDS = {"from": "low end of the range", "to": "high end"}
+
+
+def one_at_a_time(ranges: Sequence[Range], starts: Mapping[str, float]) -> Array:
+    """Choose cases: all parameters at their start value, then each at both its ends by itself.
+
+    Parameters
+    ----------
+    ranges : sequence of Range
+        Of p parameters.
+    starts : Mapping of str to float
+        In the units of the ranges.
+
+    Returns
+    -------
+    ndarray, shape (2 p + 1, p)
+
+    Raises
+    ------
+    UserError
+        If a start value is not in its range.
+    """
+    usual = np.array([starts[one.name] for one in ranges])
+    cases = np.tile(usual, (2 * len(ranges) + 1, 1))
+    for k, one in enumerate(ranges):
+        low, high = one.values
+        if not low <= usual[k] <= high:
+            raise UserError(
+                f"--over {one.name}={low:g}..{high:g}: its start value {usual[k]:g} {one.unit} is"
+                f" not among these; set another with --set {one.name}=..., or widen the range"
+            )
+        cases[2 * k + 1, k] = low
+        cases[2 * k + 2, k] = high
+    return cases
+
+
+def tornado(found: xarray.Dataset) -> xarray.Dataset:
+    """Return how far each parameter by itself moves every number of a sweep of ``tornado``.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        Of `sweep` with ``kind="tornado"``; may have been written to a file and read.
+
+    Returns
+    -------
+    xarray.Dataset
+        For each number of the sweep, such as ``voltage_last_tornado``, its value over ``parameter``
+        and ``end`` (``from``, ``to``) of its range, the others at their start value, and
+        ``voltage_last_start``, with all of them there. ``ends`` has the ranges. NaN where a case
+        failed.
+
+    Raises
+    ------
+    UserError
+        If it is no such sweep, or the case with all at their start value failed.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> over = {"R1": "0.3..0.7", "C": "2..10"}
+    >>> found = ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=10.0, kind="tornado")
+    >>> moved = ppy.tornado(found)["voltage_last_tornado"]
+    >>> bool(moved.sel(parameter="C", end="from") > moved.sel(parameter="C", end="to"))
+    True
+    """
+    require_design(found, TORNADO)
+    parameters = parameters_of(found)
+    if found.sizes["case"] != 2 * len(parameters) + 1:
+        raise UserError(f"{found.sizes['case']} cases are not all of a sweep for a tornado plot")
+    start = found.isel(case=slice(1))
+    require_complete(start, "tornado plot, for all else is held against the first case")
+    values: dict[str, object] = {}
+    for name in numbers(found):
+        value = found[name]
+        values[f"{name}_tornado"] = (
+            ("parameter", "end"),
+            value.values[1:].reshape(-1, 2),
+            value.attrs,
+        )
+        values[f"{name}_start"] = ((), value.values[0], value.attrs)
+    ends = [found[p].values[2 * k + 1 : 2 * k + 3] for k, p in enumerate(parameters)]
+    coordinates: dict[str, object] = {
+        "parameter": parameters,
+        "end": list(ENDS),
+        "ends": (
+            ("parameter", "end"),
+            np.array(ends),
+            {"long_name": "ends of the ranges, in the parameters' units"},
+        ),
+        "parameter_units": ("parameter", [str(found[p].units) for p in parameters]),
+    }
+    return xarray.Dataset(values, coordinates, {"model": found.attrs["model"], "design": TORNADO})
+
+
+def table(moved: xarray.Dataset) -> Table:
+    """Return a table of a tornado; the parameter that moves a number most is first."""
+    columns = ("from", "to", "at start", "at from", "at to")
+    made = plain_table(None, "moved", "by", *columns, "unit", right=columns)
+    for name in _numbers(moved):
+        start = float(moved[f"{name}_start"])
+        unit = moved[f"{name}_start"].units
+        for parameter in _ranked(moved, name):
+            at = moved.sel(parameter=parameter)
+            suffix = _unit_suffix(str(at["parameter_units"].item()))
+            ends = [f"{end:.6g}{suffix}" for end in at["ends"].values]
+            reached = [_shown(value) for value in at[f"{name}_tornado"].values]
+            made.add_row(name, parameter, *ends, f"{start:.6g}", *reached, unit)
+    return made
+
+
+def _shown(value: float) -> str:
+    return f"{value:.6g}" if np.isfinite(value) else "failed"
+
+
+def _unit_suffix(unit: str) -> str:
+    return f" {unit}" if unit != "1" else ""
+
+
+def draw(moved: xarray.Dataset, path: Path) -> None:
+    """Draw a tornado for each number, with a bar between its values at both ends of each range.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    names = names_to_draw(_numbers(moved))
+    count = moved.sizes["parameter"]
+    figure, panels = pictures.panels(
+        len(names),
+        f"{moved.attrs['model']}: one parameter at a time",
+        "",
+        0.9 + 0.3 * count,
+        shared=False,
+    )
+    for panel, name in zip(panels, names, strict=True):
+        _draw_bars(panel, moved, name)
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
+    pictures.save(figure, path)
+
+
+def _draw_bars(panel: Any, moved: xarray.Dataset, name: str) -> None:
+    """Draw the bars of one number."""
+    start = float(moved[f"{name}_start"])
+    ranked = _ranked(moved, name)[::-1]  # the largest at the top
+    colours = (pictures.MEASURED, pictures.MODEL)
+    for row, parameter in enumerate(ranked):
+        reached = moved[f"{name}_tornado"].sel(parameter=parameter).values
+        for value, end, colour in zip(reached, ENDS, colours, strict=True):
+            label = _WORDS[end] if row == 0 else None
+            panel.barh(row, value - start, 0.7, start, color=colour, alpha=0.85, label=label)
+    panel.set_axisbelow(True)
+    panel.axvline(start, color="black", lw=0.8)
+    panel.set_yticks(range(len(ranked)), [_range_label(moved, parameter) for parameter in ranked])
+    unit = moved[f"{name}_start"].units
+    panel.set_xlabel(name.replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
+
+
+def _range_label(moved: xarray.Dataset, parameter: str) -> str:
+    at = moved.sel(parameter=parameter)
+    low, high = at["ends"].values
+    return f"{parameter}: {low:.4g}..{high:.4g}" + _unit_suffix(str(at["parameter_units"].item()))
+
+
+def _numbers(moved: xarray.Dataset) -> list[str]:
+    """Return the names of the numbers that are moved."""
+    return [str(name).removesuffix("_tornado") for name in moved if str(name).endswith("_tornado")]
+
+
+def _ranked(moved: xarray.Dataset, name: str) -> list[str]:
+    """Return the parameters, the one that moves a number most first, those of failed cases last."""
+    reached = moved[f"{name}_tornado"].values
+    start = np.full(len(reached), moved[f"{name}_start"])
+    swing = np.nan_to_num(np.ptp(np.column_stack([reached, start]), axis=1))
+    return [str(p) for p in moved["parameter"].values[np.argsort(-swing, kind="stable")]]

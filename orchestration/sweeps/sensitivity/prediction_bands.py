@@ -1,0 +1,161 @@
+"""Prediction bands: quantiles of outputs over cases whose parameters were drawn at random."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+from rich.table import Table
+
+from fmus.kit import UserError
+from orchestration.reporting import pictures, plain_table
+from orchestration.sweeps.sensitivity.numbers import names_to_draw, require_complete
+
+Array = NDArray[np.float64]
+BANDS = "draws"
+_EVEN = (BANDS, "latin-hypercube", "sobol")  # designs whose cases have equal weights
+_USUAL = (0.05, 0.5, 0.95)
+_AT_ONCE = 1_000_000  # values that are sorted at a time
+
+
+def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.Dataset:
+    """Return quantiles of every output over the cases of a sweep with randomly chosen parameters.
+
+    With the draws of a fit they show how uncertain parameters make the outputs. The noise of
+    measurements is not in them.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        Of `sweep` with ``kind="draws"``, ``"latin-hypercube"`` or ``"sobol"``.
+    quantiles : sequence of float
+        Between 0 and 1, rising.
+
+    Returns
+    -------
+    xarray.Dataset
+        For each trace, such as ``voltage``, its quantiles ``voltage_band`` over ``quantile`` and
+        ``time``, and for each number those over ``quantile``, with their units.
+
+    Raises
+    ------
+    UserError
+        If it is no such sweep, or a case of it failed.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> from studies.emulator.records import draw, write
+    >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
+    >>> drawn = ppy.fit("clean.csv", "ppy_actuator", ["R1", "C"]).draws(100, seed=1)
+    >>> found = ppy.sweep(
+    ...     "ppy_actuator", drawn, {"current": 0.5}, stop=10.0, kind="draws", keep=["trace"]
+    ... )
+    >>> band = ppy.bands(found)["voltage_band"].sel(time=10.0)
+    >>> bool(band.sel(quantile=0.05) < band.sel(quantile=0.95))
+    True
+    """
+    if found.attrs.get("design") not in _EVEN or "case" not in found.dims:
+        raise UserError(
+            f"bands are of a sweep of the designs {', '.join(_EVEN)}, not"
+            f" {found.attrs.get('design', 'none')}"
+        )
+    levels = _checked_levels(quantiles)
+    require_complete(found, "bands")
+    values: dict[str, object] = {}
+    for name, value in found.items():
+        about = {**value.attrs, "long_name": f"quantiles of {name} over cases"}
+        if value.dims == ("case",):
+            values[f"{name}_band"] = ("quantile", np.quantile(value.values, levels), about)
+        elif value.dims == ("case", "time"):
+            parts = [np.quantile(part, levels, axis=0) for part in _over_time(value)]
+            values[f"{name}_band"] = (("quantile", "time"), np.hstack(parts), about)
+    coordinates: dict[str, object] = {"quantile": levels}
+    if "time" in found.coords:
+        coordinates["time"] = found["time"]
+    attributes = {"model": found.attrs["model"], "design": found.attrs["design"]}
+    return xarray.Dataset(values, coordinates, attributes)
+
+
+def _checked_levels(quantiles: Sequence[float]) -> Array:
+    """Return quantiles as an array; they must be between 0 and 1, and rise."""
+    levels = np.asarray(quantiles, dtype=float)
+    is_row = levels.ndim == 1 and levels.size
+    is_inside = ((levels >= 0) & (levels <= 1)).all()
+    if not is_row or not is_inside or (np.diff(levels) <= 0).any():
+        raise UserError(f"quantiles {[*quantiles]}: between 0 and 1, and rising")
+    return levels
+
+
+def _over_time(trace: xarray.DataArray) -> Iterator[Array]:
+    """Yield the traces of all cases in stretches of time that fit into memory."""
+    step = max(1, _AT_ONCE // trace.sizes["case"])
+    for at in range(0, trace.sizes["time"], step):
+        yield trace.isel(time=slice(at, at + step)).values
+
+
+def table(found: xarray.Dataset) -> Table:
+    """Return a table of bands; those of traces where they are widest, and at their end."""
+    columns = [f"{100.0 * level:g} %" for level in found["quantile"].values]
+    made = plain_table(None, "quantiles of", "at", *columns, "unit", right=["at", *columns])
+    for name, band in found.items():
+        output = str(name).removesuffix("_band")
+        places = [("", band)]
+        if "time" in band.dims:
+            widest = int(np.argmax(np.ptp(band.values, axis=0)))
+            end = found.sizes["time"] - 1
+            places = [
+                (f"{float(found['time'][at]):g} s", band.isel(time=at))
+                for at in sorted({widest, end})
+            ]
+        for at, here in places:
+            made.add_row(output, at, *(f"{value:.6g}" for value in here.values), band.units)
+    return made
+
+
+def draw(found: xarray.Dataset, path: Path) -> None:
+    """Draw bands over time, and below each the distance of its quantiles from the middle one.
+
+    Raises
+    ------
+    UserError
+        If there is no trace to draw, or the file cannot be written.
+    """
+    names = names_to_draw([str(name) for name, band in found.items() if "time" in band.dims])
+    if not names:
+        raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
+    title = f"{found.attrs['model']}: quantiles over cases"
+    figure, panels = pictures.panels(2 * len(names), title)
+    levels = [f"{100.0 * level:g} %" for level in found["quantile"].values]
+    time = found["time"].values
+    for over, below, name in zip(panels[::2], panels[1::2], names, strict=True):
+        band = found[name].values
+        middle = len(band) // 2
+        _draw_band(over, time, band, levels)
+        _draw_band(below, time, band - band[middle], levels)
+        pictures.label(over, name.removesuffix("_band"), found[name].units)
+        pictures.label(below, f"from {levels[middle]}", found[name].units)
+    pictures.logarithmic(panels, time)
+    panels[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
+    )
+    pictures.save(figure, path)
+
+
+def _draw_band(panel: Any, time: Array, band: Array, levels: Sequence[str]) -> None:
+    """Draw quantiles (q, n) of one output over time (n,), and the area between the outermost."""
+    panel.fill_between(
+        time,
+        band[0],
+        band[-1],
+        color=pictures.MODEL,
+        alpha=0.25,
+        lw=0.0,
+        label=f"{levels[0]} to {levels[-1]}",
+    )
+    for level, line in zip(levels[1:-1], band[1:-1], strict=True):
+        panel.plot(time, line, color=pictures.MODEL, label=level)

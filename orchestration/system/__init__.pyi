@@ -1,0 +1,13 @@
+from . import checking as checking
+from . import library as library
+from .checking import check as check
+from .checking import interface as interface
+from .checking import variable as variable
+from .checking import warnings as warnings
+from .drawing import draw as draw
+from .library import NAMES as NAMES
+from .model import Connection as Connection
+from .model import Member as Member
+from .model import Port as Port
+from .model import System as System
+from .model import connect as connect

@@ -1,0 +1,271 @@
+"""Checks of a system: connections exist and fit, and no input is without a value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+import fmpy
+
+from fmus.kit import UserError, suggestion, units
+from orchestration.fmu import Archive, Model, Signal, find_model
+from orchestration.fmu.signal import check_value
+from orchestration.system.model import Connection, Member, Port, System
+
+_IDENTITY = (1.0, 0.0)  # factor and offset
+
+
+def interface(member: Member) -> Model:
+    """Return the model of a member's FMU with its inputs, outputs and parameters.
+
+    Raises
+    ------
+    UserError
+        If the FMU is missing or cannot be read, naming the member.
+    """
+    path = member.fmu.absolute()
+    try:
+        return _read_interface(path, path.stat().st_mtime_ns if path.is_file() else 0)
+    except UserError as error:
+        raise UserError(f"member {member.name}: {error}") from error
+
+
+@lru_cache(maxsize=64)
+def _read_interface(path: Path, modified: int) -> Model:
+    """Read an FMU once for each time at which its file was modified."""
+    return find_model(str(path))
+
+
+def variable(member: Member, name: str) -> Signal:
+    """Return a variable of a member that can be set: a parameter or an input.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name.
+    """
+    model = interface(member)
+    known = {**model.parameters, **model.inputs}
+    if name not in known:
+        role = "an output" if name in model.outputs else "no parameter or input of its FMU"
+        raise UserError(
+            f"member {member.name}: {name!r} is {role} and cannot be set{suggestion(name, known)}"
+        )
+    return known[name]
+
+
+def check(system: System) -> None:
+    """Refuse a system that cannot be run.
+
+    Raises
+    ------
+    UserError
+        In one line, with both ends of a connection that does not fit: members of one name, a
+        missing FMU, an end of a connection that does not exist or has the wrong causality, types or
+        units that differ, two sources for one input, an input that has none, a value that cannot be
+        set.
+    """
+    try:
+        _check(system)
+    except UserError as error:
+        prefix = f"system {system.name}: "
+        message = str(error)
+        if not message.startswith(prefix):
+            message = prefix + message
+        raise UserError(message) from error
+
+
+def _check(system: System) -> None:
+    times = (system.step, system.stop)
+    if not all(math.isfinite(time) and time > 0.0 for time in times):
+        raise UserError(
+            f"step {system.step:g} s and stop time {system.stop:g} s must both be positive"
+        )
+    _check_names(system)
+    models = {member.name: interface(member) for member in system.members}
+    for member in system.members:
+        for name, value in member.parameters.items():
+            check_value(variable(member, name), value, f"member {member.name}: {name}")
+    for connection in system.connections:
+        _check_connection(system, models, connection)
+    for name, ports in system.inputs.items():
+        _check_system_input(system, models, name, ports)
+    for port in system.outputs.values():
+        _find_end(system, models, port, "output")
+    _check_sources(system, models)
+
+
+def _check_names(system: System) -> None:
+    if not system.members:
+        raise UserError("it has no members")
+    names_of = {
+        "members": [member.name for member in system.members],
+        "system connectors": [*system.inputs, *system.outputs],
+    }
+    for kind, names in names_of.items():
+        for name in names:
+            if names.count(name) > 1:
+                raise UserError(f"two {kind} are named {name!r}")
+            if not name or name != name.strip() or (kind == "members" and "." in name):
+                raise UserError(
+                    f"{name!r} is no name for one of its {kind}: it is empty, padded, or has a dot"
+                )
+
+
+def _find_end(system: System, models: Mapping[str, Model], port: Port, causality: str) -> Signal:
+    """Return the signal at an end of a connection; UserError if its causality is another."""
+    model = models[system.member(port.member).name]
+    groups = {"input": model.inputs, "output": model.outputs, "parameter": model.parameters}
+    candidates = groups[causality]
+    if port.variable in candidates:
+        return candidates[port.variable]
+    for other, signals in groups.items():
+        if port.variable in signals:
+            article = "a" if other == "parameter" else "an"
+            raise UserError(f"{port} is {article} {other} where an {causality} is needed")
+    raise UserError(
+        f"{port.member} has no {causality} named"
+        f" {port.variable!r}{suggestion(port.variable, candidates)}"
+    )
+
+
+def _check_connection(system: System, models: Mapping[str, Model], connection: Connection) -> None:
+    source = connection.source
+    target = connection.target
+    where = f"{source} -> {target}"
+    try:
+        output = _find_end(system, models, source, "output")
+        input_ = _find_end(system, models, target, "input")
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    if source.member == target.member:
+        raise UserError(f"{where}: a member cannot be connected with itself")
+    if output.type != input_.type:
+        raise UserError(
+            f"{where}: {source} is {output.type} and {target} is {input_.type}; types must be the"
+            " same"
+        )
+    transformation = (connection.factor, connection.offset)
+    if not all(map(math.isfinite, transformation)):
+        raise UserError(
+            f"{where}: factor {connection.factor} and offset {connection.offset} must be finite"
+        )
+    if connection.passes_on:
+        _check_units(connection, output.unit, input_.unit)
+    elif output.type != "real":
+        raise UserError(
+            f"{where}: {_describe(transformation)} is for real variables, these are {output.type}"
+        )
+
+
+def _check_units(connection: Connection, unit: str, to: str) -> None:
+    """Refuse a connection without factor and offset between different units."""
+    source = connection.source
+    target = connection.target
+    needed = conversion(unit, to)
+    if needed is None:
+        raise UserError(
+            f"{source} -> {target}: unit {unit!r} of {source} cannot become {to!r} of {target}"
+        )
+    if needed != _IDENTITY:
+        raise UserError(
+            f"{source} -> {target}: {source} is in {unit!r} and {target} in {to!r}; it needs"
+            f" {_describe(needed)}"
+        )
+
+
+def conversion(unit: str, to: str) -> tuple[float, float] | None:
+    """Return the factor and the offset of a conversion of units; None if it is not possible."""
+    if unit == to:
+        return _IDENTITY
+    try:
+        offset = float(units.convert(0.0, unit, to))
+        return float(units.convert(1.0, unit, to)) - offset, offset
+    except UserError:
+        return None
+
+
+def _describe(transformation: tuple[float, float]) -> str:
+    factor, offset = transformation
+    return f"factor {factor:.12g}" + (f" and offset {offset:.12g}" if offset else "")
+
+
+def _check_system_input(
+    system: System, models: Mapping[str, Model], name: str, ports: tuple[Port, ...]
+) -> None:
+    """Refuse inputs of different type or unit that receive the same value of a system input."""
+    signals = [_find_end(system, models, port, "input") for port in ports]
+    for port, signal in zip(ports[1:], signals[1:], strict=True):
+        for attribute in ("type", "unit"):
+            first = getattr(signals[0], attribute)
+            other = getattr(signal, attribute)
+            if first != other:
+                raise UserError(
+                    f"input {name} feeds {ports[0]} of {attribute} {first!r} and {port} of"
+                    f" {attribute} {other!r}"
+                )
+
+
+def _check_sources(system: System, models: Mapping[str, Model]) -> None:
+    """Refuse inputs with several sources, or with neither a source nor a value."""
+    sources: dict[Port, str] = {}
+    pairs = [(str(connection.source), connection.target) for connection in system.connections]
+    pairs += [
+        (f"system input {name}", port) for name, ports in system.inputs.items() for port in ports
+    ]
+    for source, target in pairs:
+        if target in sources:
+            raise UserError(f"{target} has two sources, {sources[target]} and {source}")
+        sources[target] = source
+    for member in system.members:
+        for name in models[member.name].inputs:
+            port = Port(member.name, name)
+            if port not in sources and name not in member.parameters:
+                raise UserError(
+                    f"{port} is not connected, no input of the system feeds it, and it is given no"
+                    " value"
+                )
+
+
+def warnings(system: System) -> list[str]:
+    """List the oddities of a system that passes :func:`check`, in one line each.
+
+    Returns
+    -------
+    list of str
+        FMUs that cannot be run on this machine, factors that are not those of the units, inputs
+        that feed nothing.
+    """
+    lines = []
+    for member in system.members:
+        with Archive(member.fmu) as archive:
+            if fmpy.platform not in archive.platforms:
+                available = ", ".join(archive.platforms) or "none"
+                lines.append(
+                    f"{member.name}: {member.fmu.name} has no binary for {fmpy.platform}; it has"
+                    f" {available}"
+                )
+    for connection in system.connections:
+        source = connection.source
+        target = connection.target
+        unit = interface(system.member(source.member)).outputs[source.variable].unit
+        to = interface(system.member(target.member)).inputs[target.variable].unit
+        needed = conversion(unit, to)
+        actual = (connection.factor, connection.offset)
+        if needed is not None and unit != to and not _are_close(needed, actual):
+            lines.append(
+                f"{source} -> {target}: from {unit!r} to {to!r}"
+                f" the units ask for {_describe(needed)}, given is {_describe(actual)}"
+            )
+    lines += [
+        f"system input {name} feeds nothing" for name, ports in system.inputs.items() if not ports
+    ]
+    return lines
+
+
+def _are_close(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    return all(
+        math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-300) for a, b in zip(one, other, strict=True)
+    )

@@ -1,0 +1,3 @@
+from .reading import read as read
+from .vocabulary import ENDINGS as ENDINGS
+from .writing import write as write

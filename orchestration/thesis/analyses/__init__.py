@@ -1,1 +1,0 @@
-"""Analyses of the thesis whose records are lost, made again on records of the models."""

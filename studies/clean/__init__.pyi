@@ -1,0 +1,11 @@
+from .judge import least_squares_fit as least_squares_fit
+from .judge import noise_scale as noise_scale
+from .judge import pooled_error as pooled_error
+from .records import KINDS as KINDS
+from .records import Case as Case
+from .records import CleanRecord as CleanRecord
+from .records import cases as cases
+from .records import conditions as conditions
+from .records import draw as draw
+from .records import timing_of as timing_of
+from .stimuli import SMOOTH as SMOOTH

@@ -1,0 +1,5 @@
+"""Demonstrations on an emulated rig: everything once, and the loop closed in real time."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

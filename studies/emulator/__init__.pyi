@@ -1,0 +1,12 @@
+from .backend import Emulator as Emulator
+from .emulator import EmulatedRig as EmulatedRig
+from .emulator import Physics as Physics
+from .hidden_coupling import SaturatingStrain as SaturatingStrain
+from .physics import RigParameters as RigParameters
+from .records import draw as draw
+from .records import draw_cached as draw_cached
+from .records import write as write
+from .variations import CATALOGUE as CATALOGUE
+from .variations import DISPLACEMENT as DISPLACEMENT
+from .variations import UNKNOWN as UNKNOWN
+from .variations import VOLTAGE as VOLTAGE

@@ -1,0 +1,15 @@
+from . import curves as curves
+from .records import COARSE as COARSE
+from .records import HiddenCase as HiddenCase
+from .records import base_refit as base_refit
+from .records import cases as cases
+from .records import cases_of_two as cases_of_two
+from .records import draw_hidden as draw_hidden
+from .records import effective_samples as effective_samples
+from .records import left as left
+from .records import left_beside as left_beside
+from .records import widths as widths
+from .shapes import STRENGTHS as STRENGTHS
+from .shapes import Dice as Dice
+from .variations import OUTSIDE as OUTSIDE
+from .variations import USUAL as USUAL

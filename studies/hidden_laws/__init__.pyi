@@ -1,0 +1,15 @@
+from .naive import least_bic as least_bic
+from .place import Answer as Answer
+from .place import answers as answers
+from .place import counted as counted
+from .place import is_right as is_right
+from .place import proportional as proportional
+from .records import Base as Base
+from .records import LawCase as LawCase
+from .records import base_of as base_of
+from .records import cases as cases
+from .records import curve_of as curve_of
+from .records import draw_lack as draw_lack
+from .records import lack_of as lack_of
+from .records import series as series
+from .shapes import Kind as Kind

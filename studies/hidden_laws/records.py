@@ -1,0 +1,131 @@
+"""Records of plants with a change in one of their laws, otherwise drawn as clean ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.clean import KINDS as NOISES
+from studies.clean import Case, CleanRecord, conditions, draw, timing_of
+from studies.hidden import COARSE, STRENGTHS, base_refit, widths
+from studies.hidden_laws.kinds import KINDS, NAMES
+from studies.hidden_laws.place import Curve, Lack
+from studies.hidden_laws.shapes import Kind
+from studies.plants import OWN, PLANTS, simulate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LawCase(Case):
+    """What to draw, and what a law of it lacks."""
+
+    hidden: str = ""
+    strength: float = 1.0
+
+    def __str__(self) -> str:
+        return f"{self.hidden}, {self.strength:g}, {super().__str__()}"
+
+    @property
+    def kind(self) -> Kind:
+        """What is hidden."""
+        return KINDS[self.hidden]
+
+
+def lack_of(case: LawCase, strength: float | None = None) -> Lack:
+    """Return the term hidden in a case, sized; of another strength if given, 0 for none."""
+    _, duration, _ = timing_of(PLANTS[case.plant], case.timing)
+    rng = np.random.default_rng([case.seed, *case.hidden.encode()])
+    return case.kind.drawn(rng, case.strength if strength is None else strength, duration)
+
+
+def draw_lack(case: LawCase, strength: float | None = None) -> CleanRecord:
+    """Draw one record; of another strength if wanted, 0 for none."""
+    plain = Case(**{n: getattr(case, n) for n in Case.__dataclass_fields__})
+    return draw(plain, plant=PLANTS[case.plant].with_hidden(lack_of(case, strength).change))
+
+
+def cases(count: int, seed: int, plants: Sequence[str] = NAMES) -> list[LawCase]:
+    """Draw cases: plants, kinds of noise and strengths in turn.
+
+    Kinds of a plant are drawn at random, all else as for clean records.
+    """
+    return list(_cases(count, seed, plants))
+
+
+def _cases(count: int, seed: int, plants: Sequence[str]) -> Iterator[LawCase]:
+    rng = np.random.default_rng([seed, 30])
+    waiting: dict[str, list[str]] = {name: [] for name in plants}
+    for k in range(count):
+        plant, turn = PLANTS[plants[k % len(plants)]], k // len(plants)
+        several = list(
+            dict.fromkeys(kind.kind for kind in KINDS.values() if kind.plant == plant.name)
+        )
+        if not waiting[plant.name]:
+            waiting[plant.name] = [several[i] for i in rng.permutation(len(several))]
+        wanted = waiting[plant.name].pop()
+        shapes = [n for n, kind in KINDS.items() if (kind.plant, kind.kind) == (plant.name, wanted)]
+        hidden = shapes[rng.integers(len(shapes))]
+        noise = NOISES[(k + turn) % len(NOISES)]
+        if noise == "jitter" and plant.rate > 200.0:
+            noise = NOISES[0]
+        case = conditions(plant, noise, 100_000 * seed + k, rng)
+        yield LawCase(**asdict(case), hidden=hidden, strength=STRENGTHS[turn % len(STRENGTHS)])
+
+
+@dataclass(frozen=True)
+class Base:
+    """Results of the clean plant for a record: remaining noise widths, outputs, states (n,)."""
+
+    left: float
+    outputs: dict[str, Array]
+    states: dict[str, Array]
+
+
+def base_of(drawn: CleanRecord) -> Base:
+    """Refit the clean plant by plain least squares."""
+    base, values = base_refit(drawn)
+    outputs, states = _simulated(base, values, COARSE)
+    return Base(max(widths(drawn, outputs).values()), outputs, states)
+
+
+def series(drawn: CleanRecord) -> dict[str, Array]:
+    """Return true signals of a plant at the samples, (n,) each, SI.
+
+    Of a law that depends on itself this is the value without what is hidden.
+    """
+    _, states = _simulated(drawn, drawn.truth, drawn.plant.finest)
+    rows = np.array([*states.values(), *drawn.inputs.values()]).T.tolist()
+    count = len(states)
+    several = [drawn.plant.evaluate(row[:count], row[count:], drawn.truth) for row in rows]
+    public = [name for name in several[0] if not name.startswith("_")]
+    found = {name: np.array([k[name] for k in several]) for name in public}
+    without = found.pop(OWN, None)
+    return found | ({} if without is None else dict.fromkeys(drawn.plant.places, without))
+
+
+def curve_of(drawn: CleanRecord, lack: Lack) -> Curve | None:
+    """Return the hidden term as a curve of what a search counts from the first sample on."""
+    if lack.curve is None or not lack.change.rest:
+        return lack.curve
+    before, curve = drawn.truth[f"{lack.change.place}_memory_0_start"], lack.curve
+    return lambda x: curve(before + x)
+
+
+def _simulated(
+    drawn: CleanRecord, values: dict[str, float], finest: float
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return outputs and states of the plant of a record."""
+    plant = drawn.plant
+    own = dict(plant.nominal) | {n: v for n, v in values.items() if n in plant.nominal}
+    start = np.array([values[f"{n}_start"] for n in plant.states])
+    u = np.stack([drawn.inputs[n] for n in plant.inputs])
+    linear = np.array([n in set(drawn.smooth) - set(plant.sampled) for n in plant.inputs])
+    y, x = simulate(plant, own, drawn.step, u, start, linear, finest=finest)
+    y = plant.recorded(y, drawn.step)
+    return dict(zip(plant.outputs, y, strict=True)), dict(
+        zip(plant.states, np.asarray(x), strict=True)
+    )

@@ -1,0 +1,64 @@
+"""What a study of hidden effects counts, and which answers are right."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from fmus.kit import Effect
+from orchestration.identify import normalised_rms
+from studies.clean import CleanRecord
+from studies.hidden import HiddenCase
+from studies.judging.floor import BASE, EVIDENCE, Fitted
+
+if TYPE_CHECKING:
+    from orchestration.api import DiagnosisResult
+
+Row = dict[str, Any]
+LEAST = 1.3  # noise widths that must be left of a hidden effect
+
+
+def right_names(effects: Mapping[str, type[Effect]], right: frozenset[str]) -> set[str]:
+    """Return labels of right effects: right by themselves, or of a family that is."""
+    return {
+        name for name, effect in effects.items() if name in right or effect.term.family in right
+    }
+
+
+def related(effects: Mapping[str, type[Effect]], right: set[str]) -> set[str]:
+    """Return labels of effects with law and signal of right ones: shape, not another cause."""
+    families = {effects[name].term.family for name in right} - {""}
+    return right | {name for name, effect in effects.items() if effect.term.family in families}
+
+
+def title(row: Row) -> str:
+    """Name a record."""
+    return str(HiddenCase(**{n: row[n] for n in HiddenCase.__dataclass_fields__ if n in row}))
+
+
+def excluded(row: Row) -> str:
+    """Return why a record does not count; empty if it does."""
+    if row["widths"] < LEAST:
+        return "too little"
+    return "alike" if row.get("alike") else ""
+
+
+def alike(floor: Mapping[str, Fitted], right: set[str]) -> list[str]:
+    """Return effects that are not right but make the record as well as the truth does."""
+    return [
+        n for n, fit in floor.items() if n not in right and n != BASE and fit.evidence < EVIDENCE
+    ]
+
+
+def held_out(result: DiagnosisResult, drawn: CleanRecord) -> Row:
+    """Return groups that were named, and errors on held-out data over those of the truth."""
+    diagnosis = result.details.diagnosis
+    first = diagnosis.validation.first
+    best = {o: normalised_rms(y[first:], drawn.clean[o][first:]) for o, y in drawn.outputs.items()}
+    ratios = [error / best[o] for o, error in diagnosis.after.items() if best[o] > 0.0]
+    steps = diagnosis.selection.steps
+    return {
+        "groups": [[s.chosen.effect_name, *(e.effect_name for e in s.alternatives)] for s in steps],
+        "ratio": max(ratios, default=float("nan")),
+        "sentence": result.sentence,
+    }

@@ -1,0 +1,201 @@
+"""What is said of laws where nothing is hidden, and of the emulated rig with the catalogue off."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from benchmarks.tables import Table, Topic
+from studies.clean import Case, cases, draw
+from studies.hidden_laws import Answer, answers
+from studies.judging.clean import grouped, settings_of, share
+from studies.judging.kept import among, judged
+from studies.judging.laws_answers import GOOD, SAID, Row, confirmed, named
+from studies.judging.laws_report import words
+
+Progress = Callable[[str], None]
+_DURATION = 300.0  # s, of a record of the rig
+_FILMS, _CHAIN = (
+    "film_voltage, capacitor_voltage",
+    (
+        "charge_elongation, creep, spring_elongation, chain_elongation, displacement,"
+        " mechanical_displacement, electrochemical_displacement"
+    ),
+)
+_CHARGE = "charge, film_voltage, capacitor_voltage, charge_elongation, electrochemical_displacement"
+_FORCE = "force, load, flow_force, maxwell_rate"
+_CURRENT = "current, supply_current, capacitor_current"
+# by the descriptions of the emulator, and in the laws of the effects of the catalogue. Where what
+# is hidden is no curve of one signal (play, a voltage that the law itself feeds), the signal that
+# comes nearest is right
+RIG: dict[str, str] = {
+    "double_layer": f"{_FILMS}, terminal_voltage + {_CURRENT} [lagged, leading]",
+    "diffusion": f"{_FILMS}, terminal_voltage + {_CURRENT} [lagged, leading]",
+    "nonlinear_leakage": (
+        f"supply_current, capacitor_current + voltage, terminal_voltage, {_CHARGE}"
+    ),
+    "charge_dependent_capacitance": f"{_FILMS}, capacitance * {_CHARGE}",
+    "resistance_growth": f"series_resistance, immediate_resistance * {_CURRENT} [throughput]",
+    "capacitance_fade": (
+        f"capacitance * {_CURRENT} [throughput]; {_FILMS} x {_CURRENT} [throughput]"
+    ),
+    "self_heating": f"series_resistance, immediate_resistance * {_CURRENT} [heat]",
+    "force_to_voltage": f"{_FILMS} + {_FORCE}",
+    "quadratic_strain": (
+        f"{_CHAIN} + {_CHARGE}; charge_elongation, electrochemical_displacement x {_CHARGE}"
+    ),
+    "strain_saturation": (
+        f"{_CHAIN} + {_CHARGE}; charge_elongation, electrochemical_displacement x {_CHARGE}"
+    ),
+    "strain_lag": f"{_CHAIN} + {_CHARGE} [lagged, leading]; {_CHAIN} + {_CURRENT} [lagged]",
+    "strain_hysteresis": f"{_CHAIN} + {_CHARGE} [lagged, leading, ]",
+    "charge_dependent_stiffness": f"spring_elongation, kelvin_force x {_CHARGE}",
+    "second_kelvin": f"{_CHAIN} + {_FORCE} [lagged, leading]",
+    "nonlinear_stiffness": f"{_CHAIN} + {_FORCE}; spring_elongation x {_FORCE}",
+    "asymmetric_creep": "kelvin_rate, kelvin_force * kelvin_rate",
+    "yield_threshold": f"flow_force, maxwell_rate * {_FORCE}",
+    "slack": f"{_CHAIN} + {_FORCE}; spring_elongation x {_FORCE}",
+}
+
+
+def right_of(name: str) -> frozenset[Answer]:
+    """Return the answers that are right of a variation of the rig."""
+    return answers(RIG[name])
+
+
+@dataclass(frozen=True)
+class RigCase:
+    """A variation of the emulated rig."""
+
+    variation: str
+    seed: int
+    strength: float = 1.0
+
+    def __str__(self) -> str:
+        return f"{self.variation}, {self.strength:g}, {self.seed}"
+
+
+def clean(count: int, chosen: argparse.Namespace, kept: Path, progress: Progress) -> Topic:
+    """Search the laws of clean records."""
+    return clean_report(
+        judged(
+            among(cases(count, chosen.seed), chosen), kept, _judge_clean, _said_of_clean, progress
+        )
+    )
+
+
+def actuator(seeds: int, chosen: argparse.Namespace, kept: Path, progress: Progress) -> Topic:
+    """Search the laws of records of the emulated rig."""
+    wanted = [RigCase(name, chosen.seed + k) for k in range(seeds) for name in RIG]
+    return rig_report(judged(among(wanted, chosen), kept, _judge_rig, _said_of_rig, progress))
+
+
+def _judge_clean(case: Case) -> Row:
+    from studies.judging.laws import asked, told_of
+
+    drawn = draw(case)
+    with tempfile.TemporaryDirectory() as folder:
+        path = drawn.write(Path(folder) / "record.csv")
+        result, row = asked(path, drawn.plant.model, settings_of(drawn), drawn.plant.known)
+    row = asdict(case) | row
+    return row if result is None else row | told_of(result, frozenset(), {}, drawn.step)
+
+
+def _said_of_clean(row: Row) -> str:
+    return f"{words(row)} ({row['seconds']:.0f} s)"
+
+
+def clean_report(rows: Sequence[Row]) -> Topic:
+    """Return tables of what is confirmed, or worth a look, where nothing is hidden."""
+    parts: list[str | Table] = [
+        f"{len(rows)} records in which nothing is hidden: something is confirmed in"
+        f" {share(sum(map(_sure, rows)), len(rows))}, and told as worth looking at in"
+        f" {share(sum(map(_worth, rows)), len(rows))} more; {sum('refused' in row for row in rows)}"
+        " refused."
+    ]
+    columns = ["records", "confirmed", "worth looking at", "refused"]
+    for axis in ("noise", "stimulus", "plant"):
+        table = [
+            [
+                str(name),
+                len(r),
+                sum(map(_sure, r)),
+                sum(map(_worth, r)),
+                sum("refused" in row for row in r),
+            ]
+            for name, r in grouped(rows, axis).items()
+        ]
+        parts.append(Table([axis, *columns], table))
+    false = [row for row in rows if _sure(row) or _worth(row)]
+    fields = Case.__dataclass_fields__
+    each = [[str(Case(**{n: row[n] for n in fields})), words(row)] for row in false]
+    return Topic("Laws of clean records", [*parts, Table(["record", "said"], each)])
+
+
+def _sure(row: Row) -> bool:
+    return bool(row.get("said")) and confirmed(row)
+
+
+def _worth(row: Row) -> bool:
+    return bool(row.get("said")) and not confirmed(row)
+
+
+def _judge_rig(case: RigCase) -> Row:
+    from orchestration.rig import RIG_COMPONENT
+    from studies.emulator import draw as draw_rig
+    from studies.emulator import write
+    from studies.judging.laws import asked, told_of
+
+    try:
+        drawn = draw_rig(case.variation, case.seed, case.strength, duration=_DURATION)
+    except ValueError as error:
+        return asdict(case) | {"impossible": str(error), "seconds": 0.0}
+    with tempfile.TemporaryDirectory() as folder:
+        write(drawn, Path(folder) / "record.csv")
+        result, row = asked(Path(folder) / "record.csv", RIG_COMPONENT)
+    row = asdict(case) | row | {"widths": drawn.truth.hidden[0].widths}
+    step = float(drawn.time[1] - drawn.time[0])
+    return (
+        row
+        if result is None
+        else row | told_of(result, right_of(case.variation), dict(drawn.inputs), step)
+    )
+
+
+def _said_of_rig(row: Row) -> str:
+    if "impossible" in row:
+        return row["impossible"]
+    return f"{named(row)}: {words(row)} ({row['widths']:.1f} widths, {row['seconds']:.0f} s)"
+
+
+def rig_report(rows: Sequence[Row]) -> Topic:
+    """Return tables of the answers about the rig."""
+    drawn = [row for row in rows if "impossible" not in row]
+    good = sum(named(row) in GOOD for row in drawn)
+    sure = sum(confirmed(row) for row in drawn if "said" in row)
+    table = []
+    for name, these in grouped(drawn, "variation").items():
+        said = [named(row) for row in these]
+        table.append([str(name), len(these), *(said.count(kind) for kind in SAID)])
+    wrong = [
+        [str(RigCase(row["variation"], row["seed"], row["strength"])), _said_of_rig(row)]
+        for row in drawn
+        if named(row) not in GOOD
+    ]
+    return Topic(
+        "The emulated rig, with the catalogue off",
+        [
+            (
+                f"{len(drawn)} records of variations of which the catalogue has an effect; it is"
+                " not looked at. The law and signal of that effect, or one that does the same, are"
+                f" first or in a first group in {share(good, len(drawn))}; confirmed in"
+                f" {share(sure, len(drawn))}. Left out are variations of sensors."
+            ),
+            Table(["variation", "records", *SAID], table),
+            "What was said of the others:",
+            Table(["record", "said"], wrong),
+        ],
+    )

@@ -1,0 +1,99 @@
+"""Reference results of the galvanostat, from the laws of its README on plain numbers.
+
+Run ``python -m studies.references.galvanostat`` after changing a default value; its output is in
+the component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
+cross-check: a repeated time marks a jump.
+"""
+
+import math
+from pathlib import Path
+
+FOLDER = Path(__file__).parents[2] / "fmus" / "galvanostat" / "reference"
+
+LIMIT, COMPLIANCE = 1.3, 15.0
+RECOVERY, PERIOD = 50, 0.01  # protection periods, seconds
+STEP, STOP = 0.025, 20.0  # two and a half protection periods
+INPUTS, OUTPUTS = "current_command,voltage,voltage_limit", "current,saturated,recovering"
+
+
+def stimulus(time: float) -> tuple[float, float, float]:
+    """Return a command up to 1.6 A and a voltage in stairs that passes the limit.
+
+    The limit is lowered; then comes the compliance.
+    """
+    command = 1.6 * math.sin(0.9 * (time // 0.25) * 0.25)
+    if time < 14.0:
+        voltage = 1.2 * math.sin(0.7 * (time // 0.5) * 0.5)
+        return command, voltage, 1.0 if time < 7.0 else 0.8
+    return command, 18.0 if time < 14.5 else -16.0 if time < 17.0 else 12.0, 100.0
+
+
+def instrument(
+    inputs: tuple[float, ...], waiting: int, share: float, sampled: float
+) -> tuple[float, int, int]:
+    """Return outputs from the inputs and what the samples left.
+
+    These are: periods to wait, share of the current, voltage.
+    """
+    command = inputs[0]
+    high = LIMIT * share if sampled > 0 else LIMIT
+    low = -LIMIT * share if sampled < 0 else -LIMIT
+    current = 0.0 if waiting else min(max(command, low), high)
+    return current, int(command > high or command < low), int(waiting > 0)
+
+
+def solve() -> tuple[list[list[float]], list[list[float]]]:
+    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
+    waiting, share, sampled = 0, 1.0, 0.0
+    held: tuple[float, ...] | None = None
+    inputs, outputs = [], []
+    taken = 0
+    for k in range(round(STOP / STEP) + 1):
+        time = round(k * STEP, 9)
+        now = stimulus(time)
+        if held is not None and held != now:
+            inputs.append([time, *held])
+            outputs.append([time, *instrument(held, waiting, share, sampled)])
+        if held is None or held != now:
+            inputs.append([time, *now])
+        outputs.append([time, *instrument(now, waiting, share, sampled)])
+        held = now
+        # samples from here up to the next communication point, which belongs to the next step
+        while 5 * (k + 1) > 2 * taken:
+            if waiting > 1:
+                waiting -= 1
+            else:
+                waiting = RECOVERY if abs(now[1]) > now[2] else 0
+            share = min(
+                1.0, max(1e-6, share * min(2.0, COMPLIANCE / abs(now[1]) if now[1] else 2.0))
+            )
+            sampled = now[1]
+            taken += 1
+    inputs.append([STOP, *now])
+    return inputs, outputs
+
+
+def main() -> None:
+    """Write the files."""
+    inputs, outputs = solve()
+    folder = FOLDER
+    for suffix, header, rows in (("in", INPUTS, inputs), ("ref", OUTPUTS, outputs)):
+        text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
+        (folder / f"galvanostat_{suffix}.csv").write_text(
+            text + "\n", encoding="utf-8", newline="\n"
+        )
+    options = {
+        "StartTime": 0,
+        "StopTime": STOP,
+        "StepSize": STEP,
+        "RelTol": 1e-7,
+        "AbsTol": 1e-9,
+        "SolverType": "event by event",
+        "OutputIntervalLength": STEP,
+    }
+    lines = "\n".join(f"{key},{value}" for key, value in options.items())
+    (folder / "galvanostat_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()

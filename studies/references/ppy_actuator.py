@@ -1,0 +1,109 @@
+"""Reference results of the actuator, exact solutions of eqs. 3.5 by matrix exponential.
+
+Run ``python -m studies.references.ppy_actuator`` after changing a default value; its output is in
+the component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
+cross-check: a repeated time marks a jump.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import expm
+
+FOLDER = Path(__file__).parents[2] / "fmus" / "ppy_actuator" / "reference"
+
+R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
+K1, B1, K2, B2 = 6300.0, 1.7e6, 1.0e4, 2.0e6
+STEP, STOP = 0.1, 60.0
+HEADER = {
+    "ppy_actuator": (
+        "current,force",
+        "voltage,displacement,electrochemical_displacement,mechanical_displacement,charge",
+    ),
+    "ppy_actuator_length_driven": ("current,length_change", "tension,voltage,charge"),
+}
+
+
+def stimulus(time: float) -> tuple[float, float]:
+    """Return +-0.9 A at 0.2 Hz (fig. 3-4) and a load that steps every 10 s (fig. 3-6).
+
+    The load goes from 0.5 N upwards.
+    """
+    return (0.9 if time % 5.0 < 2.5 else -0.9), 0.5 + 0.25 * (time // 10.0)
+
+
+def force_driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return matrices of eq. 3.5 for states (Q, x_b2, x_b1), outputs in the order of ``HEADER``."""
+    tau = (R1 + R2) * C
+    a = np.diag([-1 / tau, -K2 / B2, 0.0])
+    b = np.array([[R2 / (R1 + R2), 0.0], [0.0, 1 / B2], [0.0, 1 / B1]])
+    voltage = [[R2 / (R1 + R2) / C, 0, 0, R1 * R2 / (R1 + R2), 0]]
+    elongation = [[ALPHA, 1, 1, 0, 1 / K1], [ALPHA, 0, 0, 0, 0], [0, 1, 1, 0, 1 / K1]]
+    return a, b, np.array([*voltage, *elongation, [1, 0, 0, 0, 0]], dtype=float)
+
+
+def length_driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the same with the length imposed: F = K1 (l - ALPHA Q - x_b2 - x_b1), always taut."""
+    a, b, c = force_driven()
+    tension = np.array([-K1 * ALPHA, -K1, -K1, 0.0, K1])
+    a = a + np.outer(b[:, 1], tension[:3])
+    b = np.column_stack([b[:, 0], b[:, 1] * tension[4]])
+    return a, b, np.array([tension, c[0], c[4]])
+
+
+def solve(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, scale: float
+) -> tuple[list[list[float]], list[list[float]]]:
+    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
+    step = expm(np.block([[a, b], [np.zeros((2, 5))]]) * STEP)
+    state = np.zeros(3)
+    inputs, outputs = [], []
+    held = None
+    for k in range(round(STOP / STEP) + 1):
+        time = round(k * STEP, 9)
+        now = np.array(stimulus(time)) * [1.0, scale]
+        if held is not None and not np.array_equal(held, now):
+            inputs.append([time, *held])
+            outputs.append([time, *(c @ np.concatenate([state, held]))])
+        if held is None or not np.array_equal(held, now):
+            inputs.append([time, *now])
+        outputs.append([time, *(c @ np.concatenate([state, now]))])
+        state, held = (step @ np.concatenate([state, now]))[:3], now
+    inputs.append([STOP, *now])
+    return inputs, outputs
+
+
+def main() -> None:
+    """Write the files."""
+    # 0.5 mm per newton of the force stimulus keeps the length-driven actuator taut
+    cases = {
+        "ppy_actuator": (force_driven(), 1.0),
+        "ppy_actuator_length_driven": (length_driven(), 5e-4),
+    }
+    for name, (matrices, scale) in cases.items():
+        inputs, outputs = solve(*matrices, scale)
+        for suffix, header, rows in (
+            ("in", HEADER[name][0], inputs),
+            ("ref", HEADER[name][1], outputs),
+        ):
+            text = "\n".join(
+                [f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)]
+            )
+            (FOLDER / f"{name}_{suffix}.csv").write_text(
+                text + "\n", encoding="utf-8", newline="\n"
+            )
+        options = {
+            "StartTime": 0,
+            "StopTime": STOP,
+            "StepSize": STEP,
+            "RelTol": 1e-7,
+            "AbsTol": 1e-9,
+            "SolverType": "matrix exponential",
+            "OutputIntervalLength": STEP,
+        }
+        lines = "\n".join(f"{key},{value}" for key, value in options.items())
+        (FOLDER / f"{name}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""Reference results of the analyser, the sampled loop solved by matrix exponential.
+
+Run ``python -m studies.references.voice_coil_dma`` after changing a default value; its output is in
+the component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
+cross-check: a repeated time marks a jump. A sample at a communication point is taken just after it,
+with the new inputs.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import expm
+
+FOLDER = Path(__file__).parents[2] / "fmus" / "voice_coil_dma" / "reference"
+
+R, L, K, M, B = 3.0, 1e-3, 3.9, 0.03, 6.0
+CORNER = 2 * np.pi * 100.0
+B0, B1, LOW, HIGH = 0.66, -0.06, 0.0, 10.0
+SPRING = 500.0  # N/m; held over a communication step, a stiffer one would not be stable
+STEP, STOP = 0.01, 3.0
+NAME = "voice_coil_dma"
+# states: current, position, velocity, filtered force, filtered position; inputs: voltage, tension
+A = np.array(
+    [
+        [-R / L, 0, -K / L, 0, 0],
+        [0, 0, 1, 0, 0],
+        [K / M, 0, -B / M, 0, 0],
+        [0, 0, 0, -CORNER, 0],
+        [0, CORNER, 0, 0, -CORNER],
+    ]
+)
+U = np.array([[1 / L, 0], [0, 0], [0, -1 / M], [0, CORNER], [0, 0]])
+
+
+def stimulus(index: int, position: float) -> tuple[float, float]:
+    """Return steps of the wanted force and a soft spring for the actuator.
+
+    One step is beyond what the coil can give.
+
+    The tension is that of the spring at the communication point, rounded to what the file holds.
+    """
+    return (1.0, 2.0, 0.5, 30.0, 0.0)[min(index // 60, 4)], round(max(SPRING * position, 0.0), 9)
+
+
+def solve() -> tuple[list[list[float]], list[list[float]]]:
+    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
+    state, command, previous, sample = np.zeros(5), 0.0, 0.0, 0
+    propagators: dict[float, np.ndarray] = {}
+
+    def flow(duration: float, tension: float) -> np.ndarray:
+        key = round(duration, 12)
+        if key not in propagators:
+            propagators[key] = expm(np.block([[A, U], [np.zeros((2, 7))]]) * key)[:5]
+        return np.asarray(propagators[key] @ np.concatenate([state, [command, tension]]))
+
+    inputs, outputs, held = [], [], None
+    count = round(STOP / STEP)
+    for k in range(count + 1):
+        now, row = (
+            stimulus(k, state[1]),
+            [k * STEP, state[1], state[2], state[0], command, state[3], state[4]],
+        )
+        if held != now:
+            if held is not None:
+                inputs.append([k * STEP, *held])
+                outputs.append(row)
+            inputs.append([k * STEP, *now])
+        outputs.append(row)
+        held = now
+        # sample instants are thirtieths and communication points hundredths of a second: counted in
+        # 1/300 s
+        at = 3 * k
+        while at < 3 * (k + 1) and k < count:
+            if at == 10 * sample:
+                error = now[0] - state[3]
+                command = min(max(command + B0 * error + B1 * previous, LOW), HIGH)
+                previous, sample = error, sample + 1
+            until = min(3 * (k + 1), 10 * sample)
+            state, at = flow((until - at) / 300, now[1]), until
+    inputs.append([STOP, *stimulus(count, state[1])])
+    return inputs, outputs
+
+
+def main() -> None:
+    """Write the files."""
+    signals = "position,velocity,coil_current,coil_voltage,force_measured,position_measured"
+    folder = FOLDER
+    for suffix, header, rows in zip(
+        ("in", "ref"), ("force_reference,tension", signals), solve(), strict=True
+    ):
+        text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
+        (folder / f"{NAME}_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
+    options = {
+        "StartTime": 0,
+        "StopTime": STOP,
+        "StepSize": STEP,
+        "RelTol": 1e-7,
+        "AbsTol": 1e-9,
+        "SolverType": "matrix exponential",
+        "OutputIntervalLength": STEP,
+    }
+    lines = "\n".join(f"{key},{value}" for key, value in options.items())
+    (folder / f"{NAME}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,5 @@
+"""Analyses of the thesis whose records are lost, made again on records of the models."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,95 @@
+"""Pages of studies tell of the code as it is: they carry the digest of what drew them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from studies.judging import foreign, hidden, laws, naming, public_laws, stamp
+
+
+@pytest.mark.parametrize(
+    ("page", "code", "how"),
+    [
+        (hidden.PAGE, hidden.CODE, "make hidden-study"),
+        (naming.PAGE, naming.CODE, "make naming"),
+        (laws.PAGE, laws.CODE, "make laws-study"),
+        (public_laws.PAGE, public_laws.CODE, "make public-laws"),
+        (foreign.PAGE, foreign.CODE, "make foreign-study"),
+    ],
+)
+def test_a_page_was_drawn_with_this_code(page, code, how):
+    said = stamp.stamped(page.read_text(encoding="utf-8"))
+    assert said == stamp.digest(code), f"{page.name} is of other code: {how} draws it anew"
+
+
+@pytest.mark.parametrize(
+    ("change", "is_another"),
+    [
+        (
+            lambda text: (
+                text.replace('"""What it does."""', '"""What it is for."""') + "# a remark\n"
+            ),
+            False,
+        ),
+        (lambda text: text.replace("1.0", "1.5"), True),
+        (lambda text: text.replace("def one", "def other"), True),
+    ],
+)
+def test_a_digest_is_of_what_code_does(tmp_path: Path, monkeypatch, change, is_another):
+    monkeypatch.setattr(stamp, "ROOT", tmp_path)
+    module = tmp_path / "code" / "module.py"
+    module.parent.mkdir()
+    module.write_text('"""A module."""\n\n\ndef one():\n    """What it does."""\n    return 1.0\n')
+    before = stamp.digest(["code"])
+    module.write_text(change(module.read_text()))
+    assert (stamp.digest(["code"]) != before) is is_another
+
+
+@pytest.mark.parametrize(
+    ("line", "is_part"),
+    [
+        ("from fmus.other import two", True),
+        ("from fmus import other", True),
+        ("import fmus.other", True),
+        ("from .other import two", True),
+        ("import json", False),
+    ],
+)
+def test_a_digest_is_of_what_is_imported_too(tmp_path: Path, monkeypatch, line, is_part):
+    monkeypatch.setattr(stamp, "ROOT", tmp_path)
+    folder = tmp_path / "fmus"
+    folder.mkdir()
+    (folder / "one.py").write_text(f"def one():\n    {line}\n")
+    (folder / "other.py").write_text("from .third import three\n\ntwo = three\n")
+    (folder / "third.py").write_text("three = 3\n")
+    before = stamp.digest(["fmus/one.py"])
+    (folder / "third.py").write_text("three = 4\n")
+    assert (stamp.digest(["fmus/one.py"]) != before) is is_part
+
+
+def test_a_digest_is_not_of_what_hands_records_over(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(stamp, "ROOT", tmp_path)
+    for folder, text in (("benchmarks", "from fmus.reading import read\n"), ("fmus", "read = 1\n")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "reading.py").write_text(text)
+    assert stamp.sources(["benchmarks/reading.py"]) == {tmp_path / "benchmarks" / "reading.py"}
+
+
+@pytest.mark.parametrize("code", [hidden.CODE, naming.CODE])
+def test_a_diagnosis_is_made_of_what_decides_it(code):
+    """What is called through a model or an option, and so by no import of the diagnosis, is named
+    by itself.
+    """
+    deciding = (
+        "fmus/kit/arms.py",
+        "fmus/kit/curves.py",
+        "fmus/kit/fmi2/integrate.c",
+        "fmus/kit/fmi2/exponential.c",
+        "orchestration/discrepancy/candidates/scales.py",
+        "orchestration/discrepancy/data/dataset.py",
+        "orchestration/discrepancy/selection/block_cross_validation.py",
+        "orchestration/identify/noise/model.py",
+    )
+    assert {stamp.ROOT / name for name in deciding} <= stamp.sources(code)

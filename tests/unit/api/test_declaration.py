@@ -1,0 +1,130 @@
+"""Claims: a class of options becomes keyword arguments and the words of a command line.
+
+With defaults, a signature and a docstring; what it does not know is refused by name.
+"""
+
+from __future__ import annotations
+
+import inspect
+from typing import Unpack
+
+import pytest
+
+import orchestration as ppy
+from orchestration.api.declaration import (
+    Form,
+    Option,
+    only,
+    options_of,
+    takes,
+    with_options,
+    words_of,
+)
+from orchestration.api.options import (
+    DiagnoseOptions,
+    FitKeywords,
+    GridOptions,
+    LawsOptions,
+    SearchOptions,
+    SettingsOption,
+)
+
+
+@takes(SearchOptions)
+def search(record: str, **options: Unpack[SearchOptions]) -> dict[str, object]:
+    """Look for something.
+
+    Parameters
+    ----------
+    record : str
+        Where.
+
+    Returns
+    -------
+    dict
+    """
+    return {"record": record, **options}
+
+
+def test_options_arrive_complete():
+    given = {"record": "a.csv", "settings": None, "time": 3.0, "hold": ()}
+    assert search("a.csv", time=3.0) == given
+
+
+def test_the_signature_shows_every_option_with_its_default():
+    parameters = inspect.signature(search).parameters
+    assert list(parameters) == ["record", "settings", "hold", "time"]
+    assert parameters["hold"].default == ()
+    assert parameters["hold"].kind is inspect.Parameter.KEYWORD_ONLY
+    assert list(inspect.signature(ppy.fit).parameters)[3:] == list(options_of(FitKeywords))
+
+
+def test_the_docstring_has_every_option():
+    text = inspect.getdoc(search)
+    assert text.startswith(
+        "Look for something.\n\nParameters\n----------\nrecord : str\n    Where.\n"
+    )
+    assert "\nhold : sequence of str\n    Parameters that are known and not fitted.\n" in text
+    assert "\ntime : float in s, optional\n" in text
+    assert text.endswith("\n\nReturns\n-------\ndict")
+
+
+def test_a_wrong_name_is_refused_with_the_right_one():
+    with pytest.raises(TypeError, match=r"search\(\) .* 'hodl' \(did you mean hold\?\)"):
+        search("a.csv", hodl=["k1"])
+    with pytest.raises(TypeError, match="record"):
+        search()
+
+
+def test_what_a_function_has_itself_is_documented_only():
+    @takes(SettingsOption)
+    def own(settings: int = 7) -> int:
+        """Return it."""
+        return settings
+
+    assert own() == 7
+    assert str(inspect.signature(own)) == "(settings: 'int' = 7) -> 'int'"
+    assert "settings : Mapping of str to float or str, optional" in own.__doc__
+
+
+def test_entries_come_before_what_is_handed_on():
+    text = with_options(
+        "Do.\n\nParameters\n----------\n**more\n    Others.", [Option("It.", name="a", type=int)]
+    )
+    assert text == "Do.\n\nParameters\n----------\na : int\n    It.\n**more\n    Others.\n"
+    assert with_options(None, []) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, []),
+        ({"hold": ["a", "b"], "each": []}, ["--hold", "a,b"]),
+        ({"effects": []}, ["--effects", "none"]),
+        ({"effects": None}, []),
+        ({"interpolate": False}, ["--no-interpolate"]),
+        ({"interpolate": True}, ["--interpolate"]),
+        ({"laws": False}, ["--no-laws"]),
+        ({"laws": True}, []),
+        ({"time": 90.5}, ["--time", "90.5s"]),
+        ({"holdout": ["b.csv", "7,8"]}, ["--holdout", "b.csv", "--holdout", "7,8"]),
+        ({"mapping": {"u": "voltage[mV]"}}, ["--map", "u=voltage[mV]"]),
+        ({"settings": {"R1": 0.5, "k1": "6 N/mm"}}, ["--set", "R1=0.5", "--set", "k1=6 N/mm"]),
+        ({"progress": print}, []),
+    ],
+    ids=str,
+)
+def test_a_value_has_words_on_the_command_line(given, words):
+    assert words_of(DiagnoseOptions, given) == words
+
+
+def test_only_takes_what_a_class_declares():
+    values = {"stop": 3.0, "step": None, "other": 1}
+    assert only(GridOptions, values) == {"stop": 3.0, "step": None}
+
+
+def test_a_form_of_its_own_reads_before_the_value_is_used():
+    option = Option("Twice.", form=Form(lambda typed, flag: 2 * typed), name="a", type=int)
+    assert (option.read(3), option.read(None)) == (6, None)
+    assert options_of(LawsOptions)["effects"].read("none") == []
+    assert options_of(DiagnoseOptions)["effects"].read("") is None

@@ -1,0 +1,55 @@
+"""Claims: a value is read as it is written on the command line, or refused with its flag."""
+
+from __future__ import annotations
+
+import pytest
+
+from fmus.kit import UserError
+from orchestration.api.declaration import (
+    options_of,
+)
+from orchestration.api.forms import comma_list, numbers, seconds
+from orchestration.api.options import (
+    DiagnoseOptions,
+    StudyOptions,
+)
+
+
+def test_words_are_read_back_to_the_value():
+    given = {
+        "hold": ["a", "b"],
+        "effects": [],
+        "mapping": {"u": "voltage[mV]"},
+        "settings": {"k1": "6 N/mm"},
+    }
+    options = options_of(DiagnoseOptions)
+    for name, value in given.items():
+        _, *typed = options[name].words(value)
+        listed = options[name].form.typed == list[str] | None
+        assert options[name].read(typed if listed else typed[0]) == value
+    for time in (60.0, 1e-3, float("inf")):
+        assert seconds(options["time"].words(time)[1]) == time
+
+
+def test_the_orders_of_a_study_are_read_as_they_are_written():
+    options = options_of(StudyOptions)
+    assert options["delays"].read(options["delays"].form.write(1)[0]) == 1
+    assert options["delays"].read(options["delays"].form.write([0, 2])[0]) == [0, 2]
+    for name in ("structures", "path_orders", "noise_orders"):
+        (text,) = options[name].form.write(options[name].default)
+        assert tuple(options[name].read(text)) == options[name].default
+
+
+@pytest.mark.parametrize("text", ["a,,b", "a,", ",a", " , ", "a,b,a", "a, a"])
+def test_a_list_is_taken_literally(text):
+    with pytest.raises(UserError, match="--fit"):
+        comma_list(text, "--fit")
+    assert comma_list(" a , b", "--fit") == ["a", "b"]
+    assert comma_list(None, "--fit") == comma_list("", "--fit") == []
+
+
+@pytest.mark.parametrize("text", ["", "1,", "1.5", "-1", "one"])
+def test_numbers_are_whole_and_large_enough(text):
+    with pytest.raises(UserError, match=r"--delays .*: write whole numbers from 0 on"):
+        numbers(0).read(text, "--delays")
+    assert numbers(0).read("0, 2", "--delays") == [0, 2]

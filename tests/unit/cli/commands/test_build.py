@@ -1,0 +1,59 @@
+"""Claims: ``ppy build`` makes FMUs, the same ones again, and only those that are asked for."""
+
+from pathlib import Path
+
+import pytest
+
+from fmus.kit.build.toolchain import host_platform
+from tests.support.command import here, works
+
+
+def test_build_then_check_then_simulate_the_file(tmp_path):
+    """One component, both builds, for this machine."""
+    printed = works(
+        "build", "ppy_actuator", "--platforms", host_platform(), "--out", "made", cwd=tmp_path
+    )
+    paths = [Path("made") / runtime / "ppy_actuator.fmu" for runtime in ("python", "native")]
+    assert [Path(line) for line in printed.split()] == paths
+    assert sorted(p for p in (tmp_path / "made").rglob("*") if p.is_file()) == sorted(
+        tmp_path / p for p in paths
+    )
+    for path in paths:
+        text = works("check", path, cwd=tmp_path)
+        assert f"{path}: no errors" in text
+    again = works(
+        "build", "ppy_actuator", "--platforms", host_platform(), "--out", "again", cwd=tmp_path
+    )
+    for line in again.split():
+        assert (tmp_path / line).read_bytes() == (
+            tmp_path / line.replace("again", "made", 1)
+        ).read_bytes()
+    works(
+        "simulate", paths[1], "--set", "current=0.5", "--stop", 2, "--out", "run.csv", cwd=tmp_path
+    )
+    assert (tmp_path / "run.csv").exists()
+
+
+def test_build_runtime_builds_only_that(tmp_path):
+    printed = works(
+        "build",
+        "ppy_actuator_length_driven",
+        "--runtime",
+        "native",
+        "--platforms",
+        host_platform(),
+        cwd=tmp_path,
+    )
+    assert Path(printed.strip()) == Path("fmu/native/ppy_actuator_length_driven.fmu")
+
+
+def test_build_runtime_pythonfmu_says_what_it_cannot_promise(tmp_path):
+    pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
+    done = here(
+        "build", "galvanostat", "--runtime", "pythonfmu", "--platforms", "linux64", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert [Path(line) for line in done.stdout.split()] == [Path("fmu/pythonfmu/galvanostat.fmu")]
+    assert (
+        "noted: pythonfmu promises less: errors: whatever fails is Fatal, not Error" in done.stderr
+    )

@@ -1,0 +1,111 @@
+"""Claims: ``ppy identify`` finds parameters of any FMU, and writes them for a system to bind."""
+
+from __future__ import annotations
+
+import json
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from tests.support.command import PNG, on_terminal, posix, refused, works
+from tests.support.hosts import build_one_state_fmu
+
+SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("identify")
+    build_one_state_fmu(folder)
+    time = 0.1 * np.arange(101)
+    x = 1.0 - np.exp(-time / 0.73) + np.random.default_rng(1).normal(0.0, 0.01, 101)
+    np.savetxt(
+        folder / "r.csv",
+        np.column_stack([time, np.ones(101), x]),
+        delimiter=",",
+        header="time,u,x",
+        comments="",
+    )
+    return folder
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_parameters_of_any_fmu(folder, workers):
+    call = ["r.csv", "--model", "one_state.fmu", "--fit", "tau", "--workers", workers]
+    said = works(
+        "identify", *call, "--ssv", "tau.ssv", "--json", "tau.json", "--plot", "tau.png", cwd=folder
+    )
+    assert "tau" in said
+    found = json.loads((folder / "tau.json").read_text())["fitted"]["parameters"]["tau"]
+    low, high = found["ci95"]
+    assert low < 0.73 < high
+    bound = ElementTree.parse(folder / "tau.ssv").getroot()
+    (parameter,) = bound.iter(f"{SSV}Parameter")
+    assert parameter.get("name") == "tau"
+    assert float(parameter[0].get("value")) == found["value"]
+    assert parameter[0].get("unit") == "s"
+
+
+def test_profiles_stand_beside_the_ellipse(folder):
+    call = ["identify", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--profile", "tau"]
+    said = works(*call, "--profile-plot", "profile.png", "--json", "p.json", cwd=folder)
+    assert "95 % by profile" in said
+    assert (folder / "profile.png").read_bytes().startswith(PNG)
+    told = json.loads((folder / "p.json").read_text())["fitted"]
+    assert told["profiles"]["tau"]["ci95_of_ellipse"] == told["parameters"]["tau"]["ci95"]
+    assert told["profiles"]["tau"]["ci95"] == pytest.approx(
+        told["parameters"]["tau"]["ci95"], rel=0.01
+    )
+
+
+@posix
+def test_an_interrupted_profile_leaves_nothing(folder):
+    (folder / "scratch").mkdir()
+    time = 1e-4 * np.arange(100_001)  # enough for seconds of work
+    x = 1.0 - np.exp(-time / 0.73) + np.random.default_rng(1).normal(0.0, 0.01, time.size)
+    columns = np.column_stack([time, np.ones_like(time), x])
+    np.savetxt(folder / "long.csv", columns, "%.6g", ",", header="time,u,x", comments="")
+    call = [
+        "identify",
+        "long.csv",
+        "--model",
+        "one_state.fmu",
+        "--fit",
+        "tau",
+        "--profile",
+        "tau",
+        "--json",
+        "not.json",
+    ]
+    code, said, _ = on_terminal(*call, cwd=folder, interrupt_at=re.compile("profile of tau"))
+    assert code == 130
+    assert "Traceback" not in said
+    assert list((folder / "scratch").iterdir()) == []
+    assert not (folder / "not.json").exists()
+
+
+def test_a_comparison_of_any_fmu_can_be_recalibrated(folder):
+    said = works("compare", "r.csv", "--model", "one_state.fmu", "--fit", "tau", cwd=folder)
+    assert "95 % interval" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["--fit", ","], ["--fit ','"]),
+        (["--fit", "taw"], ["no parameter named 'taw' (did you mean tau"]),
+        (["--fit", "tau,tau"], ["tau is named twice"]),
+        (["--fit", "tau", "--workers", "0"], ["--workers"]),
+        (["--fit", "tau", "--ssv", "a.xml"], [".ssv"]),
+        (["--fit", "tau", "--profile", ","], ["--profile ','"]),
+        (["--fit", "tau", "--profile", "u"], ["--profile: u is not fitted", "tau"]),
+        (["--fit", "tau", "--profile-plot", "p.png"], ["--profile-plot", "without --profile"]),
+        (["--fit", "tau", "--profile", "tau", "--profile-plot", "p.gif"], ["--profile-plot p.gif"]),
+        (["--fit", "tau", "--set", "tau=-1"], ["tau=-1", "out of range"]),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_what_cannot_be_is_refused_in_a_line(folder, arguments, parts):
+    refused(folder, "identify", "r.csv", "--model", "one_state.fmu", *arguments, parts=parts)

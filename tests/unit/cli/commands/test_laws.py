@@ -1,0 +1,136 @@
+"""Claims: ``ppy laws`` tells its result, writes what was asked for, and overwrites nothing."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from orchestration.cli import diagnose as asking
+from orchestration.cli.app import main
+from tests.support.command import here, works
+from tests.support.lacking import motor
+
+MODEL = Path(__file__).parents[4] / "studies" / "plants" / "models" / "motor.py"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Record a motor that is just what its model says."""
+    folder = tmp_path_factory.mktemp("laws")
+    shutil.copy(MODEL, folder / "motor.py")
+    motor(folder / "clean.csv", None)
+    return folder
+
+
+def refused(*arguments, cwd):
+    """Return the message of a refusal, which is one line and exit code 2."""
+    done = here("laws", *arguments, "--model", "motor.py:Motor", cwd=cwd)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    return done.stderr.strip().splitlines()[-1]
+
+
+def test_where_nothing_is_wrong_nothing_is_found(folder):
+    outputs = [
+        "--json",
+        "laws.json",
+        "--report",
+        "laws.html",
+        "--effect-out",
+        "law.py",
+        "--fmu",
+        "f.fmu",
+    ]
+    done = here("laws", "clean.csv", "--model", "motor.py:Motor", *outputs, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("No law is found to lack anything.")
+    written = json.loads((folder / "laws.json").read_text(encoding="utf-8"))
+    assert written["law_map"] == []
+    assert "--effect-out law.py" in (folder / "laws.html").read_text(encoding="utf-8")
+    for name in ("law.py", "f.fmu"):
+        assert f"no law is found to lack anything: {name} was not written" in done.stderr
+        assert not (folder / name).exists()
+
+
+def test_json_alone_goes_to_standard_output(folder):
+    text = works(
+        "laws",
+        "clean.csv",
+        "--model",
+        "motor.py:Motor",
+        "--effects",
+        "none",
+        "--json",
+        "-",
+        cwd=folder,
+    )
+    assert json.loads(text)["sentence"] == "No law is found to lack anything."
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--effect-out", "motor.py"], "--effect-out motor.py: this is the file of --model itself"),
+        (
+            ["--json", "clean.csv"],
+            "--json clean.csv: this is the record itself; it will not be overwritten",
+        ),
+        (["--effect-out", "law.txt"], "--effect-out law.txt: its name must end in .py"),
+        (["--report", "r.pdf"], "--report r.pdf: its name must end in .html"),
+        (["--fmu", "f.zip"], "the name of an FMU ends in .fmu"),
+        (["--effects", "coulomb"], "no effect named 'coulomb'"),
+        (["--hold", "dampin"], "has no parameter named 'dampin' (did you mean damping?)"),
+        (["--holdout", "clean.csv"], "this is the record itself; nothing would be held out"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(folder, arguments, told):
+    line = refused("clean.csv", *arguments, cwd=folder)
+    assert line.startswith("error: ")
+    assert told in line
+
+
+def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch, capsys):
+    """The answer itself is a stand-in; who gives a real one is tested by itself."""
+    monkeypatch.chdir(folder)
+    asked, written = {}, []
+
+    def writes(path, *others):
+        written.append(str(path))
+        return [path] if path.suffix == ".fmu" else path
+
+    def answer(records, model, **options):
+        asked.update(options, model=model.cls.__name__, record=records[0].source.name)
+        return SimpleNamespace(
+            overview=lambda: ["friction depends on omega"],
+            to_dict=lambda: {"law_map": []},
+            model=model.cls,
+            report=writes,
+            effect=writes,
+            fmu=writes,
+        )
+
+    monkeypatch.setattr(asking, "laws", answer)
+    options = (
+        "--effects coulomb_friction --hold resistance --set damping=1e-4 --time 20s"
+        " --no-interpolate"
+    )
+    outputs = "--report a.html --effect-out a.py --fmu a.fmu"
+    monkeypatch.setattr(
+        "sys.argv", ["ppy", *f"laws clean.csv --model motor.py:Motor {options} {outputs}".split()]
+    )
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    assert (asked["model"], asked["record"]) == ("Motor", "clean.csv")
+    assert (asked["effects"], asked["hold"]) == (["coulomb_friction"], ["resistance"])
+    assert (asked["settings"], asked["time"], asked["interpolate"]) == (
+        {"damping": "1e-4"},
+        20.0,
+        False,
+    )
+    assert written == ["a.html", "a.py", "a.fmu"]
+    assert "friction depends on omega" in capsys.readouterr().out

@@ -1,0 +1,100 @@
+"""Claims: ``ppy simulate`` runs a model over a record or constant inputs."""
+
+import numpy as np
+import pytest
+
+from orchestration.records import read_record
+from tests.support.command import PNG, UNITS, works
+
+
+def test_simulate_a_recorded_stimulus(record, tmp_path):
+    """Inputs from a file, a renamed column, units, a preset; result and picture."""
+    text = record.read_text(encoding="utf-8").replace("current [A]", "drive [A]", 1)
+    record.write_text(text, encoding="utf-8")
+    printed = works(
+        "simulate",
+        "ppy_actuator",
+        "--input",
+        record,
+        "--map",
+        "drive=current",
+        "--preset",
+        "five_layer",
+        "--set",
+        "R1=800mohm",
+        "--set",
+        "k1=6.3[N/mm]",
+        "--out",
+        "run.csv",
+        "--plot",
+        "run.png",
+        cwd=tmp_path,
+    )
+    assert "600 points from 0 s to 59.9 s" in printed
+    units = {**UNITS, "charge": "C", "mechanical_displacement": "m"}
+    run, inputs = (
+        read_record(tmp_path / "run.csv", units),
+        read_record(record, UNITS, mapping={"drive": "current"}),
+    )
+    assert run.time.tobytes() == inputs.time.tobytes()
+    assert run.signals["current"].tobytes() == inputs.signals["current"].tobytes()
+    # the preset's C and R2 with R1 as set, checked where nothing is differentiated: V (R1 + R2) =
+    # R1 R2 i + R2 Q / C
+    u, q, i = (run.signals[n] for n in ("voltage", "charge", "current"))
+    assert u * (0.8 + 2.72) == pytest.approx(0.8 * 2.72 * i + 2.72 * q / 0.46, abs=1e-9)
+    assert run.signals["mechanical_displacement"][0] == pytest.approx(
+        run.signals["force"][0] / 6300.0
+    )
+    assert (tmp_path / "run.png").read_bytes().startswith(PNG)
+
+
+@pytest.mark.parametrize("ending", ["svg", "pdf"])
+def test_pictures_in_other_formats(ending, tmp_path):
+    works(
+        "simulate",
+        "ppy_actuator",
+        "--set",
+        "force=1",
+        "--stop",
+        5,
+        "--plot",
+        f"run.{ending}",
+        cwd=tmp_path,
+    )
+    assert (tmp_path / f"run.{ending}").read_bytes().lstrip()[:5] in (b"<?xml", b"%PDF-")
+
+
+def test_simulate_with_its_own_steps(tmp_path):
+    """Hold inputs from the start on; the last step is shorter, and both builds print the same."""
+    arguments = [
+        "simulate",
+        "ppy_actuator",
+        "--set",
+        "current=0.9A",
+        "--set",
+        "force=2",
+        "--stop",
+        5,
+        "--step",
+        0.3,
+    ]
+    native = works(*arguments, "--out", "native.csv", cwd=tmp_path)
+    assert "18 points from 0 s to 5 s" in native
+    assert works(
+        *arguments, "--runtime", "python", "--out", "python.csv", cwd=tmp_path
+    ) == native.replace("native.csv", "python.csv")
+    run = read_record(tmp_path / "native.csv", {**UNITS, "charge": "C"})
+    assert run.time[-2:] == pytest.approx([4.8, 5.0])
+    settled = 2.35 * 2.7 * 0.9
+    assert run.signals["charge"] == pytest.approx(
+        settled * (1 - np.exp(-run.time / (2.78 * 2.7))), abs=1e-7
+    )
+
+
+def test_simulate_a_part_of_a_record(record, tmp_path):
+    assert "101 points from 0 s to 10 s" in works(
+        "simulate", "ppy_actuator", "--input", record, "--stop", 10, cwd=tmp_path
+    )
+    assert "121 points from 0 s to 120 s" in works(
+        "simulate", "ppy_actuator", "--input", record, "--stop", 120, "--step", 1, cwd=tmp_path
+    )

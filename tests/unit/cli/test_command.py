@@ -1,0 +1,95 @@
+"""Claims: a class of options becomes a command whose function gets their values."""
+
+from __future__ import annotations
+
+import pytest
+import typer
+
+from orchestration.api.declaration import options_of
+from orchestration.cli import app
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import RunCommand, SimulateCommand
+from orchestration.cli.rig.options import BridgeCommand
+
+
+def given(declared, *arguments):
+    """Return what the function of a command gets for arguments."""
+    received = []
+
+    @command(declared)
+    def body(options):
+        """Do nothing."""
+        received.append(options)
+
+    one = typer.Typer()
+    one.command()(body)
+    typer.main.get_command(one)(arguments, standalone_mode=False)
+    (options,) = received
+    return options
+
+
+def refused(declared, *arguments):
+    """Return the message for arguments that are refused."""
+    with pytest.raises(Exception) as error:  # its class moved between versions of typer
+        given(declared, *arguments)
+    return error.value.format_message()
+
+
+def test_values_arrive_read():
+    words = "m --set R1=1 --set C=2F --with a,b --stop 2min --map u=voltage --no-isolate"
+    options = given(SimulateCommand, *words.split(), "--step-timeout", "1.5s")
+    assert options["settings"] == {"R1": "1", "C": "2F"}
+    assert options["laid_over"] == ["a", "b"]
+    assert options["stop"] == 120.0
+    assert options["mapping"] == {"u": "voltage"}
+    assert options["isolate"] is False
+    assert options["step_timeout"] == 1.5
+
+
+def test_what_is_not_given_has_its_default():
+    options = given(SimulateCommand, "m")
+    usual = {name: option.default for name, option in options_of(SimulateCommand).items()}
+    assert options == usual | {"model": "m"}
+    assert given(RunCommand)["settings"] == ()
+
+
+def test_what_must_be_given_is_asked_for():
+    assert "Missing option '--endpoint'" in refused(BridgeCommand)
+
+
+def test_a_value_that_makes_no_sense_is_refused_with_its_flag():
+    message = refused(SimulateCommand, "m", "--stop", "soon")
+    assert "'--stop': 'soon': 'soon' is not a number" in message
+    message = refused(SimulateCommand, "m", "--memory-limit", "3MB")
+    assert "'--memory-limit': '3MB': an amount of memory" in message
+
+
+def test_a_second_argument_is_the_context():
+    received = []
+
+    @command(RunCommand)
+    def body(options, context):
+        """Do nothing."""
+        received.append(context.get_parameter_source("lag").name)
+
+    one = typer.Typer()
+    one.command()(body)
+    typer.main.get_command(one)(["--lag", "1s"], standalone_mode=False)
+    assert received == ["COMMANDLINE"]
+
+
+def commands(group, *words):
+    for name in group.list_commands(None):
+        below = group.get_command(None, name)
+        if hasattr(below, "list_commands"):
+            yield from commands(below, *words, name)
+        else:
+            yield " ".join((*words, name)), below
+
+
+def test_every_option_of_every_command_has_help():
+    found = dict(commands(typer.main.get_command(app.app)))
+    assert len(found) > 25
+    for name, one in found.items():
+        for parameter in one.params:
+            assert getattr(parameter, "help", None), f"{name} {parameter.name}"

@@ -1,0 +1,37 @@
+"""Claims: the response of an FMU to a small change of an input is identified where it is linear."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import orchestration as ppy
+from orchestration.discrepancy.foreign.response import identify_responses
+from orchestration.identify.fitting.any_fmu import FmuWithDifferences
+from tests.support.hosts import build_one_state_fmu
+
+STEP = 0.1
+TAU = 0.8
+TIME = STEP * np.arange(2000)
+U = 2.0 * np.sin(0.3 * TIME) + 1.5 * np.sin(0.91 * TIME + 1.0) + np.sin(2.3 * TIME + 2.0)
+
+
+@pytest.fixture(scope="module")
+def lag(tmp_path_factory):
+    """An FMU of one lag, whose equations nobody knows."""
+    folder = tmp_path_factory.mktemp("foreign")
+    return ppy.find_model(str(build_one_state_fmu(folder)))
+
+
+def test_the_response_is_that_of_the_lag(lag):
+    with FmuWithDifferences(lag, (), ["x"], {"tau": TAU}) as fmu:
+        (found,) = identify_responses(fmu, TIME, {"u": U}, {}, ["x"], ["u"]).values()
+    assert found.a == pytest.approx(np.array([[-1.0 / TAU]]), rel=1e-6)
+    assert found.b * found.c == pytest.approx([1.0 / TAU], rel=1e-6)
+    assert found.fit > 99.9
+
+
+def test_without_an_even_clock_there_are_no_responses(lag):
+    uneven = np.sort(np.random.default_rng(1).uniform(0.0, TIME[-1], TIME.size))
+    with FmuWithDifferences(lag, (), ["x"], {"tau": TAU}) as fmu:
+        assert identify_responses(fmu, uneven, {"u": U}, {}, ["x"], ["u"]) == {}

@@ -1,0 +1,20 @@
+"""Diagnoses, and their pages, that the tests of the report share."""
+
+from __future__ import annotations
+
+import pytest
+
+from orchestration.discrepancy.report.page import diagnosis_page
+from tests.support.report_results import COMMAND, PAGES, diagnosed_results
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory):
+    """A diagnosis for every kind of page."""
+    return diagnosed_results(tmp_path_factory.mktemp("pages"))
+
+
+@pytest.fixture(scope="session")
+def made(results):
+    """Every page as text."""
+    return {name: diagnosis_page(results[name], COMMAND).html() for name in PAGES}

@@ -1,0 +1,100 @@
+"""Claims: the sections of a report show what was diagnosed, and nothing else."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmus.ppy_actuator.effects import EFFECTS
+from orchestration.discrepancy.diagnosis import Verdict
+from orchestration.discrepancy.report.page import diagnosis_page
+from tests.support.pages import figures_of, words_of
+from tests.support.report_results import COMMAND, FEW, with_verdict
+
+
+def test_an_uneven_record_is_told_and_drawn_without_holes(results, made):
+    diagnosis = results["uneven"].diagnosis
+    there = np.isfinite(diagnosis.validation.data.measured["voltage"])
+    assert (
+        f"every third sample was held out: fitted to {(~there).sum()}, judged on {there.sum()}."
+        in words_of(made["uneven"])
+    )
+    assert "Only samples that were held out are shown." in words_of(made["uneven"])
+
+
+def test_errors_are_those_of_the_diagnosis(results, made):
+    diagnosis = results["cause"].diagnosis
+    text = words_of(made["cause"])
+    for output in ("voltage", "displacement"):
+        missing = re.search(
+            rf" {output} nominal ([\d.]+) % .*? refitted ([\d.]+) % .*? extended ([\d.]+) % · (\S+)"
+            r" (\S+)",
+            text,
+        )
+        assert float(missing[2]) == pytest.approx(100.0 * diagnosis.before[output], rel=5e-3)
+        assert float(missing[3]) == pytest.approx(100.0 * diagnosis.after[output], rel=5e-3)
+        y = diagnosis.validation.data.measured[output][diagnosis.validation.first :]
+        size = diagnosis.after[output] * np.std(y) * {"V": 1.0, "mm": 1e3}[missing[5]]
+        assert float(missing[4]) == pytest.approx(size, rel=5e-3)
+
+
+def test_evidence_is_told_once_for_every_effect(results, made):
+    diagnosis = results["cause"].diagnosis
+    text = words_of(made["cause"])
+    step = diagnosis.selection.steps[0]
+    assert "strain_saturation Elongation that levels off" in text
+    assert re.search(rf"relaxes assumption 5 {step.gain:.1f} .*? named", text)
+    fitted = {e.effect_name for e, _ in (*step.rejected, *diagnosis.selection.rejected)}
+    evidence = text.split("Evidence: what was tried")[1].split(" Parameters ")[0]
+    assert evidence.count(" rejected ") == len(fitted)
+    assert "another explains the record much better" in evidence
+    of_few = {name for name, effect in EFFECTS.items() if effect.id in {few.id for few in FEW}}
+    missing = of_few - fitted - {"strain_saturation"}
+    told = re.search(r"not fitted: (.*?)\.", evidence)
+    assert set(told[1].split(", ") if told else ()) == missing
+    assert " not told apart from strain_saturation" in words_of(made["ambiguous"])
+
+
+def test_parameters_have_intervals_and_marks(results, made):
+    diagnosis = results["cause"].diagnosis
+    rows = re.findall(r"<tr>(.*?)</tr>", made["cause"])
+    rows = {name: row for name in diagnosis.estimates for row in rows if f"<b>{name}</b>" in row}
+    assert set(rows) == {name for name in diagnosis.estimates if not name.endswith("_start")}
+    assert {name for name, row in rows.items() if "chip differs" in row} == set(diagnosis.changed)
+    e = diagnosis.estimates["R1"]
+    low, high = map(float, re.search(r'muted">([\d.]+) … ([\d.]+)<', rows["R1"]).groups())
+    assert (low, high) == pytest.approx(e.interval, rel=1e-3)
+    assert f"{e.value / 0.43 - 1.0:+.1%}"[1:-1] in rows["R1"]
+
+
+def test_what_is_left_and_not_judged_is_told(made):
+    text = words_of(made["unexplained"])
+    assert "A line at 0.83 Hz with an amplitude of 0.004 V." in text
+    assert text.count("A jump of 0.1 mm at 10") == 5
+    assert "2 more jumps." in text
+    assert (
+        "What could not be judged slack was not judged: it leaves no trace in what was measured"
+        in text
+    )
+    assert "no input moves: neither a cause nor a parameter can be judged" in words_of(made["idle"])
+    assert "current stays at 0.5 A; force stays at 0.5 N." in words_of(made["idle"])
+
+
+def test_uneven_samples_have_no_spectrum(results):
+    cause, estimation = results["cause"], results["cause"].diagnosis.estimation
+    time = estimation.time[-1] * (estimation.time / estimation.time[-1]) ** 3
+    text = diagnosis_page(
+        with_verdict(cause, Verdict.CAUSE, estimation=replace(estimation, time=time)), COMMAND
+    ).html()
+    assert "Sampling is uneven" in text
+    assert len(figures_of(text)) == 1
+
+
+def test_repairs_are_told(results, made):
+    repairs = results["cause"].record.repairs
+    assert repairs
+    text = words_of(made["cause"])
+    assert all(repair.message in text for repair in repairs)

@@ -1,0 +1,65 @@
+"""Claims: rows that terminal and page share have the numbers of the diagnosis, each once."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from orchestration.discrepancy.changes import Change
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.report.tables import (
+    change_rows,
+    error_table,
+    run_errors,
+    tried_effects,
+)
+from tests.support.several import TRUE, Cell, several
+
+R0 = {p.name: p for p in Cell.layout.parameters}["R0"]
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    """Of six records of one cell, two of which are held out."""
+    return diagnose(Cell, several(), [])
+
+
+def test_errors_by_record_are_those_of_a_simulation(diagnosis):
+    """The oracle is a free run of the fitted model over every record, and NumPy."""
+    errors = run_errors(SimpleNamespace(diagnosis=diagnosis, gain=None, files="all"))
+    assert [(e.label, e.held_out) for e in errors] == [
+        *((label, False) for label in "abcd"),
+        *((label, True) for label in "ef"),
+    ]
+    best, data = diagnosis.selection.best, diagnosis.estimation
+    values = best.problem.start | best.fit.values
+    run = best.problem.model.run(data.time, data.inputs, values, runs=data.runs)
+    for record, error in zip(data.runs, errors, strict=False):
+        y = data.measured["voltage"][record.samples]
+        misses = y - run.signals["voltage"][record.samples]
+        expected = np.linalg.norm(misses) / np.linalg.norm(y - y.mean())
+        assert error.nrmse == {"voltage": pytest.approx(expected, rel=1e-6)}
+        assert error.samples == len(y)
+
+
+def test_a_table_of_errors_has_a_row_for_every_part(diagnosis):
+    head, rows = error_table(diagnosis)
+    assert head[:2] == ["output", "where"]
+    assert [row[:2] for row in rows] == [["voltage", "fitted"], ["voltage", "held out"]]
+    fitted = {name: errors["voltage"] for name, errors in diagnosis.fitted_errors.items()}
+    assert rows[0][2:] == [f"{fitted[name.replace(' ', '_')]:.4g}" for name in head[2:]]
+
+
+def test_where_nothing_was_tried_there_is_no_evidence(diagnosis):
+    assert tried_effects(diagnosis) == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "uncertain", "verdict"),
+    [(True, False, "changed"), (False, True, "uncertain"), (False, False, "not claimed")],
+)
+def test_a_change_is_a_row_with_its_verdict(changed, uncertain, verdict):
+    change = Change("R0", TRUE["R0"], 0.06, (0.02, 0.04), (0.05, 0.07), changed, uncertain, 0.5, R0)
+    assert change_rows([change]) == [["R0", "0.03 ohm", "0.06 ohm", "50.0 %", verdict]]

@@ -1,0 +1,126 @@
+"""Claims: what inputs do between samples is asked once more with effects, as a hidden lag looks
+like half a sample.
+
+The plant is a galvanostat, whose loop is a lag of 0.3 s, and a current clamp that lags by 0.25 s,
+both discretised exactly at a fiftieth of the sample period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import chirp, lfilter, sawtooth
+
+from fmus.kit.sensors import sensor_lag, sensor_offset, transport_delay
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.selection import interpolation_hypotheses
+from orchestration.discrepancy.selection.interpolation_hypotheses import Hypothesis, by_effects
+from orchestration.discrepancy.selection.intersample import InterpolationBasis, Intersample
+from orchestration.fmu.model import find_model
+from tests.support.pace import slow_but
+
+STEP, FINE, COUNT = 0.1, 50, 800
+TIME = STEP * np.arange(COUNT)
+COURSES = {
+    "chirp": 0.8 * chirp(TIME, 0.02, 80.0, 0.6, phi=-90.0),
+    "triangle": 0.9 * sawtooth(2.0 * np.pi * TIME / 9.0 + 0.4, 0.5),
+}
+GALVANOSTAT = find_model("galvanostat").cls
+EFFECTS = [make(GALVANOSTAT, "current") for make in (sensor_lag, transport_delay, sensor_offset)]
+
+
+def lagging(values, time):
+    decay = np.exp(-STEP / FINE / time)
+    return lfilter([0.0, 1.0 - decay], [1.0, -decay], values)
+
+
+def record(course, held):
+    command = COURSES[course]
+    fine = np.arange(COUNT * FINE) * STEP / FINE
+    fed = np.repeat(command, FINE) if held else np.interp(fine, TIME, command)
+    current = lagging(lagging(fed, 0.3), 0.25)[::FINE]
+    noisy = current + 0.01 * np.random.default_rng(1).standard_normal(COUNT)
+    return Dataset(TIME, {"current_command": command}, {"current": noisy})
+
+
+def judged(data, effects):
+    return diagnose(
+        GALVANOSTAT,
+        data,
+        effects,
+        {"response_time": 0.3, "current_limit": 5.0},
+        held=["current_limit"],
+    )
+
+
+@pytest.mark.parametrize(
+    ("course", "held"), slow_but([("chirp", True), ("triangle", False)], ("chirp", True))
+)
+def test_a_lag_is_found_where_a_model_without_it_takes_the_input_the_wrong_way(course, held):
+    data = record(course, held)
+    assert judged(data, []).intersample["current_command"].linear is held
+    diagnosis = judged(data, EFFECTS)
+    assert diagnosis.intersample["current_command"].linear is not held
+    assert diagnosis.causes == ["sensor_lag(current)"]
+    total = sum(diagnosis.estimates[n].value for n in ("response_time", "current_lag_time"))
+    assert total == pytest.approx(
+        0.55, abs=0.01
+    )  # which lag is which is not to be told, how late both are is
+
+
+def test_what_is_given_stands():
+    data = replace(record("chirp", True), linear=True)
+    assert (
+        judged(data, EFFECTS[:1]).intersample["current_command"].basis is InterpolationBasis.GIVEN
+    )
+
+
+@pytest.mark.parametrize(
+    ("choice", "open"),
+    [
+        (Intersample(True, InterpolationBasis.COURSE, separation=4.0), True),
+        (Intersample(True, InterpolationBasis.COURSE, separation=3.0), False),
+        (Intersample(True, InterpolationBasis.GIVEN, separation=40.0), False),
+        (Intersample(False, InterpolationBasis.COURSE, separation=40.0), False),
+        (Intersample(False, InterpolationBasis.FIT, separation=40.0), True),
+        (Intersample(False, InterpolationBasis.DEFAULT, separation=40.0), True),
+    ],
+)
+def test_which_inputs_are_open(choice, open):
+    """An input that rests between its own steps is held; ten times minus twice the log-likelihood
+    tells.
+    """
+    assert choice.open is open
+
+
+def test_nothing_is_looked_at_where_time_is_spent():
+    search = SimpleNamespace(budget=SimpleNamespace(spent=lambda: True))
+    chosen = {"u": Intersample(True, InterpolationBasis.COURSE, separation=40.0)}
+    way = Hypothesis(search, SimpleNamespace(model=None), chosen)
+    assert by_effects(way, []) is way
+
+
+@pytest.mark.parametrize(("named", "taken"), [(["a lag"], "other"), ([], "first")])
+def test_the_other_way_is_taken_only_if_it_names_something(monkeypatch, named, taken):
+    steps = {"first": [], "other": named}
+    monkeypatch.setattr(interpolation_hypotheses, "score", lambda search, base, effects: None)
+    monkeypatch.setattr(
+        interpolation_hypotheses,
+        "by_effects",
+        lambda hypothesis, effects: Hypothesis("other", None, {}),
+    )
+    monkeypatch.setattr(
+        interpolation_hypotheses,
+        "select",
+        lambda search, *rest: SimpleNamespace(steps=steps[search]),
+    )
+    monkeypatch.setattr(
+        interpolation_hypotheses, "revised", lambda search, selection, effects: selection
+    )
+    monkeypatch.setattr(interpolation_hypotheses, "explaining", lambda search, selection: selection)
+    way, selection = interpolation_hypotheses.selected("first", None, {}, [])
+    assert (way.search, selection.steps) == (taken, steps[taken])

@@ -1,0 +1,113 @@
+"""Claims: the verdict follows from what the best model does not account for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.conclude import DiagnosisData, Verdict, conclude, errors_fall
+from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.laws import search_of
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.validation import confirm, errors_in_variables
+from tests.support.diagnosis import FEW, coloured, short_record
+from tests.support.several import Cell, measured
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    return diagnose(Cell, measured(3, 4.0), [])
+
+
+def conclude_again(diagnosis, **other):
+    """Draw the conclusion of a diagnosis once more, from its own selection."""
+    data = DiagnosisData(
+        estimation=diagnosis.estimation,
+        validation=diagnosis.validation,
+        usable=diagnosis.usable,
+        more_than_estimation=True,
+        parameters=list(diagnosis.selection.base.problem.names),
+        intersample=diagnosis.intersample,
+        input_noise=errors_in_variables.no_input_noise(diagnosis.selection.base),
+    )
+    judged = confirm(diagnosis.selection, diagnosis.validation)
+    return conclude(search_of(diagnosis), judged, replace(data, **other))
+
+
+def test_a_conclusion_drawn_again_is_the_same(diagnosis):
+    again = conclude_again(diagnosis)
+    assert again.verdict is diagnosis.verdict is Verdict.RECALIBRATE
+    assert again.changed == diagnosis.changed
+    assert again.judged_errors == diagnosis.judged_errors
+    for name, estimate in diagnosis.estimates.items():
+        assert again.estimates[name].value == pytest.approx(estimate.value, rel=1e-5)
+
+
+def test_the_notes_on_the_data_come_first(diagnosis):
+    note = Note(NoteCode.EVEN_CLOCK)
+    assert conclude_again(diagnosis, notes=[note]).notes == [note, *conclude_again(diagnosis).notes]
+
+
+def test_all_that_was_measured_is_fitted_to_at_the_end(diagnosis):
+    assert len(diagnosis.final.problem.time) == len(measured(3, 4.0).time)
+    assert len(diagnosis.usable.time) == len(measured(3, 4.0).time)
+    stays = conclude_again(diagnosis, usable=diagnosis.estimation, more_than_estimation=False)
+    assert stays.final is diagnosis.selection.best
+
+
+def test_nothing_is_claimed_of_a_record_that_tells_nothing(diagnosis):
+    again = conclude_again(diagnosis, informative=False)
+    assert again.verdict is Verdict.AMBIGUOUS
+    assert again.inconclusive
+    assert again.changed == []
+
+
+@pytest.mark.parametrize(
+    ("after", "gained"),
+    [
+        ({"a": 0.5, "b": 1.0}, True),
+        ({"a": 0.5, "b": 1.09}, True),
+        ({"a": 0.5, "b": 1.11}, False),
+        ({"a": 1.0, "b": 1.0}, False),
+    ],
+)
+def test_a_gain_is_an_error_that_falls_and_none_that_grows(after, gained):
+    assert errors_fall({"a": 1.0, "b": 1.0}, after) is gained
+
+
+def test_a_hum_is_not_explained():
+    diagnosis = diagnose(PpyActuator, short_record("hum"), FEW[:1])
+    assert diagnosis.verdict is Verdict.UNEXPLAINED
+
+
+def test_a_wrong_unit_is_no_cause():
+    data = short_record("strain_saturation")
+    wrong = data.measured | {"displacement": 1e3 * data.measured["displacement"]}
+    diagnosis = diagnose(PpyActuator, replace(data, measured=wrong), FEW[:1])
+    assert diagnosis.verdict is Verdict.UNEXPLAINED
+    assert NoteCode.IMPLAUSIBLE in {note.code for note in diagnosis.notes}
+    assert "look at units, signs and columns first" in wording.sentence(diagnosis)
+
+
+def test_what_is_left_where_the_cause_does_not_act_is_told():
+    """A saturation of the strain does not touch the voltage, which wanders."""
+    data = short_record("strain_saturation")
+    wander = 2e-3 * np.cumsum(coloured(0.0, 5, data.time.size))
+    wandering = data.measured | {"voltage": data.measured["voltage"] + wander}
+    diagnosis = diagnose(PpyActuator, replace(data, measured=wandering), FEW[:1])
+    assert diagnosis.verdict is Verdict.CAUSE
+    assert not diagnosis.explained
+    assert NoteCode.SOMETHING_LEFT in {note.code for note in diagnosis.notes}
+    assert diagnosis.causes[:1] == ["strain_saturation"]
+    said = wording.sentence(diagnosis)
+    assert said.startswith(
+        "What the model gets wrong: strain_saturation (confirmed on the held-out third)"
+    )
+    assert (
+        "Beside that, something is left that nothing in the catalogue accounts for: voltage wanders"
+        " slowly" in said
+    )

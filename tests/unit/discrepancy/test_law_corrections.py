@@ -1,0 +1,79 @@
+"""Claims: a correction that unseen data confirm is a cause, and the conclusion is drawn with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sin
+
+import pytest
+
+from fmus.kit.corrections import SignalTerm, SmoothTable, correction
+from orchestration.discrepancy.conclude import Verdict
+from orchestration.discrepancy.law_corrections import leaves_something, same_effect, search_laws
+from orchestration.discrepancy.note import Note, NoteCode
+from studies.plants.models.motor import Motor
+from tests.support.lacking import diagnosed, motor
+
+
+@pytest.fixture(scope="module")
+def diagnosis(tmp_path_factory):
+    """Diagnose a motor with a friction that no catalogue has."""
+    path = tmp_path_factory.mktemp("motor") / "motor.csv"
+    drawn = motor(path, lambda speed: 0.01 * sin(speed / 25.0))
+    return diagnosed(path, drawn.plant.model)
+
+
+def test_a_corrected_diagnosis_keeps_what_is_said_of_the_data(diagnosis):
+    kept = Note(NoteCode.QUANTISED, "speed")
+    before = replace(diagnosis, notes=[kept, *diagnosis.notes, Note(NoteCode.AT_BOUND)])
+    laws, corrected = search_laws(before)
+    assert leaves_something(before)
+    assert laws.best.confirmed
+    assert corrected.verdict is Verdict.CAUSE
+    assert corrected.causes == ["friction(omega)"]
+    assert corrected.final.candidate.effects == (laws.cause.effect,)
+    assert corrected.estimation is before.estimation
+    assert corrected.validation is before.validation
+    assert corrected.notes[0] == kept
+    assert Note(NoteCode.AT_BOUND) not in corrected.notes, "that was about another model"
+    for output, error in corrected.after.items():
+        assert error < before.after[output]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "codes", "leaves"),
+    [
+        (Verdict.UNEXPLAINED, [], True),
+        (Verdict.CAUSE, [NoteCode.SOMETHING_LEFT], True),
+        (Verdict.CAUSE, [NoteCode.NO_GAIN], False),
+        (Verdict.AMBIGUOUS, [NoteCode.SOMETHING_LEFT], False),
+        (Verdict.RECALIBRATE, [], False),
+    ],
+)
+def test_laws_are_searched_where_causes_do_not_account_for_all(diagnosis, verdict, codes, leaves):
+    notes = [Note(code) for code in codes]
+    assert leaves_something(replace(diagnosis, verdict=verdict, notes=notes)) is leaves
+
+
+def test_only_the_same_function_of_the_same_signal_is_the_same_effect():
+    def known(law, of, shape, kind="add"):
+        effect = same_effect(Motor, correction(Motor, law, of, shape, "N*m", 0.01, kind=kind))
+        return effect.id if effect else None
+
+    speed = SignalTerm("omega", scale=100.0)
+    assert (
+        known("friction", speed, "sign")
+        == known("friction", speed, "saturating")
+        == "coulomb_friction"
+    )
+    assert known("friction", speed, "odd_quadratic") == "quadratic_drag"
+    assert known("friction", speed, "cubic") == "cubic_stiffness"
+    assert known("friction", speed, "exponential") is None
+    assert known("friction", speed, "sign", "multiply") is None
+    assert known("friction", speed, SmoothTable([-1.0, 1.0])) is None
+    assert known("friction", SignalTerm("voltage"), "sign") is None
+    assert known("friction", SignalTerm("omega", "lagged", 0.1), "sign") is None
+    assert (
+        known("winding_current", SignalTerm("voltage", "leading", 0.1), "linear")
+        == "parallel_rc_branch"
+    )

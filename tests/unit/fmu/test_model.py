@@ -1,0 +1,97 @@
+"""Claims: a model knows its signals from the description alone, and reads settings with their
+units.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmus.kit import UserError
+from fmus.kit.units import format_value
+from orchestration.fmu.instance import Fmu
+from orchestration.fmu.model import find_model
+from orchestration.fmu.simulation import simulate_instance
+from tests.support.archive import edited
+
+
+def test_a_start_value_that_is_none_is_refused(fmu, tmp_path):
+    path = edited(
+        fmu("ppy_actuator", "native"),
+        tmp_path / "other.fmu",
+        lambda n, c: (n, c.replace(b'"0.43"', b'"0x1"')),
+    )
+    with pytest.raises(UserError) as caught:
+        find_model(str(path))
+    assert str(caught.value) == f"{path}: modelDescription.xml: R1: start '0x1' is no number"
+
+
+def test_a_model_knows_its_signals_from_the_description_alone(fmu):
+    path = fmu("ppy_actuator", "native")
+    model = find_model(str(path))
+    assert (model.name, model.cls, model.path) == ("ppy_actuator.fmu", None, Path(path))
+    alpha = model.parameters["alpha"]
+    assert (alpha.unit, alpha.display, alpha.start, alpha.min, alpha.max) == (
+        "m/C",
+        "mm/C",
+        6.8e-5,
+        -1.0,
+        1.0,
+    )
+    assert format_value(6.8e-5, alpha) == "0.068 mm/C"
+    assert list(model.inputs) == ["current", "force"]
+    assert "displacement" in model.outputs
+
+
+def test_settings_are_read_with_their_units(fmu):
+    model = find_model(str(fmu("ppy_actuator", "native")))
+    texts = ["R1=610mohm", "k1 = 6.3[N/mm]", "b1=1.5e6", "alpha=-0.05 mm/C", "current=.5"]
+    assert model.settings(texts) == pytest.approx(
+        {"R1": 0.61, "k1": 6300.0, "b1": 1.5e6, "alpha": -5e-5, "current": 0.5}
+    )
+    with pytest.raises(UserError, match="no preset named 'five_layer'; there are: none"):
+        model.settings([], "five_layer")
+    own = find_model("ppy_actuator")
+    values = own.settings(["R1=2"], "five_layer")  # a setting goes over the preset
+    assert (values["R1"], values["C"]) == (2.0, 0.46)
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ("stages=2.7", "2.7 is not a whole number from -2147483647 to 2147483647"),
+        ("stages=3e9", "3e+09 is not a whole number"),
+        ("stages=6", "6 is out of range; allowed is 1 … 5"),
+        ("enabled=0.5", "0.5 is neither true (1) nor false (0)"),
+        ("boost=2", "2 is neither true (1) nor false (0)"),
+        ("boost=maybe", "'maybe' is not a number with an optional unit (nor true or false)"),
+        ("heater=true", "'true' is not a number with an optional unit"),
+    ],
+)
+def test_settings_that_their_type_cannot_hold_are_refused(thermostat, setting, told):
+    with pytest.raises(UserError) as caught:
+        find_model(str(thermostat)).settings([setting])
+    assert str(caught.value).startswith(f"--set {setting}: {told}")
+
+
+def test_settings_of_integers_and_booleans_arrive(thermostat):
+    """With n heaters of p on, the power is n p, and one more with the boost."""
+    model = find_model(str(thermostat))
+    values = model.settings(
+        ["stages=3", "enabled=false", "on_start=true", "heater=0.05kW", "boost=1"]
+    )
+    assert values == {"stages": 3.0, "enabled": 0.0, "on_start": 1.0, "heater": 50.0, "boost": 1.0}
+    assert format_value(values["enabled"], model.parameters["enabled"]) == "false"
+    assert format_value(values["stages"], model.parameters["stages"]) == "3"
+    with Fmu(thermostat, values) as instance:
+        instance.start()
+        boost = {"boost": np.array([1.0, 0.0, 1.0])}
+        power = simulate_instance(instance, np.array([0.0, 0.1, 0.2]), boost, ["power", "on"])
+    assert power["power"].tolist() == [
+        200.0,
+        0.0,
+        50.0,
+    ]  # at the first sample instant the heater, disabled, goes off
+    assert power["on"].tolist() == [1.0, 0.0, 0.0]

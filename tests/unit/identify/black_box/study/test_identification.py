@@ -1,0 +1,274 @@
+"""Claims: columns of a file become a model, a page, and a component that runs alike.
+
+The component does so in both builds.
+
+Oracles: SciPy's filter with the coefficients that made the data, and published fits of a measured
+wall.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import orchestration as ppy
+from fmus.kit import UserError
+from fmus.kit.build.building import build_cached
+from orchestration.fmu.loading import load_class
+from orchestration.identify.black_box.study.columns import read_columns
+from orchestration.identify.black_box.study.component import class_name, identifiers
+from tests.support.command import refused, works
+from tests.support.hosts import run_fmpy
+from tests.support.pace import slow_but
+
+STEP = 0.5
+
+
+def data(noise=0.01, seed=1):
+    rng = np.random.default_rng(seed)
+    u = np.column_stack([rng.normal(size=600), 3.0 + rng.normal(size=600)])
+    # two denominators; one input is felt at once, the other two samples late
+    y = lfilter([0.4, 0.5], [1.0, -0.8], u[:, 0]) + lfilter(
+        [0.0, 0.0, 0.2, 0.1], [1.0, -1.2, 0.5], u[:, 1]
+    )
+    return u, y + noise * rng.normal(size=600)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("black_box") / "two inputs.csv"
+    u, y = data()
+    table = np.column_stack([STEP * np.arange(600), u, y])
+    np.savetxt(
+        path, table, delimiter=",", header="time [s],drive [V],for [N],lambda [mm]", comments=""
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(file):
+    return ppy.black_box(
+        file, "lambda", structures=["OE"], path_orders=[1, 2], noise_orders=[1], delays=[0, 2]
+    )
+
+
+def test_orders_and_poles_are_those_that_made_the_data(found):
+    assert found.chosen.path_orders == (1, 2)
+    assert found.model.poles("drive") == pytest.approx([0.8], abs=0.01)
+    assert sorted(abs(found.model.poles("for"))) == pytest.approx([np.sqrt(0.5)] * 2, abs=0.02)
+    assert found.chosen.validation_fit > 98.0
+    assert found.excitation["drive"] > 10
+    assert found.residual_tests.passed
+
+
+def test_the_component_runs_as_the_filter_that_made_the_data(found, tmp_path):
+    """Free run of both builds in fmpy, beside SciPy with the identified coefficients."""
+    path = found.export(tmp_path / "two_inputs.py")
+    ast.parse(path.read_text(encoding="utf-8"))
+    cls = load_class(f"{path}:TwoInputs")
+    u, _ = data()
+    model = found.model
+    about = u - model.input_offsets
+    expected = model.output_offset + sum(
+        lfilter(model.b[i], model.f[i], about[:, i] - about[0, i])
+        + about[0, i] * model.b[i].sum() / model.f[i].sum()
+        for i in range(2)
+    )
+    time = STEP * np.arange(600)
+    for runtime in ("native", "python"):
+        fmu = build_cached(cls, runtime)
+        result = run_fmpy(fmu, time, {"drive": u[:, 0], "signal_for": u[:, 1]}, ["signal_lambda"])
+        settled = (
+            np.arange(600) > 200
+        )  # the component begins at rest at its operating point, not at the first inputs
+        assert result["signal_lambda"][settled] == pytest.approx(expected[settled], abs=1e-9), (
+            runtime
+        )
+
+
+def test_names_of_columns_become_names_of_variables():
+    assert identifiers(("drive", "U [cell]", "2nd", "for", "a b", "a_b", "name", "%")) == [
+        "drive",
+        "U__cell",
+        "signal_2nd",
+        "signal_for",
+        "a_b",
+        "a_b_",
+        "name_",
+        "signal",
+    ]
+    assert class_name("two_layer_wall") == "TwoLayerWall"
+
+
+@pytest.mark.parametrize(
+    ("stem", "name", "cls"),
+    [
+        ("1-x", "model_1_x", "Model1X"),
+        ("wall 2", "wall_2", "Wall2"),
+        ("class", "model_class", "ModelClass"),
+        ("none", "model_none", "ModelNone"),
+        ("é", "model", "Model"),
+        ("a.b", "a_b", "AB"),
+    ],
+)
+def test_a_file_of_any_name_holds_a_class_that_is_built(found, tmp_path, stem, name, cls):
+    path = found.export(tmp_path / f"{stem}.py")
+    assert class_name(stem) == cls
+    assert load_class(f"{path}:{cls}").name == name
+
+
+def test_the_page_and_the_figures(found, tmp_path):
+    page = found.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert found.sentence in page
+    assert page.count("data:image/png") == 3
+    assert "http" not in page.replace("http-equiv", "")
+    figures = json.loads(json.dumps(found.to_dict()))
+    assert figures["chosen"]["structure"] == "OE"
+    assert figures["output"] == {"name": "lambda", "unit": "mm"}
+    assert figures["chosen"]["parameters"]["f1_1"]["value"] == pytest.approx(-0.8, abs=0.01)
+    assert figures["chosen"]["poles"]["drive"][0] == pytest.approx(
+        [np.log(0.8) / STEP, 0.0], abs=0.03
+    )
+
+
+def test_a_wall_that_counts_its_samples(public_data):
+    path = public_data("two_layer_wall.csv")
+    with pytest.raises(
+        UserError, match=r"no column is a time, and the first, 'sample', is in 1; give the .*--step"
+    ):
+        read_columns(path, "heat_flux")
+    found = ppy.black_box(
+        path, "heat_flux", step=1.0, structures=["BJ"], path_orders=[2], noise_orders=[2], delays=0
+    )
+    assert found.chosen.validation_fit >= 84.6
+    assert found.estimation.input_names == ("internal_temperature", "external_temperature")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["--output", "lamda"], ["no column 'lamda' (did you mean lambda"]),
+        (["--output", "lambda", "--inputs", "drive,fro"], ["no column 'fro'"]),
+        (["--output", "lambda", "--orders", "1,x"], ["--orders '1,x'", "whole numbers"]),
+        (["--output", "lambda", "--orders", ","], ["--orders ','", "from 1 on"]),
+        (["--output", "lambda", "--orders", "1,,2"], ["--orders '1,,2'"]),
+        (["--output", "lambda", "--orders", "0"], ["--orders '0'", "from 1 on"]),
+        (["--output", "lambda", "--noise-orders", ""], ["--noise-orders ''"]),
+        (["--output", "lambda", "--delays", ","], ["--delays ','", "from 0 on"]),
+        (["--output", "lambda", "--delays", "-1"], ["--delays '-1'", "from 0 on"]),
+        (
+            ["--output", "lambda", "--delays", "1,2,3"],
+            ["delays [1, 2, 3]", "one for each of 2 inputs"],
+        ),
+        (
+            ["--output", "lambda", "--inputs", ","],
+            ["--inputs ','", "nothing before or after a comma"],
+        ),
+        (
+            ["--output", "lambda", "--structures", ","],
+            ["--structures ','", "nothing before or after a comma"],
+        ),
+        (["--output", "lambda", "--structures", "ARXX"], ["structure ARXX: there is none"]),
+        (["--output", "lambda", "--share", "1"], ["share = 1", "between 0 and 1"]),
+        (["--output", "lambda", "--share", "nan"], ["share = nan: must be between 0 and 1"]),
+        (
+            ["--output", "lambda", "--share", "0.0001"],
+            ["share = 0.0001 of 600 samples: both parts need samples"],
+        ),
+        (
+            ["--output", "lambda", "--inputs", "drive,lambda"],
+            ["lambda is an input and the output: name it once"],
+        ),
+        (
+            ["--output", "lambda", "--inputs", "drive,drive"],
+            ["--inputs 'drive,drive': drive is named twice"],
+        ),
+        (
+            ["--output", "lambda", "--step", "1s"],
+            ["the first column, 'time', is a time in s", "--step is for"],
+        ),
+        (["--output", "lambda", "--report", "a.txt"], [".html"]),
+        (["--output", "lambda", "--out", "a.fmu"], [".py"]),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_what_cannot_be_is_refused_in_a_line(file, arguments, parts):
+    refused(file.parent, "black-box", file.name, *arguments, parts=parts)
+
+
+def test_columns_that_there_are_are_told_once(file):
+    with pytest.raises(
+        UserError, match=r"no column 'nope' \(there are: time, drive, for, lambda\)$"
+    ):
+        read_columns(file, "nope")
+
+
+@pytest.mark.parametrize("samples", slow_but([40, 120, 190], 40))
+def test_few_samples_are_tested_as_far_as_they_go(tmp_path, samples):
+    """Half of them estimate: of fewer than a hundred, 25 lags would be more than a quarter."""
+    u, y = data()
+    table = np.column_stack([STEP * np.arange(samples), u[:samples], y[:samples]])
+    np.savetxt(
+        tmp_path / "few.csv",
+        table,
+        delimiter=",",
+        header="time [s],u [V],v [V],y [mm]",
+        comments="",
+    )
+    found = ppy.black_box(
+        tmp_path / "few.csv",
+        "y",
+        structures=["OE"],
+        path_orders=[1],
+        noise_orders=[1],
+        delays=[0, 2],
+    )
+    residual = found.chosen.identification.residual
+    assert len(found.residual_tests.autocorrelation) == 1 + len(residual) // 4
+    assert "free running" in str(found)
+    found.report(tmp_path / "few.html")
+
+
+def test_delays_that_are_not_one_for_each_input_are_refused_at_once(file):
+    with pytest.raises(UserError, match=r"delays \[\]"):
+        ppy.black_box(file, "lambda", delays=[])
+
+
+def test_uneven_samples_are_refused(file, tmp_path):
+    lines = file.read_text().splitlines()
+    (tmp_path / "gap.csv").write_text("\n".join(lines[:300] + lines[303:]))
+    refused(
+        tmp_path,
+        "black-box",
+        "gap.csv",
+        "--output",
+        "lambda",
+        parts=["gap.csv: samples are 0.5 s apart, but 2 s"],
+    )
+
+
+def test_the_command(file, tmp_path):
+    call = [
+        "black-box",
+        str(file),
+        "--output",
+        "lambda",
+        "--structures",
+        "ARX,OE",
+        "--orders",
+        "1,2",
+        "--delays",
+        "1,2",
+    ]
+    said = works(*call, "--report", "r.html", "--json", "r.json", "--out", "mine.py", cwd=tmp_path)
+    assert "An OE model" in said
+    assert "% fit validation data" in said
+    works(
+        "simulate", "mine.py:Mine", "--stop", "5s", "--step", "0.5s", "--out", "m.csv", cwd=tmp_path
+    )
+    assert (tmp_path / "r.html").exists()
+    assert len(json.loads((tmp_path / "r.json").read_text())["models"]) == 8

@@ -1,0 +1,301 @@
+"""Claims: the free run is fitted as least squares of SciPy fits it.
+
+Neither noise models nor outliers take it away.
+
+Oracles: two relaxations on paper, least squares of SciPy on them, and the variance bound of
+Student's t distribution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from fmus.kit import Component, Input, Output, Parameter, State, where
+from orchestration.identify.fitting import prediction_error
+from orchestration.identify.fitting.least_squares import minimise
+from orchestration.identify.fitting.prediction_error import (
+    choose_credible_fit,
+    fit_free_run,
+    fit_prediction_error,
+)
+from orchestration.identify.fitting.problem import Problem
+from orchestration.identify.fitting.simulation_error import starting_points
+from orchestration.identify.noise.model import white_noise
+from orchestration.identify.uncertainty.covariance import heteroscedastic, parameter_covariance
+
+STEP = 0.1
+NAMES = ["fast", "slow", "share", "gain"]
+
+
+class Pair(Component):
+    """Two relaxations side by side."""
+
+    name = "pair"
+
+    gain = Parameter(1.0, "1", min=0)
+    share = Parameter(0.5, "1", min=0)
+    fast = Parameter(1.0, "s", min=1e-3)
+    slow = Parameter(10.0, "s", min=1e-3)
+    u = Input("1")
+    a = State("1", rate="a_rate")
+    b = State("1", rate="b_rate")
+
+    def a_rate(self):
+        return (self.u - self.a) / self.fast
+
+    def b_rate(self):
+        return (self.u - self.b) / self.slow
+
+    @Output("1")
+    def y(self):
+        """Return the sum of both."""
+        return self.gain * (self.a + self.share * self.b)
+
+
+def relaxed(u, time_constant):
+    """Response to an input that is held, on paper."""
+    decay = np.exp(-STEP / time_constant)
+    return lfilter([0.0, 1.0 - decay], [1.0, -decay], u)
+
+
+def on_paper(values, u):
+    fast, slow, share, gain = values
+    return gain * (relaxed(u, fast) + share * relaxed(u, slow))
+
+
+def problem_of(y, u, start=None, names=NAMES, order=4):
+    return Problem(
+        Pair, STEP * np.arange(len(u)), {"u": u}, {"y": y}, names, start or {}, order=order
+    )
+
+
+def square(n, dwell=80):
+    return np.where(np.arange(n) // dwell % 2 == 0, 1.0, -1.0)
+
+
+STUCK = [  # from these alone a search ends elsewhere
+    {"fast": 26.8, "slow": 17.9, "share": 1.16, "gain": 0.36},
+    {"fast": 207.0, "slow": 5.1, "share": 0.08, "gain": 0.49},
+    {"fast": 7.7, "slow": 10.3, "share": 7.7, "gain": 0.02},
+]
+
+
+@pytest.mark.parametrize("start", [{}, {"fast": 300.0, "slow": 0.02}, *STUCK], ids=str)
+def test_wherever_it_begins_it_ends_where_least_squares_does(start):
+    u = square(1500)
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + 0.02 * np.random.default_rng(1).standard_normal(u.size)
+    problem = problem_of(y, u, start)
+    found = fit_free_run(problem, starting_points(problem))
+    least = least_squares(lambda p: y - on_paper(np.exp(p), u), np.log([0.7, 6.0, 1.4, 2.0])).fun
+    assert float((found.residual["y"] ** 2).sum()) == pytest.approx(float(least @ least), rel=1e-3)
+
+
+def test_an_autoregression_does_not_take_over_what_the_simulation_should_explain():
+    """Fit a record with a drift that the model lacks.
+
+    With the drift as noise of long memory almost any simulation is likely.
+    """
+    u = square(1500)
+    drift = np.cumsum(0.02 * np.random.default_rng(2).standard_normal(u.size))
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + drift
+    problem = problem_of(y, u)
+    free_run = fit_free_run(problem, starting_points(problem))
+    likeliest = fit_prediction_error(problem, free_run.q, free_run.noise)
+    strayed = replace(likeliest, residual={"y": 1.03 * free_run.residual["y"]})
+    least = least_squares(lambda p: y - on_paper(np.exp(p), u), np.log([0.7, 6.0, 1.4, 2.0])).fun
+    for candidate in (likeliest, strayed):
+        taken = choose_credible_fit(problem, candidate, free_run).residual["y"]
+        assert np.sqrt(taken @ taken) <= 1.02 * np.sqrt(least @ least)
+
+
+def test_a_look_without_colour_is_brief(monkeypatch):
+    """Allow a fit without colour few points, for the coloured one goes on from its end.
+
+    In a valley it would be long.
+    """
+    u, allowed = square(1500), []
+
+    def spied(*arguments, trials, **options):
+        allowed.append(trials)
+        return minimise(*arguments, trials=trials, **options)
+
+    monkeypatch.setattr(prediction_error, "minimise", spied)
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + lfilter(
+        [0.02], [1.0, -1.5, 0.7], np.random.default_rng(2).standard_normal(u.size)
+    )
+    problem = problem_of(y, u)
+    fitted = fit_prediction_error(problem, fit_free_run(problem, starting_points(problem)).q)
+    assert len(fitted.noise["y"].coefficients) > 1
+    assert allowed[0] >= 200  # the first of all goes to its end
+    assert 12 in allowed
+
+
+def test_a_search_is_kept_from_straying():
+    u = square(1500)
+    y = on_paper([0.7, 6.0, 1.4, 2.0], u) + np.cumsum(
+        0.05 * np.random.default_rng(3).standard_normal(u.size)
+    )
+    problem = problem_of(y, u)
+    free_run = fit_free_run(problem, starting_points(problem))
+    size = float(np.sqrt(np.mean(free_run.residual["y"] ** 2)))
+    scale = size / np.sqrt(
+        np.mean((free_run.residual["y"] / _scale(y)) ** 2)
+    )  # pooled errors are over the noise
+    for allowed in (1.01, 1.25):
+        kept = fit_prediction_error(
+            problem, free_run.q, free_run.noise, farthest=allowed * size / scale
+        )
+        assert np.sqrt(np.mean(kept.residual["y"] ** 2)) <= allowed * size * (1.0 + 1e-9)
+
+
+def _scale(y):
+    """Size of white noise from third differences, whose variance is 20 times as large."""
+    third = np.abs(np.diff(y, 3))
+    return np.median(third) / 0.6744897501960817 / np.sqrt(20.0)
+
+
+@pytest.mark.slow
+def test_in_heavy_tails_it_comes_close_to_the_bound():
+    """Reach the variance bound (Lange, Little, Taylor).
+
+    It is (nu + 3) / (nu + 1) of the scale; least squares have nu / (nu - 2).
+    """
+    u, freedom, errors = square(600), 3.0, []
+    clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
+    for seed in range(200):
+        y = clean + 0.05 * np.random.default_rng(seed).standard_t(freedom, u.size)
+        problem = problem_of(
+            y, u, {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}, ["gain"], order=0
+        )
+        begin = problem.position(problem.start)
+        errors.append(
+            [
+                f.values["gain"] - 2.0
+                for f in (fit_prediction_error(problem, begin), fit_free_run(problem, [begin]))
+            ]
+        )
+    robust, plain = np.mean(np.square(errors), axis=0)
+    bound = (0.05**2 * (freedom + 3.0) / (freedom + 1.0)) / float((clean / 2.0) @ (clean / 2.0))
+    assert robust < 1.4 * bound  # of 200 samples 1 in 1000 is beyond
+    assert robust < 0.75 * plain
+
+
+def test_outliers_hardly_move_it_and_count_little():
+    u = square(800)
+    random = np.random.default_rng(5)
+    clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
+    y = clean + 0.02 * random.standard_normal(u.size)
+    where = random.choice(np.arange(100, 800), 8, replace=False)
+    y[where] += 1.0
+    problem = problem_of(y, u)
+    found = fit_prediction_error(problem, fit_free_run(problem, starting_points(problem)[:1]).q)
+    assert found.noise["y"].freedom < 10.0
+    assert found.weights["y"][where].max() < 0.05
+    assert [found.values[n] for n in NAMES] == pytest.approx([0.7, 6.0, 1.4, 2.0], rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["level", "colour"])
+def test_intervals_hold_where_noise_is_not_what_the_fit_takes_it_for(kind):
+    u, inside = square(1200, 150), []
+    clean = on_paper([0.7, 6.0, 1.4, 2.0], u)
+    truth = {"fast": 0.7, "slow": 6.0, "share": 1.4, "gain": 2.0}
+    for seed in range(30):
+        noise = 0.02 * np.random.default_rng(seed).standard_normal(u.size)
+        noise = (
+            noise * np.where(np.arange(u.size) % 150 < 30, 4.0, 1.0)
+            if kind == "level"
+            else lfilter([1.0], [1.0, -0.9], noise)
+        )
+        problem = problem_of(clean + noise, u, truth)
+        begin = problem.position(problem.start)
+        found = (
+            fit_free_run(problem, [begin])
+            if kind == "colour"
+            else fit_prediction_error(problem, begin, white_noise({"y": noise}))
+        )
+        intervals = problem.intervals(found.q, found.covariance.standard_errors)
+        inside += [low <= truth[n] <= high for n, (low, high) in intervals.items()]
+    assert np.mean(inside) > 0.9
+
+
+def test_a_covariance_is_widened_as_white_has_it_and_never_made_narrower():
+    random = np.random.default_rng(1)
+    x = random.standard_normal((4000, 1))
+    level = np.where(np.abs(x[:, 0]) > 1.0, 3.0, 0.5)
+    bread = parameter_covariance(x.T @ x)
+    wider = heteroscedastic(bread, x, level * random.standard_normal(4000))
+    expected = float((x[:, 0] ** 2 * level**2).sum() / (x[:, 0] @ x[:, 0]) ** 2)
+    assert wider.matrix[0, 0] == pytest.approx(expected, rel=0.15)
+    assert heteroscedastic(bread, x, np.full(4000, 0.1)).matrix[0, 0] == bread.matrix[0, 0]
+
+
+class Limited(Component):
+    """A lag behind a limit."""
+
+    name = "limited"
+
+    limit = Parameter(10.0, "1", min=0)
+    lag = Parameter(0.3, "s", min=1e-3)
+    u = Input("1")
+    x = State("1", rate="x_rate")
+
+    def x_rate(self):
+        return (where(self.u > self.limit, self.limit, self.u) - self.x) / self.lag
+
+    @Output("1")
+    def y(self):
+        """Return the state."""
+        return self.x
+
+
+@pytest.mark.parametrize("seed", [1, 3, 5])
+def test_a_limit_that_the_record_does_not_reach_is_left_alone(seed):
+    """Keep to the nominal start where another follows a little of the noise.
+
+    It ends just at the largest input.
+    """
+    random = np.random.default_rng(seed)
+    u = np.repeat(random.uniform(-3.0, 4.0, 150), 10)
+    decay = np.exp(-STEP / 0.3)
+    x = lfilter([0.0, 1.0 - decay], [1.0, -decay], u)
+    y = 1.1 * x + 0.02 * lfilter([1.0], [1.0, -0.9], random.standard_normal(u.size))
+    problem = Problem(
+        Limited, STEP * np.arange(u.size), {"u": u}, {"y": y / 1.1}, ["limit", "lag"], {}
+    )
+    fitted = fit_free_run(problem, starting_points(problem))
+    assert fitted.values["limit"] == pytest.approx(10.0)
+    reached = fit_free_run(problem, [problem.position({"limit": u.max(), "lag": 0.3})])
+    assert (reached.residual["y"] ** 2).sum() == pytest.approx(
+        (fitted.residual["y"] ** 2).sum(), rel=0.01
+    )
+
+
+def test_no_pass_is_made_twice(monkeypatch):
+    """Skip passes whose result is known.
+
+    In coloured noise a fit begins again without colour; where that ends as before, so do the passes
+    after it.
+    """
+    begun = []
+
+    def noted(problem, q, noise, *rest):
+        colour = [*noise["y"].coefficients, np.log(noise["y"].deviation)]
+        begun.append(np.concatenate([q, np.resize(np.append(colour, np.zeros(5)), 5)]))
+        return minimised(problem, q, noise, *rest)
+
+    minimised = prediction_error._minimised
+    monkeypatch.setattr(prediction_error, "_minimised", noted)
+    u = square(2000)
+    noise = lfilter([0.05], [1.0, -1.2, 0.5], np.random.default_rng(8).standard_normal(len(u)))
+    problem = problem_of(on_paper((1.2, 8.0, 0.6, 1.1), u) + noise, u)
+    found = fit_prediction_error(problem, problem.position(problem.start))
+    assert len(found.noise["y"].coefficients) == 2
+    coloured = [place for place in begun if place[len(NAMES)] > 0.5]
+    apart = [np.abs(a - b).max() for i, a in enumerate(coloured) for b in coloured[:i]]
+    assert len(begun) > len(coloured) + 1, "it began again"
+    assert min(apart, default=1.0) > 1e-2

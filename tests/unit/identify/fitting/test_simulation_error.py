@@ -1,0 +1,70 @@
+"""Claims: a search from anywhere ends no farther off than least squares from the truth.
+
+Oracles: records drawn of state matrices, and SciPy's least squares on their simulation by matrix
+exponentials.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from orchestration.discrepancy.diagnosis import searched_parameters
+from orchestration.fmu.model import find_model
+from orchestration.identify.fitting.prediction_error import fit_free_run
+from orchestration.identify.fitting.problem import Problem
+from orchestration.identify.fitting.simulation_error import (
+    error_scales,
+    pooled_error,
+    starting_points,
+)
+from studies.clean.records import Case, draw
+
+# records and starting points from which a trust region with other units than these ends far off, or
+# early
+HARD = [
+    (Case("Actuator", "square", "12 bit", 2026112300096, at_rest=False), 1),
+    (Case("Actuator", "square", "12 bit", 2026112300096, at_rest=False), 2),
+    (Case("Actuator", "closed loop", "outliers", 2026112300152, at_rest=False), 2),
+    (Case("VoiceCoil", "multisine", "12 bit", 2026112300139), 0),
+]
+
+
+def from_the_truth(drawn, scales):
+    """Return the pooled error of least squares that starts at the true parameters."""
+    names, rest = list(drawn.plant.nominal), [f"{n}_start" for n in drawn.plant.states]
+    sizes = {n: max(abs(drawn.truth[n]), 1e-6) for n in rest}
+
+    def errors(q):
+        values = {n: drawn.truth[n] * np.exp(x) for n, x in zip(names, q, strict=False)}
+        values |= {
+            n: drawn.truth[n] + sizes[n] * x for n, x in zip(rest, q[len(names) :], strict=True)
+        }
+        simulated = drawn.simulated(values)
+        return np.concatenate([(y - simulated[o]) / scales[o] for o, y in drawn.outputs.items()])
+
+    found = least_squares(errors, np.zeros(len(names) + len(rest)), x_scale="jac").fun
+    return float(np.sqrt(np.mean(found**2)))
+
+
+@pytest.mark.parametrize(("case", "begin"), HARD, ids=str)
+def test_a_search_ends_no_farther_off_than_least_squares_from_the_truth(case, begin):
+    drawn = draw(case)
+    cls, given = find_model(drawn.plant.model).cls, dict(drawn.plant.settings)
+    if case.plant == "VoiceCoil":
+        given |= {"sample_period": drawn.step}
+    problem = Problem(
+        cls,
+        drawn.time,
+        drawn.inputs,
+        drawn.outputs,
+        searched_parameters(cls),
+        given,
+        linear=drawn.smooth,
+    )
+    scales = error_scales(problem)
+    physical = np.array([not problem.declared[name].starts for name in problem.names])
+    found = fit_free_run(problem, [starting_points(problem)[begin]], physical)
+    assert found.converged
+    assert pooled_error(found.residual, scales) < 1.001 * from_the_truth(drawn, scales)

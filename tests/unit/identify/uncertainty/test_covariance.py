@@ -1,0 +1,134 @@
+"""Claims: the inverse is the inverse in any units, and coloured noise widens it.
+
+Parameters that cannot be told apart are named.
+
+Oracles: `numpy.linalg.inv`, statsmodels' ordinary least squares, the covariance of an AR(1) process
+on paper.
+"""
+
+import numpy as np
+import pytest
+import statsmodels.api as sm
+from scipy.linalg import fractional_matrix_power, toeplitz
+
+from orchestration.identify.noise.model import Noise
+from orchestration.identify.uncertainty.covariance import (
+    clustered_covariance,
+    parameter_covariance,
+    sandwich_covariance,
+)
+
+RANDOM = np.random.default_rng(3)
+REGRESSORS = RANDOM.standard_normal((500, 4)) @ RANDOM.standard_normal((4, 4))
+
+
+@pytest.mark.parametrize(
+    "units", [np.ones(4), np.array([1e-9, 1.0, 1e7, 3.0])], ids=["alike", "of many sizes"]
+)
+def test_standard_errors_are_those_of_least_squares(units):
+    columns = REGRESSORS * units
+    oracle = sm.OLS(
+        RANDOM.standard_normal(500), REGRESSORS
+    ).fit()  # statsmodels refuses the other units
+    found = parameter_covariance(columns.T @ columns)
+    assert not found.unidentifiable.any()
+    assert found.standard_errors * units == pytest.approx(
+        oracle.bse / np.sqrt(oracle.scale), rel=1e-8
+    )
+
+
+def test_a_prior_adds_its_precision():
+    information, prior = REGRESSORS.T @ REGRESSORS, np.array([0.0, 1.0, 100.0, 0.0])
+    assert parameter_covariance(information, prior).matrix == pytest.approx(
+        np.linalg.inv(information + np.diag(prior)), rel=1e-9
+    )
+    assert parameter_covariance(information, 2.0).matrix == pytest.approx(
+        np.linalg.inv(information + 2.0 * np.eye(4)), rel=1e-9
+    )
+
+
+def test_what_the_data_do_not_determine_is_named_and_the_others_are_none_the_worse():
+    a, b, c, _ = REGRESSORS.T
+    columns = np.column_stack([a, 1e6 * a, b, np.zeros(500), c])
+    found = parameter_covariance(columns.T @ columns)
+    assert found.unidentifiable.tolist() == [True, True, False, True, False]
+    assert np.isinf(found.standard_errors).tolist() == found.unidentifiable.tolist()
+    alone = np.linalg.inv(np.array([a, b, c]) @ np.array([a, b, c]).T)
+    assert found.standard_errors[[2, 4]] == pytest.approx(np.sqrt(np.diag(alone))[1:], rel=1e-9)
+    # their sum is known, and half of it goes to either
+    assert found.matrix[0, 0] == pytest.approx(alone[0, 0] / 4.0, rel=1e-9)
+    assert not found.matrix[3].any()
+
+
+def test_a_prior_determines_what_the_data_do_not():
+    columns = np.column_stack([REGRESSORS[:, 0], REGRESSORS[:, 0]])
+    found = parameter_covariance(columns.T @ columns, 1.0)
+    assert not found.unidentifiable.any()
+    assert found.standard_errors == pytest.approx(
+        np.sqrt(0.5), rel=1e-3
+    )  # the difference is as uncertain as before
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_nothing_known_of_nothing(size):
+    found = parameter_covariance(np.zeros((size, size)))
+    assert found.matrix.shape == (size, size)
+    assert found.unidentifiable.all()
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9, -0.5])
+def test_a_sandwich_is_the_covariance_under_coloured_noise(colour):
+    n = 2000
+    columns = np.column_stack([np.sin(np.arange(n) / 40.0), np.ones(n), RANDOM.standard_normal(n)])
+    noise = Noise(np.array([colour]) if colour else np.empty(0), 0.3)
+    process = 0.09 / (1.0 - colour**2) * toeplitz(colour ** np.arange(n))
+    half = np.linalg.inv(columns.T @ columns) @ columns.T
+    found = sandwich_covariance(
+        parameter_covariance(columns.T @ columns), [columns[:800], columns[800:]], [noise, noise]
+    )
+    assert found.standard_errors == pytest.approx(
+        np.sqrt(np.diag(half @ process @ half.T)), rel=0.03
+    )
+
+
+STRETCHES = np.arange(500) // 50
+
+
+def test_stretches_without_a_common_error_are_those_of_least_squares_on_average():
+    """Compare with the definition (Bell and McCaffrey).
+
+    It is every stretch's residual times the root of what the fit took of it.
+    """
+    bread = parameter_covariance(REGRESSORS.T @ REGRESSORS)
+    residual = np.random.default_rng(4).standard_normal(500)
+    middle = np.zeros((4, 4))
+    for k in range(10):
+        x = REGRESSORS[k * 50 : (k + 1) * 50]
+        more = fractional_matrix_power(
+            np.eye(50) - x @ np.linalg.inv(REGRESSORS.T @ REGRESSORS) @ x.T, -0.5
+        ).real
+        score = x.T @ more @ residual[k * 50 : (k + 1) * 50]
+        middle += np.outer(score, score)
+    found = clustered_covariance(bread, REGRESSORS, residual, STRETCHES).matrix
+    assert found == pytest.approx(bread.matrix @ middle @ bread.matrix, rel=1e-8)
+
+
+def test_an_error_that_lasts_over_a_stretch_counts_once():
+    """Compare with the spread of estimates over 400 draws.
+
+    Regressors and errors are the same over a stretch.
+    """
+    random = np.random.default_rng(5)
+    x = np.repeat(random.standard_normal((10, 2)), 50, axis=0)
+    bread = parameter_covariance(x.T @ x)
+    estimates, told = [], []
+    for _ in range(400):
+        y = np.repeat(random.standard_normal(10), 50)
+        estimates.append(bread.matrix @ x.T @ y)
+        told.append(
+            np.diag(clustered_covariance(bread, x, y - x @ estimates[-1], STRETCHES).matrix)
+        )
+    assert np.mean(told, axis=0) == pytest.approx(np.var(estimates, axis=0), rel=0.15)
+    assert np.all(np.var(estimates, axis=0) > 20.0 * np.diag(bread.matrix)), (
+        "50 samples of one error are not 50 errors"
+    )

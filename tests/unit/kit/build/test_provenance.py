@@ -1,0 +1,46 @@
+"""Claims: a description gives back the parts of a stacked component, and nothing of others."""
+
+from hashlib import sha256
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from fmus.kit import stack
+from fmus.kit.build.provenance import Provenance, annotate, read_provenance
+from fmus.kit.sensors import sensor_lag
+from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator
+from tests.support import kit_samples
+
+
+def annotated(cls):
+    root = Element("fmiModelDescription")
+    annotate(root, cls)
+    return root
+
+
+def test_a_component_of_ours_is_given_back_with_its_effects_and_remarks():
+    effects = (EFFECTS["quadratic_strain"], sensor_lag(PpyActuator, "voltage"))
+    cls = stack(PpyActuator, *effects)
+    cls.remark = "Fitted to hidden.csv\nOnce"
+    origin = read_provenance(annotated(cls))
+    assert origin == Provenance(
+        component="ppy_actuator",
+        effects=("quadratic_strain", "sensor_lag(voltage)"),
+        remarks=("Fitted to hidden.csv", "Once"),
+    )
+    assert origin.place == "ppy_actuator"
+
+
+def test_a_user_s_class_is_given_back_by_its_file(monkeypatch):
+    path = Path(kit_samples.__file__)
+    monkeypatch.chdir(path.parent)
+    origin = read_provenance(annotated(stack(kit_samples.Thermostat, kit_samples.Warmer)))
+    assert (origin.component, origin.file, origin.cls) == ("", "kit_samples.py", "Thermostat")
+    assert origin.sha256 == sha256(path.read_bytes()).hexdigest()
+    assert origin.place == "kit_samples.py:Thermostat"
+
+
+def test_of_another_component_nothing_is_written():
+    assert read_provenance(annotated(PpyActuator)) is None
+    local = type("Local", (PpyActuator,), {"name": "local"})
+    assert read_provenance(annotated(stack(local, EFFECTS["quadratic_strain"]))) is None

@@ -1,0 +1,68 @@
+"""Claims: a curve adds to a law what its formula says.
+
+Oracle: equations of motion with the missing term, integrated by SciPy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.kit import UserError, effect_name
+from fmus.kit.curves import SHAPES, EffectNames, curve
+from tests.support.pushed_mass import DAMPER, LITTLE, MASS, SPRING, A, W, follows, static
+
+BY_HAND = {
+    "linear": lambda x: x,
+    "asymmetric": lambda x: abs(x),
+    "quadratic": lambda x: x**2,
+    "odd_quadratic": lambda x: x * abs(x),
+    "cubic": lambda x: x**3,
+    "saturating": lambda x: np.tanh(x / W),
+    "sign": lambda x: np.tanh(x / W),
+    "sign_beyond": lambda x: (
+        1.0 / (1.0 + np.exp(-20.0 * (x / W - 1.0))) - 1.0 / (1.0 + np.exp(20.0 * (x / W + 1.0)))
+    ),
+    "levelling": lambda x: x - W * np.tanh(x / W),
+    "exponential": lambda x: np.expm1(x / W),
+    "square_root": lambda x: np.sign(x) * np.sqrt(abs(x)),
+    "stribeck": lambda x: np.tanh(10 * x / W) * np.exp(-((x / W) ** 2)),
+    "stops": lambda x: max(abs(x) - W, 0.0) * np.sign(x),
+    "weir": lambda x: max(x - W, 0.0) ** 1.5,
+    "upper_stop": lambda x: max(x - W, 0.0),
+    "lower_stop": lambda x: min(x + W, 0.0),
+}
+assert BY_HAND.keys() == SHAPES.keys()
+
+
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+@pytest.mark.parametrize("law", [SPRING, DAMPER])
+def test_a_curve_in_a_law_is_what_its_formula_says(law, shape):
+    effect = curve(MASS, *law, shape, "N")
+    amount = A if law is SPRING or shape in ("stribeck", "weir") else LITTLE * A
+    values = {f"{law[0]}_{shape}": amount} | (
+        {f"{law[0]}_{shape}_width": W} if SHAPES[shape].width else {}
+    )
+    nominal = next(s.nominal for s in MASS.layout.states if s.name == law[1])
+    size = amount * {"square_root": nominal**0.5, "weir": nominal**-0.5}.get(
+        shape, 1.0
+    )  # for whole powers of units
+    follows(effect, values, static(lambda x: size * BY_HAND[shape](x), 0 if law is SPRING else 1))
+
+
+def test_mistakes_are_told_in_one_line():
+    with pytest.raises(UserError, match=r"no shape named 'cubik' \(did you mean cubic"):
+        curve(MASS, *SPRING, "cubik")
+    with pytest.raises(UserError, match="no law named 'spring'"):
+        curve(MASS, "spring", "elongation", "cubic")
+    with pytest.raises(UserError, match="mass_spring_damper: no input or state named 'stretch'"):
+        curve(MASS, "spring_force", "stretch", "cubic")
+
+
+def test_an_effect_has_the_names_that_are_given():
+    names = EffectNames("hardening", ("stiffening",), "spring")
+    effect = curve(MASS, *SPRING, "saturating", "N", 10.0, names=names)
+    assert effect_name(effect) == "hardening(spring)"
+    assert list(effect.declared) == ["stiffening", "spring_force_saturating_width"]
+    assert effect.neutral == "stiffening"
+    assert list(curve(MASS, *SPRING, "cubic").declared) == ["spring_force_cubic"]

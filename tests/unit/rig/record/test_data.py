@@ -1,0 +1,66 @@
+"""Datasets of records: signals with units, and how they were measured."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from orchestration.experiment.model import parse
+from orchestration.master import Pacing
+from orchestration.rig.record.data import dataset, empty_dataset, units
+from orchestration.rig.record.driving import RecordedRun
+from orchestration.rig.record.planning import plan_recording
+from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS
+
+RIG = {
+    "mode": "real-time",
+    "state": "idle",
+    "reason": "",
+    "client": "",
+    "inputs": INPUTS,
+    "outputs": OUTPUTS,
+    "limits": LIMITS,
+    "period": 0.05,
+    "watchdog": 1.0,
+}
+NAMES = ["current", "force", "voltage", "displacement", "voltage_age", "displacement_age"]
+
+
+@pytest.fixture
+def planned():
+    given = {
+        "component": "ppy_actuator",
+        "duration": 0.2,
+        "step": 0.05,
+        "inputs": {"force": 1.0, "current": 0.5},
+    }
+    return plan_recording(parse(given, "here"), RIG, "here")
+
+
+def recorded(rows: int, failure: str = "") -> RecordedRun:
+    cells = np.arange(6.0 * rows).reshape(rows, 6)
+    pacing = Pacing(rows, 0, 0.0, 0.0, (1.0,), (rows, 0))
+    return RecordedRun(cells[:, :2], cells[:, 2:4], cells[:, 4:], failure, pacing)
+
+
+def test_signals_stand_in_their_order_with_their_units(planned):
+    assert list(units(planned)) == NAMES
+    assert list(units(planned).values()) == ["A", "N", "V", "m", "s", "s"]
+    assert list(empty_dataset(planned)) == NAMES
+
+
+@pytest.mark.parametrize(
+    ("rows", "failure", "complete"), [(5, "", 1), (3, "", 0), (5, "lost", 0), (3, "lost", 0)]
+)
+def test_a_record_says_whether_it_is_complete(planned, rows, failure, complete):
+    data = dataset(planned, recorded(rows, failure), "here", "tcp://127.0.0.1:5570")
+    assert data.sizes["time"] == rows
+    assert data.attrs["complete"] == complete
+    assert data.attrs.get("failure", "") == failure
+    assert data.attrs["wall_time"] == pytest.approx(0.05 * (rows - 1))
+    assert json.loads(data.attrs["limits"]) == LIMITS
+    for column, name in enumerate(NAMES):
+        assert data[name].values.tolist() == [6.0 * row + column for row in range(rows)]
+        assert data[name].attrs["units"] == units(planned)[name]

@@ -1,0 +1,282 @@
+"""Request handler: it serves one client, takes each message once, and keeps a safe state latched.
+
+The rig is one of the test's own, whose clock the test sets: watchdog and device are tried with real
+processes in `tests/end_to_end/test_rig_faults.py`.
+"""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmus.rig_proxy.protocol import REPLIES, REQUESTS, ProtocolError, decode, encode
+from orchestration.rig.backends.backend import Limit
+from orchestration.rig.server.calls import BackendSignals
+from orchestration.rig.server.request_handler import RequestHandler
+from orchestration.rig.server.rig import RigState
+
+pytestmark = pytest.mark.real_time
+
+SIGNALS = BackendSignals(
+    {"current": "A", "force": "N"},
+    {"voltage": "V", "displacement": "m"},
+    {"current": Limit(-1.3, 1.3)},
+)
+
+
+class SetRig:
+    """A rig whose time the test sets."""
+
+    mode, watchdog, signals = "real-time", 0.2, SIGNALS
+
+    def __init__(self) -> None:
+        self.now = 100.0
+        self.commands, self.resting, self.found, self.waiting = [], 0, [], ""
+
+    def clock(self):
+        return self.now
+
+    def apply(self, values, now):
+        self.commands.append(tuple(values))
+
+    def advance(self, step):
+        pass
+
+    def go_safe(self):
+        self.resting += 1
+
+    def release(self):
+        pass
+
+    def opening(self):
+        return self.waiting
+
+    def troubles(self):
+        found, self.found = self.found, []
+        return found
+
+    def state(self):
+        return RigState(1, (0.0, 0.0), (0.5, None), (self.now - 0.01, 0.0), 0)
+
+    def close(self):
+        return ""
+
+
+class Told:
+    """A log that keeps its lines."""
+
+    def __init__(self):
+        self.lines = []
+
+    def tell(self, text, kind=""):
+        self.lines.append(text)
+
+
+class Trial:
+    """A request handler, and messages to it as they come out of a socket."""
+
+    def __init__(self):
+        self.rig, self.log = SetRig(), Told()
+        self.handler = RequestHandler(self.rig, 1 / 30, self.log)
+        self.session = ""
+
+    def ask(self, kind, peer=b"a", **fields):
+        message = decode(encode(kind, **fields), REQUESTS)
+        self.handler.check(message)
+        reply = self.handler.answer(peer, message)
+        return None if reply is None else decode(reply, REPLIES)
+
+    def connect(self, peer=b"a", client="a", inputs=None, outputs=None):
+        answer = self.ask(
+            "connect",
+            peer,
+            client=client,
+            time=0.0,
+            inputs=inputs or SIGNALS.inputs,
+            outputs=SIGNALS.outputs if outputs is None else outputs,
+        )
+        self.session = answer.get("session", self.session)
+        return answer
+
+    def exchange(self, sequence, values=(0.5, 1.0), seen=None, session=None, sent=0.0, peer=b"a"):
+        return self.ask(
+            "exchange",
+            peer,
+            session=session or self.session,
+            sequence=sequence,
+            sent=sent,
+            seen=self.rig.now if seen is None else seen,
+            time=0.0,
+            step=0.02,
+            values=list(values),
+        )
+
+
+@pytest.fixture
+def trial():
+    return Trial()
+
+
+def test_values_are_in_the_order_of_the_client_and_the_rig_has_them_in_its_own(trial):
+    answer = trial.connect(
+        inputs={"force": "N", "current": "A"}, outputs={"displacement": "m", "voltage": "V"}
+    )
+    assert answer["values"] == [None, 0.5]
+    assert answer["ages"] == [None, pytest.approx(0.01)]
+    assert answer["limits"] == {"current": {"min": -1.3, "max": 1.3, "rate": None}}
+    assert trial.exchange(1, [2.0, 0.25])["refused"] == []
+    assert trial.rig.commands == [(0.25, 2.0)]
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.integers(0, 6),
+            st.sampled_from(["mine", "other"]),
+            st.floats(-2.0, 2.0),
+            st.floats(-0.1, 0.5),
+            st.floats(0.0, 0.1),
+        ),
+        max_size=25,
+    )
+)
+def test_a_command_is_carried_out_if_and_only_if_it_is_new_ours_fresh_and_within_limits(messages):
+    trial = Trial()
+    trial.connect()
+    newest, wanted = 0, []
+    for sequence, whose, current, age, wait in messages:
+        trial.rig.now += wait
+        seen = trial.rig.now - age
+        answer = trial.exchange(
+            sequence, [current, 1.0], seen, None if whose == "mine" else "another"
+        )
+        if whose != "mine":
+            assert answer["type"] == "refused"
+        elif sequence <= newest:
+            assert answer is None
+        else:
+            newest = sequence
+            good = seen <= trial.rig.now and trial.rig.now - seen <= 0.2 and -1.3 <= current <= 1.3
+            wanted += [(current, 1.0)] if good else []
+            assert bool(answer["refused"]) != good
+            assert (answer["sequence"], answer["state"]) == (sequence, "running")
+        assert trial.rig.commands == wanted
+
+
+@pytest.mark.parametrize(
+    ("values", "part"), [((0.5,), "1 values; it takes 2"), ((0.5, 1.0, 1.0), "3 values")]
+)
+def test_an_exchange_of_the_session_with_another_number_of_values_is_malformed(trial, values, part):
+    trial.connect()
+    with pytest.raises(ProtocolError, match=part):
+        trial.exchange(1, values)
+
+
+def test_of_two_that_wait_only_the_newer_is_of_use(trial):
+    trial.connect()
+    first, second = ({"session": trial.session, "sequence": k} for k in (1, 2))
+    assert trial.handler.supersedes(second, first)
+    assert trial.handler.counts["late"] == 1
+    assert not trial.handler.supersedes(second, {"session": "another", "sequence": 1})
+
+
+def test_one_client_at_a_time(trial):
+    first = trial.connect(b"a", "a")["session"]
+    assert "serves a; one client at a time" in trial.connect(b"b", "b")["reason"]
+    trial.exchange(1)
+    assert "one client at a time" in trial.connect(b"b", "a")["reason"], "the same name is no proof"
+    assert trial.connect(b"a", "a")["session"] != first, "but the same connection is"
+    assert trial.exchange(1, session=first)["type"] == "refused"
+    assert trial.ask("disconnect", session=trial.session)["type"] == "disconnected"
+    assert trial.connect(b"b", "b")["type"] == "accepted"
+
+
+def test_a_client_that_missed_the_answer_may_connect_again(trial):
+    first = trial.connect(b"a", "a")["session"]
+    assert trial.connect(b"a", "a")["session"] == first, "a doubled message is the same session"
+    assert trial.connect(b"b", "a")["session"] != first, "a new connection is a new one"
+
+
+def test_disconnecting_a_session_that_is_over_ends_no_other(trial):
+    trial.connect()
+    trial.ask("disconnect", session="another")
+    assert trial.exchange(1)["type"] == "sample"
+
+
+def test_a_client_that_never_commands_loses_its_session(trial, monkeypatch):
+    now = 50.0
+    monkeypatch.setattr("orchestration.rig.server.request_handler.monotonic", lambda: now)
+    trial.connect()
+    now += 9.9
+    trial.handler.supervise()
+    assert trial.ask("status")["state"] == "running"
+    now += 0.2
+    trial.handler.supervise()
+    assert trial.ask("status")["state"] == "idle"
+
+
+def test_a_safe_state_is_kept_until_it_is_acknowledged(trial):
+    trial.connect()
+    trial.exchange(1)
+    rests = trial.rig.resting
+    trial.rig.found = ["no fresh command for 0.2 s"]
+    trial.handler.supervise()
+    assert trial.rig.resting > rests
+    answer = trial.exchange(2)
+    assert (answer["state"], answer["reason"]) == ("safe", "no fresh command for 0.2 s")
+    assert answer["refused"] == ["the rig is in its safe state"]
+    assert "in its safe state since" in trial.connect(b"b", "b")["reason"]
+    assert trial.ask("disconnect", session=trial.session)["type"] == "disconnected"
+    assert trial.ask("status")["state"] == "safe", "the orderly end of a client opens no latch"
+    assert trial.ask("acknowledge")["state"] == "idle"
+    assert trial.exchange(3)["type"] == "refused"
+    assert trial.connect()["type"] == "accepted"
+    assert trial.rig.commands == [(0.5, 1.0)]
+
+
+def test_an_acknowledgement_waits_for_the_device_and_is_void_when_that_fails(trial):
+    trial.handler.stop("smoke")
+    trial.rig.waiting = "the device is being opened"
+    assert trial.ask("acknowledge")["reason"] == "the device is being opened"
+    assert trial.connect()["type"] == "refused"
+    trial.rig.found = ["opening raised OSError"]
+    trial.handler.supervise()
+    trial.rig.waiting = ""
+    trial.handler.supervise()
+    assert trial.ask("status")["reason"] == "opening raised OSError"
+    assert trial.ask("acknowledge")["state"] == "idle"
+    assert trial.ask("acknowledge")["state"] == "idle", "nothing to acknowledge is nothing wrong"
+
+
+def test_after_a_rest_a_rate_counts_from_zero_and_no_pause_makes_it_slower(trial):
+    trial.rig.signals = BackendSignals(
+        SIGNALS.inputs, SIGNALS.outputs, {"current": Limit(rate=1.0)}
+    )
+    trial.handler = RequestHandler(trial.rig, 1 / 30, trial.log)
+    trial.connect()
+    trial.rig.now += 100.0
+    assert "faster than 1 A/s" in trial.exchange(1, [0.3, 0.0])["refused"][0]
+    assert trial.exchange(2, [0.19, 0.0])["refused"] == [], (
+        "0.2 s, the watchdog time, is the longest that counts"
+    )
+    trial.rig.now += 0.05
+    assert trial.exchange(3, [0.25, 0.0])["refused"] != []
+    assert trial.exchange(4, [0.23, 0.0])["refused"] == []
+
+
+def test_telemetry_and_status_are_of_the_protocol(trial):
+    trial.connect()
+    trial.exchange(1, [9.0, 1.0])
+    trial.exchange(2, [1.0, 1.0])
+    trial.exchange(3, [9.0, 1.0])
+    trial.rig.now += 0.05
+    told = decode(trial.handler.telemetry(), REPLIES)
+    assert told["inputs"] == {"current": 0.0, "force": 0.0}
+    assert told["outputs"] == {"voltage": 0.5, "displacement": None}
+    assert told["command_age"] == pytest.approx(0.05)
+    assert "current 9 A is above 1.3 A; 1 A goes on" in told["refused"]
+    assert json.loads(trial.handler.telemetry())["refused"] == [], "told once"
+    assert trial.ask("status")["counts"]["refused"] == 2
