@@ -1,7 +1,9 @@
 """Make the page of the Python interface from the docstrings of ``orchestration``, its front door.
 
-``python docs/make_python_reference.py`` writes it anew. The docstrings are numpydoc, which ruff holds them to, so that
-their sections can be told by the underlined headings alone; numpydoc itself would bring Sphinx along for that.
+``python docs/make_python_reference.py`` writes it anew. The docstrings are numpydoc, which ruff
+holds them to, so that their sections can be told by the underlined headings alone; numpydoc itself
+would bring Sphinx along for that. Options that a function takes are in its docstring from their
+declaration, which also says what they are called on the command line.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import inspect
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +24,16 @@ INTRODUCTION = """# Python
 import orchestration as ppy
 ```
 
-Everything that the command does, as functions. Made from the docstrings by `docs/make_python_reference.py`; the
-examples are run by the tests.
+Everything that the command does, as functions. Made from the docstrings and the declared options by
+`docs/make_python_reference.py`; the examples are run by the tests. An option that a command takes
+has its name there.
 """
+_FEW = 3  # commands that take an option are named
 _FIELDS = ("Parameters", "Attributes", "Returns", "Yields", "Raises")
 
 
 def public() -> dict[str, Any]:
-    """What the front door offers, by name."""
+    """Collect what the front door offers, by name."""
     import orchestration
 
     return {name: getattr(orchestration, name) for name in orchestration.__all__}
@@ -39,7 +44,12 @@ def results(things: Mapping[str, Any]) -> dict[str, type]:
     found: dict[str, type] = {}
     newest = dict(things)
     for _ in range(2):
-        newest = {name: cls for thing in newest.values() for name, cls in named_types(thing) if name not in found}
+        newest = {
+            name: cls
+            for thing in newest.values()
+            for name, cls in named_types(thing)
+            if name not in found
+        }
         found |= newest
     return {name: cls for name, cls in found.items() if name not in things}
 
@@ -48,7 +58,10 @@ def named_types(thing: Any) -> Iterator[tuple[str, type]]:
     """Classes of ours that a function says it returns, or that a class says its attributes are."""
     if inspect.isclass(thing):
         attributes = fields(sections(inspect.getdoc(thing) or "").get("Attributes", ""))
-        kinds = [*(kind for _, kind, _ in attributes), *map(str, inspect.get_annotations(thing).values())]
+        kinds = [
+            *(kind for _, kind, _ in attributes),
+            *map(str, inspect.get_annotations(thing).values()),
+        ]
     else:
         kinds = [str(inspect.signature(thing).return_annotation)]
     for word in re.findall(r"\w+", " ".join(kinds)):
@@ -58,18 +71,22 @@ def named_types(thing: Any) -> Iterator[tuple[str, type]]:
 
 
 def sections(docstring: str) -> dict[str, str]:
-    """Text of a numpydoc docstring by section; what stands before the first heading is under the empty name."""
+    """Split a numpydoc docstring by section; text before the first is under the empty name."""
     first, *others = re.split(r"^(\w[\w ]*)\n-{3,}\n", inspect.cleandoc(docstring), flags=re.M)
     named = zip(others[::2], others[1::2], strict=True)
     return {"": first.strip()} | {name: text.strip("\n") for name, text in named}
 
 
 def fields(text: str) -> Iterator[tuple[str, str, str]]:
-    """Name, type and meaning of each entry of a section; what has no name of its own has the type alone."""
+    """List name, type and meaning of each entry of a section; a nameless one has its type."""
     for entry in re.split(r"\n(?=\S)", text):
         head, _, meaning = entry.partition("\n")
         name, colon, kind = head.partition(" : ")
-        yield (name, kind, inspect.cleandoc(meaning)) if colon else ("", head, inspect.cleandoc(meaning))
+        yield (
+            (name, kind, inspect.cleandoc(meaning))
+            if colon
+            else ("", head, inspect.cleandoc(meaning))
+        )
 
 
 def markdown(text: str) -> str:
@@ -78,18 +95,41 @@ def markdown(text: str) -> str:
     return re.sub(r"``(.+?)``", r"`\1`", text)
 
 
-def described(heading: str, text: str) -> Iterator[str]:
-    """Lines of a section."""
+def described(
+    heading: str, text: str, on_command_line: Mapping[str, str] | None = None
+) -> Iterator[str]:
+    """Lines of a section, with what its entries are called on the command line."""
     if heading in _FIELDS:
         yield f"**{heading}**\n"
         for name, kind, meaning in fields(text):
             named = f"`{name}` : {kind}" if name else f"`{kind}`" if heading == "Raises" else kind
-            yield "\n  ".join(f"* {named}\n{markdown(meaning)}".rstrip().split("\n"))
+            flags = (on_command_line or {}).get(name, "")
+            yield "\n  ".join(f"* {named}{flags}\n{markdown(meaning)}".rstrip().split("\n"))
         yield ""
     elif heading == "Examples":
         yield f"```pycon\n{text}\n```\n"
     else:
         yield f"**{heading}**\n\n{markdown(text)}\n"
+
+
+def flags_of(thing: Any) -> dict[str, str]:
+    """Collect command-line names of a function's options, with a few commands that take them."""
+    called = {}
+    for name, option in getattr(thing, "__options__", {}).items():
+        by = [f"`ppy {c}`" for c, options in commands().items() if options.get(name) == option]
+        if by:
+            flags = " or ".join(f"`{flag}`" for flag in option.flags)
+            called[name] = f"; {flags} of {', '.join(by)}" if len(by) <= _FEW else f"; {flags}"
+    return called
+
+
+@cache
+def commands() -> dict[str, Mapping[str, Any]]:
+    """Options of the commands that are no groups, by their names."""
+    from orchestration.cli import app
+
+    loaded = {name: app.load(name) for name in app.names()}
+    return {name: getattr(command, "__options__", {}) for name, command in loaded.items()}
 
 
 def entry(name: str, thing: Any, level: int = 2) -> Iterator[str]:
@@ -100,12 +140,23 @@ def entry(name: str, thing: Any, level: int = 2) -> Iterator[str]:
     parts = sections(inspect.getdoc(thing) or "")
     yield f"{markdown(parts.pop(''))}\n"
     for heading, text in parts.items():
-        yield from described(heading, text)
+        yield from described(heading, text, flags_of(thing))
     if inspect.isclass(thing):
-        for own, below in vars(thing).items():
+        for own, below in members(thing).items():
             below = getattr(thing, own) if isinstance(below, classmethod | staticmethod) else below
-            if not own.startswith("_") and (inspect.isroutine(below) or isinstance(below, property)):
+            if not own.startswith("_") and (
+                inspect.isroutine(below) or isinstance(below, property)
+            ):
                 yield from entry(f"{name}.{own}", below, level + 1)
+
+
+def members(cls: type) -> dict[str, Any]:
+    """Collect what a class has of its own, and from private bases, which have no entry."""
+    found = dict(vars(cls))
+    for base in cls.__bases__:
+        if base.__name__.startswith("_"):
+            found |= {name: one for name, one in vars(base).items() if name not in found}
+    return found
 
 
 def signature(thing: Any) -> str:
@@ -118,18 +169,22 @@ def signature(thing: Any) -> str:
         unwritable = p.default is not p.empty and repr(p.default).startswith("<")
         plain.append(p.replace(annotation=p.empty, default=... if unwritable else p.default))
     text = str(inspect.Signature(plain)).replace("Ellipsis", "...").replace("'", '"')
-    return text if len(text) < 90 else text.replace("(", "(\n    ", 1).replace(", ", ",\n    ")[:-1] + ",\n)"
+    return (
+        text
+        if len(text) < 90
+        else text.replace("(", "(\n    ", 1).replace(", ", ",\n    ")[:-1] + ",\n)"
+    )
 
 
 def listed(names: Iterable[str], before: Iterable[str] = ()) -> str:
-    """List names with links to their headings; a heading that another is equal to but for its case gets a number."""
+    """List names with links to their headings, numbered where they differ by case alone."""
     taken = {name.lower() for name in before}
     links = {name: f"{name.lower()}{'-1' * (name.lower() in taken)}" for name in names}
     return ", ".join(f"[`{name}`](#{link})" for name, link in links.items())
 
 
 def page(things: Mapping[str, Any]) -> str:
-    """Make the page of some things, by the names under which they are offered, and of what they return."""
+    """Make the page of things by the names that offer them, and of what they return."""
     returned = results(things)
     lines = [INTRODUCTION, listed(things), ""]
     lines += [line for name, thing in things.items() for line in entry(name, thing)]

@@ -1,12 +1,14 @@
-"""Creep of a polymer: a spring, a dashpot and a Kelvin element in series, to which more elements can be added.
+"""Creep of a polymer: a spring, a dashpot and a Kelvin element in series, and more elements.
 
-That is Burgers' chain for a material instead of a specimen: stress in, strain out. The defaults are round numbers near
-those of a polyethylene melt whose record is public (CM3, in the examples of RepTate, reptate.readthedocs.io)::
+That is Burgers' chain for a material instead of a specimen: stress in, strain out. The defaults are
+round numbers near those of a polyethylene melt whose record is public (CM3, in the examples of
+RepTate, reptate.readthedocs.io)::
 
-    ppy diagnose creep_polyethylene_cm3.csv --model examples/creep.py:Creep --hold spring_stress_start,flow_start
+    ppy diagnose creep_polyethylene_cm3.csv --model examples/creep.py:Creep --hold
+    spring_stress_start,flow_start
 
-The stress does not move: what is seen is how the melt settles after a step at the start, and that says something only
-because the melt was at rest before, which is what ``--hold`` states.
+The stress does not move: what is seen is how the melt settles after a step at the start, and that
+says something only because the melt was at rest before, which is what ``--hold`` states.
 """
 
 from fmus.kit import Component, Input, Output, Parameter, State
@@ -14,7 +16,10 @@ from fmus.kit.generic import extra_kelvin
 
 
 class Creep(Component):
-    """Burgers' chain: strain = sigma / E + f J + flow, with T df/dt = sigma - f and d flow/dt = sigma / eta."""
+    """Burgers' chain.
+
+    strain = sigma / E + f J + flow, with T df/dt = sigma - f and d flow/dt = sigma / eta.
+    """
 
     name = "creep"
     experiment = (3000.0, 1.0)

@@ -1,4 +1,4 @@
-"""A DC motor and a polypyrrole actuator hold the same load: what the free integrator of eq. 5.1 means, and for whom.
+"""A DC motor and a polypyrrole actuator that hold the same load: the free integrator of eq. 5.1.
 
 Run it anywhere: ``python examples/dc_motor.py``; it draws ``dc_motor.png``.
 """
@@ -6,7 +6,7 @@ Run it anywhere: ``python examples/dc_motor.py``; it draws ``dc_motor.png``.
 from pathlib import Path
 
 from orchestration.reporting.pictures import save
-from orchestration.thesis.motor import DcMotor, Maxwell, figure
+from studies.thesis.motor import DcMotor, Maxwell, figure
 
 LOAD = 2.75  # N, the largest of the thesis
 
@@ -17,10 +17,12 @@ for seconds in (0.01, 1.0, 60.0, 600.0):
     print(f"  {seconds:6g} s   motor {spool:10.4g} mm   actuator {film:6.3f} mm")
 volts, watts = motor.holding(LOAD)
 print(
-    f"the motor resists for {1e3 * motor.time_constant:.0f} ms; to hold it needs {volts:.2f} V and {watts:.2f} W"
+    f"the motor resists for {1e3 * motor.time_constant:.0f} ms; to hold it needs {volts:.2f} V and"
+    f" {watts:.2f} W"
 )
 print(
-    f"the actuator is a spring for {muscle.time_constant:.0f} s, then it flows: it has a free integrator too"
+    f"the actuator is a spring for {muscle.time_constant:.0f} s, then it flows: it has a free"
+    " integrator too"
 )
 save(figure(), Path("dc_motor.png"))
 print("drew dc_motor.png")

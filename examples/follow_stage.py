@@ -1,11 +1,11 @@
-"""From a record of position and voltage to the columns of ``StageFollowed``: velocity, acceleration, motor voltage.
+"""Columns of ``StageFollowed`` (velocity, acceleration, voltage) from a record of a stage.
 
-The derivatives are those of the position below 10 Hz, and the voltage goes through the same filter, which delays
-nothing. Two samples are kept of every period of that frequency: between them there is nothing that the filter left, and
-what a diagnosis takes for noise has to fill the whole spectrum::
+The derivatives are those of the position below 10 Hz, and the voltage goes through the same filter,
+which delays nothing. Two samples are kept of every period of that frequency: between them there is
+nothing that the filter left, and what a diagnosis takes for noise has to fill the whole spectrum::
 
-    python examples/follow_stage.py emps_positioning_stage.csv followed.csv
-    ppy diagnose followed.csv --model examples/positioning_stage.py:StageFollowed --hold force_constant
+    python examples/follow_stage.py emps_positioning_stage.csv followed.csv ppy diagnose
+    followed.csv --model examples/positioning_stage.py:StageFollowed --hold force_constant
 """
 
 import sys

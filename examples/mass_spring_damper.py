@@ -1,9 +1,10 @@
-"""A mass on a spring with a damper, driven by a force; and the spring that hardens, as Duffing's does.
+"""A mass on a spring with a damper, driven by a force; and a spring that hardens as Duffing's.
 
-The defaults are round numbers near those of Silverbox, an electronic circuit that obeys this equation and whose record
-is public (Wigren, Schoukens: Three free data sets for development and benchmarking in nonlinear system identification,
-2013). Its volts in are read as newtons, its volts out as metres, and its input is smooth between samples:
-``--map 'input=force[N]' --map 'output=position[m]' --interpolate``.
+The defaults are round numbers near those of Silverbox, an electronic circuit that obeys this
+equation and whose record is public (Wigren, Schoukens: Three free data sets for development and
+benchmarking in nonlinear system identification, 2013). Its volts in are read as newtons, its volts
+out as metres, and its input is smooth between samples: ``--map 'input=force[N]' --map
+'output=position[m]' --interpolate``.
 """
 
 from fmus.kit import Component, Input, Output, Parameter, State

@@ -1,10 +1,11 @@
-"""A motor-driven positioning stage: a mass on a slide with viscous friction, and what may be wrong with that.
+"""A motor-driven positioning stage: a mass on a slide with viscous friction, and its effects.
 
-The drive makes a force of the motor's voltage. The defaults are round numbers near those of EMPS, an electromechanical
-stage whose record is public (Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019). A controller kept
-that stage in place, so the simulated position drifts with every error in force: integrated twice, it says little of its
-cause. ``StageFollowed`` is the same stage with the motion given and the voltage asked for, as that study does; its
-inputs are derivatives of the measured position, all signals through one low-pass filter without delay, as
+The drive makes a force of the motor's voltage. The defaults are round numbers near those of EMPS,
+an electromechanical stage whose record is public (Janot, Gautier, Brunot: Data set and reference
+models of EMPS, 2019). A controller kept that stage in place, so the simulated position drifts with
+every error in force: integrated twice, it says little of its cause. ``StageFollowed`` is the same
+stage with the motion given and the voltage asked for, as that study does; its inputs are
+derivatives of the measured position, all signals through one low-pass filter without delay, as
 ``follow_stage.py`` writes them. The force constant is the maker's: ``--hold force_constant``.
 """
 
