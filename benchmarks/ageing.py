@@ -14,7 +14,8 @@ from studies.thesis import ageing
 from .tables import Cell, Table, Topic
 from .timing import take_turns
 
-LIFE, STEPS = "the life", "its steps alone, nothing exchanged"
+LIFE = "the life"
+STEPS = "its steps alone, nothing exchanged"
 TARGET = 2000  # times real time
 STEP = 0.1  # s
 

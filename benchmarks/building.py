@@ -29,7 +29,8 @@ WHOLE = {runtime: f"{runtime}, all" for runtime in build.RUNTIMES}
 
 def measure(quick: bool = False) -> Topic:
     """Time both builds for this machine, and weigh them for every platform."""
-    cls, host = component("ppy_actuator"), toolchain.host_platform()
+    cls = component("ppy_actuator")
+    host = toolchain.host_platform()
     platforms = [host] if quick else build.available_platforms()
 
     def planning(runtime: str) -> Callable[[], object]:

@@ -27,7 +27,8 @@ from studies.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 
-ROWS, RATE = (6_000, 60_000, 180_000), 10.0  # samples, Hz
+ROWS = (6_000, 60_000, 180_000)  # samples
+RATE = 10.0  # Hz
 FEW = ("strain_saturation", "quadratic_strain")  # effects that are looked at for a quick look
 LIMITS = {6_000: 5.0, 180_000: 60.0}  # s
 
@@ -76,7 +77,8 @@ def once(count: int, effects: Collection[str] = ()) -> None:
         RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0, hidden=hidden
     )
     signals = {"current": current, "force": force} | rig.run(instants, current, force)
-    record, model = Record(instants, signals, UNITS, Path("drawn.csv")), find_model(RIG_COMPONENT)
+    record = Record(instants, signals, UNITS, Path("drawn.csv"))
+    model = find_model(RIG_COMPONENT)
     began = time.perf_counter()
     data = dataset_of(record, model, {})
     known = catalogue(model.cls, known_effects(model.cls), data.measured)

@@ -19,7 +19,8 @@ from .stepping import NATIVE, YARDSTICK
 from .tables import Cell, Table, Topic
 from .timing import take_turns
 
-HERE, BESIDE = "in this process", "in a process of its own"
+HERE = "in this process"
+BESIDE = "in a process of its own"
 TARGET = 10.0  # us a step
 CALLS = 3  # of an FMU at a step: set, step, get
 _STEP = 1e-3  # s
@@ -75,7 +76,8 @@ def _costs(
     for where in (HERE, BESIDE):
         for steps in (few, many):
             clock = _STEP * np.arange(steps + 1)
-            driven, isolate = {name: np.sin(clock)}, where == BESIDE
+            driven = {name: np.sin(clock)}
+            isolate = where == BESIDE
             actions[f"{where} {steps}"] = partial(
                 ppy.simulate, model, driven, time=clock, isolate=isolate
             )

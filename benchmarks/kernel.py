@@ -23,7 +23,9 @@ from .stepping import EMPTY, NATIVE, YARDSTICK, empty_fmu
 from .tables import Cell, Table, Topic
 from .timing import Times
 
-BARE, KERNEL, PYTHON = "a bare loop in C", "the kernel", "the loop in Python"
+BARE = "a bare loop in C"
+KERNEL = "the kernel"
+PYTHON = "the loop in Python"
 TARGET = 2.0
 STEP = 1e-3  # s
 _SHARE = 20  # the loop in Python makes one step for so many of the others

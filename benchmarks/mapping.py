@@ -20,7 +20,8 @@ from studies.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 
-ROWS, RATE = (3_000, 6_000, 12_000), 10.0  # samples, Hz
+ROWS = (3_000, 6_000, 12_000)  # samples
+RATE = 10.0  # Hz
 LIMIT = 6_000, 10.0, 1.0  # samples of ten minutes, s and GB that they may take
 
 
@@ -87,7 +88,8 @@ def once(count: int) -> None:
     diagnosis = diagnose_only(
         record, find_model(RIG_COMPONENT), None, DiagnosisOptions(effects=[])
     ).diagnosis
-    search, base = search_of(diagnosis), diagnosis.selection.best
+    search = search_of(diagnosis)
+    base = diagnosis.selection.best
     LawMap(search, base).entries()  # what is made once for a model is not counted
     began = time.perf_counter()
     entries = LawMap(search, base).entries()

@@ -26,13 +26,14 @@ from .record import exponent
 from .tables import Cell, Table, Topic
 from .timing import Times
 
-OURS, OURS_IN_TURN, CALLS = (
-    "ours, Jacobi",
-    "ours, Gauss–Seidel",
-    "its FMI calls alone, in a loop in Python",
-)
-ECOS, COSIM, FUSED = "Ecos", "libcosim", "ours, fused"
-ALONE, RECORDED = "Steps alone", "Every output recorded"
+OURS = "ours, Jacobi"
+OURS_IN_TURN = "ours, Gauss–Seidel"
+CALLS = "its FMI calls alone, in a loop in Python"
+ECOS = "Ecos"
+COSIM = "libcosim"
+FUSED = "ours, fused"
+ALONE = "Steps alone"
+RECORDED = "Every output recorded"
 STEP = 1e-3  # s
 INPUTS = {"force_reference": 1.0, "current": 0.5}
 AGREEMENT = 1e-9
@@ -90,7 +91,8 @@ def measure(quick: bool = False) -> Topic:
 
 def compare(steps: int, rounds: int) -> dict[str, Times]:
     """Time the masters in turns; by whether they record."""
-    system, positions = library.system("dma_bench"), dict[str, float]()
+    system = library.system("dma_bench")
+    positions = dict[str, float]()
     with ExitStack() as opened:
         bare = {
             OURS: lambda: _ours(system, steps, positions, OURS, **_AS_OTHERS),
@@ -144,7 +146,8 @@ def _ours(
 
 
 def _fused(system: System, steps: int) -> Timed:
-    model, time_points = CompiledModel(fuse(system)), _points(steps)
+    model = CompiledModel(fuse(system))
+    time_points = _points(steps)
     inputs = {key: np.full(steps + 1, value) for key, value in INPUTS.items()}
 
     def go() -> float:
@@ -157,8 +160,10 @@ def _fused(system: System, steps: int) -> Timed:
 
 def _calls(system: System, steps: int, opened: ExitStack) -> Timed:
     """Bind the calls of a Jacobi step as the master does, with nothing in between."""
-    now, size = ctypes.c_double(), ctypes.c_double(STEP)
-    calls, done = [], 0
+    now = ctypes.c_double()
+    size = ctypes.c_double(STEP)
+    calls = []
+    done = 0
     for member in system.members:
         fmu = opened.enter_context(Fmu(member.fmu, member.parameters))
         fmu.start()
@@ -170,7 +175,8 @@ def _calls(system: System, steps: int, opened: ExitStack) -> Timed:
             references = [
                 fmu.variables[name].valueReference for name in names if name in fmu.variables
             ]
-            count, values = len(references), (ctypes.c_double * len(references))()
+            count = len(references)
+            values = (ctypes.c_double * len(references))()
             shown = ctypes.byref((ctypes.c_uint * count)(*references))
             calls.append(
                 fmu.bound(f"fmi2{verb}Real", shown, ctypes.c_size_t(count), ctypes.byref(values))

@@ -14,7 +14,8 @@ from orchestration.system.model import Member, Port, System
 from .tables import Cell, Table, Topic
 
 RATES = (30, 100, 1000)  # Hz
-MASTER, BARE = "the master, one actuator", "a bare loop of sleeps"
+MASTER = "the master, one actuator"
+BARE = "a bare loop of sleeps"
 _SHARES = (50.0, 99.0)  # percentiles
 
 Array = NDArray[np.float64]
@@ -75,7 +76,8 @@ def paced(system: System, points: Array) -> Array:
 
 def bare(points: Array) -> Array:
     """Latenesses in s of a loop that sleeps until each point, shape (n - 1,)."""
-    late, start = [], time.perf_counter()
+    late = []
+    start = time.perf_counter()
     for point in points[1:].tolist():
         while (left := start + point - time.perf_counter()) > 0.0:
             time.sleep(left)

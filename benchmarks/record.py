@@ -23,12 +23,10 @@ Array = NDArray[np.float64]
 PARAMETERS = ("R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2")
 OUTPUTS = ("voltage", "electrochemical_displacement", "mechanical_displacement", "displacement")
 STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
-BARE, PLAIN, SENSITIVE, MACHINE = (
-    "bare loop in C",
-    "compiled model",
-    "with 8 sensitivities",
-    "CasADi's VM",
-)
+BARE = "bare loop in C"
+PLAIN = "compiled model"
+SENSITIVE = "with 8 sensitivities"
+MACHINE = "CasADi's VM"
 _STEP = 0.1  # s
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
@@ -124,7 +122,8 @@ def _actions(
 ) -> tuple[dict[str, Callable[[], object]], int]:
     """Return what to time, its results checked, and the internal steps that the record takes."""
     sensitive = CompiledModel(component("ppy_actuator"), PARAMETERS)
-    bare, machine = _bare(library, n), _machine(n)
+    bare = _bare(library, n)
+    machine = _machine(n)
     signals, tried = bare()
     expected = model.run(*_record(n)).signals
     for name, result in (
@@ -153,7 +152,8 @@ def _bare(library: ctypes.CDLL, n: int) -> Callable[[], tuple[dict[str, Array], 
 
     def run() -> tuple[dict[str, Array], int]:
         table = np.ascontiguousarray(np.column_stack([inputs["current"], inputs["force"]]))
-        outputs, states = np.empty((n, len(OUTPUTS))), np.empty((n, len(STATES)))
+        outputs = np.empty((n, len(OUTPUTS)))
+        states = np.empty((n, len(STATES)))
         values = np.array([start[name] for name in PARAMETERS])
         pointers = [a.ctypes.data_as(_DOUBLES) for a in (time, table, values, outputs, states)]
         tolerance = ctypes.c_double(cls.tolerance)

@@ -30,7 +30,8 @@ from .tables import Cell, Table, Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "rig-latency.md"
 RATES = (30, 100, 1000)  # Hz
-SERVER, ECHO = "rig server", "bare echo"
+SERVER = "rig server"
+ECHO = "bare echo"
 TARGET = 2.0  # of the echo's p99
 _PERCENTILES = (50.0, 99.0, 99.9)
 _PATIENCE = 1000  # ms for an answer
@@ -144,10 +145,13 @@ class _Client:
         self._sockets = {}
         for name, endpoint in ((SERVER, server), (ECHO, echo)):
             self._sockets[name] = socket = context.socket(zmq.DEALER)
-            socket.linger, socket.rcvtimeo = 0, _PATIENCE
+            socket.linger = 0
+            socket.rcvtimeo = _PATIENCE
             socket.connect(endpoint)
         accepted = self.ask("connect", client="latency", inputs=INPUTS, outputs=OUTPUTS, time=0.0)
-        self.session, self._seen, self._sequence = accepted["session"], accepted["clock"], 0
+        self.session = accepted["session"]
+        self._seen = accepted["clock"]
+        self._sequence = 0
 
     def ask(self, kind: str, **fields: Any) -> dict[str, Any]:
         socket = self._sockets[SERVER]
@@ -156,7 +160,8 @@ class _Client:
 
     def run(self, rate: int, seconds: float) -> tuple[dict[str, NDArray[np.float64]], int]:
         """Exchange at a rate; the first tenth, a second at most, does not count."""
-        number, warm = round(rate * seconds), min(rate, round(0.1 * rate * seconds))
+        number = round(rate * seconds)
+        warm = min(rate, round(0.1 * rate * seconds))
         times = {name: np.empty(number) for name in self._sockets}
         turns = [list(self._sockets), list(self._sockets)[::-1]]
         gc.disable()

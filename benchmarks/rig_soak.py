@@ -26,16 +26,13 @@ from .tables import Table, Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "rig-soak.md"
 RATE = 100.0  # Hz
-_WATCHDOG = (
-    2.0  # s: a machine that does other work may pause a process for longer than the usual 0.2 s
-)
-_SETTLED = (
-    60.0  # s after which memory is looked at; allocators and caches have what they need by then
-)
+# s: a machine that does other work may pause a process for longer than the usual 0.2 s
+_WATCHDOG = 2.0
+# s after which memory is looked at; allocators and caches have what they need by then
+_SETTLED = 60.0
 _EVERY = 5.0  # s between two looks
-_ALLOWED = (
-    1.0  # MB that a process may have grown by at the end, of which pages of the system are a part
-)
+# MB that a process may have grown by at the end, of which pages of the system are a part
+_ALLOWED = 1.0
 
 
 def _settled(seconds: float) -> float:

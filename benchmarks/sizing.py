@@ -19,7 +19,9 @@ from . import machine
 from .tables import Cell, Table, Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "sweep-sizing.md"
-CASES, NODES, CORES = 1_000_000, 100, 32
+CASES = 1_000_000
+NODES = 100
+CORES = 32
 # s for a part, as Dask's documentation has it: about a millisecond a task, whoever does it
 SCHEDULER = 1e-3
 NETWORK = 125e6  # bytes/s, of one gigabit a second
@@ -30,7 +32,8 @@ def measure(cases: int = 2000, points: int = 1001) -> Topic:
     clock = 0.01 * np.arange(points)
     model = ppy.find_model("ppy_actuator")
     rows: list[list[Cell]] = []
-    told, sizes = [], []
+    told = []
+    sizes = []
     for engine in ("compiled", "fmu"):
         task = Task(
             model.path,
@@ -105,10 +108,8 @@ def _measured(task: Task, cases: np.ndarray) -> tuple[float, float, float, int]:
         case = repeated.run(cases[:part]).seconds / len(cases[:part])
         part = max(1, min(LARGEST, part, int(SECONDS / case)))
         found = [repeated.run(cases[at : at + part]) for at in range(0, len(cases), part)]
-    answers, case = (
-        [pickle.dumps(one) for one in found],
-        sum(one.seconds for one in found) / len(cases),
-    )
+    answers = [pickle.dumps(one) for one in found]
+    case = sum(one.seconds for one in found) / len(cases)
     with tempfile.TemporaryDirectory() as folder:
         journal = SweepJournal(Path(folder), task, cases, "")
         begin = time.process_time()

@@ -21,15 +21,15 @@ from . import c_code
 from .tables import Cell, Table, Topic
 from .timing import Times, pooled, take_turns
 
-EMPTY, YARDSTICK, STOCK = (
-    "empty C FMU (the floor)",
-    "one state, C by hand",
-    "one state, stock pythonfmu",
-)
-NATIVE, PYTHON = "ppy_actuator, native", "ppy_actuator, Python"
+EMPTY = "empty C FMU (the floor)"
+YARDSTICK = "one state, C by hand"
+STOCK = "one state, stock pythonfmu"
+NATIVE = "ppy_actuator, native"
+PYTHON = "ppy_actuator, Python"
 TARGETS = {NATIVE: (YARDSTICK, 1.0), PYTHON: (STOCK, 1.5)}
 STEP = 0.1  # s
-FMPY, IN_C = "Through fmpy's `FMU2Slave`", "The same calls in a loop in C"
+FMPY = "Through fmpy's `FMU2Slave`"
+IN_C = "The same calls in a loop in C"
 HOSTS = {FMPY: 1, IN_C: 5}  # how many times the steps of a turn
 HELD = "current held at 0.9 A"
 CHANGING = "current between -0.9 A and 0.9 A, another in each step"
@@ -152,7 +152,10 @@ class _Stepper:
         self.count = 0
 
     def through_fmpy(self, inputs: list[float]) -> float:
-        model, into, out_of, result = self.model, [self.input], [self.output], [0.0]
+        model = self.model
+        into = [self.input]
+        out_of = [self.output]
+        result = [0.0]
         for k, value in enumerate(inputs, self.count):
             model.setReal(into, [value])
             model.doStep(k * STEP, STEP)

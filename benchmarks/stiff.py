@@ -17,7 +17,8 @@ from orchestration.experiment.waveforms import multilevel
 from .tables import Cell, Table, Topic
 from .timing import take_turns
 
-_STEP, _SEED = 0.01, 1  # s
+_STEP = 0.01  # s
+_SEED = 1
 _INPUTS: dict[str, dict[str, list[float]]] = {
     "ppy_actuator": {"current": [-0.9, 0.0, 0.9], "force": [0.5, 1.0, 2.75]},
     "galvanostat": {"current_command": [-0.9, 0.0, 0.9]},
@@ -31,7 +32,8 @@ def measure(quick: bool = False) -> Topic:
     samples, rounds = (300, 2) if quick else (60_000, 5)
     rows: list[list[Cell]] = []
     for name in _INPUTS:
-        explicit, chosen = _simulation(name, samples, True), _simulation(name, samples, False)
+        explicit = _simulation(name, samples, True)
+        chosen = _simulation(name, samples, False)
         times = take_turns({"explicit": explicit, "chosen": chosen}, rounds)
         ratio = times.median_ratio("explicit", "chosen")
         parameters = len(searched_parameters(component(name)))

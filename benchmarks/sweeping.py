@@ -24,8 +24,10 @@ from .stepping import NATIVE, YARDSTICK
 from .tables import Cell, Table, Topic
 from .timing import Times
 
-EACH, REUSE = "fmpy.simulate_fmu for each case", "one instance, by hand in Python"
-FMU, COMPILED = "ppy sweep, FMU", "ppy sweep, compiled"
+EACH = "fmpy.simulate_fmu for each case"
+REUSE = "one instance, by hand in Python"
+FMU = "ppy sweep, FMU"
+COMPILED = "ppy sweep, compiled"
 ENGINES = {FMU: "fmu", COMPILED: "compiled"}
 SHARE = 20  # the first runs one case for so many of the others: to begin costs it nothing
 TARGETS = ((FMU, EACH, 20.0), (FMU, REUSE, 8.0), (COMPILED, EACH, 100.0))

@@ -40,9 +40,8 @@ _PUBLIC = {
     "supercapacitor_maxwell_2p2A": ["--model", "models/supercapacitor.py:Supercap"],
     "dc_motor_dead_zone": ["--model", "models/dc_motor.py:Motor", "--map", "speed=speed[rpm]"],
 }
-_TIME = (
-    "3600s"  # for a diagnosis: far more than it takes, so that a busy machine gives the same answer
-)
+# for a diagnosis: far more than it takes, so that a busy machine gives the same answer
+_TIME = "3600s"
 _SHOWN = 12  # differences of a record that are listed
 
 

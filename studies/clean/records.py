@@ -23,7 +23,7 @@ RUN_IN = 4.0  # periods before the record where it does not start at rest
 
 @dataclass(frozen=True)
 class Case:
-    """What to draw."""
+    """A record to draw: plant, stimulus, noise, seed and timing."""
 
     plant: str
     stimulus: str

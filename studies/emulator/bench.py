@@ -53,7 +53,8 @@ class Bench:
         parameters = RigParameters(**{name: nominal[name] * factors[name] for name in nominal})
         lead = 0 if at_rest else round(random.uniform(*_RUN_IN) * rate)
         time = np.arange(-lead, round(duration * rate)) / rate
-        peak, dwell = random.uniform(0.8, 1.3), random.uniform(1.0, 3.0)
+        peak = random.uniform(0.8, 1.3)
+        dwell = random.uniform(1.0, 3.0)
         levels = peak * np.array([-1.0, *random.uniform(-0.9, 0.9, 4), 1.0])
         current = multilevel(
             time,
@@ -61,7 +62,8 @@ class Bench:
             (dwell, dwell * random.uniform(3.0, 6.0)),
             int(random.integers(2**31)),
         )
-        bias, top = random.uniform(0.3, 0.5), random.uniform(2.5, 3.0)
+        bias = random.uniform(0.3, 0.5)
+        top = random.uniform(2.5, 3.0)
         loads = [bias, *random.uniform(bias, top, 5), top]
         hold = random.uniform(6.0, 15.0)
         force = multilevel(
@@ -85,7 +87,8 @@ class Bench:
 
     def widths(self, outputs: Mapping[str, Array]) -> dict[str, float]:
         """Return the rms residual of a refitted base over the noise, by noise-free output (n,)."""
-        current, force = self.current[self.lead :], self.force[self.lead :]
+        current = self.current[self.lead :]
+        force = self.force[self.lead :]
         residuals = refit_residuals(
             self.time[1] - self.time[0], current, force, outputs, NOISE, self.parameters
         )

@@ -96,7 +96,8 @@ class PlayingStrain(Physics):
 
     def play(self, charge: Array) -> Array:
         """Return the mean of the play operators over a record of charge (n,)."""
-        radii, mean = self.widest_play * np.arange(1, _PLAYS + 1) / _PLAYS, np.empty_like(charge)
+        radii = self.widest_play * np.arange(1, _PLAYS + 1) / _PLAYS
+        mean = np.empty_like(charge)
         memory = np.zeros(_PLAYS)
         low, high = np.subtract.outer(charge, radii), np.add.outer(charge, radii)
         for k in range(charge.size):

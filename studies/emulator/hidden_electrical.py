@@ -62,7 +62,8 @@ class DiffusionLayer(Physics):
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append the balance of every cell."""
-        rates, cells = super().rates(state, current, force), self.own(DiffusionLayer, state)
+        rates = super().rates(state, current, force)
+        cells = self.own(DiffusionLayer, state)
         between = -_CELLS * np.diff(cells, axis=0)
         flux = np.concatenate([np.array(rates[:1]), between, 2 * _CELLS * cells[-1:]])
         gained = (flux[:-1] - flux[1:]) * (_CELLS / self.diffusion_time)
@@ -91,14 +92,14 @@ class ChargeDependentCapacitance(Physics):
     """The inverse capacitance rises with the charge, from one level to another."""
 
     linear: ClassVar[bool] = False
-    stiffening: float = (
-        0.1  # 1/C, relative rise of the inverse capacitance, per charge and about zero
-    )
+    # 1/C, relative rise of the inverse capacitance, per charge and about zero
+    stiffening: float = 0.1
     levelling_charge: float = 3.0  # C
 
     def film_voltage(self, state: Array) -> Any:
         """Integrate 1/C (1 + a Q / sqrt(1 + (Q/Q0)^2)) over the charge."""
-        levelling, charge = self.levelling_charge, state[0]
+        levelling = self.levelling_charge
+        charge = state[0]
         gained = self.stiffening * levelling**2 * (np.sqrt(1 + (charge / levelling) ** 2) - 1)
         return super().film_voltage(state) + gained / self.capacitance(state)
 
@@ -167,7 +168,8 @@ class SelfHeating(Physics):
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
         """Append the heat balance: power supplied and not stored, less the loss by convection."""
-        rates, rise = super().rates(state, current, force), self.own(SelfHeating, state)[0]
+        rates = super().rates(state, current, force)
+        rise = self.own(SelfHeating, state)[0]
         heat = (
             self.terminal_voltage(state, current, force) * current
             - self.film_voltage(state) * rates[0]

@@ -82,7 +82,8 @@ class YieldingFlow(Physics):
 
     def flow_drive(self, force: Any) -> Any:
         """Solve for the viscous part of a load of any sign, by Lambert's function."""
-        load, f = np.abs(super().flow_drive(force)), self.rounding
+        load = np.abs(super().flow_drive(force))
+        f = self.rounding
         excess = (load - self.yield_load) / f
         viscous = f * (excess + np.real(lambertw(self.yield_load / f * np.exp(-excess))))
         return np.sign(force) * viscous

@@ -20,10 +20,8 @@ class Hum(Physics):
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the tone, even where sampling folds it."""
-        signals, angle = (
-            super().sensed(run, time),
-            2 * np.pi * self.hum_frequency * time + self.hum_phase,
-        )
+        signals = super().sensed(run, time)
+        angle = 2 * np.pi * self.hum_frequency * time + self.hum_phase
         tone = self.hum_amplitude * (np.sin(angle) + 0.3 * np.sin(2 * angle + 1.0))
         return signals | {self.hum_output: signals[self.hum_output] + tone}
 
@@ -37,12 +35,11 @@ class SlippingClamp(Physics):
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the slips so far."""
-        random, signals = np.random.default_rng(self.slip_seed), super().sensed(run, time)
+        random = np.random.default_rng(self.slip_seed)
+        signals = super().sensed(run, time)
         count = int(random.integers(3, 9))
-        instants, lengths = (
-            random.uniform(0.05, 0.95, count) * run.time[-1],
-            random.exponential(self.slip, count),
-        )
+        instants = random.uniform(0.05, 0.95, count) * run.time[-1]
+        lengths = random.exponential(self.slip, count)
         slipped = (time[:, np.newaxis] >= instants) @ lengths
         return signals | {"displacement": signals["displacement"] + slipped}
 
@@ -57,7 +54,8 @@ class RestlessAir(Physics):
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the expansion of the frame."""
-        random, signals = np.random.default_rng(self.air_seed), super().sensed(run, time)
+        random = np.random.default_rng(self.air_seed)
+        signals = super().sensed(run, time)
         grid = np.arange(run.time[0], run.time[-1] + 2 * _GRID, _GRID)
         air = np.cumsum(random.normal(0.0, self.expansion * np.sqrt(_GRID / 60), grid.size))
         frame = np.zeros(grid.size)
@@ -78,7 +76,8 @@ class LooseContact(Physics):
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add the voltage over the contact."""
-        random, signals = np.random.default_rng(self.contact_seed), super().sensed(run, time)
+        random = np.random.default_rng(self.contact_seed)
+        signals = super().sensed(run, time)
         span = run.time[-1] - run.time[0]
         dwells = random.exponential(self.contact_dwell, 20 + 3 * int(span / self.contact_dwell))
         bad = np.searchsorted(run.time[0] + np.cumsum(dwells), time, side="right") % 2
@@ -95,7 +94,8 @@ class LooseFixture(Physics):
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
         """Add what the fixture yields."""
-        signals, force = super().sensed(run, time), run.at(time)[1][1]
+        signals = super().sensed(run, time)
+        force = run.at(time)[1][1]
         loose = time >= self.loosening * run.time[-1]
         return signals | {
             "displacement": signals["displacement"] + self.fixture_compliance * loose * force

@@ -63,16 +63,15 @@ class RigParameters:
 
 @dataclass
 class Physics:
-    """What the rig really does.
+    """The true physics of the emulated rig, to which variations are added as subclasses.
 
     The state is ``[charge (C), creep elongation (m), plastic elongation (m), ...]`` along the first
     axis; behind these stand the states of the variations, in the order in which their `rates`
     append them.
     """
 
-    linear: ClassVar[bool] = (
-        True  # the rates are linear in state and inputs; a variation that breaks this says False
-    )
+    # the rates are linear in state and inputs; a variation that breaks this says False
+    linear: ClassVar[bool] = True
     extra_states: ClassVar[int] = 0  # appended by a variation, zero at the start of a run
     parameters: RigParameters
 
@@ -116,7 +115,8 @@ class Physics:
 
     def terminal_voltage(self, state: Array, current: Any, force: Any) -> Any:
         """Return the voltage (V) at which the films' current plus leakage equals `current` (A)."""
-        films, resistance = self.capacitor_voltage(state, force), self.series_resistance(state)
+        films = self.capacitor_voltage(state, force)
+        resistance = self.series_resistance(state)
         share = self.parameters.R2 / (resistance + self.parameters.R2)
         voltage = share * (films + resistance * current)
         if self._plain_leakage:
@@ -212,7 +212,8 @@ class Transition:
     """
 
     def __init__(self, physics: Motion, duration: float):
-        self.physics, n = physics, physics.order
+        self.physics = physics
+        n = physics.order
         self.pieces = 1 if physics.is_linear else max(1, int(np.ceil(duration / _LONGEST - 1e-6)))
         h = duration / self.pieces
         at_zero = np.array(physics.rates(np.zeros(n), 0.0, 0.0))
@@ -223,7 +224,8 @@ class Transition:
         ]
         self.system = np.array(columns).T
         square = np.pad(self.system, ((0, 2), (0, 0)))
-        self.whole, self.half = expm(h * square)[:n], expm(h / 2 * square)[:n]
+        self.whole = expm(h * square)[:n]
+        self.half = expm(h / 2 * square)[:n]
         if not physics.is_linear:
             one, two, three = _phi(h * self.system[:, :n])
             self.half_gain = h / 2 * _phi(h / 2 * self.system[:, :n])[0]
@@ -240,7 +242,8 @@ class Transition:
         first, middle, last = self.gains
         for _ in range(self.pieces):
             both = np.concatenate([state, inputs])
-            drift, nonlinear = self.half @ both, self._nonlinear(both)
+            drift = self.half @ both
+            nonlinear = self._nonlinear(both)
             a = drift + self.half_gain @ nonlinear
             nonlinear_a = self._nonlinear(both_a := np.concatenate([a, inputs]))
             nonlinear_b = self._nonlinear(
@@ -299,7 +302,8 @@ class Trajectory:
         Before the run all was as at its start.
         """
         sample = np.maximum(np.searchsorted(self.time, time + _SAME, side="right") - 1, 0)
-        state, inputs = self.state[:, sample], self.inputs[:, sample]
+        state = self.state[:, sample]
+        inputs = self.inputs[:, sample]
         since = np.round(np.maximum(time - self.time[sample], 0.0), 9)
         for duration in np.unique(since[since > 0]):
             late = since == duration
@@ -315,7 +319,8 @@ def propagate(physics: Physics, time: Array, inputs: Array, start: Array) -> Tra
     durations, kind = np.unique(np.round(np.diff(time), 12), return_inverse=True)
     transitions = [Transition(physics, duration) for duration in durations]
     state = np.empty((time.size, start.size))
-    state[0], held = start, inputs.T.copy()
+    state[0] = start
+    held = inputs.T.copy()
     for k, which in enumerate(kind.tolist()):
         state[k + 1] = transitions[which](state[k], held[k])
     if not np.all(np.isfinite(state)):

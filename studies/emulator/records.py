@@ -37,7 +37,7 @@ _TRIES = 60  # draws until a variation is given up
 
 @dataclass(frozen=True)
 class Hidden:
-    """What was hidden.
+    """A variation that is hidden in a record, with its size.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Truth:
-    """What a record does not tell.
+    """The truth behind a record: hidden variations, parameters, noiseless outputs.
 
     Attributes
     ----------
@@ -255,7 +255,8 @@ def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator
         physics = partial(variation.physics, **(values | {variation.size: sign * size}))  # type: ignore[arg-type]
         return max(bench.widths(bench.noise_free(physics)).values())
 
-    alike, wanted = output in variation.alike, float("nan")
+    alike = output in variation.alike
+    wanted = float("nan")
     size: float | None = strength * _between(random, 0.1 * limit, limit)
     if not alike:
         most = widths(limit)
@@ -279,7 +280,10 @@ def _search(
     The widths are nearly a power of the size: steps follow it, or halve the bracket in the
     logarithm.
     """
-    low, high, power, before = 0.0, limit, 1.0, (limit, most)
+    low = 0.0
+    high = limit
+    power = 1.0
+    before = (limit, most)
     for _ in range(_STEPS):
         size = before[0] * (wanted / before[1]) ** (1 / power)
         if low and not low < size < high:

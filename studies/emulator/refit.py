@@ -52,7 +52,8 @@ def refit_residuals(
 
     def residuals(logarithms: Array) -> dict[str, Array]:
         charging, creep = np.exp(logarithms)
-        charge, fading = _relaxing(current, charging, period), np.exp(-ages / charging)
+        charge = _relaxing(current, charging, period)
+        fading = np.exp(-ages / charging)
         explained = {
             "voltage": [current, charge, fading],
             "displacement": [
@@ -73,12 +74,10 @@ def refit_residuals(
     def weighted(logarithms: Array, spread: Mapping[str, float]) -> Array:
         return np.concatenate([r / spread[output] for output, r in residuals(logarithms).items()])
 
-    low, high, nearest, spread = (
-        start - np.log(_FACTOR),
-        start + np.log(_FACTOR),
-        start,
-        dict(noise),
-    )
+    low = start - np.log(_FACTOR)
+    high = start + np.log(_FACTOR)
+    nearest = start
+    spread = dict(noise)
     for _ in range(_PASSES if len(outputs) > 1 else 1):
         nearest = least_squares(
             weighted, nearest, bounds=(low, high), x_scale=0.1, xtol=1e-6, ftol=1e-6, args=(spread,)

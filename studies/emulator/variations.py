@@ -10,12 +10,13 @@ from studies.emulator import hidden_unknown as unknown
 from studies.emulator.physics import Physics
 
 Range = tuple[float, float]
-VOLTAGE, DISPLACEMENT = "voltage", "displacement"
+VOLTAGE = "voltage"
+DISPLACEMENT = "displacement"
 
 
 @dataclass(frozen=True)
 class Variation:
-    """How to draw a hidden variation.
+    """A hidden variation: its physics, and the limits between which its size is drawn.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ Choices = dict[tuple[str, ...], list[tuple[str, ...]]]  # what may be hidden, by
 
 @dataclass(frozen=True)
 class HiddenCase(Case):
-    """What to draw, and what to hide in it."""
+    """A record to draw, and the variations to hide in it."""
 
     hidden: str = ""
     strength: float = 1.0
@@ -35,7 +35,7 @@ class HiddenCase(Case):
 
     @property
     def variation(self) -> Variation:
-        """What is hidden, the first of two."""
+        """The hidden variation, the first of two."""
         return VARIATIONS[self.hidden]
 
     def alone(self) -> list[HiddenCase]:
@@ -184,7 +184,8 @@ def _refitted(drawn: CleanRecord, plant: Plant) -> dict[str, Array]:
 
     The step brings the base's parameters as near as they get.
     """
-    other, noise = replace(drawn, plant=plant), _noise(drawn)
+    other = replace(drawn, plant=plant)
+    noise = _noise(drawn)
 
     def simulated(name: str = "", by: float = 0.0) -> Array:
         values = drawn.truth | ({name: drawn.truth[name] + by} if name else {})

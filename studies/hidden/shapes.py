@@ -19,10 +19,12 @@ STRENGTHS = 1.0, 0.3
 
 
 class Dice:
-    """What sizes are drawn with: the strength, the length of the record in s, and chance."""
+    """A source of random sizes, scaled by a strength; it knows the length of the record in s."""
 
     def __init__(self, rng: np.random.Generator, strength: float, duration: float):
-        self.strength, self.duration, self._rng = strength, duration, rng
+        self.strength = strength
+        self.duration = duration
+        self._rng = rng
 
     def size(self, low: float, high: float) -> float:
         """Draw a size between two, times the strength."""
@@ -156,7 +158,8 @@ def drift(output: str, size: float) -> dict[str, Maker]:
     """Return drifts of an output that settle, slow down or grow."""
 
     def settling(d: Dice) -> Change:
-        most, time = d.sign() * d.size(0.6 * size, 1.6 * size), d.plain(0.3, 0.6) * d.duration
+        most = d.sign() * d.size(0.6 * size, 1.6 * size)
+        time = d.plain(0.3, 0.6) * d.duration
         return of_time(output, lambda y, t: most * (1.0 - exp(-t / time)))
 
     def root(d: Dice) -> Change:
@@ -179,7 +182,8 @@ def shifted(place: str, size: float) -> dict[str, Maker]:
     """Return a constant, which has one shape only; here it wanders by a tenth."""
 
     def constant(d: Dice) -> Change:
-        most, period = d.sign() * d.size(0.7 * size, 1.5 * size), d.duration
+        most = d.sign() * d.size(0.7 * size, 1.5 * size)
+        period = d.duration
         return of_time(place, lambda x, t: most * (1.0 + 0.05 * sin(2.0 * pi * t / period)))
 
     return {"constant": constant}
@@ -189,7 +193,8 @@ def outside(place: str, size: float, period: float, per_signal: float) -> dict[s
     """Return a disturbance that returns, one that jumps, and one that ages the law."""
 
     def returning(d: Dice) -> Change:
-        most, time = d.size(0.7 * size, 1.5 * size), d.plain(0.7, 3.0) * period
+        most = d.size(0.7 * size, 1.5 * size)
+        time = d.plain(0.7, 3.0) * period
         return of_time(place, lambda x, t: most * sin(2.0 * pi * t / time))
 
     def jumping(d: Dice) -> Change:

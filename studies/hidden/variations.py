@@ -1,4 +1,4 @@
-"""What may be hidden in which plant, and what it is called.
+"""Variations that may be hidden in each plant, and the effects that name them rightly.
 
 A right answer is the label of an effect or a family of them, as `Term.family` has it: a law over a
 signal, in whatever shape. What cannot be told apart by principle, such as a constant torque and an
@@ -145,10 +145,12 @@ def _thermal_nodes() -> Iterator[Variation]:
         return remembered(place, d.size(0.4, 1.2), [time * t for t in times], 293.0, ahead=True)
 
     def neighbour(d: Dice) -> Change:
-        warmer, resistance = d.sign() * d.plain(5.0, 12.0), 5.0 / d.strength
+        warmer = d.sign() * d.plain(5.0, 12.0)
+        resistance = 5.0 / d.strength
         return static("loss", lambda x: (x - warmer) / resistance)
 
-    two, three = (0.4, 1.6), (0.2, 0.7, 2.5)
+    two = (0.4, 1.6)
+    three = (0.2, 0.7, 2.5)
     yield from named(
         "ThermalNodes",
         "heat loss",
@@ -266,7 +268,8 @@ def _cell() -> Iterator[Variation]:
 
 
 def _galvanostat() -> Iterator[Variation]:
-    command, wanted = "current_command", "wanted_current over current_command"
+    command = "current_command"
+    wanted = "wanted_current over current_command"
     late = f"input_lag({command}); wanted_current remembering {command}"
 
     def gain(d: Dice) -> Change:
@@ -306,7 +309,9 @@ def _voice_coil() -> Iterator[Variation]:
     fed = "force_reference"
 
     def falling(d: Dice) -> Change:
-        share, width, centre = d.size(0.15, 0.35), d.plain(0.008, 0.015), d.plain(0.0, 0.003)
+        share = d.size(0.15, 0.35)
+        width = d.plain(0.008, 0.015)
+        centre = d.plain(0.0, 0.003)
         return static(
             "force_constant", lambda x: -share * (1.0 - exp(-(((x - centre) / width) ** 2)))
         )
@@ -320,7 +325,8 @@ def _voice_coil() -> Iterator[Variation]:
         return static("stop", kind(d.size(300.0, 1000.0), d.plain(0.009, 0.013), 5e-4))
 
     def warming(share: float, d: Dice) -> Change:
-        amount, time = d.size(0.2, 0.6), d.plain(0.8, 2.5)
+        amount = d.size(0.2, 0.6)
+        time = d.plain(0.8, 2.5)
         return squared("resistance", amount, (time * share, time / share))
 
     yield from named(
@@ -381,7 +387,8 @@ def _foot() -> Iterator[Variation]:
         return remembered("stretch", d.size(1e-4, 3e-4), [time * t for t in times], rest)
 
     def crossing(bent: float, d: Dice) -> Change:
-        radius, bend = d.size(0.006, 0.015), bent * d.plain(0.8, 1.2)
+        radius = d.size(0.006, 0.015)
+        bend = bent * d.plain(0.8, 1.2)
         return static("arch_radius", lambda angle: radius * (1.0 + bend * angle))
 
     def wrapped(curve: Callable[[float, float], curves.Curve], d: Dice) -> Change:

@@ -41,7 +41,8 @@ def _lags(place: str, low: float, high: float, short: float, long: float) -> Mad
 
     def maker(shares: tuple[float, ...]) -> Maker:
         def make(d: Dice) -> Lack:
-            amount, time = d.size(low, high), d.plain(short, long)
+            amount = d.size(low, high)
+            time = d.plain(short, long)
             return after_lag(place, lambda x: amount * x, tuple(time * share for share in shares))
 
         return make
@@ -57,7 +58,9 @@ def _motor() -> Iterator[Kind]:
     warm = "winding_current x winding_current"
 
     def warming(times: tuple[float, ...], levels: bool, d: Dice) -> Lack:
-        share, time, at = d.size(0.06, 0.15), d.plain(3.0, 10.0), d.plain(3.0, 6.0)
+        share = d.size(0.06, 0.15)
+        time = d.plain(3.0, 10.0)
+        at = d.plain(3.0, 6.0)
         rise: Curve = lambda h: share * h / (1.0 + h / at) if levels else share * h  # noqa: E731
         return after_lag(
             warm,
@@ -100,7 +103,8 @@ def _motor() -> Iterator[Kind]:
 
 
 def _pendulum() -> Iterator[Kind]:
-    drag, spring = "friction + velocity", "gravity + angle"
+    drag = "friction + velocity"
+    spring = "gravity + angle"
     yield from kinds(
         "Pendulum",
         "drag of another power",
@@ -251,7 +255,8 @@ def _actuator() -> Iterator[Kind]:
         signals=charge,
         coefficient=("b2", -1.0),
     )
-    pumped, force = "capacitor_current + force", "load, flow_force, maxwell_rate"
+    pumped = "capacitor_current + force"
+    force = "load, flow_force, maxwell_rate"
     yield from kinds(
         "Actuator",
         "leakage by force",

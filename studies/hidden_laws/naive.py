@@ -40,7 +40,8 @@ def least_bic(
         bic = 0.0
         for output, e in residuals.items():
             kept = np.isfinite(e) & (used[output] if used else True)
-            part, wanted = columns[kept], e[kept]
+            part = columns[kept]
+            wanted = e[kept]
             left = wanted - part @ np.linalg.lstsq(part, wanted, rcond=None)[0]
             bic += left.size * float(np.log(np.mean(left**2) + 1e-300)) + columns.shape[1] * float(
                 np.log(left.size)

@@ -97,7 +97,7 @@ Curve = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Lack:
-    """What is hidden, as drawn.
+    """The hidden part of a law, as drawn.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LawCase(Case):
-    """What to draw, and what a law of it lacks."""
+    """A record to draw, and the part that one of its laws lacks."""
 
     hidden: str = ""
     strength: float = 1.0
@@ -31,7 +31,7 @@ class LawCase(Case):
 
     @property
     def kind(self) -> Kind:
-        """What is hidden."""
+        """The hidden part."""
         return KINDS[self.hidden]
 
 
@@ -60,7 +60,8 @@ def _cases(count: int, seed: int, plants: Sequence[str]) -> Iterator[LawCase]:
     rng = np.random.default_rng([seed, 30])
     waiting: dict[str, list[str]] = {name: [] for name in plants}
     for k in range(count):
-        plant, turn = PLANTS[plants[k % len(plants)]], k // len(plants)
+        plant = PLANTS[plants[k % len(plants)]]
+        turn = k // len(plants)
         several = list(
             dict.fromkeys(kind.kind for kind in KINDS.values() if kind.plant == plant.name)
         )
@@ -111,7 +112,8 @@ def curve_of(drawn: CleanRecord, lack: Lack) -> Curve | None:
     """Return the hidden term as a curve of what a search counts from the first sample on."""
     if lack.curve is None or not lack.change.rest:
         return lack.curve
-    before, curve = drawn.truth[f"{lack.change.place}_memory_0_start"], lack.curve
+    before = drawn.truth[f"{lack.change.place}_memory_0_start"]
+    curve = lack.curve
     return lambda x: curve(before + x)
 
 

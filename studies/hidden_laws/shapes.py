@@ -166,7 +166,8 @@ def even(low: float, high: float, at: float) -> Shapes:
 
 def rising(low: float, high: float, at: float, zero: float = 0.0) -> Shapes:
     """Return curves that are larger on one side than on the other."""
-    exponential, saturating = frozenset({"exponential"}), frozenset({"saturating"})
+    exponential = frozenset({"exponential"})
+    saturating = frozenset({"saturating"})
     known = (
         zero == 0.0
     )  # a search knows forms about zero alone, but for those that are the same about any point

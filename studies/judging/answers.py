@@ -1,4 +1,4 @@
-"""What a study of hidden effects counts, and which answers are right."""
+"""Judging of answers about hidden effects: records that count, and right names."""
 
 from __future__ import annotations
 

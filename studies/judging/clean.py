@@ -96,9 +96,11 @@ def diagnosed(
 
     with tempfile.TemporaryDirectory() as folder:
         path = drawn.write(Path(folder) / "record.csv")
-        began, cpu = clock.perf_counter(), _processor_time()
+        began = clock.perf_counter()
+        cpu = _processor_time()
         try:
-            settings, known = settings_of(drawn), drawn.plant.known
+            settings = settings_of(drawn)
+            known = drawn.plant.known
             result = ppy.diagnose(
                 path, drawn.plant.model, settings=settings, hold=known, effects=effects, laws=False
             )

@@ -114,9 +114,11 @@ def _naive(path: Path, model: Model, fit: Sequence[str], settings: Mapping[str, 
     made = ppy.simulate(model, fed, time=record.time, settings=held)
     simulated = {name: np.asarray(made[name]) for name in model.outputs if name in record.signals}
     rows = np.column_stack([np.ones(len(record.time)), *fed.values(), *simulated.values()])
-    early, left = np.arange(len(rows)) < 2 * len(rows) // 3, []
+    early = np.arange(len(rows)) < 2 * len(rows) // 3
+    left = []
     for name, y in simulated.items():
-        error, there = record.signals[name] - y, np.isfinite(record.signals[name])
+        error = record.signals[name] - y
+        there = np.isfinite(record.signals[name])
         weights = np.linalg.lstsq(rows[early & there], error[early & there])[0]
         after, before = (e[~early & there] for e in (error - rows @ weights, error))
         left.append(float(np.sqrt(np.mean(after**2) / np.mean(before**2))))

@@ -90,7 +90,8 @@ def judge(case: HiddenCase, with_floor: bool = True) -> Row:
     }
     if excluded(row):
         return row | {"seconds": 0.0}
-    settings, model = settings_of(drawn), find_model(drawn.plant.model)
+    settings = settings_of(drawn)
+    model = find_model(drawn.plant.model)
     assert model.cls is not None
     effects = listed(model.cls, drawn, settings)
     right = right_names(effects, case.variation.right)

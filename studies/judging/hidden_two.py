@@ -35,7 +35,8 @@ _KINDS = "both", "one", "none", "refused"
 
 def judge(case: HiddenCase) -> Row:
     """Draw a record, leave it if it does not count, and diagnose it."""
-    drawn, alone = draw_hidden(case), {one.variation: draw_hidden(one) for one in case.alone()}
+    drawn = draw_hidden(case)
+    alone = {one.variation: draw_hidden(one) for one in case.alone()}
     pair = " + ".join(sorted(variation.family for variation in alone))
     row = asdict(case) | {
         "pair": pair,
@@ -44,7 +45,8 @@ def judge(case: HiddenCase) -> Row:
     }
     if left_out(row):
         return row
-    settings, model = settings_of(drawn), find_model(drawn.plant.model)
+    settings = settings_of(drawn)
+    model = find_model(drawn.plant.model)
     assert model.cls is not None
     effects = listed(model.cls, drawn, settings)
     right = [right_names(effects, variation.right) for variation in alone]
@@ -110,7 +112,8 @@ def report(rows: Sequence[Row]) -> Topic:
     """Return tables of the answers."""
     why = Counter(left_out(row) for row in rows)
     counted = [row for row in rows if not left_out(row)]
-    kinds, count = Counter(named(row) for row in counted), len(counted)
+    kinds = Counter(named(row) for row in counted)
+    count = len(counted)
     parts: list[str | Table] = [
         (
             "Two effects of different families, places and laws in one record. Each must leave"

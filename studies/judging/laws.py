@@ -109,7 +109,8 @@ def judge(case: LawCase) -> Row:
         drawn = draw_lack(case)
     except OverflowError:  # a plant in a loop that runs away makes no record
         return row
-    base, known = base_of(drawn), series(drawn)
+    base = base_of(drawn)
+    known = series(drawn)
     row |= {"widths": base.left, "still": stands_still(known.get(case.kind.place.signal))}
     if excluded(row):
         return row
@@ -178,7 +179,8 @@ def _judged(result: LawsResult, drawn: CleanRecord, case: LawCase, known: dict[s
     if not row["said"] or not row["said"][0]["right"]:
         return row
     assert result.details is not None
-    best, lack = result.details.corrections[0], lack_of(case)
+    best = result.details.corrections[0]
+    lack = lack_of(case)
     from_zero = not lack.change.rest or abs(drawn.truth["memory_0_start"]) < 1e-9
     return row | {
         "covered": band_covers(

@@ -22,10 +22,8 @@ GROUP = 3  # members of a group of which it is of use to be told
 SAID = ("first", "in the group", "large group", "further down", "another", "none", "refused")
 GOOD = SAID[:2]
 NEAR_TRUTH = 1.02  # of the error of the truth on what was held out
-_POINTS, _ENDS = (
-    41,
-    (0.01, 0.99),
-)  # where a band is held against the truth, and quantiles of the signal
+_POINTS = 41  # at which a band is held against the truth
+_ENDS = (0.01, 0.99)  # quantiles of the signal, between which it is
 _STILL = 1e-9  # of its size, within which a signal stands still
 _FEWEST = 4  # points, below which a line goes through all of them
 
@@ -89,10 +87,8 @@ def other_way(
     said: Answer, right: Iterable[Answer], series: Mapping[str, Array], step: float
 ) -> bool:
     """Return whether law and signal are right, but sum and product are confused."""
-    known, turned = (
-        frozenset(right),
-        replace(said, kind="add" if said.kind == "multiply" else "multiply"),
-    )
+    known = frozenset(right)
+    turned = replace(said, kind="add" if said.kind == "multiply" else "multiply")
     return is_right(turned, known, series, step) and not is_right(said, known, series, step)
 
 
@@ -167,7 +163,8 @@ def true_curve(
         None where it is no curve of one signal, or is told in another way.
     """
     wanted = Answer(kind.place.law, kind.place.kind, kind.place.signal, kind.memory)
-    mine, its = counted(said, series, step), counted(wanted, series, step)
+    mine = counted(said, series, step)
+    its = counted(wanted, series, step)
     if curve is None or said.kind != wanted.kind or mine is None or its is None:
         return None
     slope, offset = np.polyfit(mine, its, 1) if not np.array_equal(mine, its) else (1.0, 0.0)

@@ -1,4 +1,4 @@
-"""What is said of laws where nothing is hidden, and of the emulated rig with the catalogue off."""
+"""Laws that are named where nothing is hidden, and for the emulated rig without the catalogue."""
 
 from __future__ import annotations
 
@@ -18,12 +18,10 @@ from studies.judging.laws_report import words
 
 Progress = Callable[[str], None]
 _DURATION = 300.0  # s, of a record of the rig
-_FILMS, _CHAIN = (
-    "film_voltage, capacitor_voltage",
-    (
-        "charge_elongation, creep, spring_elongation, chain_elongation, displacement,"
-        " mechanical_displacement, electrochemical_displacement"
-    ),
+_FILMS = "film_voltage, capacitor_voltage"
+_CHAIN = (
+    "charge_elongation, creep, spring_elongation, chain_elongation, displacement,"
+    " mechanical_displacement, electrochemical_displacement"
 )
 _CHARGE = "charge, film_voltage, capacitor_voltage, charge_elongation, electrochemical_displacement"
 _FORCE = "force, load, flow_force, maxwell_rate"

@@ -98,7 +98,8 @@ def _table(rows: Sequence[Row], axis: str) -> Table:
     table = []
     for name, these in grouped(rows, axis).items():
         said = Counter(named(row) for row in these)
-        sure, wrong = sum(map(confirmed, these)), sum(map(wrongly_confirmed, these))
+        sure = sum(map(confirmed, these))
+        wrong = sum(map(wrongly_confirmed, these))
         naive = sum(row["naive_right"] for row in these)
         good = sum(map(as_good, these))
         way = sum(bool(row.get("another_way")) for row in these)

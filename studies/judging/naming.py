@@ -97,10 +97,8 @@ def cases(seeds: int, first: int = 1) -> Iterator[Case]:
     for seed in range(first, first + seeds):
         for colour in (0.0, 0.9):
             for strength in (1.0, 0.3):
-                group, options = (
-                    f"strength {strength:g}, φ = {colour:g}",
-                    {"strength": strength, "noise_colour": colour},
-                )
+                group = f"strength {strength:g}, φ = {colour:g}"
+                options = {"strength": strength, "noise_colour": colour}
                 yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
             for k in range(50):
                 yield Case(f"clean, φ = {colour:g}", (), 50 * seed + k, {"noise_colour": colour})
@@ -244,7 +242,8 @@ def run(
 ) -> list[dict[str, Any]]:
     """Judge all cases that are not in the folder yet, side by side."""
     folder.mkdir(parents=True, exist_ok=True)
-    todo, rows = [], []
+    todo = []
+    rows = []
     for case in wanted:
         file = folder / f"{hashlib.sha256(repr(case).encode()).hexdigest()[:24]}.json"
         if file.exists():

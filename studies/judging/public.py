@@ -68,7 +68,7 @@ class Question:
 
     @property
     def known(self) -> dict[str, Any]:
-        """What a diagnosis is told."""
+        """Settings and mapping of columns for the diagnosis."""
         return {"settings": dict(self.settings), "mapping": dict(self.mapping)}
 
     def absent(self) -> str:
@@ -164,13 +164,12 @@ class _Trial:
         import orchestration as ppy
         from fmus.kit.record import CompiledModel
 
-        self._model, self._settings, self._linear = (
-            CompiledModel(cls),
-            dict(question.settings),
-            linear,
-        )
+        self._model = CompiledModel(cls)
+        self._settings = dict(question.settings)
+        self._linear = linear
         layout = cls.layout
-        self._inputs, outputs = [v.name for v in layout.inputs], [v.name for v in layout.outputs]
+        self._inputs = [v.name for v in layout.inputs]
+        outputs = [v.name for v in layout.outputs]
         self._starts = {p.name: p for p in layout.parameters if p.starts}
         paths = [question.record, *([question.holdout] if question.holdout else [])]
         self._records = [
@@ -206,7 +205,8 @@ class _Trial:
 
         States start as fits it best.
         """
-        which, at = len(self._records) - 1, dict(values)
+        which = len(self._records) - 1
+        at = dict(values)
         if which:
             free = {n: values[n] for n in self._starts if n in values}
             sizes = {n: max(abs(v), 1.0) for n, v in free.items()}

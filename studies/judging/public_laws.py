@@ -38,11 +38,9 @@ CODE = (
 )
 _EXAMPLES = ROOT / "examples"
 _ROWS = 5  # of the map
-_ARROW, _MULTISINE, _FITTED = (
-    40_000,
-    49_000,
-    8192,
-)  # samples: the end of one, the beginning of the other, how many
+_ARROW = 40_000  # samples: its end
+_MULTISINE = 49_000  # samples: its beginning
+_FITTED = 8192  # samples
 _NONE = "–"
 _HEAD = (
     "# What the laws of four measured systems lack\n"
@@ -229,10 +227,8 @@ def section(system: System, result: LawsResult, seconds: float, pictures: Path) 
     if result.law_map:
         parts.append(_figures(result))
     details = result.details
-    rows, looked_at = (
-        result.diagnosis.details.diagnosis.estimation.time.size,
-        len(details.entries) if details else 0,
-    )
+    rows = result.diagnosis.details.diagnosis.estimation.time.size
+    looked_at = len(details.entries) if details else 0
     parts.append(
         f"{rows:,} samples were fitted and {looked_at:,} entries of the map told anything;"
         f" {seconds:.0f} s."
@@ -242,10 +238,8 @@ def section(system: System, result: LawsResult, seconds: float, pictures: Path) 
 
 def _agreement(system: System, result: LawsResult) -> str:
     """Return whether an answer agrees with what is known."""
-    wanted, best = (
-        f"`{system.laws[0]}` over `{system.signals[0]}`",
-        next(iter(result.law_map), None),
-    )
+    wanted = f"`{system.laws[0]}` over `{system.signals[0]}`"
+    best = next(iter(result.law_map), None)
     if best is not None and system.is_right(
         best["law"], best["signal"], best["memory"], best["kind"]
     ):
@@ -288,7 +282,8 @@ def _figures(result: LawsResult) -> str:
     """Return shape, parameters, errors on unseen data, and what these mean for a correction."""
     from orchestration.discrepancy.report.laws.wording import format_percent, unseen_data_outcome
 
-    best, correction = result.law_map[0], result.details.corrections[0]  # type: ignore[union-attr]
+    best = result.law_map[0]  # type: ignore[union-attr]
+    correction = result.details.corrections[0]  # type: ignore[union-attr]
     before, after = correction.errors
     nearest = ", ".join(f"{name} {more:+,.0f}" for name, more in correction.shapes)
     rows = {

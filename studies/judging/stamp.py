@@ -79,7 +79,8 @@ def _modules(path: Path) -> list[Path]:
 
 def _with_imported(files: set[Path]) -> set[Path]:
     """Return files, and what of this project they import, and what that imports."""
-    known, new = set(files), set(files)
+    known = set(files)
+    new = set(files)
     while new:
         # what a study itself imports only hands records over
         ours = [

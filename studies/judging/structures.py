@@ -43,11 +43,12 @@ PRINTED = {
     "SS": (92.8, 86.4, -9.7),
     "BJ": (94.3, 90.1, -9.5),
 }
-STEP, SAMPLES, SEEDS = 0.1, 6000, 6  # s, ten minutes, pairs of records
-LEVELS, DWELL = (
-    (0.5, 1.0, 1.5, 2.0, 2.75),
-    (15.0, 45.0),
-)  # N and s, as the experiment fig_3_12 has them
+STEP = 0.1  # s
+SAMPLES = 6000  # ten minutes
+SEEDS = 6  # pairs of records
+# as the experiment fig_3_12 has them
+LEVELS = (0.5, 1.0, 1.5, 2.0, 2.75)  # N
+DWELL = (15.0, 45.0)  # s
 # In mm and as a one-step correlation: what OE leaves is the disturbance, exp(-7.6 / 2), and what BJ
 # leaves its innovation, exp(-9.5 / 2).
 RMS = float(np.exp(0.5 * PRINTED["OE"][2]))
@@ -59,7 +60,7 @@ Figures = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Case:
-    """What the thesis does not print.
+    """Choices in the recomputation that the thesis does not print.
 
     Attributes
     ----------
@@ -88,7 +89,8 @@ CASES = [Case(*case) for case in product(("as measured", "trend removed"), (0.0,
 def record(case: Case, seed: int, older: bool = False) -> InputOutputData:
     """Draw a record: current in A, force in N, displacement in mm."""
     time = STEP * np.arange(SAMPLES)
-    current, force = square_wave(time, 0.9, 0.1), multilevel(time, LEVELS, DWELL, seed)
+    current = square_wave(time, 0.9, 0.1)
+    force = multilevel(time, LEVELS, DWELL, seed)
     nominal = RigParameters()
     changed = (
         {name: getattr(nominal, name) * factor for name, factor in OLDER.items()} if older else {}
@@ -96,12 +98,11 @@ def record(case: Case, seed: int, older: bool = False) -> InputOutputData:
     rig = EmulatedRig(
         replace(nominal, **changed), seed, displacement_noise=1e-3 * RMS, noise_colour=case.memory
     )
-    inputs, output = (
-        np.column_stack([current, force]),
-        1e3 * rig.run(time, current, force)["displacement"],
-    )
+    inputs = np.column_stack([current, force])
+    output = 1e3 * rig.run(time, current, force)["displacement"]
     if case.trend == "trend removed":
-        inputs, output = inputs - inputs.mean(axis=0), np.asarray(detrend(output))
+        inputs = inputs - inputs.mean(axis=0)
+        output = np.asarray(detrend(output))
     return input_output_data(inputs, output, STEP, ("current", "force"), "displacement")
 
 

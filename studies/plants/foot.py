@@ -34,7 +34,8 @@ _OF_OTHER_OUTPUTS = "k_an k_po k_do k_pl b_an b_po b_do b_pl"
 
 def points(angles: Sequence[float]) -> list[complex]:
     """Return ankle, arch, toe joint and toe."""
-    at, direction = [0j], 0.0
+    at = [0j]
+    direction = 0.0
     for link, bend, angle in zip(_LINKS, _BENDS, angles, strict=True):
         direction += bend + angle
         at.append(at[-1] + link * exp(1j * direction))
@@ -66,7 +67,8 @@ def turning(angles: Sequence[float], po: float, pl: float, forward: float) -> li
 
 def moving(x: Sequence[float], torques: Sequence[float], p: Values) -> list[float]:
     """Return derivatives of angles and rates: driving less resisting torque, over the inertia."""
-    angles, speeds = x[:3], x[3:6]
+    angles = x[:3]
+    speeds = x[3:6]
     held = 0.0, p["tm_stiffness"] * angles[1], 0.0
     joints = zip(("ankle", "tm", "mtp"), torques, held, angles, speeds, _LIMITS, strict=True)
     return [
@@ -115,7 +117,9 @@ class Foot(Plant):
         "toe_force_y": Range("N", 2.0, 0.1),
     }
     outputs = {"ankle_angle": "rad", "tm_angle": "rad", "mtp_angle": "rad", "po_length_change": "m"}
-    rate, duration, period = 100.0, 10.0, 0.3
+    rate = 100.0
+    duration = 10.0
+    period = 0.3
     timings = ("usual",)
     shown_by = ("ankle_angle", "tm_angle", "mtp_angle", "po_length_change")
     linear = False

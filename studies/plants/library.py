@@ -51,7 +51,9 @@ class Actuator(Plant):
     inputs = {"current": Range("A", 0.0, 1.0), "force": Range("N", 1.5, 1.0)}
     outputs = {"voltage": "V", "displacement": "m"}
     shown_by = ("voltage", "displacement")
-    rate, duration, period = 10.0, 300.0, 5.0
+    rate = 10.0
+    duration = 300.0
+    period = 5.0
     coarsest = 0.1
     loops = {
         "voltage": _VOLTAGE_LOOP,
@@ -116,7 +118,9 @@ class ActuatorByLength(Plant):
     inputs = {"current": Range("A", 0.0, 0.3), "length_change": Range("m", 1.5e-3, 2e-4)}
     outputs = {"voltage": "V", "tension": "N"}
     shown_by = ("voltage", "tension")
-    rate, duration, period = 10.0, 240.0, 5.0
+    rate = 10.0
+    duration = 240.0
+    period = 5.0
     timings = ("usual", "one minute")
     loops = {"voltage": Loop("voltage", "current", 0.4, 0.4, 0.2)}
 
@@ -150,7 +154,9 @@ class Galvanostat(Plant):
     outputs = {"current": "A"}
     shown_by = ("lagged_current",)
     settings = {"response_time": 0.3}
-    rate, duration, period = 20.0, 100.0, 1.5
+    rate = 20.0
+    duration = 100.0
+    period = 1.5
     timings = ("usual", "one minute")
 
     def evaluate(self, x: list[float], u: list[float], p: Values) -> Signals:
@@ -190,8 +196,11 @@ class VoiceCoil(Plant):
     outputs = {"coil_current": "A", "position_measured": "m"}
     shown_by = ("coil_current", "position_filtered")
     settings = {"controller_on": 0.0, "m": 0.3}
-    continuous, sampled = ("tension",), ("force_reference",)
-    rate, duration, period = 500.0, 8.0, 0.1
+    continuous = ("tension",)
+    sampled = ("force_reference",)
+    rate = 500.0
+    duration = 8.0
+    period = 0.1
     timings = ("usual",)
     coarsest = 2e-4
     aliases = {
@@ -244,7 +253,9 @@ class Motor(Plant):
     inputs = {"voltage": Range("V", 0.0, 10.0), "load": Range("N*m", 0.0, 0.05)}
     outputs = {"current": "A", "speed": "rad/s"}
     shown_by = ("winding_current", "omega")
-    rate, duration, period = 50.0, 60.0, 0.6
+    rate = 50.0
+    duration = 60.0
+    period = 0.6
     timings = ("usual", "one minute", "long")
     loops = {"speed": Loop("speed", "voltage", 0.05, 0.2, 80.0)}
     aliases = {"friction": "friction + omega"}
@@ -278,7 +289,9 @@ class Pendulum(Plant):
     inputs = {"torque": Range("N*m", 0.0, 1.2)}
     outputs = {"position": "rad"}
     shown_by = ("angle",)
-    rate, duration, period = 20.0, 60.0, 1.5
+    rate = 20.0
+    duration = 60.0
+    period = 1.5
     timings = ("usual", "one minute")
     loops = {"position": Loop("position", "torque", 0.0, 0.8, 0.3)}
     linear = False
@@ -312,7 +325,9 @@ class ThermalNodes(Plant):
     inputs = {"power": Range("W", 8.0, 6.0), "ambient": Range("K", 293.0, 3.0)}
     outputs = {"inner_temperature": "K", "outer_temperature": "K"}
     shown_by = ("inner", "outer")
-    rate, duration, period = 1.0, 3000.0, 60.0
+    rate = 1.0
+    duration = 3000.0
+    period = 60.0
     timings = ("usual", "long")
     loops = {"temperature": Loop("inner_temperature", "power", 0.5, 0.01, 5.0)}
     coarsest = 0.5
@@ -361,7 +376,9 @@ class Cell(Plant):
     inputs = {"current": Range("A", 0.0, 2.0)}
     outputs = {"voltage": "V"}
     shown_by = ("voltage",)
-    rate, duration, period = 2.0, 600.0, 15.0
+    rate = 2.0
+    duration = 600.0
+    period = 15.0
     loops = {"voltage": Loop("voltage", "current", 0.0, -5.0, 0.05)}
     coarsest = 0.25
     aliases = {"drop": "drop + current"}

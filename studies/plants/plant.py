@@ -113,12 +113,12 @@ class Plant:
 
     @property
     def changes(self) -> Mapping[str, tuple[Change, slice]]:
-        """What is hidden, by place; empty in a clean plant."""
+        """Hidden changes by place; empty in a clean plant."""
         return self.hidden or {}
 
     @cached_property
     def places(self) -> dict[str, list[tuple[Place, str]]]:
-        """What is hidden, by law."""
+        """Places of hidden changes by law."""
         by_law: dict[str, list[tuple[Place, str]]] = {}
         for text in self.changes:
             if text in self.outputs:  # a sensor, behind all laws

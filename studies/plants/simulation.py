@@ -18,7 +18,7 @@ FINEST = 0.01  # s, longest step of what is not linear, where records are drawn
 
 
 class Dynamics(Protocol):
-    """What a plant says of itself."""
+    """The equations of a plant, as the simulation needs them."""
 
     @property
     def finest(self) -> float:
@@ -53,7 +53,8 @@ def transition(a: Array, b: Array, step: float) -> tuple[Array, Array, Array]:
     """
     n, m = b.shape
     block = np.zeros((n + 2 * m, n + 2 * m))
-    block[:n, :n], block[:n, n : n + m] = a * step, b * step
+    block[:n, :n] = a * step
+    block[:n, n : n + m] = b * step
     block[n : n + m, n + m :] = np.eye(m)
     whole = expm(block)
     return whole[:n, :n], whole[:n, n : n + m], whole[:n, n + m :]

@@ -16,12 +16,25 @@ import numpy as np
 FOLDER = Path(__file__).parents[2] / "fmus" / "degradation_estimator" / "reference"
 
 NAME = "degradation_estimator"
-STEP, STOP = 0.1, 150.0
-R1, LATER, R2, C = 0.43, 0.90, 2.35, 2.70  # ohm, ohm, ohm, F
+STEP = 0.1
+STOP = 150.0
+R1 = 0.43  # ohm
+LATER = 0.90  # ohm
+R2 = 2.35  # ohm
+C = 2.70  # F
 JUMP = 125.0  # s
-WEIGHT, AGE, COVARIANCE = 0.1, 600.0, 1e4
-LEAST_SQUARES, FOLLOWING, SETTLING, REVERSALS = 60.0, 30.0, 120.0, 6  # s, s, s, 1
-FREQUENCY, LIMIT, VOLTAGE_STEP, IMPEDANCE_STEP, LOWEST = 0.628, 1.5, 0.05, 0.05, 0.5
+WEIGHT = 0.1
+AGE = 600.0
+COVARIANCE = 1e4
+LEAST_SQUARES = 60.0  # s
+FOLLOWING = 30.0  # s
+SETTLING = 120.0  # s
+REVERSALS = 6
+FREQUENCY = 0.628
+LIMIT = 1.5
+VOLTAGE_STEP = 0.05
+IMPEDANCE_STEP = 0.05
+LOWEST = 0.5
 OUTPUTS = ("R1", "R2", "C", "estimate_valid", "impedance", "impedance_change", "voltage_limit")
 
 
@@ -29,7 +42,8 @@ def record() -> tuple[np.ndarray, np.ndarray]:
     """+-0.9 A at 0.2 Hz (fig. 3-4) and the voltage it causes, read to 5 mV."""
     time = np.arange(round(STOP / STEP)) * STEP
     current = np.where(np.arange(time.size) % 50 < 25, 0.9, -0.9)
-    charge, voltage = 0.0, np.empty_like(time)
+    charge = 0.0
+    voltage = np.empty_like(time)
     for k, (t, i) in enumerate(zip(time, current, strict=True)):
         r1 = R1 if t < JUMP else LATER
         end = R2 * C * i
@@ -41,7 +55,9 @@ def record() -> tuple[np.ndarray, np.ndarray]:
 def circuit(theta: np.ndarray) -> tuple[float, float, float]:
     """R1, R2 and C by steady state, first instant and decay of the response to a held current."""
     b0, b1, a = theta
-    steady, first, tau = (b0 + b1) / (1 + a), b0, STEP / -np.log(-a)
+    steady = (b0 + b1) / (1 + a)
+    first = b0
+    tau = STEP / -np.log(-a)
     r1 = 1 / (1 / first - 1 / steady)  # at first R1 and R2 are in parallel
     return r1, steady, tau / (r1 + steady)
 
@@ -58,7 +74,9 @@ def estimates(current: np.ndarray, voltage: np.ndarray) -> Iterator[np.ndarray]:
     matrix = np.eye(3) / COVARIANCE
     vector = np.zeros(3)
     auxiliary = np.zeros(3)
-    i_filtered, v_filtered, model = current[0], voltage[0], 0.0
+    i_filtered = current[0]
+    v_filtered = voltage[0]
+    model = 0.0
     for k in range(1, len(current)):
         pole = -auxiliary[2]
         i_now = current[k] + pole * i_filtered
@@ -73,7 +91,8 @@ def estimates(current: np.ndarray, voltage: np.ndarray) -> Iterator[np.ndarray]:
         vector = forgetting * vector + instrument * (v_now if late else voltage[k])
         theta = np.linalg.solve(matrix, vector)
         model = auxiliary[0] * i_now + auxiliary[1] * i_filtered + pole * model
-        i_filtered, v_filtered = i_now, v_now
+        i_filtered = i_now
+        v_filtered = v_now
         share = 1 - np.exp(-STEP / FOLLOWING) if late else 1.0
         auxiliary = auxiliary + share * (theta - auxiliary)
         yield theta
@@ -81,7 +100,8 @@ def estimates(current: np.ndarray, voltage: np.ndarray) -> Iterator[np.ndarray]:
 
 def solve(current: np.ndarray, voltage: np.ndarray) -> list[list[float]]:
     """Return outputs at every communication point; a sample shows at the one after it."""
-    reference, steps = 0.0, 0.0
+    reference = 0.0
+    steps = 0.0
     rows = [[0.0] * 6 + [LIMIT]] * 2  # nothing is known before there are two samples
     for k, theta in enumerate(estimates(current, voltage), 1):
         b0, b1, a = theta

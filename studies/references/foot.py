@@ -19,14 +19,19 @@ from scipy.integrate import solve_ivp
 
 FOLDER = Path(__file__).parents[2] / "fmus" / "foot" / "reference"
 
-STEP, STOP = 0.01, 1.0
+STEP = 0.01
+STOP = 1.0
 LINKS = (0.0508, 0.0625, 0.0236)
 BETA = np.radians([49.0, 30.9, 10.1])
-STIFFNESS, DAMPING, ARCH = 9100.0, 1.7e6, 100.0
+STIFFNESS = 9100.0
+DAMPING = 1.7e6
+ARCH = 100.0
 REFERENCE = np.array([0.0975, 0.0932, 0.1133, 0.1392])
 INERTIA = np.array([1e-3, 5e-4, 2e-5])
 FRICTION = np.array([0.02, 0.2, 1e-3])
-LOWER, UPPER, STOP_FREQUENCY = np.array([-0.7, -0.26, -0.15]), np.array([0.7, 0.26, 1.05]), 200.0
+LOWER = np.array([-0.7, -0.26, -0.15])
+UPPER = np.array([0.7, 0.26, 1.05])
+STOP_FREQUENCY = 200.0
 LOADS = ("an_tension", "po_tension", "do_tension", "pl_tension", "toe_force_x", "toe_force_y")
 POSTURE = ("ankle_angle", "tm_angle", "mtp_angle", "ankle_rate", "tm_rate", "mtp_rate")
 OUTPUTS = (
@@ -101,7 +106,8 @@ def actuators(ankle: float, mtp: float) -> tuple[np.ndarray, np.ndarray]:
 
 def toe(posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Position of the toe and its 2 by 3 Jacobian: each joint turns what lies beyond it."""
-    turned, points = np.eye(2), [np.zeros(2)]
+    turned = np.eye(2)
+    points = [np.zeros(2)]
     for beta, angle, link in zip(BETA, posture, LINKS, strict=True):
         turned = turned @ rotation(beta + angle)
         points.append(points[-1] + turned @ np.array([link, 0.0]))
@@ -182,7 +188,8 @@ def follow(
 ) -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; just before and just after a jump both appear."""
     state, held = np.zeros(6), stimulus(0.0)
-    inputs, results = [[0.0, *held]], [[0.0, *row(state, held)]]
+    inputs = [[0.0, *held]]
+    results = [[0.0, *row(state, held)]]
     for k in range(1, round(STOP / STEP) + 1):
         time = round(k * STEP, 9)
         state = move(state, held) if moving else state

@@ -10,10 +10,14 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parents[2] / "fmus" / "galvanostat" / "reference"
 
-LIMIT, COMPLIANCE = 1.3, 15.0
-RECOVERY, PERIOD = 50, 0.01  # protection periods, seconds
-STEP, STOP = 0.025, 20.0  # two and a half protection periods
-INPUTS, OUTPUTS = "current_command,voltage,voltage_limit", "current,saturated,recovering"
+LIMIT = 1.3
+COMPLIANCE = 15.0
+RECOVERY = 50  # protection periods
+PERIOD = 0.01  # s
+STEP = 0.025  # s, two and a half protection periods
+STOP = 20.0  # s
+INPUTS = "current_command,voltage,voltage_limit"
+OUTPUTS = "current,saturated,recovering"
 
 
 def stimulus(time: float) -> tuple[float, float, float]:
@@ -44,9 +48,12 @@ def instrument(
 
 def solve() -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
-    waiting, share, sampled = 0, 1.0, 0.0
+    waiting = 0
+    share = 1.0
+    sampled = 0.0
     held: tuple[float, ...] | None = None
-    inputs, outputs = [], []
+    inputs = []
+    outputs = []
     taken = 0
     for k in range(round(STOP / STEP) + 1):
         time = round(k * STEP, 9)

@@ -12,9 +12,16 @@ from scipy.linalg import expm
 
 FOLDER = Path(__file__).parents[2] / "fmus" / "ppy_actuator" / "reference"
 
-R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
-K1, B1, K2, B2 = 6300.0, 1.7e6, 1.0e4, 2.0e6
-STEP, STOP = 0.1, 60.0
+R1 = 0.43
+R2 = 2.35
+C = 2.70
+ALPHA = 6.8e-5
+K1 = 6300.0
+B1 = 1.7e6
+K2 = 1.0e4
+B2 = 2.0e6
+STEP = 0.1
+STOP = 60.0
 HEADER = {
     "ppy_actuator": (
         "current,force",
@@ -57,7 +64,8 @@ def solve(
     """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
     step = expm(np.block([[a, b], [np.zeros((2, 5))]]) * STEP)
     state = np.zeros(3)
-    inputs, outputs = [], []
+    inputs = []
+    outputs = []
     held = None
     for k in range(round(STOP / STEP) + 1):
         time = round(k * STEP, 9)

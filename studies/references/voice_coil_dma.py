@@ -13,11 +13,19 @@ from scipy.linalg import expm
 
 FOLDER = Path(__file__).parents[2] / "fmus" / "voice_coil_dma" / "reference"
 
-R, L, K, M, B = 3.0, 1e-3, 3.9, 0.03, 6.0
+R = 3.0
+L = 1e-3
+K = 3.9
+M = 0.03
+B = 6.0
 CORNER = 2 * np.pi * 100.0
-B0, B1, LOW, HIGH = 0.66, -0.06, 0.0, 10.0
+B0 = 0.66
+B1 = -0.06
+LOW = 0.0
+HIGH = 10.0
 SPRING = 500.0  # N/m; held over a communication step, a stiffer one would not be stable
-STEP, STOP = 0.01, 3.0
+STEP = 0.01
+STOP = 3.0
 NAME = "voice_coil_dma"
 # states: current, position, velocity, filtered force, filtered position; inputs: voltage, tension
 A = np.array(
@@ -44,7 +52,10 @@ def stimulus(index: int, position: float) -> tuple[float, float]:
 
 def solve() -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
-    state, command, previous, sample = np.zeros(5), 0.0, 0.0, 0
+    state = np.zeros(5)
+    command = 0.0
+    previous = 0.0
+    sample = 0
     propagators: dict[float, np.ndarray] = {}
 
     def flow(duration: float, tension: float) -> np.ndarray:
@@ -53,13 +64,13 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
             propagators[key] = expm(np.block([[A, U], [np.zeros((2, 7))]]) * key)[:5]
         return np.asarray(propagators[key] @ np.concatenate([state, [command, tension]]))
 
-    inputs, outputs, held = [], [], None
+    inputs = []
+    outputs = []
+    held = None
     count = round(STOP / STEP)
     for k in range(count + 1):
-        now, row = (
-            stimulus(k, state[1]),
-            [k * STEP, state[1], state[2], state[0], command, state[3], state[4]],
-        )
+        now = stimulus(k, state[1])
+        row = [k * STEP, state[1], state[2], state[0], command, state[3], state[4]]
         if held != now:
             if held is not None:
                 inputs.append([k * STEP, *held])
@@ -74,9 +85,11 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
             if at == 10 * sample:
                 error = now[0] - state[3]
                 command = min(max(command + B0 * error + B1 * previous, LOW), HIGH)
-                previous, sample = error, sample + 1
+                previous = error
+                sample = sample + 1
             until = min(3 * (k + 1), 10 * sample)
-            state, at = flow((until - at) / 300, now[1]), until
+            state = flow((until - at) / 300, now[1])
+            at = until
     inputs.append([STOP, *stimulus(count, state[1])])
     return inputs, outputs
 

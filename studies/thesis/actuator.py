@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MODEL = {p.name: float(p.start) for p in PpyActuator.layout.parameters}
 CURRENT_LIMIT = float(Galvanostat().current_limit)
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -99,7 +101,8 @@ def _speed() -> Iterator[Entry]:
         "section 1.2", "strain rate of the 12-layer actuator", "0.5", rate, "%/s", about, erratum=30
     )
     yield speed
-    alpha, used = 1e3 * MODEL["alpha"], 5.0  # mm/C
+    alpha = 1e3 * MODEL["alpha"]  # mm/C
+    used = 5.0  # mm/C
     ratio = Claim(
         "section 5.4.2",
         "how often 5 mm/C holds the alpha of fig. 3-10",
@@ -164,7 +167,11 @@ def _equations() -> Iterator[Entry]:
 
 
 def _scripts() -> Iterator[Entry]:
-    k2, b2, k1, b1 = 3190.0, 0.76, 1.0, 0.02  # appendix A2, first program
+    # appendix A2, first program
+    k2 = 3190.0
+    b2 = 0.76
+    k1 = 1.0
+    b1 = 0.02
     s = 1j * np.logspace(-2, 4, 50)
     program = (b1 * b2 * s**2 + (k2 * b2 + k1 * b2 + k2 * b1) * s + k1 * k2) / (
         b1 * b2 * k2 * s**2 + k1 * k2 * b2 * s
@@ -193,7 +200,9 @@ def _scripts() -> Iterator[Entry]:
         " A4's is eq. 3.7 itself",
         "studies/thesis/test_actuator",
     )
-    r1, r2, c = MODEL["R1"], MODEL["R2"], MODEL["C"]
+    r1 = MODEL["R1"]
+    r2 = MODEL["R2"]
+    c = MODEL["C"]
     share = (r2 - r1 * r2 / (r1 + r2)) / ((r1 + r2) * c)
     start = Claim(
         "appendix A2",
@@ -217,7 +226,8 @@ def _scripts() -> Iterator[Entry]:
 
 
 def _creep() -> Iterator[Entry]:
-    load, plotted = 2.75, "0.4"  # N; mm, as fig. 3-9 plots it
+    load = 2.75  # N
+    plotted = "0.4"  # mm, as fig. 3-9 plots it
     k1 = MODEL["k1"]
     yield Claim(
         "fig. 3-9, section 3.3.1",

@@ -96,10 +96,8 @@ def run(
     error = voltage_noise * np.random.default_rng(seed).standard_normal(time.size)
     inputs = {"current_command": command}
     if voltage_noise:
-        system, inputs = (
-            library.with_voltmeter(system, "actuator.voltage"),
-            inputs | {"voltage_error": error},
-        )
+        system = library.with_voltmeter(system, "actuator.voltage")
+        inputs = inputs | {"voltage_error": error}
     life = master.run(system, time, inputs, method="jacobi", record=_READ, progress=progress)
     if not life.complete:
         raise KeyboardInterrupt

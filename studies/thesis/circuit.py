@@ -51,7 +51,8 @@ def response(current: ArrayLike, r1: ArrayLike = CIRCUIT[0], period: float = PER
     i = np.asarray(current, dtype=float)
     resistance = np.broadcast_to(np.asarray(r1, dtype=float), i.shape)
     _, r2, c = CIRCUIT
-    charge, voltage = 0.0, np.empty_like(i)
+    charge = 0.0
+    voltage = np.empty_like(i)
     for k, (r, now) in enumerate(zip(resistance.tolist(), i.tolist(), strict=True)):
         voltage[k] = r2 * (r * now + charge / c) / (r + r2)
         charge = r2 * c * now + (charge - r2 * c * now) * exp(-period / ((r + r2) * c))

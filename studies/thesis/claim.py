@@ -1,4 +1,4 @@
-"""What a chapter yields: claims, each a printed figure beside the recomputed one; errata; figures.
+"""The yield of a chapter: claims (a printed figure beside the recomputed one), errata, figures.
 
 A claim holds if the recomputed value rounds to the printed one. The tolerance is thus the printed
 digits and no choice. Most claims are figures or statements that the thesis prints. Some are
@@ -90,7 +90,7 @@ class Claim:
 
     @property
     def agrees(self) -> bool:
-        """Whether the recomputed value would have been printed so."""
+        """True if the recomputed value would have been printed so."""
         if isinstance(self.reproduced, str):
             return self.reproduced == self.published
         low, high = self.printed_range
@@ -113,7 +113,7 @@ class Claim:
 
     @property
     def holds(self) -> bool:
-        """Whether the printed figure can stand."""
+        """True if the printed figure can stand."""
         return self.verdict in ("holds", "within rounding")
 
     @property

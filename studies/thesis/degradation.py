@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _WINDOW = 1000  # samples
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -77,7 +79,8 @@ def _record() -> Iterator[Entry]:
 
 
 def _windows() -> Iterator[Entry]:
-    count, rise = 10, 0.5
+    count = 10
+    rise = 0.5
     time = PERIOD * np.arange(count * _WINDOW + 1)
     current = square_wave(time, 1.3, 0.1)
     r1 = CIRCUIT[0] * (1.0 + rise * time / time[-1])

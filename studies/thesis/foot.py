@@ -40,7 +40,9 @@ TABLE = {
     "gamma_an": ("6.1", 6.126),
     "gamma_do": ("15.1", 15.064),
 }
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -56,7 +58,8 @@ def entries() -> Iterator[Entry]:
 def _motor() -> Iterator[Entry]:
     import control
 
-    driven, muscle = DcMotor(), Maxwell()
+    driven = DcMotor()
+    muscle = Maxwell()
     integrators = int(np.sum(np.abs(control.poles(driven.transfer_function())) < 1e-9))
     yield Claim("eq. 5.1", "free integrators of the motor", "1", float(integrators), inferred=True)
     lasting = float(abs(muscle.stiffness(0.0)))
@@ -124,13 +127,15 @@ def consistent() -> tuple[Array, Array]:
 
     Antagonists are in parallel.
     """
-    foot, pairs = Foot(), ((0, 0), (0, 1), (1, 0), (1, 1))
+    foot = Foot()
+    pairs = ((0, 0), (0, 1), (1, 0), (1, 1))
     compliance = np.reshape([foot.compliance(*p) for p in pairs], (2, 2)) * 1e3
     return compliance, np.reshape([foot.damping(*p) for p in pairs], (2, 2)) * 1e-3
 
 
 def _matrices() -> Iterator[Entry]:
-    program, (compliance, damping) = printed(), consistent()
+    program = printed()
+    compliance, damping = consistent()
     for equation, name, unit, texts, values, right in (
         ("eq. 5.11", "C", "mm/N", ("1081", "9.6", "7.3"), program.compliance, compliance),
         ("eq. 5.12", "D", "N*s/mm", ("1.7e7", "1.5e5", "1.1e5"), program.damping, damping),
@@ -148,7 +153,8 @@ def _matrices() -> Iterator[Entry]:
                 f"{number(right[row, column])} {unit}",
                 12,
             )
-    c, d = program.compliance, program.damping
+    c = program.compliance
+    d = program.damping
     in_mm = printed(MILLIMETRES_PER_INCH).compliance[0, 0]
     foot_length = sum(TABLE[symbol][1] for symbol in ("l_1", "l_2", "l_3")) * MILLIMETRES_PER_INCH
     yield Erratum(
@@ -177,7 +183,8 @@ def _matrices() -> Iterator[Entry]:
 
 def _shape_of_matrices() -> Iterator[Entry]:
     """Yield relations of the printed matrices to each other, and to lengths."""
-    c, d = printed().compliance, printed().damping
+    c = printed().compliance
+    d = printed().damping
     damping = consistent()[1]
     larger = "y" if d[1, 1] > d[0, 0] else "x"
     yield Claim(

@@ -22,8 +22,11 @@ _A1 = {"gain": 15.0, "zero_time": 0.002}  # controller of appendix A1
 _A1_CUTOFF = _DMA["force_cutoff"]
 _NYQUIST = 0.5 / analysis.SAMPLE_PERIOD
 _SIMPLE: dict[str, Any] = {"period": None, "cutoff": None}  # the loop without hold and filter
-_PRINTED_PHASE, _PRINTED_CROSSOVER = "107", "6.2"  # deg, Hz
-_OLD, _NEW, _GREY = pictures.FITTED, pictures.MODEL, pictures.MEASURED
+_PRINTED_PHASE = "107"  # deg
+_PRINTED_CROSSOVER = "6.2"  # Hz
+_OLD = pictures.FITTED
+_NEW = pictures.MODEL
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -52,10 +55,8 @@ def static_stiffness() -> float:
 
 def _plant() -> Iterator[Entry]:
     frequency = 10.0  # Hz
-    program, equation = (
-        abs(program_plant(2j * pi * frequency)),
-        abs(analysis.plant()(2j * pi * frequency)),
-    )
+    program = abs(program_plant(2j * pi * frequency))
+    equation = abs(analysis.plant()(2j * pi * frequency))
     yield Claim(
         "appendix A1 against eq. 2.1",
         f"gain of the plant at {frequency:g} Hz",
@@ -98,7 +99,8 @@ def _plant() -> Iterator[Entry]:
 
 
 def _controller() -> Iterator[Entry]:
-    held, a1 = analysis.discrete_coefficients(18.0, 0.02), analysis.discrete_coefficients(**_A1)
+    held = analysis.discrete_coefficients(18.0, 0.02)
+    a1 = analysis.discrete_coefficients(**_A1)
     printed = ("0.66", "-0.06")
     about = "Tustin's rule at 30 Hz for 18 (0.02 s + 1)/s"
     for text, now, program, name in zip(printed, held, a1, ("E(t)", "E(t-1)"), strict=True):

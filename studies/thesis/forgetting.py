@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -55,7 +57,8 @@ def recursive(
     ndarray, shape (n - 1, 3)
         b0, b1 and a after each sample.
     """
-    theta, p = np.zeros(3), covariance * np.eye(3)
+    theta = np.zeros(3)
+    p = covariance * np.eye(3)
     estimates = []
     for t in range(1, len(current)):
         phi = np.array([current[t], current[t - 1], -voltage[t - 1]])
@@ -118,10 +121,13 @@ def forgetting_factor(weight: float, sample: float, time: float) -> float:
 
 
 def _forgetting() -> Iterator[Entry]:
-    factor, asked = 0.91, 10.0
+    factor = 0.91
+    asked = 10.0
     memory = -PERIOD / log(factor)
     remaining = 100.0 * factor ** (asked / PERIOD)
-    slow, rate, five = 0.985, 15.0, 5.0
+    slow = 0.985
+    rate = 15.0
+    five = 5.0
     remaining_slow = 100.0 * slow ** (five * rate)
     known = Claim(
         "appendix A3",
@@ -142,7 +148,8 @@ def _forgetting() -> Iterator[Entry]:
         f" {five:g} s",
         "components/degradation_estimator/test_model",
     )
-    weight, plotted = 10.0, 1.0  # percent; s, on the axis of the program's plot
+    weight = 10.0  # percent
+    plotted = 1.0  # s, on the axis of the program's plot
     drawn = forgetting_factor(weight, PERIOD, plotted + 1.0)
     right = forgetting_factor(weight, PERIOD, plotted)
     yield Claim(

@@ -102,10 +102,8 @@ def _table_3_1() -> Iterator[Entry]:
             ("standard deviation", DEVIATIONS[column]),
         ):
             law = partial(_moment, column, moment)
-            value, wrong = (
-                law(*map(float, coefficients)),
-                (moment, name) == ("standard deviation", "C"),
-            )
+            value = law(*map(float, coefficients))
+            wrong = (moment, name) == ("standard deviation", "C")
             yield Claim(
                 "table 3-1",
                 f"{moment} of {name}",
@@ -136,7 +134,9 @@ def _table_3_1() -> Iterator[Entry]:
 
 def _sampling() -> Iterator[Entry]:
     b0, b1, a = map(float, SETS[0][:3])
-    (pole,), (zero,) = np.roots([1.0, a]), np.roots([b0, b1])  # eq. 3.10: (b0 z + b1)/(z + a)
+    # eq. 3.10: (b0 z + b1)/(z + a)
+    (pole,) = np.roots([1.0, a])
+    (zero,) = np.roots([b0, b1])
 
     def rate(b0: float, b1: float, a: float, c: float) -> float:
         return (b1 - a * b0) / (c * (b0 + b1) ** 2)  # eq. 3.13
@@ -260,7 +260,8 @@ def _table_3_2() -> Iterator[Entry]:
 
 def _contained(akaike: Mapping[str, float]) -> Iterator[Entry]:
     """ARMAX with C = 1 is ARX, so that its criterion is no larger but for what C costs."""
-    coefficients, samples = 3, 1000
+    coefficients = 3
+    samples = 1000
     most = akaike["ARX"] + 2.0 * coefficients / samples
     yield Claim(
         "table 3-2",

@@ -67,7 +67,8 @@ class DcMotor:
 
     def displacement(self, force: float, time: ArrayLike) -> NDArray[np.float64]:
         """Displacement in m at times in s after a lasting force in N, armature shorted."""
-        t, tau = np.asarray(time, dtype=float), self.time_constant
+        t = np.asarray(time, dtype=float)
+        tau = self.time_constant
         return np.asarray(force / self.damping * (t - tau * (1.0 - np.exp(-t / tau))))
 
     def holding(self, force: float) -> tuple[float, float]:
@@ -122,7 +123,8 @@ def figure() -> Figure:
 
     The motor is that of eq. 5.1.
     """
-    load, time = 2.75, np.logspace(-3, 3, 400)
+    load = 2.75
+    time = np.logspace(-3, 3, 400)
     drawn, (upper, lower) = pictures.panels(2, f"{load:g} N on a DC motor and on an actuator")
     for name, body, color in (
         ("DC motor, shorted", DcMotor(), pictures.FITTED),

@@ -1,4 +1,4 @@
-"""What ``ppy thesis`` shows: the table on the terminal and one page with the figures."""
+"""Output of ``ppy thesis``: the table on the terminal and one page with the figures."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def run(out: Path) -> Path:
             " held against."
         )
         drawings = chapters.illustrations()
-        done, count = 0, sum(map(len, drawings.values()))
+        done = 0
+        count = sum(map(len, drawings.values()))
         with scratch.folder("page") as folder:
             picture = folder / "picture.png"
             for title, claims in by_chapter.items():

@@ -17,7 +17,7 @@ MILLIMETRES_PER_INCH = 25.4
 
 @dataclass(frozen=True)
 class Printed:
-    """What the M-file prints.
+    """The matrices that the M-file prints.
 
     Attributes
     ----------

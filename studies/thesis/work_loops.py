@@ -19,10 +19,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-STIFFNESS, DAMPING, ALPHA = 9.1, 1700.0, 5.0  # N/mm, N s/mm and mm/C of section 5.4.2
-CURRENT, PRINTED_RATE, PROGRAM_RATE = 1.5, 13.0, 4.1 * pi  # A; rad/s as printed and in appendix A4
+# of section 5.4.2
+STIFFNESS = 9.1  # N/mm
+DAMPING = 1700.0  # N s/mm
+ALPHA = 5.0  # mm/C
+CURRENT = 1.5  # A
+PRINTED_RATE = 13.0  # rad/s
+PROGRAM_RATE = 4.1 * pi  # rad/s, in appendix A4
 _TEST = "studies/thesis/test_foot"
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -83,7 +90,8 @@ def _gait() -> Iterator[Entry]:
 
 def _force() -> Iterator[Entry]:
     muscle = Maxwell()
-    k, b = muscle.instantaneous_stiffness, muscle.damping
+    k = muscle.instantaneous_stiffness
+    b = muscle.damping
     yield Claim("appendix A4 against fig. 5-7", "k", f"{STIFFNESS:g}", k * 1e-3, "N/mm")
     yield Claim("appendix A4 against fig. 5-7", "b", f"{DAMPING:g}", b * 1e-3, "N*s/mm")
     frequency = np.logspace(-5, 1, 30)  # Hz
@@ -119,12 +127,15 @@ def work_loop(rate: float, current: float = CURRENT) -> tuple[Array, Array]:
     """
     # eq. 5.17 in time: dF/dt = k (dl/dt - alpha i) - (k/b) F, solved for each sine
     t = np.linspace(0.0, 1.0, 20001)
-    slow, gait_rate = STIFFNESS / DAMPING, 2.0 * pi
+    slow = STIFFNESS / DAMPING
+    gait_rate = 2.0 * pi
 
     def answer(amplitude: float, omega: float, cosine: bool) -> Array:
         """Solution of dF/dt = amplitude cos or sin(omega t) - slow F from rest."""
         scale = amplitude / (slow**2 + omega**2)
-        fade, c, s = np.exp(-slow * t), np.cos(omega * t), np.sin(omega * t)
+        fade = np.exp(-slow * t)
+        c = np.cos(omega * t)
+        s = np.sin(omega * t)
         return scale * (
             slow * c + omega * s - slow * fade if cosine else slow * s - omega * c + omega * fade
         )
@@ -146,9 +157,11 @@ def pushing(force: Array) -> float:
 
 
 def _loops() -> Iterator[Entry]:
-    passive, active = work_loop(PROGRAM_RATE, 0.0), work_loop(PROGRAM_RATE)
+    passive = work_loop(PROGRAM_RATE, 0.0)
+    active = work_loop(PROGRAM_RATE)
     as_printed = work_loop(PRINTED_RATE)
-    taken, given = energy(*passive), energy(*active)
+    taken = energy(*passive)
+    given = energy(*active)
     low, high = float(active[1].min()), float(active[1].max())
     yield Claim(
         "section 5.4.2",

@@ -41,9 +41,8 @@ dwell = ["1 s", "4 s"]
 """
 
 _ATTEMPTS = 3
-_TOLERATED = (
-    0.01  # s of jitter, a fifth of a step; more is a disturbance of its own, and rightly found
-)
+# s of jitter, a fifth of a step; more is a disturbance of its own, and rightly found
+_TOLERATED = 0.01
 
 
 @contextmanager

@@ -48,7 +48,8 @@ class BenchPlant:
     inputs: ClassVar[tuple[str, ...]] = ("force_reference", "current")
 
     def __init__(self, physics: Physics, coil: Coil | None = None):
-        self.physics, self.coil = physics, coil or Coil()
+        self.physics = physics
+        self.coil = coil or Coil()
         self.spring = Spring(physics)
         self.order = physics.order + 5
         self.voltage = 0.0  # V, what the controller puts out
@@ -61,7 +62,9 @@ class BenchPlant:
 
     def release(self) -> None:
         """Take the voltage off the coil, until commands come again."""
-        self.voltage, self._error, self.released = 0.0, 0.0, True
+        self.voltage = 0.0
+        self._error = 0.0
+        self.released = True
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
         """Let the controller act where a sample is due; hold current (A) and coil voltage (V)."""
@@ -74,9 +77,11 @@ class BenchPlant:
 
     def _control(self, error: float) -> None:
         """Apply eq. 2.2; limited before it is remembered."""
-        (now, before), (low, high) = self.coil.gains, self.coil.supply
+        now, before = self.coil.gains
+        low, high = self.coil.supply
         step = now * error + before * self._error
-        self.voltage, self._error = min(max(self.voltage + step, low), high), error
+        self.voltage = min(max(self.voltage + step, low), high)
+        self._error = error
 
     def longest(self, time: float) -> float:
         """Stop at samples of the controller."""
@@ -113,7 +118,8 @@ class BenchPlant:
 
     def rates(self, state: Array, current: Any, voltage: Any, taut: bool) -> list[Any]:
         """Return the time derivatives of all states, taut or slack."""
-        n, c = self.physics.order, self.coil
+        n = self.physics.order
+        c = self.coil
         amperes, position, velocity, force, filtered = state[n:]
         tension = self.spring.tension(state[:n], self._gap(state)) if taut else 0.0
         return [
@@ -130,7 +136,8 @@ class _Regime:
     """Motion of a bench that stays taut, or slack."""
 
     def __init__(self, bench: BenchPlant, taut: bool):
-        self._bench, self._taut = bench, taut
+        self._bench = bench
+        self._taut = taut
         self.order = bench.order
         self.is_linear = bench.spring.is_linear if taut else bench.physics.is_linear
 

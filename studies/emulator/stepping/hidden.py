@@ -34,7 +34,7 @@ _OTHERWISE = (0.2, 0.5)  # for an effect that is asked for by name
 
 @dataclass(frozen=True)
 class HiddenEffect:
-    """What a rig hides.
+    """The effect that is hidden in a rig.
 
     Attributes
     ----------

@@ -113,7 +113,7 @@ def in_time(variation: type[Physics]) -> type[Physics]:
 
 
 class Past:
-    """What has passed, as far back as a late sensor looks.
+    """The past of a run, as far back as a late sensor looks.
 
     Parameters
     ----------
@@ -131,7 +131,8 @@ class Past:
         actuator: Callable[[Array, Array], tuple[Array, Array]],
     ):
         self.reach = physics.delay if isinstance(physics, LateSensor) else 0.0
-        self._move, self._actuator = move, actuator
+        self._move = move
+        self._actuator = actuator
         self._times: list[float] = []
         self._pieces: list[tuple[Array, Array]] = []
 

@@ -38,7 +38,8 @@ class Noise:
         if not -1 < colour < 1:
             raise ValueError(f"noise colour {colour!r}: must lie between -1 and 1")
         self._deviations = dict(deviations)
-        self._colour, self._fresh = colour, float(np.sqrt(1 - colour**2))
+        self._colour = colour
+        self._fresh = float(np.sqrt(1 - colour**2))
         self._random = np.random.default_rng(seed)
         self._now = self._random.standard_normal(len(self._deviations))
         self.values = self._scaled()

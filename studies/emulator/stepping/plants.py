@@ -1,4 +1,4 @@
-"""What is clamped in: the actuator driven by force, or by length."""
+"""The specimen in the clamps: the actuator driven by force, or by length."""
 
 from __future__ import annotations
 
@@ -113,7 +113,8 @@ class Spring:
         if self._plain:
             return force
         unloaded = self.physics.spring_length(state, 0.0)
-        before, miss_before = 0.0, -gap
+        before = 0.0
+        miss_before = -gap
         for _ in range(_ITERATIONS):  # secants
             miss = float(self.physics.spring_length(state, force) - unloaded - gap)
             if miss == miss_before or abs(force - before) <= _EXACT:
@@ -166,7 +167,8 @@ class _Regime:
     """Motion of a length-driven actuator that stays taut, or slack."""
 
     def __init__(self, spring: Spring, taut: bool):
-        self.spring, self.taut = spring, taut
+        self.spring = spring
+        self.taut = taut
         self.order = spring.physics.order
         self.is_linear = spring.is_linear if taut else spring.physics.is_linear
 

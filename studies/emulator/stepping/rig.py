@@ -35,7 +35,9 @@ class SteppedRig:
     """
 
     def __init__(self, plant: Plant, outputs: tuple[str, ...], noise: Noise | None = None):
-        self.plant, self.outputs, self._noise = plant, outputs, noise
+        self.plant = plant
+        self.outputs = outputs
+        self._noise = noise
         self.time = 0.0
         self._state: Array = np.zeros(plant.order)
         self._commands: Array = np.zeros(len(plant.inputs))
@@ -64,7 +66,8 @@ class SteppedRig:
 
     def release(self) -> None:
         """Take everything off: no current, no force or coil voltage, the unloaded length."""
-        self._commands, self._held = np.zeros_like(self._commands), np.zeros(2)
+        self._commands = np.zeros_like(self._commands)
+        self._held = np.zeros(2)
         if isinstance(self.plant, BenchPlant):
             self.plant.release()
 
@@ -88,7 +91,8 @@ class SteppedRig:
             self._noise.sample()
 
     def _pass(self, now: float, held: Array, piece: float) -> None:
-        before, self._held = self._state, held
+        before = self._state
+        self._held = held
         if self._past.reach:
             self._past.add(now, before, held)
         self._state = self.plant.advance(before, held, piece)
@@ -108,8 +112,10 @@ class SteppedRig:
 
     def true(self) -> dict[str, float]:
         """Return what sensors without noise show now, SI."""
-        physics, now = self.plant.physics, self._instant(self.time, self._state)
-        state, force = now.state[:, 0], now.inputs[1, 0]
+        physics = self.plant.physics
+        now = self._instant(self.time, self._state)
+        state = now.state[:, 0]
+        force = now.inputs[1, 0]
         run = (
             Reaching(now.physics, now.time, now.inputs, now.state, self._past)
             if self._past.reach

@@ -1,4 +1,4 @@
-"""What a user would have written of a plant, with effects to attach: under test, not the judge."""
+"""A user's model of a DC motor, with effects to attach: under test, not the judge."""
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.generic import asymmetric_friction, coulomb_friction, cubic_stiffness, force_offset

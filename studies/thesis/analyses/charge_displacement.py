@@ -25,18 +25,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-AMPLITUDE, DURATION = 0.9, 60.0  # A and s, those of fig. 3-4 are assumed
+# those of fig. 3-4 are assumed
+AMPLITUDE = 0.9  # A
+DURATION = 60.0  # s
 LOAD = 0.2 * 9.80665  # N, 200 g
 FIGURES = {"fig. 3-10": 0.2, "fig. 3-11": 0.1}  # Hz
-LAG, SATURATION = (
-    0.3,
-    2.5,
-)  # s and C, chosen: what lags and levels off in the figures is not printed
-RESOLUTION = (
-    3e-6  # m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
-)
+# chosen: what lags and levels off in the figures is not printed
+LAG = 0.3  # s
+SATURATION = 2.5  # C
+# m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
+RESOLUTION = 3e-6
 _TEST = "studies/thesis/analyses/test_charge_displacement"
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 class _Lagging(StrainLag, StrainSaturation, PpyActuator):
@@ -71,7 +73,8 @@ def record(
     model = PpyActuator()
     if lagging:
         model = _Lagging()
-        model.lag_time, model.strain_saturation_coefficient = LAG, SATURATION**-2
+        model.lag_time = LAG
+        model.strain_saturation_coefficient = SATURATION**-2
     signals = run(time, {"current": current}, model)
     noise = RESOLUTION * np.random.default_rng(0).standard_normal(time.size)
     flow = LOAD / MODEL["b1"] * time if creeping else 0.0
@@ -99,7 +102,8 @@ def read(
 
 
 def _slopes() -> Iterator[Entry]:
-    printed, flow = "0.068", LOAD / MODEL["b1"]
+    printed = "0.068"
+    flow = LOAD / MODEL["b1"]
     about = f"{DURATION:g} s from rest under 200 g, alpha as printed"
     for drift, how in (False, ""), (True, ", steady flow fitted along"):
         for figure, frequency in FIGURES.items():
@@ -127,8 +131,10 @@ def _slopes() -> Iterator[Entry]:
         erratum=40,
         inferred=True,
     )
-    first, along = read(0.2), read(0.2, drift=True)
-    cycle, stroke = 1e6 * flow / 0.2, 1e6 * MODEL["alpha"] * _stroke(0.2)
+    first = read(0.2)
+    along = read(0.2, drift=True)
+    cycle = 1e6 * flow / 0.2
+    stroke = 1e6 * MODEL["alpha"] * _stroke(0.2)
     yield Erratum(
         40,
         "section 3.3.1, footnote 2, against eq. 3.7",
@@ -202,7 +208,8 @@ def illustrations() -> tuple[Illustration, ...]:
 def _loops(name: str, frequency: float) -> Figure:
     figure, (axis,) = pictures.panels(1, f"{name.capitalize()}, 12 layers")
     figure.set_size_inches(9, 4.5)
-    found, lagging = read(frequency), read(frequency, lagging=True, drift=True)
+    found = read(frequency)
+    lagging = read(frequency, lagging=True, drift=True)
     _, charge, displacement = record(frequency, lagging=True)
     last = slice(-round(2.0 / frequency / PERIOD) - 1, None)
     area = f"{1e3 * lagging.area.value:.3f} mm C a cycle"

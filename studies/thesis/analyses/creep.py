@@ -31,16 +31,15 @@ ACTUATOR_114 = {
     "b2": 1.5e6,
 }  # N/m, N s/m; appendix A4, in a comment
 PRINTED = {"k1": "6300", "b1": "1.7e6", "k2": "1.0e4", "b2": "2.0e6"}
-RESOLUTION = (
-    3e-6  # m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
-)
-STEP, REST, HELD = (
-    2.75,
-    5.0,
-    2400.0,
-)  # N; s before and under a load that is held until its creep is steady
+# m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
+RESOLUTION = 3e-6
+STEP = 2.75  # N
+REST = 5.0  # s before the load
+HELD = 2400.0  # s under the load: until its creep is steady
 _TEST = "studies/thesis/analyses/test_creep"
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -77,7 +76,8 @@ def burgers(time: Array, force: Array, chain: Mapping[str, float]) -> tuple[Arra
     """
     step = float(time[1] - time[0])
     impulse = step * np.concatenate([[0.0], np.cumsum(force[:-1])])
-    left, kelvin = float(np.exp(-step * chain["k2"] / chain["b2"])), np.zeros_like(force)
+    left = float(np.exp(-step * chain["k2"] / chain["b2"]))
+    kelvin = np.zeros_like(force)
     for n in range(1, force.size):
         kelvin[n] = left * kelvin[n - 1] + (1.0 - left) * force[n - 1] / chain["k2"]
     return force / chain["k1"], impulse / chain["b1"], kelvin
@@ -220,12 +220,13 @@ def fits() -> dict[str, Fit]:
 
 
 def contained(found: Fit) -> int:
-    """How many of the printed parameters are in the 95 % intervals of a fit."""
+    """Count the printed parameters that are in the 95 % intervals of a fit."""
     return sum(low <= ACTUATOR_106[name] <= high for name, (low, high) in found.intervals.items())
 
 
 def _readings() -> Iterator[Entry]:
-    found, tau = readings(), MODEL["b2"] / MODEL["k2"]
+    found = readings()
+    tau = MODEL["b2"] / MODEL["k2"]
     about = f"a record of the model of fig. 3-9, noise of {1e6 * RESOLUTION:g} um"
     for name, unit in zip(NAMES, ("N/m", "N*s/m", "N/m", "N*s/m"), strict=True):
         low, high = fits()["held"].intervals[name]
@@ -306,7 +307,8 @@ def illustrations() -> tuple[Illustration, ...]:
 
 def _held() -> Figure:
     time, force, displacement = held_load()
-    read, fitted = readings()["held"], fits()["held"]
+    read = readings()["held"]
+    fitted = fits()["held"]
     figure, (upper, lower) = pictures.panels(2, f"{STEP:g} N from {REST:g} s on, 12 layers")
     upper.plot(time, 1e3 * displacement, color=_GREY, lw=2.5, label="record")
     since = time - REST

@@ -18,8 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-DURATION, PERIOD = 600.0, 0.1  # s, assumed as in the experiment fig_3_12
-LEVELS, DWELL = (0.5, 1.0, 1.5, 2.0, 2.75), (15.0, 45.0)  # N and s, likewise
+# assumed as in the experiment fig_3_12
+DURATION = 600.0  # s
+PERIOD = 0.1  # s
+LEVELS = (0.5, 1.0, 1.5, 2.0, 2.75)  # N
+DWELL = (15.0, 45.0)  # s
 BRISK = (1.0, 3.0)  # s: loads that are held for a tenth of that
 SEEDS = range(9)
 SIZE = 50  # of the matrix, the default of `pexcit`
@@ -27,14 +30,18 @@ SIZE = 50  # of the matrix, the default of `pexcit`
 # counts
 LONGEST = 60
 _TEST = "studies/thesis/analyses/test_excitation"
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
     """Orders of the force and of the current, and what a square wave can reach."""
-    current, force = pexcit(square(0.1)), typical(DWELL)
+    current = pexcit(square(0.1))
+    force = typical(DWELL)
     highest, period = best_square()
-    whole, larger = pexcit(_sampled(20), 1e-9), pexcit(_sampled(15), highest=500)
+    whole = pexcit(_sampled(20), 1e-9)
+    larger = pexcit(_sampled(15), highest=500)
     yield Claim(
         "section 3.3.2, fig. 3-12",
         "order of the current, square wave",

@@ -23,8 +23,12 @@ from studies.thesis.claim import Claim, Entry, Illustration
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WINDOW, WINDOWS = 100.0, 10  # s, as in section 4.3
-AMPLITUDE, FREQUENCY, NOISE = 0.9, 0.2, 20e-3  # A, Hz and V, as in row 9
+WINDOW = 100.0  # s, as in section 4.3
+WINDOWS = 10
+# as in row 9
+AMPLITUDE = 0.9  # A
+FREQUENCY = 0.2  # Hz
+NOISE = 20e-3  # V
 _TRUE = dict(zip(("R1", "R2", "C"), CIRCUIT, strict=True))
 
 
@@ -38,7 +42,7 @@ def reading(windows: int = 1, seed: int = 0) -> CircuitReading:
 
 
 def entries() -> Iterator[Entry]:
-    """Whether an interval of 95 % is one."""
+    """Yield, for each estimator and parameter, whether its 95 % interval holds the truth."""
     (whole,) = reading().windows
     for by, circuit in whole.estimators.items():
         biased = by == "least squares"

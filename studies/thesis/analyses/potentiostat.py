@@ -23,17 +23,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-RATE, FREQUENCY, AMPLITUDE = 15.0, 0.1, 0.6  # Hz, Hz, V: 1.2 V peak to peak
-FORGETTING, RESET = 0.985, 75  # samples of "approximately 5 seconds"
-DURATION, BEGIN = 160.0, 20.0  # s, the axes of the plot in appendix A3
-TOLERANCE = (
-    3e-3  # V, of the voltage control (table 2-2), taken for the standard deviation of white noise
-)
+RATE = 15.0  # Hz
+FREQUENCY = 0.1  # Hz
+AMPLITUDE = 0.6  # V: 1.2 V peak to peak
+FORGETTING = 0.985
+RESET = 75  # samples of "approximately 5 seconds"
+# the axes of the plot in appendix A3
+DURATION = 160.0  # s
+BEGIN = 20.0  # s
+# V, of the voltage control (table 2-2), taken for the standard deviation of white noise
+TOLERANCE = 3e-3
 FIVE_LAYERS = (1.32, 2.72, 0.46)  # ohm, ohm, F, section 3.3.1
 AXES = ((1.0, 4.5), (0.5, 2.0), (0.0, 1.0))  # ohm, ohm, F, appendix A3
-_NAMES, _UNITS = ("R1", "R2", "C"), ("ohm", "ohm", "F")
+_NAMES = ("R1", "R2", "C")
+_UNITS = ("ohm", "ohm", "F")
 _TEST = "studies/thesis/analyses/test_potentiostat"
-_BLUE, _RED, _GREY = pictures.MODEL, pictures.FITTED, pictures.MEASURED
+_BLUE = pictures.MODEL
+_RED = pictures.FITTED
+_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
@@ -69,18 +76,20 @@ def controlled(target: Array, limit: float, period: float = 1.0 / RATE) -> tuple
         A and V at the samples.
     """
     r1, r2, c = CIRCUIT
-    conductance, slow = 1.0 / r1 + 1.0 / r2, (r1 + r2) * c
-    inner, current, voltage = (
-        0.0,
-        np.empty_like(target),
-        np.empty_like(target),
-    )  # inner: of the capacitance, V
+    conductance = 1.0 / r1 + 1.0 / r2
+    slow = (r1 + r2) * c
+    inner = 0.0  # V, of the capacitance
+    current = np.empty_like(target)
+    voltage = np.empty_like(target)
     for k, wanted in enumerate(target.tolist()):
-        current[k], voltage[k], left = conductance * wanted - inner / r1, wanted, period
+        current[k] = conductance * wanted - inner / r1
+        voltage[k] = wanted
+        left = period
         if abs(current[k]) > limit:
             current[k] = np.copysign(limit, current[k])
             voltage[k] = (current[k] + inner / r1) / conductance
-            reached, final = r1 * (conductance * wanted - current[k]), r2 * current[k]
+            reached = r1 * (conductance * wanted - current[k])
+            final = r2 * current[k]
             share = (final - reached) / (final - inner)
             limited = min(left, -slow * log(share)) if share > 0.0 else left
             inner = final + (inner - final) * exp(-limited / slow)
@@ -137,7 +146,8 @@ def online(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> Estimates:
 
 def _limited() -> Iterator[Entry]:
     _, current, _ = record(np.inf, 0.0)
-    most, half = float(np.abs(current).max()), 0.5 / FREQUENCY
+    most = float(np.abs(current).max())
+    half = 0.5 / FREQUENCY
     _, held, _ = record(CURRENT_LIMIT, 0.0)
     share = 100.0 * float(np.mean(np.abs(held) >= CURRENT_LIMIT))
     yield Claim(
@@ -256,7 +266,8 @@ def illustrations() -> tuple[Illustration, ...]:
 
 
 def _beside() -> Figure:
-    slow, fast = batch(), online()
+    slow = batch()
+    fast = online()
     truth = float(magnitude(CIRCUIT, 2.0 * pi * FREQUENCY))
     figure, axes = pictures.panels(
         4, f"±{AMPLITUDE:g} V at {FREQUENCY:g} Hz, sampled at {RATE:g} Hz"
