@@ -63,6 +63,8 @@ def test_a_component_with_an_engine_of_its_own_brings_its_files():
     assert {path.parent.name for path in (*engine.sources, *engine.headers)} == {"native"}
     assert all(path.is_file() for path in (*engine.sources, *engine.headers))
     assert engine.libraries["win64"] == ("ws2_32", "winmm")
+    plain = engine_sources(Divider, "python")
+    assert engine_sources(component("rig_proxy"), "python") == plain, "its slave is in Python"
 
 
 def test_one_unit_includes_files_in_order():

@@ -140,6 +140,7 @@ def test_a_guard_that_ends_is_replaced_three_times(rig, started):
         (0, None, ""),
         (1, None, "the guard does not end"),
         (1, Trip(1.0, False, True, write_text("it hangs")), "it hangs"),
+        (None, Trip(1.0, True, True, write_text("done before")), "done before"),
         (None, Trip(1e12, True, True, write_text("done")), ""),
     ],
 )
