@@ -200,10 +200,10 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         return value - where(getattr(self, started), getattr(self, latest), value)
 
     def measured(self: Any) -> Any:
-        # the present value without what it has changed by since the delay ago
+        # the present value less all that has changed in the time of the delay
         value = quantity.below(self)
         back = getattr(self, delay)
-        # since the latest sample, which is never quite new: straight from there to here
+        # since the latest sample: straight from there to here, never in no time
         age = maximum(self.time - getattr(self, instant), 1e-9 * DELAY_PERIOD)
         undone = minimum(back / age, 1.0) * change_since_sample(self, value)
         # and in the periods before it, straight from sample to sample

@@ -298,7 +298,7 @@ class _NotedCall(partial[int]):
     def __call__(self, /, *more: Any, **options: Any) -> int:
         description = self.description
         if self.is_step:
-            time = [*self.args, *more][1]
+            _, time, *_ = *self.args, *more  # as fmi2DoStep has them: component, time, step, ...
             seconds = f"{getattr(time, 'value', time):g}".encode()
             description = b"%s from %s s" % (description, seconds)
         self.progress.begin_call(description)

@@ -1,5 +1,6 @@
-"""What the README says of each effect, written out again here: at any instant by root finding, in
-time on paper.
+"""Claims: every effect, alone and with all others, is what the table of the README says of it.
+
+It is written out again here: at any instant by root finding, in time by scipy.
 """
 
 import math
