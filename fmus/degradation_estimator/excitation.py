@@ -115,12 +115,11 @@ class Excitation(Measurement):
 
     def extreme_current(self) -> Any:
         """Extreme of the current in its direction, this sample included."""
-        now, before = self.measured_current(), self.turning_current
-        return where(
-            self.direction > 0.0,
-            maximum(before, now),
-            where(self.direction < 0.0, minimum(before, now), before),
-        )
+        current = self.measured_current()
+        extreme = self.turning_current
+        # before the current has moved it has no direction: its extreme is where it started
+        falling_or_at_rest = where(self.direction < 0.0, minimum(extreme, current), extreme)
+        return where(self.direction > 0.0, maximum(extreme, current), falling_or_at_rest)
 
     def reverses(self) -> Any:
         """Whether the current has come back from its extreme by more than the swing, or first

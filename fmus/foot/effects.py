@@ -220,14 +220,15 @@ class TendonFriction(FootEffect):
 
 
 def _dry_friction(joint: str) -> type[Effect]:
+    """Make the effect that adds dry friction, a smooth sign of its rate, to a joint's friction."""
     law = f"{joint}_friction"
     effect = curve(
         FootDynamic,
         law,
-        f"{joint}_rate",
-        "sign",
-        "N*m",
-        _DRY,
+        signal=f"{joint}_rate",
+        shape="sign",
+        unit="N*m",
+        nominal=_DRY,
         names=EffectNames(
             id="coulomb_friction",
             variables=(f"{law}_coulomb", f"{law}_coulomb_velocity"),

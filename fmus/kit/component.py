@@ -240,11 +240,11 @@ def _owners(cls: type[Component]) -> dict[str, type]:
 def _redeclared(
     prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float | str]
 ) -> dict[str, Any]:
-    """Declare parameters anew with other defaults.
+    """Return declarations that give parameters other defaults.
 
-    The start value of a state is in the state's own declaration.
+    A parameter that is the start value of a state has its default in the declaration of the state.
     """
-    holders: dict[str, Any] = {}
+    holders: dict[str, Any] = {}  # by parameter: the declaration that has its default
     for part in parts:
         for variable in (*part.layout.parameters, *part.layout.texts):
             holders[variable.name] = variable

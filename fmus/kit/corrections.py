@@ -297,7 +297,10 @@ def _plain_table(table: SmoothTable) -> SmoothTable:
 
 
 def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _Function:
-    """Return a function that has one of the shapes."""
+    """Return the function ``a f(x)`` whose ``f`` has one of the shapes; ``a (f(x) + b)`` if beside.
+
+    Besides the coefficient ``a`` it declares the width ``w`` of a shape that has one, and ``b``.
+    """
     chosen = SHAPES[shape]
     law = values.law
     own = values.own
@@ -456,7 +459,7 @@ def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> Non
         raise UserError(
             f"{label}: no input, state or law named {signal.name!r}{suggestion(signal.name, known)}"
         )
-    for name in {law, signal.name} - set(variables):
+    for name in {law, signal.name} - set(variables):  # the laws among the two
         arguments = len(signature(getattr(component, name)).parameters) - 1
         if arguments and name == signal.name:
             raise UserError(f"{label}: {name} takes arguments, and is no signal")

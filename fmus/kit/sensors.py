@@ -195,18 +195,22 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     slope = f"{delay}_history_slope"
     changes = [f"{delay}_change_{k}" for k in range(1, DELAY_SAMPLES + 1)]
 
-    def change_to(self: Any, value: Any) -> Any:
-        """Return the change from the latest sample; none before there is one."""
+    def change_since_sample(self: Any, value: Any) -> Any:
+        # none before there is a sample
         return value - where(getattr(self, started), getattr(self, latest), value)
 
     def measured(self: Any) -> Any:
+        # the present value less all that has changed in the time of the delay
         value = quantity.below(self)
         back = getattr(self, delay)
+        # since the latest sample: straight from there to here, never in no time
         age = maximum(self.time - getattr(self, instant), 1e-9 * DELAY_PERIOD)
-        undone = minimum(back / age, 1.0) * change_to(self, value)
+        undone = minimum(back / age, 1.0) * change_since_sample(self, value)
+        # and in the periods before it, straight from sample to sample
         periods = (back - age) / DELAY_PERIOD
         for k, change in enumerate(changes):
             undone = undone + clip(periods - k, 0.0, 1.0) * getattr(self, change)
+        # before the start the register is empty: the line is all there is
         elapsed = where(getattr(self, started), maximum(self.time - getattr(self, begin), 0.0), 0.0)
         return value - undone + where(back > elapsed, getattr(self, history), 0.0)
 
@@ -251,14 +255,18 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         f"{instant}_update": lambda self: self.time,
         f"{started}_update": lambda self: 1.0,
     }
-    register = [lambda self: change_to(self, quantity.below(self)), *map(value_of, changes[:-1])]
-    for change, before in zip(changes, register, strict=True):
+    # at a sample each change moves on by a place, and the newest comes in
+    shifted_in = [
+        lambda self: change_since_sample(self, quantity.below(self)),
+        *map(value_of, changes[:-1]),
+    ]
+    for change, update in zip(changes, shifted_in, strict=True):
         members[change] = sampled(
             f"change of {quantity.name} between two samples",
             update=f"{change}_update",
             **quantity.about(),
         )
-        members[f"{change}_update"] = before
+        members[f"{change}_update"] = update
     return members
 
 

@@ -55,10 +55,12 @@ class RepeatedFmu:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._pulse is not None:
-            self._pulse.__exit__()
-        self._prepared = None
-        self._fmu.__exit__(kind, error, trace)
+        try:
+            if self._pulse is not None:
+                self._pulse.__exit__()
+        finally:
+            self._prepared = None
+            self._fmu.__exit__(kind, error, trace)
 
     @property
     def inputs(self) -> list[str]:

@@ -63,26 +63,42 @@ class Course(NamedTuple):
 def plan_course(
     fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collection[str], parts: int
 ) -> Course:
-    """Compute the course of an instance; see :func:`orchestration.fmu.simulate_instance`."""
-    extended = np.concatenate([time[:1], time]).astype(float, copy=False)
-    starts = extended[:-1]
-    points = extended[1:]
+    """Compute the times and inputs of all steps of an instance.
+
+    Parameters
+    ----------
+    fmu : Fmu
+    time : ndarray, shape (n,)
+        Communication points in s.
+    inputs : Mapping of str to ndarray, shape (n,)
+        In the FMU's units.
+    linear : collection of str
+        Inputs that go straight from point to point; the others are held.
+    parts : int
+        Number of equal parts into which each step is divided.
+
+    Returns
+    -------
+    Course
+        An FMU that can interpolate gets slopes of its linear inputs; any other gets their value at
+        the middle of each part.
+    """
+    # the first point is where the instance starts: the step to it has no length
+    starts_and_end = np.concatenate([time[:1], time]).astype(float, copy=False)
+    starts = starts_and_end[:-1]
+    points = starts_and_end[1:]
     names = list(inputs)
     table = np.empty((len(points), len(names)))
     for k, values in enumerate(inputs.values()):
         table[:, k] = values
-    if parts == 1 and not linear:
-        return Course(points, names, table, [], [StepPart(starts, points)])
     is_linear = np.array([name in linear for name in names], dtype=bool)
     if not is_linear.any():
-        intervals = _divide(starts, points, parts)
-        step_parts = [StepPart(begins, ends) for begins, ends in intervals]
-        return Course(points, names, table, [], step_parts)
-    interpolated: list[str] = []
-    if fmu.description.coSimulation.canInterpolateInputs:
-        interpolated = [name for name, chosen in zip(names, is_linear, strict=True) if chosen]
-    step_parts = _divide_linear(starts, points, parts, table, is_linear, bool(interpolated))
-    return Course(points, names, table, interpolated, step_parts)
+        held_parts = [StepPart(begins, ends) for begins, ends in _divide(starts, points, parts)]
+        return Course(points, names, table, [], held_parts)
+    interpolates = fmu.description.coSimulation.canInterpolateInputs
+    with_slopes = [name for name in names if name in linear] if interpolates else []
+    linear_parts = _divide_linear(starts, points, parts, table, is_linear, interpolates)
+    return Course(points, names, table, with_slopes, linear_parts)
 
 
 def _divide(starts: Array, points: Array, parts: int) -> list[tuple[Array, Array]]:

@@ -58,6 +58,11 @@ class FixedPoint:
             return self._solve(v)
 
     def _solve(self, v: Array) -> Array:
+        """Return the fixed point near ``v``, searched in units of the nominal values.
+
+        A step that more than doubles the error is halved until it does not. After a halved step,
+        and after some updates, the Jacobian is measured anew.
+        """
         before = self.evaluations
         limit = before + _MOST_EVALUATIONS
         updates_left = _MOST_UPDATES
@@ -84,9 +89,7 @@ class FixedPoint:
                 step = 0.5 * step
                 updates_left = 0
                 r_new = self._residual(x + step)
-            if self._jacobian is not None:
-                change = r_new - r - self._jacobian @ step
-                self._jacobian = self._jacobian + np.outer(change, step) / (step @ step)
+            self._update_jacobian(step, r_new - r)
             x = x + step
             r = r_new
         if error(x, r) > 1.0:
@@ -97,11 +100,19 @@ class FixedPoint:
             )
         return x * self._scale
 
+    def _update_jacobian(self, step: Array, change: Array) -> None:
+        """Let the Jacobian explain the change of the residual over a step (Broyden's update)."""
+        if self._jacobian is not None:
+            unexplained = change - self._jacobian @ step
+            self._jacobian = self._jacobian + np.outer(unexplained, step) / (step @ step)
+
     def _residual(self, x: Array) -> Array:
+        """Return what comes around the loop minus what went in, in units of the nominal values."""
         self.evaluations += 1
         return self._g(x * self._scale) / self._scale - x
 
     def _step(self, x: Array, r: Array, measure_jacobian: bool) -> Array:
+        """Return Newton's step; with booleans or integers that of plain iteration."""
         if not self._continuous:
             return r
         if self._jacobian is None or measure_jacobian:

@@ -121,7 +121,7 @@ def order_exchange(structure: Structure, members: Collection[str]) -> Evaluation
     }
     at_step_end: list[Port] = []
     while True:
-        attempt = _Ordering(structure, members, feedthrough).complete()
+        attempt = _Ordering(structure, members, feedthrough).order()
         ignored = _dependencies_to_ignore(structure, attempt)
         if not ignored:
             attempt.at_step_end = at_step_end
@@ -153,7 +153,10 @@ def _dependencies_to_ignore(structure: Structure, order: EvaluationOrder) -> lis
 
 
 class _Ordering:
-    """The state of ordering an exchange: known outputs, outputs still to read, inputs still to set.
+    """The making of an evaluation order, operation by operation.
+
+    An output is known once it is read, or solved for in a loop. An input can be set when the output
+    that it receives is known, an output read when the inputs on which it depends are set.
 
     Parameters
     ----------
@@ -194,23 +197,23 @@ class _Ordering:
         self._order.early[member] = tuple(early)
         self._known.update(early)
 
-    def complete(self) -> EvaluationOrder:
-        """Add operations until all inputs are set and all outputs are read."""
+    def order(self) -> EvaluationOrder:
+        """Return the order in which all inputs are set and all outputs are read."""
         while any(self._to_read.values()):
-            if not self._read_ready():
-                self._add_loop()
+            if not self._append_reads():
+                self._append_loop()
         for member in self._to_set:
-            self._write(member)
+            self._append_write(member)
         return self._order
 
-    def _read_ready(self) -> bool:
-        """Add reading outputs whose inputs are known; return whether there were any.
+    def _append_reads(self) -> bool:
+        """Append the reading of outputs that are ready; return False if none is.
 
-        Members all of whose outputs are ready come first. Else one member is read in part, if an
-        input depends on one of the outputs that are ready.
+        A call of an FMU reads several outputs at once. So members all of whose outputs are ready
+        come first, and only without one of these a member is read in part, if another waits for it.
         """
         ready = {
-            member: [port for port in ports if not self._unknown_before(port)]
+            member: [port for port in ports if not self._unknown_sources(port)]
             for member, ports in self._to_read.items()
         }
         entirely = [
@@ -223,19 +226,19 @@ class _Ordering:
         ]
         chosen = entirely or partly[:1]
         for member in chosen:
-            self._write(member)
+            self._append_write(member)
             self._order.operations.append(Read(member, tuple(ready[member])))
-            self._note_read(ready[member])
+            self._note_known(ready[member])
         return bool(chosen)
 
-    def _add_loop(self) -> None:
-        """Add solving the algebraic loop that waits for no other."""
+    def _append_loop(self) -> None:
+        """Append the solving of the algebraic loop that waits for no other."""
         unread = [
             port for ports in self._to_read.values() for port in ports if port in self._connected
         ]
-        outputs = _strongly_connected(unread, self._unknown_before)
+        outputs = _strongly_connected(unread, self._unknown_sources)
         for member in dict.fromkeys(port.member for port in outputs):
-            self._write(member)
+            self._append_write(member)
         closing = [
             port
             for output in outputs
@@ -246,10 +249,10 @@ class _Ordering:
         self._order.operations.append(Loop(inputs, tuple(outputs)))
         for port in inputs:
             self._to_set[port.member].remove(port)
-        self._note_read(outputs)
+        self._note_known(outputs)
 
-    def _write(self, member: str) -> None:
-        """Add setting the inputs of a member that have their values, if there are any."""
+    def _append_write(self, member: str) -> None:
+        """Append the setting of those inputs of a member that are not set yet and can be."""
         ports = tuple(
             port
             for port in self._to_set[member]
@@ -259,12 +262,12 @@ class _Ordering:
             self._order.operations.append(Write(member, ports))
             self._to_set[member] = [port for port in self._to_set[member] if port not in ports]
 
-    def _unknown_before(self, port: Port) -> list[Port]:
-        """Return the unknown outputs on which an output depends through connected inputs."""
+    def _unknown_sources(self, port: Port) -> list[Port]:
+        """Return the outputs that must be known before this one can be read, and are not."""
         sources = [self._sources[i] for i in self._feedthrough[port] if i in self._sources]
         return [source for source in sources if source not in self._known]
 
-    def _note_read(self, ports: Iterable[Port]) -> None:
+    def _note_known(self, ports: Iterable[Port]) -> None:
         for port in ports:
             self._known.add(port)
             self._to_read[port.member].remove(port)

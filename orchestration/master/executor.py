@@ -253,19 +253,20 @@ class Executor:
     ) -> list[Port]:
         """Return the outputs that are read right after the step of a member.
 
-        Members that step later in the same step use outputs that depend on inputs too.
+        These are the early ones, which depend on no input. Where members step one after another,
+        those that members receive which have still to step are read as well.
         """
         if not self.settings.sequential:
             return list(early)
-        following = set(self.order) - stepped - {member.name}
-        used = {
+        still_to_step = set(self.order) - stepped - {member.name}
+        received = {
             self._source(port)
-            for name in following
+            for name in still_to_step
             for port in self.structure.fed[name]
             if port in self._connections
         }
         wanted = self.structure.wanted[member.name]
-        return [port for port in wanted if port in early or port in used]
+        return [port for port in wanted if port in early or port in received]
 
     def _update_call(self, member: Instance, ports: Sequence[Port]) -> MemberCall:
         """Return a call that sets inputs to the newest outputs before the step of a member."""

@@ -134,7 +134,7 @@ class Bridge:
                     self._requests.send_multipart((identity, frame), zmq.DONTWAIT)
             if client.waits:
                 client.flush(now)
-        self._tell_silence(now)
+        self._report_contact(now)
 
     def _client(self, identity: bytes) -> _Client:
         client = self._clients.get(identity)
@@ -149,14 +149,22 @@ class Bridge:
         self._clients.move_to_end(identity)
         return client
 
-    def _tell_silence(self, now: float) -> None:
-        if now == self._heard and self._is_silent is not False:
-            self._is_silent = False
-            self._tell(f"{self._remote.requests} is heard")
-        elif now - self._heard > _SILENCE and self._is_silent is not True:
-            self._is_silent = True
+    def _report_contact(self, now: float) -> None:
+        """Report that the server is heard, or silent, when that is news."""
+        if now == self._heard:  # telemetry came in this turn
+            is_silent = False
+        elif now - self._heard > _SILENCE:
+            is_silent = True
+        else:
+            return
+        if is_silent == self._is_silent:
+            return
+        self._is_silent = is_silent
+        if is_silent:
             reasons = "the server does not run, the network is down, or the keys do not match"
             self._tell(f"nothing is heard from {self._remote.requests}: {reasons}")
+        else:
+            self._tell(f"{self._remote.requests} is heard")
 
 
 def _bind(socket: zmq.Socket[bytes], port: int) -> None:

@@ -143,24 +143,36 @@ class MeasurementMonitor:
         """
         if self._begun is None:
             self._begun = now
-        reason = ""
-        for name, unit, limit in self._signals:
-            value = values[name]
-            before, time = self._last.get(name, (None, self._begun))
-            fault = ""
-            if isfinite(value):
-                self._last[name] = (value, now)
-                if limit is not None:
-                    fault = excess(limit, value, before, now - time, unit)
-                if fault:
-                    fault = f"measured {name} {value:g} {unit} {fault}"
-            elif limit is not None and now - time > self._patience:
-                fault = f"no finite {name} for {self._patience:g} s, and it has limits"
-            reason = reason or fault
-        newest = max((time for _, time in self._last.values()), default=self._begun)
+        # all of them, whatever the first is: each signal remembers its newest value
+        faults = [
+            self._signal_fault(name, unit, limit, values[name], now, self._begun)
+            for name, unit, limit in self._signals
+        ]
+        faults.append(self._silence(now, self._begun))
+        return next(filter(None, faults), "")
+
+    def _signal_fault(
+        self, name: str, unit: str, limit: Limit | None, value: float, now: float, begun: float
+    ) -> str:
+        """Take note of a value, and describe what is wrong with it; empty if nothing is."""
+        before, since = self._last.get(name, (None, begun))
+        if isfinite(value):
+            self._last[name] = (value, now)
+        if limit is None:
+            return ""
+        if isfinite(value):
+            fault = excess(limit, value, before, now - since, unit)
+            return f"measured {name} {value:g} {unit} {fault}" if fault else ""
+        if now - since > self._patience:
+            return f"no finite {name} for {self._patience:g} s, and it has limits"
+        return ""
+
+    def _silence(self, now: float, begun: float) -> str:
+        """Describe a device that has delivered nothing finite for too long; empty otherwise."""
+        newest = max((time for _, time in self._last.values()), default=begun)
         if self._signals and now - newest > self._patience:
-            reason = reason or f"the device delivers nothing finite for {self._patience:g} s"
-        return reason
+            return f"the device delivers nothing finite for {self._patience:g} s"
+        return ""
 
 
 def expired(accepted: float, now: float, watchdog: float) -> bool:

@@ -132,6 +132,7 @@ def _find_end(system: System, models: Mapping[str, Model], port: Port, causality
 
 
 def _check_connection(system: System, models: Mapping[str, Model], connection: Connection) -> None:
+    """Refuse a connection without an output and an input at its ends that fit to each other."""
     source = connection.source
     target = connection.target
     where = f"{source} -> {target}"

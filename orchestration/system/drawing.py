@@ -95,6 +95,7 @@ def _draw_net(
 
 
 def _draw_box(axes: Axes, box: DiagramBox) -> None:
+    """Draw a member: a box with its name on a bar, inputs on the left and outputs on the right."""
     from matplotlib.patches import FancyBboxPatch, Rectangle
 
     shape = FancyBboxPatch(

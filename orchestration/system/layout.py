@@ -195,8 +195,9 @@ def _visit_depth_first(
     forward: set[tuple[str, str]] = set()
 
     def visit(name: str, path: tuple[str, ...]) -> None:
+        """Visit a node that was reached by a path, its successors first."""
         for other in successors[name]:
-            if other in (*path, name):
+            if other in (*path, name):  # the edge leads back
                 continue
             forward.add((name, other))
             if other not in visited:

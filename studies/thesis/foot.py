@@ -287,7 +287,7 @@ def _statics() -> Iterator[Entry]:
         f" {series:.2f} N·m/rad at the ankle. The plantar arm is a choice, for its triangle is"
         " singular in the reference configuration. The program couples do and pl to the arch by a"
         " token 0.001",
-        "components/foot/test_model",
+        "components/foot/test_kinematics",
     )
 
 

@@ -16,7 +16,7 @@ from studies.thesis.claim import Claim, Entry, Erratum, Illustration, number
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TEST = "components/voice_coil_dma/test_model"
+_TEST = "components/voice_coil_dma/test_analysis"
 _DMA = {p.name: float(p.start) for p in VoiceCoilDma.layout.parameters}
 _A1 = {"gain": 15.0, "zero_time": 0.002}  # controller of appendix A1
 _A1_CUTOFF = _DMA["force_cutoff"]

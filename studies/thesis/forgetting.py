@@ -146,7 +146,7 @@ def _forgetting() -> Iterator[Entry]:
         f"by eq. 4.11 at {1 / PERIOD:g} Hz that is a weight of {remaining:.3f} % after {asked:g} s,"
         f" a memory of {memory:.1f} s; {slow:g} at {rate:g} Hz leaves {remaining_slow:.0f} % after"
         f" {five:g} s",
-        "components/degradation_estimator/test_model",
+        "components/degradation_estimator/test_regression",
     )
     weight = 10.0  # percent
     plotted = 1.0  # s, on the axis of the program's plot

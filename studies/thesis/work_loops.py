@@ -60,7 +60,7 @@ def _gait() -> Iterator[Entry]:
         "repeats eq. 5.15",
         f"the program's plantar length, ℓ_pl,0 + sin(2πt) + 1 mm: {1e3 * change['pl']:.0f} mm"
         f" longer at 0.25 s, where eq. 5.15 has {1e3 * change['do']:.0f} mm".replace("-", "−"),
-        "studies/thesis/test_printed_foot",
+        "components/foot/test_gait",
     )
     for equations, one, other in (
         ("eqs. 5.13 and 5.14", "an", "po"),

@@ -19,13 +19,11 @@ from fmpy.validation import validate_fmu
 from fmus import PROXIES, component
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
-from orchestration.system import library
 from tests.contract import leaks, structure
 from tests.contract.raw import ERROR, OK, doubles, instance, references, resident
 from tests.support import hosts
 from tests.support.rig.proxies import actuator_rig, answered, connected, get_text, set_text
 
-REPLACED = {"rig_proxy": "ppy_actuator", "rig_proxy_length_driven": "ppy_actuator_length_driven"}
 STATE = ("fmi2GetFMUstate", "fmi2SetFMUstate")
 
 
@@ -47,32 +45,6 @@ def one(fmu, runtime):
 def test_the_description_is_valid_and_lists_every_unknown(proxy):
     assert validate_fmu(str(proxy)) == []
     structure.every_unknown_is_listed(proxy)
-
-
-def described(variables) -> dict[str, tuple[str, str, float, str | None]]:
-    return {v.name: (v.type, v.unit, v.nominal, v.display) for v in variables}
-
-
-@pytest.mark.parametrize(("name", "replaced"), REPLACED.items())
-def test_the_interface_is_that_of_the_component_it_replaces(name, replaced):
-    stands_in, original = component(name).layout, component(replaced).layout
-    assert described(stands_in.inputs) == described(original.inputs)
-    wanted = described(original.measurable)
-    there = described(stands_in.measurable)
-    assert {key: there.get(key) for key in wanted} == wanted
-    extra = {f"{key}_age" for key in wanted} | {"round_trip_time", "missed_deadlines", "link_state"}
-    assert set(there) - set(wanted) == extra
-
-
-def test_the_bench_is_that_of_the_system():
-    stands_in, system = component("rig_proxy_bench").layout, library.system("dma_bench")
-    assert {v.name for v in stands_in.inputs} == set(system.inputs)
-    measured = {
-        v.name
-        for v in stands_in.measurable
-        if not v.name.endswith(("_age", "_time", "_deadlines", "_state"))
-    }
-    assert measured == set(system.outputs)
 
 
 def test_every_variable_has_a_description_and_numbers_have_units(proxy):

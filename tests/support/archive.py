@@ -23,3 +23,12 @@ def edited(source, target, edit=lambda name, contents: (name, contents)):
 def contents(path: Path) -> dict[str, bytes]:
     with zipfile.ZipFile(path) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
+
+
+def flipped(path: Path, member: str) -> bytes:
+    """The archive with one byte of a member's compressed data inverted."""
+    data = bytearray(path.read_bytes())
+    with zipfile.ZipFile(path) as archive:
+        entry = archive.getinfo(member)
+    data[entry.header_offset + 30 + len(member) + entry.compress_size // 2] ^= 0xFF
+    return bytes(data)

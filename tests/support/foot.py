@@ -3,8 +3,16 @@ the ankle at 0.
 """
 
 import math
+from functools import cache
+
+import numpy as np
+
+from fmus.foot.model import Foot
+from fmus.kit.symbolic.tracing import trace
 
 ACTUATORS, JOINTS = ("an", "po", "do", "pl"), ("ankle", "tm", "mtp")
+RANGES = {"ankle": (-0.7, 0.7), "tm": (-0.26, 0.26), "mtp": (-0.15, 1.05)}
+traced = cache(trace)
 
 
 def turned(degrees: float) -> complex:
@@ -34,3 +42,27 @@ def lengths_at(ankle: float, mtp: float) -> list[float]:
         abs(spin(mtp) * toe - dorsal),
         139.2e-3 + 16.3e-3 * mtp,
     ]
+
+
+def postures(count: int, seed: int = 0) -> dict[str, np.ndarray]:
+    random = np.random.default_rng(seed)
+    return {f"{joint}_angle": random.uniform(*RANGES[joint], count) for joint in JOINTS}
+
+
+def one_by_one(count: int):
+    drawn = postures(count, 7)
+    return [{name: float(values[i]) for name, values in drawn.items()} for i in range(count)]
+
+
+def outputs(component) -> dict[str, float]:
+    return dict(zip([o.name for o in component.layout.outputs], component.outputs(), strict=True))
+
+
+def jacobian(values: dict[str, float]):
+    """Derivative of an output by an input, by CasADi: ``of(output, input)``."""
+    graph = traced(Foot)
+    d = graph.linearise(**values)[3]
+    rows, columns = (
+        {v.name: i for i, v in enumerate(g)} for g in (graph.layout.outputs, graph.layout.inputs)
+    )
+    return lambda output, given: d[rows[output], columns[given]]

@@ -184,9 +184,7 @@ class Interpreted:
                 if instant < end - slack:
                     target = min(target, instant)
             target = max(target, now)
-            spent += 1
-            if target > now and self._x.size:
-                spent += self._integrate(now, target)
+            spent += self._integrate(now, target) if target > now and self._x.size else 1
             now = target
         return spent
 
@@ -203,21 +201,24 @@ class Interpreted:
         return self._rates().copy()
 
     def _integrate(self, now: float, target: float) -> int:
-        """Integrate between two times, and return the number of steps before the last one."""
+        """Integrate the states from one time to another, and return the number of steps.
+
+        By exponential steps as long as they are worth while, from there on by Runge and Kutta's.
+        """
         if self._exponential is None:
             return self._by_runge_kutta(now, target)
-        for spent in range(MAX_STEPS):
+        for step in range(1, MAX_STEPS + 1):
             result = self._exponential.step(now, target, self._x.copy(), self._slope is not None)
-            if result is None:
-                return spent + self._by_runge_kutta(now, target)
+            if result is None:  # not worth while
+                return step - 1 + self._by_runge_kutta(now, target)
             now, self._x[:] = result
             if now == target:
-                return spent
+                return step
         raise self._exhausted(now)
 
     def _by_runge_kutta(self, now: float, target: float) -> int:
-        """Integrate by the method of ``fmi2/integrate.c``; return the steps before the last one."""
-        for spent in range(MAX_STEPS):
+        """Integrate by the method of ``fmi2/integrate.c``, and return the number of steps."""
+        for step in range(1, MAX_STEPS + 1):
             remaining = target - now
             h = self._hint if self._hint <= 0.999 * remaining else remaining
             x = self._x.copy()
@@ -229,7 +230,7 @@ class Interpreted:
                 if self._hint < math.inf:
                     self._hint = max(self._hint, following) if h == remaining else following
                 if h == remaining:
-                    return spent
+                    return step
                 continue
             self._x[:] = x
             if h < MIN_STEP * max(1.0, abs(now)):

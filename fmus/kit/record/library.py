@@ -69,14 +69,16 @@ class RecordLibrary:
         outputs = np.empty((len(time), self._outputs))
         states = np.empty((len(time), self._states))
         message = ctypes.create_string_buffer(1024)
-        structure = ladder and _Ladder(
-            ladder.levels,
-            int(ladder.affine),
-            ladder.largest,
-            ladder.worth,
-            _pointer(ladder.matrix),
-            _pointer(ladder.phi),
-        )
+        steps = None  # of the exponential integrator; without them by Runge and Kutta
+        if ladder is not None:
+            steps = _Ladder(
+                ladder.levels,
+                int(ladder.affine),
+                ladder.largest,
+                ladder.worth,
+                _pointer(ladder.matrix),
+                _pointer(ladder.phi),
+            )
         failed = self._simulate(
             len(time),
             _pointer(time),
@@ -85,7 +87,7 @@ class RecordLibrary:
             _pointer(parameters),
             tolerance,
             effort,
-            structure and ctypes.byref(structure),
+            None if steps is None else ctypes.byref(steps),
             _pointer(outputs),
             _pointer(states),
             message,

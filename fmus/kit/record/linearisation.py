@@ -121,30 +121,38 @@ class Linearisation:
             return None
         if not (np.isfinite(steps).all() and (steps > 0.0).all()):
             return None
-        step = float(np.median(steps))
-        affine = self._affine(linear, self._changing(float(time[-1] - time[0]), parameters))
-        limit = self._stiffness_limit(steps, step, affine)
-        fastest, inputs = self._stiffest(float(time[0]), table, parameters, limit / step)
+        start = float(time[0])
+        usual_step = float(np.median(steps))
+        affine = self._affine(linear, self._resampled(float(time[-1] - time[0]), parameters))
+        limit = self._stiffness_limit(steps, usual_step, affine)
+        fastest, inputs = self._stiffest(start, table, parameters, limit / usual_step)
         if inputs is None:
             return None
-        n = self._nominal.size
-        start = self._start(self._extended, float(time[0]), table[0], parameters)
-        start[2] = inputs
-        matrix = self._blocks(*start).full().reshape(-1, n, n)
+        matrix = self._matrix(start, table[0], inputs, parameters)
         if not np.isfinite(matrix).all():
             return None
-        largest = step * 2.0 ** max(0, math.ceil(math.log2(float(steps.max()) / step) - ROUNDED))
+        # the longest step is the usual one, doubled until it reaches over any other
+        doublings = math.ceil(math.log2(float(steps.max()) / usual_step) - ROUNDED)
+        largest = usual_step * 2.0 ** max(0, doublings)
         halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
         phi = _phi(matrix * (largest * 0.5**halvings), halvings)
         return Ladder(largest, affine, worth, matrix, phi)
 
+    def _matrix(self, time: float, first: Array, inputs: Array, parameters: Array) -> Array:
+        """Return the stack of J and all H with some inputs; sampled updates have the first ones."""
+        n = self._nominal.size
+        arguments = self._start(self._extended, time, first, parameters)
+        arguments[2] = inputs
+        matrix: Array = self._blocks(*arguments).full().reshape(-1, n, n)
+        return matrix
+
     @staticmethod
-    def _stiffness_limit(steps: Array, step: float, affine: bool) -> float:
+    def _stiffness_limit(steps: Array, usual_step: float, affine: bool) -> float:
         """Return the eigenvalue times the time between samples above which a ladder costs less."""
         if not affine:
             return WORTH
-        is_uneven = np.abs(steps - step) > ROUNDED * step
+        is_uneven = np.abs(steps - usual_step) > ROUNDED * usual_step
         if not np.mean(is_uneven) < 0.5:
             return _UNEVEN
         samples = len(steps)
@@ -192,16 +200,16 @@ class Linearisation:
             arguments[4] = update(*arguments).full()[:, 0]
         return arguments
 
-    def _changing(self, duration: float, parameters: Array) -> tuple[bool, ...]:
+    def _resampled(self, duration: float, parameters: Array) -> tuple[bool, ...]:
         """Return for each discrete state whether it is sampled again after the start."""
         layout = self._base.layout
         index = {p.name: i for i, p in enumerate(layout.parameters)}
-        changing = []
+        resampled = []
         for discrete in layout.discretes:
             period = discrete.period
             seconds = parameters[index[period]] if isinstance(period, str) else period
-            changing.append(float(seconds) < duration)
-        return tuple(changing)
+            resampled.append(float(seconds) < duration)
+        return tuple(resampled)
 
     @cached_property
     def _updates(self) -> tuple[list[ca.Function], list[ca.Function]]:
@@ -229,27 +237,27 @@ class Linearisation:
         own = self._extended.states[: self._nominal.size]
         return _dense(self._extended, ca.jacobian(self._extended.rates, own))
 
-    def _affine(self, linear: bool, changing: tuple[bool, ...]) -> bool:
+    def _affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
         """Return whether the rates are affine in the states, with the same coefficients throughout.
 
         Parameters
         ----------
         linear : bool
             Whether inputs are interpolated; then the rates must be affine in these too.
-        changing : tuple of bool
-            For each discrete state whether it changes after the start.
+        resampled : tuple of bool
+            For each discrete state whether it is sampled again after the start.
         """
-        key = (linear, changing)
+        key = (linear, resampled)
         if key not in self._known_affine:
-            self._known_affine[key] = self._is_affine(linear, changing)
+            self._known_affine[key] = self._is_affine(linear, resampled)
         return self._known_affine[key]
 
-    def _is_affine(self, linear: bool, changing: tuple[bool, ...]) -> bool:
-        """Find out; see `_affine`, which remembers the answer."""
+    def _is_affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
+        """Work out what `_affine` returns and remembers."""
         graph = self._base
         if ca.depends_on(graph.rates, graph.time):
             return False
-        discretes = graph.discretes[[k for k, changes in enumerate(changing) if changes]]
+        discretes = graph.discretes[[k for k, again in enumerate(resampled) if again]]
         moving = ca.vertcat(graph.time, graph.inputs, graph.states, discretes)
         arguments = ca.vertcat(graph.states, graph.inputs) if linear else graph.states
         return not (

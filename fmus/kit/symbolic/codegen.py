@@ -196,7 +196,7 @@ def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
         ``model.h`` and ``tables.h``.
     """
     files = tables(graph, guid)
-    files["model.h"] += "#endif\n"
+    files["model.h"] += "#endif\n"  # of the include guard, which is open for sizes of laws
     return files
 
 

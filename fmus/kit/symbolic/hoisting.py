@@ -7,12 +7,14 @@ evaluations of the laws.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
 from fmus.kit.declare import ParameterDeclaration, name_declaration
 from fmus.kit.symbolic.tracing import Graph
+
+_PARAMETERS = 1  # their place among the arguments of a graph
 
 
 def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
@@ -32,7 +34,7 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
         Their values, as a column, from the parameters of the original graph.
     """
     replacing = _Replacing(graph)
-    rates, outputs, *updates = replacing.results()
+    rates, outputs, *updates = replacing.rewritten_laws()
     symbols = [symbol for symbol, _ in replacing.hoisted.values()]
     expressions = [expression for _, expression in replacing.hoisted.values()]
     declared = [
@@ -49,6 +51,13 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     )
     values = ca.vertcat(ca.SX(0, 1), *expressions)
     return extended, ca.Function("hoisted", [graph.parameters], [values], {"cse": True})
+
+
+class _Expression(NamedTuple):
+    """An expression of a law, and whether it depends on parameters only."""
+
+    value: ca.SX
+    is_fixed: bool
 
 
 class _Replacing:
@@ -71,39 +80,46 @@ class _Replacing:
             "laws", graph.arguments, [graph.rates, graph.outputs, *graph.updates]
         )
 
-    def results(self) -> list[ca.SX]:
-        """Return rates, outputs and updates, operation by operation."""
+    def rewritten_laws(self) -> list[ca.SX]:
+        """Return rates, outputs and updates with symbols in the place of what is hoisted.
+
+        CasADi has a function as a list of instructions, each of which reads registers and writes
+        one. They are carried out here in their order, on expressions.
+        """
         laws = self._laws
         results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]
-        # expressions, and whether each depends on parameters only
-        work: list[Any] = [None] * laws.sz_w()
+        registers: list[Any] = [None] * laws.sz_w()  # of _Expression
         for k in range(laws.n_instructions()):
             operation = laws.instruction_id(k)
             inputs = laws.instruction_input(k)
             outputs = laws.instruction_output(k)
             if operation == ca.OP_INPUT:
                 argument, element = inputs
-                work[outputs[0]] = self._arguments[argument].nz[element], argument == 1
+                symbol = self._arguments[argument].nz[element]
+                registers[outputs[0]] = _Expression(symbol, is_fixed=argument == _PARAMETERS)
             elif operation == ca.OP_CONST:
-                work[outputs[0]] = ca.SX(laws.instruction_constant(k)), True
+                constant = ca.SX(laws.instruction_constant(k))
+                registers[outputs[0]] = _Expression(constant, is_fixed=True)
             elif operation == ca.OP_OUTPUT:
                 result, element = outputs
-                results[result].nz[element] = self._operand(*work[inputs[0]])
+                results[result].nz[element] = self._in_varying_law(registers[inputs[0]])
             else:
-                work[outputs[0]] = self._applied(operation, [work[i] for i in inputs])
+                registers[outputs[0]] = self._applied(operation, [registers[i] for i in inputs])
         return results
 
-    def _applied(self, operation: int, operands: list[tuple[ca.SX, bool]]) -> tuple[ca.SX, bool]:
+    def _applied(self, operation: int, operands: list[_Expression]) -> _Expression:
         """Apply an operation; its result is fixed if all operands are."""
-        fixed = all(is_fixed for _, is_fixed in operands)
-        values = [
-            value if fixed else self._operand(value, is_fixed) for value, is_fixed in operands
-        ]
+        is_fixed = all(operand.is_fixed for operand in operands)
+        if is_fixed:
+            values = [operand.value for operand in operands]
+        else:
+            values = [self._in_varying_law(operand) for operand in operands]
         apply = ca.SX.unary if len(values) == 1 else ca.SX.binary
-        return apply(operation, *values), fixed
+        return _Expression(apply(operation, *values), is_fixed)
 
-    def _operand(self, value: ca.SX, fixed: bool) -> ca.SX:
-        """Return an operand of a law that varies: a fixed expression becomes a parameter."""
-        if not fixed or value.is_constant() or value.is_symbolic():
+    def _in_varying_law(self, expression: _Expression) -> ca.SX:
+        """Return what stands for an expression in a law that varies: a symbol if it is hoisted."""
+        value = expression.value
+        if not expression.is_fixed or value.is_constant() or value.is_symbolic():
             return value
         return self.hoisted.setdefault(value.element_hash(), (ca.SX.sym("hoisted"), value))[0]

@@ -67,10 +67,10 @@ class PerturbedLaws:
     """
 
     def __init__(self, cls: type[Component]):
-        self._added: dict[str, ca.SX] = {}
-        self._values: dict[str, ca.SX] = {}
-        self._calling: list[str] = []
-        self._read: dict[str, set[str]] = {}
+        self._added: dict[str, ca.SX] = {}  # the symbol that is added to each law
+        self._values: dict[str, ca.SX] = {}  # of each law at its first call
+        self._calling: list[str] = []  # laws under way, the innermost last
+        self._read: dict[str, set[str]] = {}  # signals and laws that each law reads
         layout = cls.layout
         variables = (*layout.inputs, *layout.states, *layout.discretes)
         self._signals = {v.name for v in variables} | {"time"}

@@ -322,7 +322,7 @@ def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence
         A column, one function for each place.
     """
     function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
-    work: list[Any] = [None] * function.sz_w()
+    registers: list[Any] = [None] * function.sz_w()  # an instruction reads some and writes one
     places: dict[frozenset[int], ca.SX] = {}
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
@@ -330,18 +330,18 @@ def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence
         outputs = function.instruction_output(k)
         if operation == ca.OP_INPUT:
             argument, element = inputs
-            work[outputs[0]] = arguments[argument].nz[element]
+            registers[outputs[0]] = arguments[argument].nz[element]
         elif operation == ca.OP_CONST:
-            work[outputs[0]] = ca.SX(function.instruction_constant(k))
+            registers[outputs[0]] = ca.SX(function.instruction_constant(k))
         elif operation != ca.OP_OUTPUT:
-            operands = [work[i] for i in inputs]
+            operands = [registers[i] for i in inputs]
             place = _place(operation, operands)
             if place is not None:
                 # the magnitude of a value that is compared with zero switches at the same place
                 key = frozenset(o.element_hash() for o in operands if not o.is_zero())
                 places.setdefault(key, place)
             apply = ca.SX.unary if len(operands) == 1 else ca.SX.binary
-            work[outputs[0]] = apply(operation, *operands)
+            registers[outputs[0]] = apply(operation, *operands)
     variables = ca.vertcat(*moving)
     return _column([place for place in places.values() if ca.depends_on(place, variables)])
 

@@ -194,9 +194,9 @@ class Process:
             raise content
 
     def _next_answer(self, watch: _Watch) -> Any:
-        """Wait for what the process sends next, None if nothing can follow."""
+        """Return what the process sends next; None if it has ended and sent nothing more."""
         while True:
-            over = self._process.poll() is not None
+            over = self._process.poll() is not None  # before the look at what it has sent
             try:
                 return self._answers.get(timeout=_PERIOD)
             except Empty:

@@ -177,21 +177,32 @@ class SharedProgress:
     # ---- read by the process that started it
 
     def state(self) -> ProgressState:
-        """Return a snapshot; it is not trusted, for an FMU may have overwritten the memory."""
+        """Return a snapshot of the process, which goes on meanwhile.
+
+        The FMU may have overwritten the memory, so no number in it is relied upon.
+        """
         head = self._head
-        # the other process goes on meanwhile, so each value is read once
-        doing = head.text[: max(0, head.length)].decode(errors="replace")
+        call = head.text[: max(0, head.length)].decode(errors="replace")
         slot = head.slot
-        if not 0 <= slot < _SLOTS:
-            return ProgressState(doing, head.point, 0, (head.beat, 0, 0))
+        if not 0 <= slot < _SLOTS:  # no run is in progress
+            return ProgressState(call, head.point, 0, (head.beat, 0, 0))
         run = self._runs[slot]
-        operation, step = self._operation(slot, run.position)
-        beat = (head.beat, run.point, run.position)
-        listed = bool(operation and not doing)
-        return ProgressState(doing or operation, run.point, run.row, beat, listed, step)
+        position = run.position
+        operation, is_step = self._operation(slot, position)
+        return ProgressState(
+            doing=call or operation,
+            point=run.point,
+            row=run.row,
+            beat=(head.beat, run.point, position),
+            listed=bool(operation and not call),
+            step=is_step,
+        )
 
     def _operation(self, slot: int, position: int) -> tuple[str, bool]:
-        """Return what the operation at a position asks of which FMU, and whether it is a step."""
+        """Return what the run's operation asks of which FMU, and whether it is a step.
+
+        A run in Python has no operations: its calls are noted one by one.
+        """
         try:
             legend = pickle.loads((self.folder / f"{_LEGEND}{slot}").read_bytes())
         except Exception:  # missing or damaged
@@ -287,7 +298,7 @@ class _NotedCall(partial[int]):
     def __call__(self, /, *more: Any, **options: Any) -> int:
         description = self.description
         if self.is_step:
-            time = [*self.args, *more][1]
+            _, time, *_ = *self.args, *more  # as fmi2DoStep has them: component, time, step, ...
             seconds = f"{getattr(time, 'value', time):g}".encode()
             description = b"%s from %s s" % (description, seconds)
         self.progress.begin_call(description)

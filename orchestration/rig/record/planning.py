@@ -1,4 +1,4 @@
-"""RecordingPlan of a record: an experiment checked against a rig, before anything moves."""
+"""Plan of a record: an experiment checked against a rig, before anything moves."""
 
 from __future__ import annotations
 
@@ -153,6 +153,7 @@ def _check_state(rig: Mapping[str, Any]) -> None:
 
 
 def _step(experiment: Experiment, rig: Mapping[str, Any], where: str, rate: float | None) -> float:
+    """Return the time between two rows of the record (s), which the rig must be able to give."""
     step = experiment.step if rate is None else 1.0 / rate
     if step is None:
         raise UserError(

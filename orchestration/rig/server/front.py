@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isfinite
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 import zmq
 
@@ -25,6 +25,14 @@ _LONGEST_WAIT = 10  # ms for a message, before whatever else there is to do
 _AT_ONCE = 200  # messages that are taken before whatever else there is to do
 _TELEMETRY = 1 / 30  # s between two samples that are published, at least
 _SILENCE = 0.2  # s between two messages of telemetry, at most
+_LOOK = 0.1  # s between two looks at who was turned away, at least
+
+
+class ReceivedMessage(NamedTuple):
+    """A message of a client, and ZeroMQ's name of the connection that it came by."""
+
+    peer: bytes
+    message: dict[str, Any]
 
 
 class ReceivedSignals:
@@ -100,46 +108,59 @@ class Front:
         collector = Collector()
         while not self._signals.ending:
             self._take_messages()
-            if self._signals.ending:  # it may have ended the guard, too, which is no trouble then
-                break
+            if self._signals.ending:
+                break  # before the rig is supervised: the signal may have ended the guard as well
             now = monotonic()
             if self._signals.stopping:
                 self._handler.stop(self._signals.stopping)
                 self._signals.stopping = ""
             self._handler.supervise()
             self._publish(now)
-            if now - self._looked > 0.1:
+            if now - self._looked > _LOOK:
                 self._looked = now
                 self._count_turned_away()
             collector.collect(now)
 
     def _take_messages(self) -> None:
-        """Take all messages that have arrived; of waiting exchanges carry out only the newest."""
-        waiting: tuple[bytes, dict[str, Any]] | None = None
+        """Answer all messages that have arrived.
+
+        An exchange is held back until the last of them is read, for a newer one makes it useless.
+        """
+        held: ReceivedMessage | None = None
+        for received in self._received():
+            if received.message["type"] != "exchange":
+                self._answer(*received)
+            elif held is None:
+                held = received
+            else:
+                held = self._newer_exchange(held, received)
+        if held is not None:
+            self._answer(*held)
+
+    def _received(self) -> Iterator[ReceivedMessage]:
+        """Yield the messages that have arrived, a bounded number; wait a moment for the first."""
         flags = 0
         for _ in range(_AT_ONCE):
             try:
                 frames = self._sockets.requests.recv_multipart(flags)
             except zmq.Again:
-                break
+                return
             flags = zmq.NOBLOCK
             message = self._decoded(frames)
-            if message is None:
-                continue
-            if message["type"] != "exchange":
-                self._answer(frames[0], message)
-                continue
-            if waiting is not None:
-                before = waiting[1]
-                if message["sequence"] <= before["sequence"] and self._handler.supersedes(
-                    before, message
-                ):
-                    continue
-                if not self._handler.supersedes(message, before):
-                    self._answer(*waiting)
-            waiting = (frames[0], message)
-        if waiting is not None:
-            self._answer(*waiting)
+            if message is not None:
+                yield ReceivedMessage(frames[0], message)
+
+    def _newer_exchange(self, held: ReceivedMessage, arrived: ReceivedMessage) -> ReceivedMessage:
+        """Return the newer of two exchanges; the other is dropped, or answered if it still counts.
+
+        Messages may overtake each other, so what arrived later may be the older one.
+        """
+        overtaken = arrived.message["sequence"] <= held.message["sequence"]
+        if overtaken and self._handler.supersedes(held.message, arrived.message):
+            return held
+        if not self._handler.supersedes(arrived.message, held.message):
+            self._answer(*held)
+        return arrived
 
     def _decoded(self, frames: list[bytes]) -> dict[str, Any] | None:
         try:

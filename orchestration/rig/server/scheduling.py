@@ -37,7 +37,7 @@ class Deadlines:
         self.missed = 0
 
     def advance(self, now: float) -> None:
-        """Go on to the first deadline after this one that is not over yet.
+        """Go on to the next deadline that is not over yet; those in between are missed.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""ServerSettings of a rig's server, as its command line has them."""
+"""Settings of a rig's server, as its command line has them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WATCHDOGS = (0.01, 60.0)  # s
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """ServerSettings of a server: its backend, its pace and its address.
+    """Settings of a server: its backend, its pace and its address.
 
     Attributes
     ----------

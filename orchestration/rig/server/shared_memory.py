@@ -150,7 +150,10 @@ class Slot(Generic[Record]):
         self._halves[self._count % 2][:] = _HEAD.pack(self._count, checksum) + data
 
     def read(self) -> Record | None:
-        """Return the newest record.
+        """Return the newest whole record.
+
+        A copy that is alone whole may be old: the writer may have finished the other one since, and
+        begun with this one. It counts if a second look finds it again.
 
         Returns
         -------
@@ -158,18 +161,22 @@ class Slot(Generic[Record]):
             None if nothing was written yet.
         """
         for _ in range(_ATTEMPTS):
-            copies = self._valid()
-            if len(copies) == 1:
-                # the other is being written; and this one may have been, since it was copied
-                again = self._valid()
-                if len(again) == 1 and again != copies:
+            whole = self._valid()
+            if len(whole) == 1:
+                seen = whole
+                whole = self._valid()
+                if len(whole) == 1 and whole != seen:
                     continue
-                copies = again
-            if copies:
-                return self._kind(*self._layout.unpack(max(copies)[1]))
-            if not any(any(half[: _HEAD.size]) for half in self._halves):
+            if whole:
+                _, data = max(whole)
+                return self._kind(*self._layout.unpack(data))
+            if self._is_blank():
                 return None
         return None
+
+    def _is_blank(self) -> bool:
+        """Return True if nothing was ever written."""
+        return not any(any(half[: _HEAD.size]) for half in self._halves)
 
     def _valid(self) -> list[tuple[int, bytes]]:
         """Return counts and bytes of the copies whose checksum is right."""

@@ -353,7 +353,7 @@ class _SspReader:
         if start is not None and end is not None:
             connection = Connection(Port(start, source), Port(end, target), *transformation)
             if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
-                self._check_conversion(connection, members, where)
+                self._refuse_ambiguous_factor(connection, members, where)
             return connection
         if transformation != _IDENTITY:
             raise self._error(
@@ -387,22 +387,23 @@ class _SspReader:
             return _IDENTITY
         return self._number(linear, "factor", "1"), self._number(linear, "offset", "0")
 
-    def _check_conversion(
+    def _refuse_ambiguous_factor(
         self, connection: Connection, members: Mapping[str, Member], where: str
     ) -> None:
-        """Refuse a factor between different units, which tools interpret differently.
+        """Raise an error if a connection has a factor and its ends have different units.
 
-        In SSP the factor comes on top of a conversion of units, in some tools it does not.
+        In SSP the factor comes on top of the conversion of units, in some tools it is all of it.
         """
-        if connection.passes_on:
+        if connection.passes_on:  # without a factor
             return
         source = connection.source
         target = connection.target
         output = interface(members[source.member]).outputs.get(source.variable)
         input_ = interface(members[target.member]).inputs.get(target.variable)
-        if output is None or input_ is None:
+        if output is None or input_ is None:  # refused when the system is checked
             return
-        if conversion(output.unit, input_.unit) not in (None, _IDENTITY):
+        converts = conversion(output.unit, input_.unit) not in (None, _IDENTITY)
+        if converts:
             raise self._error(
                 f"connection {where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
                 ' come on top of the conversion or be all of it; say suppressUnitConversion="true"'

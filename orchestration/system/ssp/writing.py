@@ -261,6 +261,7 @@ def _connector(name: str, kind: str, signal: Signal | None, used_units: set[str]
 
 
 def _wire(connection: Connection) -> Element:
+    """Return the element of a connection."""
     source = connection.source
     target = connection.target
     wire = Element(

@@ -24,6 +24,7 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
+from tests.support.builds import check_that_builds_agree
 from tests.support.effect_samples import (
     ACTIVE,
     NEUTRAL,
@@ -389,6 +390,29 @@ def test_sensitivity_at_neutral_is_that_of_differences_and_not_zero(base, name, 
         assert exact == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max() + floor)
         seen.append(np.abs(slope * declared.nominal).max() / runs[1.0][output].std())
     assert max(seen) > 1e-3  # a change by the nominal value is seen
+
+
+# --- both builds, as FMUs
+# --------------------------------------------------------------------------------------------------
+
+
+def ranges(base):
+    return {"current": (-1.0, 1.3)} | (
+        {"force": (0.0, 2.5)} if base is PpyActuator else {"length_change": (0.0, 8e-4)}
+    )
+
+
+@bases
+def test_builds_agree_on_all_effects(base, tmp_path):
+    cls = stack(base, *EFFECTS.values(), name="everything")
+    check_that_builds_agree(cls, active(EFFECTS), ranges(base), tmp_path, steps=20)
+
+
+@pytest.mark.slow
+@bases
+@effects
+def test_builds_agree_on_each_effect(base, name, tmp_path):
+    check_that_builds_agree(stack(base, EFFECTS[name]), active([name]), ranges(base), tmp_path)
 
 
 # --- the rule that keeps laws and measurements apart

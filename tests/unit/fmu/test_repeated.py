@@ -8,11 +8,13 @@ import os
 import signal
 import threading
 import time as clock
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
+from orchestration.fmu.kernel import Pulse
 from orchestration.fmu.repeated import RepeatedFmu
 from tests.support.hosts import build_one_state_fmu
 from tests.support.kernel import without_compiler
@@ -103,3 +105,19 @@ def test_a_run_that_takes_too_long_is_given_up(tmp_path):
         assert np.isfinite(
             fmu.run(time[:3], {}, {"delay": 0.0, "until": 1e9}, ["voltage_age"])
         ).all()
+
+
+def test_the_fmu_is_closed_also_if_its_pulse_cannot_be_ended(lag, monkeypatch):
+    ends = Pulse.__exit__
+
+    def fails(pulse, *error):
+        ends(pulse, *error)
+        raise OSError("no thread")
+
+    monkeypatch.setattr(Pulse, "__exit__", fails)
+    fmu = RepeatedFmu(lag).__enter__()
+    folder = Path(fmu._fmu._folder)
+    assert folder.exists()
+    with pytest.raises(OSError, match="no thread"):
+        fmu.__exit__(None, None, None)
+    assert not folder.exists()

@@ -79,22 +79,3 @@ def test_a_member_that_did_not_get_to_the_end(member):
     with pytest.raises(Stopped, match=r"^bad: says that it is at 4.9 s at the end, 5 s$") as caught:
         run(chain(member, lag=0.1), TIME, ones())
     assert not caught.value.run.complete
-
-
-# --- saved states
-# --------------------------------------------------------------------------------------------------
-
-
-def test_progress_and_statistics(member):
-    told = []
-    result = run(chain(member), TIME, ones(), progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == TIME.size
-    statistics = result.statistics
-    assert statistics.steps == 50
-    assert statistics.rollbacks == statistics.evaluations == 0
-    for spent in statistics.components.values():
-        assert spent.steps == 50
-        assert 0.0 < spent.seconds < statistics.wall
-        assert spent.share == pytest.approx(spent.seconds / statistics.wall)
-    assert sum(spent.share for spent in statistics.components.values()) < 1.0

@@ -24,6 +24,7 @@ _KINDS = {"real": Real, "integer": Integer, "boolean": Boolean}
 _START_TIME = 1
 _TOLERANCE = 2
 _PARAMETERS_CHANGED = 3
+_SMALLEST_TOLERANCE = 1e-12
 
 
 class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
@@ -49,20 +50,26 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         self.first_output = self.first_state + len(layout.states) + len(layout.discretes)
         self.size = len(layout.names)
         index = {name: i for i, name in enumerate(layout.names)}
+        # where the parameter is by which each state starts
         self.starts = [index[layout.start_of[v.name]] for v in (*layout.states, *layout.discretes)]
-        values = [float(v.start) for v in (*layout.parameters, *layout.inputs)]
-        values += [0.0] * (self.size - self.first_state)
-        # hint, start time, tolerance, parameters changed, and a counter for each sampled group
-        self.memory = array(
-            "d", [*values, inf, 0.0, self.model.tolerance, 1.0, *(0.0 for _ in layout.sampled)]
-        )
+        self.memory = self._new_memory()
         self.texts = [text.start for text in layout.texts]
         self.time = 0.0
         self.started = False
-        self.stale = True
+        self.stale = True  # whether outputs and derivatives must be computed before they are read
         self.slave = self.create(memoryview(self.memory), b"")
         self._restart()
         self._register_variables()
+
+    def _new_memory(self) -> array[float]:
+        """Return the memory of a new instance, in the order of ``fmi2/engine.h``."""
+        layout = self.model.layout
+        defaults = [float(v.start) for v in (*layout.parameters, *layout.inputs)]
+        computed = [0.0] * (self.size - self.first_state)
+        # hint, start time, tolerance, parameters changed
+        internals = [inf, 0.0, self.model.tolerance, 1.0]
+        counters = [0.0] * len(layout.sampled)
+        return array("d", [*defaults, *computed, *internals, *counters])
 
     def _register_variables(self) -> None:
         """Tell pythonfmu the variables and how to read and write them."""
@@ -118,12 +125,12 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
     def setup_experiment(
         self, start_time: float, stop_time: float | None, tolerance: float | None
     ) -> None:
-        """Set the start time in s, and the relative tolerance unless it is above the default."""
+        """Take the start time (s), and a tolerance that asks for more accuracy than the default."""
         self.time = start_time
         self.memory[self.size + _START_TIME] = start_time
         if tolerance:
-            tolerated = min(max(tolerance, 1e-12), self.model.tolerance)
-            self.memory[self.size + _TOLERANCE] = tolerated
+            bounded = min(max(tolerance, _SMALLEST_TOLERANCE), self.model.tolerance)
+            self.memory[self.size + _TOLERANCE] = bounded
 
     def exit_initialization_mode(self) -> None:
         """Check the ranges of parameters, and start."""

@@ -1,6 +1,4 @@
-"""What a proxy does when its rig is late, silent, gone, safe or unwilling; both builds, at a small
-rig of the tests.
-"""
+"""Claims: late, silent, gone, safe or unwilling rigs are handled as promised, in both builds."""
 
 from __future__ import annotations
 

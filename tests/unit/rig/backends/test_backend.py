@@ -1,0 +1,32 @@
+"""Claims: a backend that lacks a call is refused before it is opened; limits come from here too."""
+
+from __future__ import annotations
+
+import pytest
+
+from orchestration.rig import signals
+from orchestration.rig.backends.backend import Backend, Limit, Steppable
+
+CALLS = ("read", "write", "safe", "close")
+
+
+def made(base: type[Backend], *calls: str) -> Backend:
+    """Make a backend that has some of the calls."""
+    return type("Own", (base,), {name: lambda self, *values: None for name in calls})()
+
+
+@pytest.mark.parametrize("missing", CALLS)
+def test_every_call_is_needed(missing):
+    with pytest.raises(TypeError, match=rf"\b{missing}\b"):
+        made(Backend, *(name for name in CALLS if name != missing))
+
+
+def test_a_rig_in_lockstep_needs_advance_besides():
+    assert isinstance(made(Backend, *CALLS), Backend)
+    with pytest.raises(TypeError, match=r"\badvance\b"):
+        made(Steppable, *CALLS)
+    assert isinstance(made(Steppable, *CALLS, "advance"), Backend)
+
+
+def test_a_file_of_ones_own_has_limits_from_here():
+    assert Limit is signals.Limit

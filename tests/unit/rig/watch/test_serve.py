@@ -1,0 +1,133 @@
+"""Claims: only the page itself, from this machine and by its own name, sees the rig and can stop
+it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import threading
+from contextlib import closing
+from http.client import HTTPConnection
+
+import pytest
+
+from fmus.kit import UserError
+from orchestration.rig.watch.feed import Feed
+from orchestration.rig.watch.serve import PageServer
+
+STATUS = {
+    "state": "safe state",
+    "reason": "stop pressed",
+    "clock": 10.0,
+    "client": "",
+    "mode": "real-time",
+    "period": 0.02,
+    "watchdog": 0.2,
+    "limits": {},
+    "inputs": {"current": "A"},
+    "outputs": {"voltage": "V"},
+}
+
+
+@pytest.fixture
+def page():
+    """A server of the page; `stops` has what its button did."""
+    stops = []
+
+    def stop():
+        stops.append("stop")
+        if len(stops) > 1:
+            raise UserError("no answer within 1 s")
+        return STATUS
+
+    server = PageServer(0, "tcp://rig:5570", Feed(), stop)
+    server.stops = stops
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+    thread.start()
+    yield server
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def ask(page, method, path, headers=()):
+    with closing(HTTPConnection("127.0.0.1", page.port, timeout=5)) as connection:
+        connection.request(method, path, headers=dict(headers))
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode(), answer.headers
+
+
+def test_the_page_is_of_this_rig_and_takes_nothing_from_elsewhere(page):
+    status, text, headers = ask(page, "GET", "/")
+    assert (status, page.address) == (200, f"http://127.0.0.1:{page.port}/")
+    assert "tcp://rig:5570" in text
+    assert re.search(r'name="rig-token" content="(.+?)"', text)[1] == page.token
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert headers["Cache-Control"] == "no-store"
+    for name, kind in (("page.css", "text/css"), ("chart.js", "text/javascript")):
+        status, _, headers = ask(page, "GET", f"/{name}")
+        assert (status, headers["Content-Type"]) == (200, f"{kind}; charset=utf-8")
+
+
+@pytest.mark.parametrize("path", ["/page.html", "/serve.py", "/../serve.py", "//etc/passwd"])
+def test_no_other_file_is_served(page, path):
+    assert ask(page, "GET", path)[0] == 404
+
+
+def test_the_button_of_the_page_stops_the_rig_and_says_whether_that_is_confirmed(page):
+    own = {"X-Rig-Token": page.token, "Origin": page.address.rstrip("/")}
+    status, text, _ = ask(page, "POST", "/stop", own)
+    assert (status, json.loads(text)) == (200, {"confirmed": True, "state": "safe state"})
+    status, text, _ = ask(page, "POST", "/stop", own)
+    assert status == 504
+    assert json.loads(text) == {"confirmed": False, "error": "no answer within 1 s"}
+    assert page.stops == ["stop", "stop"]
+
+
+@pytest.mark.parametrize(
+    ("headers", "path", "status"),
+    [
+        ({"X-Rig-Token": "x"}, "/stop", 403),
+        ({}, "/stop", 403),
+        ({"Origin": "https://evil.example"}, "/stop", 403),
+        ({"Host": "evil.example"}, "/stop", 403),
+        ({}, "/acknowledge", 404),
+    ],
+)
+def test_nobody_else_stops_it_and_nothing_else_is_commanded(page, headers, path, status):
+    token = {} if not headers and path == "/stop" else {"X-Rig-Token": page.token}
+    assert ask(page, "POST", path, token | headers)[0] == status
+    assert page.stops == []
+
+
+def test_another_name_of_this_machine_sees_nothing(page):
+    for path in ("/", "/stream", "/page.js"):
+        assert ask(page, "GET", path, {"Host": "evil.example"})[0] == 403
+
+
+def test_the_stream_begins_with_everything_and_goes_on(page):
+    page.feed.event("rig", "before")
+    with closing(HTTPConnection("127.0.0.1", page.port, timeout=5)) as connection:
+        connection.request("GET", "/stream")
+        answer = connection.getresponse()
+        assert answer.readline() == b"retry: 500\n"
+        answer.readline()
+        first = json.loads(answer.readline().removeprefix(b"data: "))
+        assert (first["first"], first["instance"]) == (True, page.instance)
+        assert "before" in json.dumps(first["items"])
+        answer.readline()
+        page.feed.event("rig", "after")
+        then = json.loads(answer.readline().removeprefix(b"data: "))
+        assert not then["first"]
+        assert "after" in json.dumps(then["items"])
+
+
+def test_a_port_that_is_taken_is_told_with_what_to_do():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(UserError, match=f"127.0.0.1:{port}.*--port chooses another one"):
+            PageServer(port, "any", Feed(), dict)
