@@ -8,8 +8,7 @@ import typer
 from orchestration.api.declaration import options_of
 from orchestration.cli import app
 from orchestration.cli.command import command
-from orchestration.cli.commands.options import RunCommand, SimulateCommand
-from orchestration.cli.rig.options import BridgeCommand
+from orchestration.cli.commands.options import BridgeCommand, RunCommand, SimulateCommand
 
 
 def given(declared, *arguments):
