@@ -10,7 +10,6 @@ import numpy as np
 
 from fmus.kit import UserError
 from orchestration.experiment import results
-from orchestration.experiment.about import about_experiment, about_pace
 from orchestration.experiment.live import Follower, Live, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
@@ -169,8 +168,8 @@ def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
         for n, v in prepared.settings.items()
     }
     return (
-        about_pace(done.statistics.pacing)
-        | about_experiment(prepared.experiment, where)
+        results.about_pace(done.statistics.pacing)
+        | results.about_experiment(prepared.experiment, where)
         | {
             "subject": on.name,
             "complete": int(done.complete),
