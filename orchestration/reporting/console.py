@@ -1,7 +1,12 @@
-"""The terminal as all commands use it: results, remarks by verbosity, tables, progress."""
+"""The terminal as all commands use it: results, remarks by verbosity, tables, progress.
+
+What would be printed is a text, too, for ``str()`` of a result and for notebooks.
+"""
 
 from __future__ import annotations
 
+import html
+import io
 import os
 import sys
 from collections.abc import Collection, Iterator, Sequence
@@ -11,7 +16,7 @@ from pathlib import Path
 from threading import Timer
 from time import monotonic
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
@@ -30,6 +35,7 @@ _WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
 # names and messages are shown as they are: brackets and colons in them are no markup
 out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=_WIDTH)
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)
+TEXT_WIDTH = 120  # columns of tables in a text
 _EVERY = 4.0  # seconds between two lines of progress where there is no terminal
 _FIRST = 4  # of the parts of a step are told at once
 _verbose = False
@@ -109,6 +115,21 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
     for k, column in enumerate(columns):
         table.add_column(column, no_wrap=k == 0, justify="right" if column in right else "left")
     return table
+
+
+def plain_text(renderable: RenderableType) -> str:
+    """Return what would be printed, without colours."""
+    text = io.StringIO()
+    plain = Console(
+        file=text, width=TEXT_WIDTH, highlight=False, markup=False, emoji=False, soft_wrap=True
+    )
+    plain.print(renderable)
+    return "\n".join(line.rstrip() for line in text.getvalue().rstrip("\n").split("\n"))
+
+
+def preformatted(text: str) -> str:
+    """Return a text as HTML that keeps its columns, for a notebook."""
+    return f"<pre>{html.escape(text)}</pre>"
 
 
 class Tell:

@@ -14,7 +14,6 @@ import pytest
 import orchestration as ppy
 from fmus.kit.errors import UserError
 from orchestration.reporting import console
-from orchestration.reporting.plain import WIDTH
 from studies.emulator.records import draw, write
 from tests.support.command import works
 
@@ -53,7 +52,7 @@ def test_every_name_is_there_and_says_how_it_is_used():
 
 
 def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypatch):
-    monkeypatch.setattr(console.out, "width", WIDTH)
+    monkeypatch.setattr(console.out, "width", console.TEXT_WIDTH)
     text = works(
         "diagnose",
         str(hidden),
