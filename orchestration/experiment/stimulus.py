@@ -87,14 +87,12 @@ class StimulusTable(ValueTable):
                 f"{key} = {frequency:g} Hz: allowed is {limit}; above, it is sampled as a lower one"
             )
 
-    def _check_span(self, key: str, span: float, steps: int, time: Array) -> None:
-        """Refuse a time between jumps in which there need not be a communication point."""
+    def _require_steps(self, key: str, seconds: float, steps: int, time: Array) -> None:
+        """Refuse a time shorter than so many steps: a level may be over before the next point."""
         least = steps * (time[1] - time[0])
-        if span < least * (1.0 - _ROUNDING):
-            raise UserError(
-                f"{key} = {span:g} s: must be at least {least:g} s,"
-                f" {'one step' if steps == 1 else 'two steps'}"
-            )
+        if seconds < least * (1.0 - _ROUNDING):
+            count = "one step" if steps == 1 else f"{steps} steps"
+            raise UserError(f"{key} = {seconds:g} s: must be at least {least:g} s, {count}")
 
 
 class Constant(StimulusTable):
@@ -183,7 +181,7 @@ class Multilevel(StimulusTable):
     seed: Seed | None = None
 
     def _signal(self, time: Array, place: Place) -> Array:
-        self._check_span("dwell[0]", self.dwell[0], 1, time)
+        self._require_steps("dwell[0]", self.dwell[0], 1, time)
         seed = place.seed if self.seed is None else self.seed
         return waveforms.multilevel(
             time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed
@@ -224,7 +222,7 @@ class Staircase(StimulusTable):
     maximum: Amount
 
     def _signal(self, time: Array, place: Place) -> Array:
-        self._check_span("period", self.period, 2, time)
+        self._require_steps("period", self.period, 2, time)
         levels = (self._in(place.unit, key) for key in ("bias", "increment", "maximum"))
         return waveforms.force_staircase(time, self.period, *levels)
 

@@ -71,7 +71,7 @@ def folder(tmp_path):
         ),
         (
             'kind = "staircase"\nperiod = 0.1\nbias = 0\nincrement = 1\nmaximum = 3',
-            ["period = 0.1 s", "0.2 s, two"],
+            ["period = 0.1 s", "at least 0.2 s, 2 steps"],
         ),
         ('kind = "steps"\ntimes = [1, 1]\nlevels = [0, 1]', ["increasing times"]),
         ('kind = "ramps"\ntimes = [0, 1]\nlevels = [0]', ["increasing times"]),
