@@ -2,6 +2,9 @@
 
 import pytest
 
+from fmus.kit.build import host_platform
+from orchestration.api.declaration import options_of
+from orchestration.cli.options import IsolationOptions, platform_list
 from tests.support.command import here, refused
 
 SIMULATE = ("simulate", "ppy_actuator", "--set", "current=0.5", "--set", "force=1")
@@ -34,3 +37,33 @@ def test_times_have_units_and_plain_numbers_are_seconds(stop, step, points, tmp_
 )
 def test_a_wrong_unit_is_one_line(option, given, parts, tmp_path):
     refused(tmp_path, *SIMULATE, option, given, parts=parts)
+
+
+def isolation_option(name, text):
+    return options_of(IsolationOptions)[name].form.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "size"), [("800MB", 8e8), ("1 GiB", 2.0**30), ("3e8", 3e8), ("256000 kb", 2.56e8)]
+)
+def test_an_amount_of_memory_is_read_in_bytes(text, size):
+    assert isolation_option("memory_limit", text) == size
+
+
+@pytest.mark.parametrize("text", ["255MB", "2 TB", "much", "-1GB", "1e99", "1.2.3GB", ""])
+def test_an_amount_that_is_none_or_too_little_is_refused_with_the_least(text):
+    with pytest.raises(ValueError, match=r"an amount of memory such as 2GB .*, at least 256MB"):
+        isolation_option("memory_limit", text)
+
+
+def test_a_timeout_is_above_nothing():
+    assert isolation_option("step_timeout", "2min") == 120.0
+    for text in ("0s", "-1s", "1e9"):
+        with pytest.raises(ValueError, match="a time above 0, such as 10s or 2min"):
+            isolation_option("step_timeout", text)
+
+
+def test_platforms_are_those_named_all_or_that_of_this_machine():
+    assert platform_list(None) == [host_platform()]
+    assert platform_list("all") is None
+    assert platform_list("win64, linux64") == ["win64", "linux64"]
