@@ -69,11 +69,14 @@ def test_a_second_ctrl_c_ends_what_hears_none():
     with subprocess.Popen(
         [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as deaf:
-        assert deaf.stdout.readline() == "ready\n"
-        time.sleep(0.3)  # until it is in the call that hears nothing
-        deaf.send_signal(signal.SIGINT)
-        time.sleep(0.8)
-        assert deaf.poll() is None
-        deaf.send_signal(signal.SIGINT)
-        _, told = deaf.communicate(timeout=20)
+        try:
+            assert deaf.stdout.readline() == "ready\n"
+            time.sleep(0.3)  # until it is in the call that hears nothing
+            deaf.send_signal(signal.SIGINT)
+            time.sleep(0.8)
+            assert deaf.poll() is None
+            deaf.send_signal(signal.SIGINT)
+            _, told = deaf.communicate(timeout=20)
+        finally:
+            deaf.kill()
     assert (deaf.returncode, told) == (130, "interrupted\n")

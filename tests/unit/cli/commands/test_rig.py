@@ -14,9 +14,10 @@ from tests.support.command import refused, works
 from tests.support.rig.driver import INPUTS
 from tests.support.rig.process import Server
 
-pytestmark = [pytest.mark.timeout(60), pytest.mark.real_time]
+pytestmark = pytest.mark.timeout(60)
 
 
+@pytest.mark.real_time
 def test_nobody_there_is_a_line_within_the_timeout(tmp_path):
     for command in ("stop", "acknowledge", "status"):
         line = refused(
@@ -26,6 +27,7 @@ def test_nobody_there_is_a_line_within_the_timeout(tmp_path):
         assert "without keys" in line
 
 
+@pytest.mark.real_time
 def test_status_as_a_line_and_as_json(tmp_path):
     with Server(tmp_path) as server:
         server.wait_ready()
