@@ -17,7 +17,7 @@ from orchestration.experiment.stimulus import KINDS
 if TYPE_CHECKING:
     import xarray
 
-_INNER = {
+_INNER = {  # keys that the entries of a table can have
     "inputs": {key for kind in KINDS for key in kind.model_fields},
     "noise": set(NoiseTable.model_fields),
 }
@@ -134,15 +134,22 @@ def _set(given: dict[str, Any], setting: str) -> None:
 
 
 def _place(key: str, given: dict[str, Any]) -> list[str]:
-    """Split a key at those of its dots that part tables; names of variables have dots, too."""
+    """Split a key at those of its dots that part tables; names of variables have dots, too.
+
+    ``inputs.bench.current.value`` is a key of the table of the input ``bench.current``, but
+    ``inputs.bench.current`` that input itself. What begins with no table is a parameter.
+    """
     table, _, inner = key.partition(".")
     if table not in Experiment.model_fields:
         return ["parameters", key]
+    if not inner:
+        return [table]
     name, _, last = inner.rpartition(".")
-    there = given.get(table)
-    if name and ((isinstance(there, dict) and name in there) or last in _INNER.get(table, ())):
+    entries = given.get(table)
+    has_entry = isinstance(entries, dict) and name in entries
+    if name and (has_entry or last in _INNER.get(table, ())):
         return [table, name, last]
-    return [table, inner] if inner else [table]
+    return [table, inner]
 
 
 def _value(text: str) -> Any:

@@ -70,13 +70,11 @@ class StimulusTable(ValueTable):
         raise NotImplementedError
 
     def _in(self, unit: str, key: str) -> Any:
-        """Amount or amounts of a key in a unit."""
+        """Return the amount of a key, or its list of amounts, in a unit."""
         given = getattr(self, key)
-        several = not isinstance(given, Quantity)
-        numbers = [
-            q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in (given if several else [given])
-        ]
-        return numbers if several else numbers[0]
+        if isinstance(given, Quantity):
+            return given.to(unit, f"{key} = {given.value:g} {given.unit}")
+        return [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in given]
 
     def _check_frequency(self, key: str, frequency: float, time: Array) -> None:
         """Refuse a frequency that its values at the communication points show as a lower one."""
@@ -106,10 +104,13 @@ class Constant(StimulusTable):
 
 
 class _Wave(StimulusTable):
+    """A periodic signal about an offset."""
+
     amplitude: Amount
     offset: Amount = _ZERO
 
     def _about(self, place: Place) -> tuple[float, float]:
+        """Return amplitude and offset in the unit of the input."""
         return self._in(place.unit, "amplitude"), self._in(place.unit, "offset")
 
 
@@ -247,11 +248,10 @@ class FromFile(StimulusTable):
         place.notes.extend(
             repair.message for repair in record.repairs if repair.kind != "ignored columns"
         )
-        first, last = record.time[0], record.time[-1]
-        lasts = last + np.median(
-            np.diff(record.time)
-        )  # the last sample is held for as long as the others
-        if first > time[0] or lasts < time[-1]:
+        first = record.time[0]
+        last = record.time[-1]
+        end = last + np.median(np.diff(record.time))  # its last sample is held as the others are
+        if first > time[0] or end < time[-1]:
             raise UserError(
                 f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to"
                 f" {time[-1]:g} s"
@@ -272,9 +272,10 @@ class Gait(StimulusTable):
 
 
 def _constant(given: Any) -> Any:
-    return (
-        given if isinstance(given, dict | StimulusTable) else {"kind": "constant", "value": given}
-    )
+    """Return the table of a constant where its value stands by itself."""
+    if isinstance(given, dict | StimulusTable):
+        return given
+    return {"kind": "constant", "value": given}
 
 
 AnyStimulus = Annotated[
