@@ -86,21 +86,21 @@ _COMMANDS = {
             "Ask every law of a model what it lacks on a record: which signal it hangs on besides,"
             " and by which curve."
         ),
-        "laws:laws",
+        "diagnose:laws",
     ),
     "demo": (
         (
             "Do everything once: build, run the thesis's experiments, compare with an emulated rig,"
             " recalibrate, report."
         ),
-        "demo:demo",
+        "studies:demo",
     ),
     "thesis": (
         (
             "Recompute the thesis: every table and simulated figure, what holds, what does not and"
             " why."
         ),
-        "thesis:thesis",
+        "studies:thesis",
     ),
     "system": ("Systems of components: show, draw, check, and export as SSP.", "system:systems"),
     "rig": (

@@ -176,12 +176,12 @@ def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
 
 
 def _rescued(data: xarray.Dataset, out: Path, live: Live) -> str:
+    """Write a result among the temporary files; return where it is, or else what is left of it."""
     from orchestration.experiment import results
 
+    created = data.attrs["created"].replace(":", "")  # which a name on Windows cannot have
     try:
-        elsewhere = (
-            Path(tempfile.gettempdir()) / f"ppy-{data.attrs['created'].replace(':', '')}-{out.name}"
-        )
+        elsewhere = Path(tempfile.gettempdir()) / f"ppy-{created}-{out.name}"
         results.write(data, elsewhere)
     except (UserError, FileNotFoundError):
         return f"what went to the disk before is in {live.journal}"

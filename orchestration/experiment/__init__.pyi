@@ -1,8 +1,6 @@
 from . import result_page as result_page
 from . import results as results
 from . import waveforms as waveforms
-from .about import about_experiment as about_experiment
-from .about import about_pace as about_pace
 from .execution import UnfinishedExperiment as UnfinishedExperiment
 from .execution import run as run
 from .library import shipped as shipped
@@ -18,6 +16,8 @@ from .reading import files as files
 from .reading import movable as movable
 from .reading import read as read
 from .reading import read_toml as read_toml
+from .results import about_experiment as about_experiment
+from .results import about_pace as about_pace
 from .subjects import subject as subject
 from .values import ValueTable as ValueTable
 from .waveforms import force_staircase as force_staircase

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmus.kit import UserError
 from orchestration.experiment import results
-from orchestration.experiment.about import about_experiment, about_pace
 from orchestration.experiment.live import Follower, Live, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
@@ -21,6 +21,8 @@ from orchestration.master.reference import imbalance
 
 if TYPE_CHECKING:
     import xarray
+
+Array = NDArray[np.float64]
 
 
 class UnfinishedExperiment(UserError):
@@ -87,36 +89,47 @@ def run(
         if live is not None:
             experiment = _in_real_time(experiment, on, where)
         prepared = prepare(experiment, on, where, note)
-        time, signals, inputs = prepared.time, prepared.signals, prepared.inputs
-        fits(
-            results.dataset(
-                time[:1], {name: np.zeros(1) for name in signals}, signals, set(inputs), {}
-            )
-        )
-        follower = None if live is None else Follower(live, prepared)
-        try:
-            done = on.run(
-                time,
-                inputs,
-                prepared.settings,
-                prepared.wanted,
-                lambda points: progress(points, time.size),
-                pace=None if follower is None else follower.pace,
-                isolation=isolation(on.foreign),
-            )
-            failure = ""
-        except Stopped as stopped:
-            if stopped.run.time.size == 0:
-                raise
-            done, failure = stopped.run, str(stopped)
-        finally:
-            if follower is not None:
-                follower.close()
-    if done.time.size == 0:
+        fits(_first_point(prepared))
+        ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
+    if ran.time.size == 0:
         raise KeyboardInterrupt
-    return _results(prepared, done, where, note).assign_attrs(
-        {"failure": failure} if failure else {}
-    )
+    data = _dataset(prepared, ran, where, note)
+    return data.assign_attrs({"failure": failure} if failure else {})
+
+
+def _first_point(prepared: Preparation) -> xarray.Dataset:
+    """Return results of one point, all zero, for a format to say whether it can hold them."""
+    signals = prepared.signals
+    zeros = {name: np.zeros(1) for name in signals}
+    return results.dataset(prepared.time[:1], zeros, signals, set(prepared.inputs), {})
+
+
+def _run_prepared(
+    prepared: Preparation,
+    live: Live | None,
+    progress: Callable[[int, int], None],
+    isolated: Limits | None,
+) -> tuple[Run, str]:
+    """Return the run, as far as it came, and why it stopped on its way; empty if it did not."""
+    follower = None if live is None else Follower(live, prepared)
+    try:
+        ran = prepared.on.run(
+            prepared.time,
+            prepared.inputs,
+            prepared.settings,
+            prepared.wanted,
+            lambda points: progress(points, prepared.time.size),
+            pace=None if follower is None else follower.pace,
+            isolation=isolated,
+        )
+    except Stopped as stopped:
+        if stopped.run.time.size == 0:
+            raise
+        return stopped.run, str(stopped)
+    finally:
+        if follower is not None:
+            follower.close()
+    return ran, ""
 
 
 def _in_real_time(experiment: Experiment, on: Subject, where: str) -> Experiment:
@@ -137,30 +150,51 @@ def _in_real_time(experiment: Experiment, on: Subject, where: str) -> Experiment
     )
 
 
-def _results(
-    prepared: Preparation, done: Run, where: str, note: Callable[[str], None]
+def _dataset(
+    prepared: Preparation, ran: Run, where: str, note: Callable[[str], None]
 ) -> xarray.Dataset:
-    """Gather what a run delivered, with measurement noise and the energy that couplings made."""
-    for line in done.notes:
+    """Return the results of a run: inputs, what was measured, and energies that couplings made."""
+    for line in ran.notes:
         note(line)
-    count, noise = done.time.size, prepared.noise
+    count = ran.time.size  # fewer than were prepared if the run was stopped
     values = {name: array[:count] for name, array in prepared.inputs.items()}
-    for name, array in zip(prepared.wanted, done.signals.values(), strict=True):
-        if name in prepared.record:
-            values[name] = array + noise[name][:count] if name in noise else array
-    experiment, on = prepared.experiment, prepared.on
-    extrapolation = experiment.master.extrapolation if experiment.master else 0
-    for name, made in imbalance(on.couplings, done.signals, extrapolation).items():
-        values[prepared.imbalances[name].name] = made.energy
-        share = f"{100.0 * made.relative:.3g} % of what went through it"
-        note(f"{name}: {made.energy[-1]:.3g} J made by the coupling, {share}")
-    about = _about(prepared, done, where)
+    values |= _measured(prepared, ran)
+    values |= _coupling_energies(prepared, ran, note)
     return results.dataset(
-        prepared.time[:count], values, prepared.signals, set(prepared.inputs), about
+        prepared.time[:count],
+        values,
+        prepared.signals,
+        set(prepared.inputs),
+        _about(prepared, ran, where),
     )
 
 
-def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
+def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:
+    """Return the recorded outputs with the noise of their measurement."""
+    measured = {}
+    for name, array in zip(prepared.wanted, ran.signals.values(), strict=True):
+        if name not in prepared.record:  # wanted for the energy of a coupling alone
+            continue
+        noise = prepared.noise.get(name)
+        measured[name] = array if noise is None else array + noise[: ran.time.size]
+    return measured
+
+
+def _coupling_energies(
+    prepared: Preparation, ran: Run, note: Callable[[str], None]
+) -> dict[str, Array]:
+    """Return the energy that each mechanical coupling made so far, and tell how much it is."""
+    master = prepared.experiment.master
+    extrapolation = master.extrapolation if master else 0
+    energies = {}
+    for name, made in imbalance(prepared.on.couplings, ran.signals, extrapolation).items():
+        energies[prepared.imbalances[name].name] = made.energy
+        share = f"{100.0 * made.relative:.3g} % of what went through it"
+        note(f"{name}: {made.energy[-1]:.3g} J made by the coupling, {share}")
+    return energies
+
+
+def _about(prepared: Preparation, ran: Run, where: str) -> dict[str, Any]:
     """Return all that it takes to make the experiment again."""
     on = prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
@@ -169,12 +203,12 @@ def _about(prepared: Preparation, done: Run, where: str) -> dict[str, Any]:
         for n, v in prepared.settings.items()
     }
     return (
-        about_pace(done.statistics.pacing)
-        | about_experiment(prepared.experiment, where)
+        results.about_pace(ran.statistics.pacing)
+        | results.about_experiment(prepared.experiment, where)
         | {
             "subject": on.name,
-            "complete": int(done.complete),
-            "wall_time": done.statistics.wall,
+            "complete": int(ran.complete),
+            "wall_time": ran.statistics.wall,
             "guids": json.dumps(dict(on.guids)),
             "parameters": json.dumps(numbers),
         }

@@ -82,7 +82,8 @@ class Follower:
     """
 
     def __init__(self, live: Live, prepared: Preparation):
-        self._look, self._time = live.look, prepared.time.tolist()
+        self._look = live.look
+        self._time = prepared.time.tolist()
         self._inputs = [array.tolist() for array in prepared.inputs.values()]
         places = {name: place for place, name in enumerate(prepared.wanted)}
         self._recorded = [places[name] for name in prepared.record]
@@ -92,6 +93,7 @@ class Follower:
         self.pace = replace(live.pace, watch=self._watch)
 
     def _watch(self, k: int, values: Sequence[float], lag: float, missed: int) -> None:
+        """Put a point into the journal, and tell how the run is doing."""
         trouble = ""
         if self._journal is not None:
             row = [column[k] for column in self._inputs] + [

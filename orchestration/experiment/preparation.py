@@ -102,28 +102,25 @@ def prepare(
     time = points(experiment, where)
     settings = dict(on.settings) | _settings(experiment, on, where)
     inputs = _inputs(experiment, on, time, where, note)
-    record = list(on.usual if experiment.record is None else experiment.record)
-    for name in record:
-        if name not in on.inputs:
-            known(name, on.outputs, "record: no output", where)
-    record = list(dict.fromkeys(name for name in record if name not in on.inputs))
+    record = _recorded_outputs(experiment, on, where)
+    recorded = {name: on.outputs[name] for name in record}
     noise = {
-        name: _noise(
-            name,
-            table,
-            experiment,
-            on.outputs.get(name) if name in record else None,
-            time.size,
-            where,
-        )
+        name: _noise(name, table, experiment, recorded.get(name), time.size, where)
         for name, table in experiment.noise.items()
     }
     if experiment.over != "time":
-        recorded = {name: on.inputs[name] for name in inputs} | {
-            name: on.outputs[name] for name in record
-        }
-        known(experiment.over, recorded, "over: nothing recorded", where)
+        shown = {name: on.inputs[name] for name in inputs} | recorded
+        known(experiment.over, shown, "over: nothing recorded", where)
     return Preparation(experiment, on, time, settings, inputs, noise, record)
+
+
+def _recorded_outputs(experiment: Experiment, on: Subject, where: str) -> list[str]:
+    """Return the outputs to record, each once; inputs are recorded in any case."""
+    wanted = on.usual if experiment.record is None else experiment.record
+    outputs = [name for name in wanted if name not in on.inputs]
+    for name in outputs:
+        known(name, on.outputs, "record: no output", where)
+    return list(dict.fromkeys(outputs))
 
 
 def points(experiment: Experiment, where: str) -> Array:
@@ -138,6 +135,7 @@ def points(experiment: Experiment, where: str) -> Array:
 
 
 def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Value]:
+    """Return the parameters that an experiment sets, in the FMU's units."""
     values = {}
     for name, given in experiment.parameters.items():
         if name in on.fed:
@@ -145,7 +143,8 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Valu
         if name not in on.parameters:
             near = suggestion(name, [*on.parameters, *Experiment.model_fields])
             raise UserError(f"{where}: {on.name} has no parameter named {name!r}{near}")
-        signal, here = on.parameters[name], f"{where}: parameters.{name} = {given}"
+        signal = on.parameters[name]
+        here = f"{where}: parameters.{name} = {given}"
         if signal.type == "string":
             is_text(signal.type, given, here)
         text = str(given).lower() if isinstance(given, bool) else str(given)
@@ -156,6 +155,7 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Valu
 def _inputs(
     experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
 ) -> dict[str, Array]:
+    """Return the stimuli of an experiment; tell which inputs stay as they start."""
     values = {}
     for name in experiment.inputs:
         signal = known(name, on.inputs, f"{on.name} has no input", where)
@@ -213,6 +213,7 @@ def stimulus_values(
 
 
 def _within(signal: Signal, values: Array, where: str) -> None:
+    """Refuse values out of the range of a signal, or not of its type."""
     for extreme in (values.min(), values.max()):
         if not signal.min <= extreme <= signal.max:
             raise UserError(
@@ -224,7 +225,7 @@ def _within(signal: Signal, values: Array, where: str) -> None:
 
 
 def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
-    """Seed of a signal's random numbers: they do not change when another signal comes or goes."""
+    """Return the seed of a signal's random numbers, which no other signal changes."""
     return experiment.seed, zlib.crc32(name.encode()), part
 
 
@@ -236,9 +237,9 @@ def _noise(
     count: int,
     where: str,
 ) -> Array:
-    """Draw noise of a stationary process: `correlation` times its last value plus white noise.
+    """Draw noise that is white, or AR(1) and stationary from its first value on.
 
-    It is refused unless the signal is recorded.
+    It is refused where `signal`, the output of that name, is None: it is not recorded.
     """
     if signal is None:
         raise UserError(

@@ -17,7 +17,7 @@ from orchestration.experiment.stimulus import KINDS
 if TYPE_CHECKING:
     import xarray
 
-_INNER = {
+_INNER = {  # keys that the entries of a table can have
     "inputs": {key for kind in KINDS for key in kind.model_fields},
     "noise": set(NoiseTable.model_fields),
 }
@@ -67,23 +67,23 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _from_result(path: Path, again: bool) -> dict[str, Any]:
+def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
+    """Return the tables of a result's experiment; unchanged, only the part that was computed."""
     from orchestration.experiment import results
 
     result = results.read(path)
     given: dict[str, Any] = json.loads(result.attrs["experiment"])
-    part = again and not result.attrs["complete"]
-    if part and result.time.size < 2:
-        raise UserError(
-            f"{path}: incomplete, with its first point only; there is nothing to repeat (--set"
-            " starts anew)"
-        )
-    if part:
+    is_part = unchanged and not result.attrs["complete"]
+    if is_part:
+        if result.time.size < 2:
+            raise UserError(
+                f"{path}: incomplete, with its first point only; there is nothing to repeat (--set"
+                " starts anew)"
+            )
         given["duration"] = float(result.time[-1])
     for name, stimulus in given.get("inputs", {}).items():
-        if (
-            stimulus["kind"] == "file" or part
-        ):  # a part of random levels or a chirp is not one of a shorter duration
+        # random levels and chirps of a shorter duration are others, not the beginning of these
+        if stimulus["kind"] == "file" or is_part:
             given["inputs"][name] = {"kind": "file", "file": str(path.absolute()), "column": name}
     for table, key, _ in _files(given):
         beside = path.parent / PureWindowsPath(table[key]).name  # whatever system it was written on
@@ -93,7 +93,7 @@ def _from_result(path: Path, again: bool) -> dict[str, Any]:
 
 
 def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
-    """Find where an experiment names files: table, key, what it is."""
+    """Return where an experiment names files: the table, its key, and what the file is."""
     places = [(given, kind, kind) for kind in ("component", "system")]
     places += [
         (table, "file", f"record for {name}") for name, table in given.get("inputs", {}).items()
@@ -102,7 +102,7 @@ def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
 
 
 def files(experiment: Experiment) -> dict[str, Path]:
-    """Files that an experiment reads, by what they are."""
+    """Return the files that an experiment reads, by what they are."""
     return {what: Path(table[key]) for table, key, what in _files(experiment.model_dump())}
 
 
@@ -120,6 +120,7 @@ def movable(result: xarray.Dataset, folder: Path) -> xarray.Dataset:
 
 
 def _set(given: dict[str, Any], setting: str) -> None:
+    """Put a setting ``key=value`` into the tables of an experiment."""
     key, equals, text = (part.strip() for part in setting.partition("="))
     if not equals or not key or not text:
         raise UserError(f"--set {setting!r}: write key=value, e.g. duration=20s or R1=0.61")
@@ -133,15 +134,22 @@ def _set(given: dict[str, Any], setting: str) -> None:
 
 
 def _place(key: str, given: dict[str, Any]) -> list[str]:
-    """Split a key at those of its dots that part tables; names of variables have dots, too."""
+    """Split a key at those of its dots that part tables; names of variables have dots, too.
+
+    ``inputs.bench.current.value`` is a key of the table of the input ``bench.current``, but
+    ``inputs.bench.current`` that input itself. What begins with no table is a parameter.
+    """
     table, _, inner = key.partition(".")
     if table not in Experiment.model_fields:
         return ["parameters", key]
+    if not inner:
+        return [table]
     name, _, last = inner.rpartition(".")
-    there = given.get(table)
-    if name and ((isinstance(there, dict) and name in there) or last in _INNER.get(table, ())):
+    entries = given.get(table)
+    has_entry = isinstance(entries, dict) and name in entries
+    if name and (has_entry or last in _INNER.get(table, ())):
         return [table, name, last]
-    return [table, inner] if inner else [table]
+    return [table, inner]
 
 
 def _value(text: str) -> Any:

@@ -23,7 +23,8 @@ _MOST_PANELS = 16  # more in one picture are not looked at
 
 def state(data: xarray.Dataset) -> str:
     """Say in a sentence what was run and whether it came to its end."""
-    last, whole = float(data.time[-1]), float(data.attrs["duration"])
+    last = float(data.time[-1])
+    whole = float(data.attrs["duration"])
     reached = f"{whole:g} s" if data.attrs["complete"] else f"incomplete, {last:g} s of {whole:g} s"
     return f"{data.attrs['subject']}: {data.time.size} points, {reached}"
 
@@ -56,6 +57,7 @@ def figure(data: xarray.Dataset) -> Figure:
 
 
 def _displayed(data: xarray.Dataset, name: str) -> tuple[Array, str]:
+    """Return the values of a signal in its display unit, and that unit."""
     array = data[name]
     unit = array.attrs.get("display_units", array.units)
     return units.convert(array.values, array.units, unit), unit
@@ -76,7 +78,7 @@ def plot(data: xarray.Dataset, path: Path) -> None:
 
 
 def extremes(data: xarray.Dataset) -> list[tuple[str, ...]]:
-    """Name, smallest, largest and last value of every signal, as people read them."""
+    """Return name, smallest, largest and last value of every signal, as people read them."""
     rows = []
     for name in data:
         values, unit = _displayed(data, str(name))

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import io
 import json
+import platform
 from collections.abc import Collection, Mapping
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +22,9 @@ from pydantic import BaseModel, Json
 
 from fmus.kit import UserError, files
 from fmus.kit.storage import scratch
-from orchestration.experiment.model import checked, parse
+from orchestration.experiment.model import Experiment, checked, parse
 from orchestration.fmu import Signal
+from orchestration.master import Pacing
 from orchestration.records import write_record
 
 Array = NDArray[np.float64]
@@ -65,6 +69,38 @@ def dataset(
     }
     clock = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     return xarray.Dataset(variables, clock, dict(about))
+
+
+def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:
+    """Return the experiment, and with what it was made; `where` is its file or name."""
+    return {
+        "title": experiment.title or where,
+        "source": experiment.source,
+        "duration": experiment.duration,
+        "step": experiment.step,
+        "seed": experiment.seed,
+        "runtime": experiment.runtime,
+        "over": experiment.over,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": (
+            f"ppy-rig {version('ppy-rig')}, numpy {np.__version__}, Python"
+            f" {platform.python_version()}"
+        ),
+        "experiment": experiment.model_dump_json(exclude_none=True),
+    }
+
+
+def about_pace(pacing: Pacing | None) -> dict[str, Any]:
+    """Return how well a run kept pace with real time, if it had to."""
+    if pacing is None:
+        return {}
+    return {
+        "deadlines": pacing.deadlines,
+        "missed_deadlines": pacing.missed,
+        "worst_lag": pacing.worst_lag,
+        "worst_lag_at": pacing.worst_at,
+        "lateness": json.dumps({"upper_bounds": pacing.edges, "counts": pacing.counts}),
+    }
 
 
 def check_format(path: Path) -> None:

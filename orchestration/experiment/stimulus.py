@@ -70,13 +70,11 @@ class StimulusTable(ValueTable):
         raise NotImplementedError
 
     def _in(self, unit: str, key: str) -> Any:
-        """Amount or amounts of a key in a unit."""
+        """Return the amount of a key, or its list of amounts, in a unit."""
         given = getattr(self, key)
-        several = not isinstance(given, Quantity)
-        numbers = [
-            q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in (given if several else [given])
-        ]
-        return numbers if several else numbers[0]
+        if isinstance(given, Quantity):
+            return given.to(unit, f"{key} = {given.value:g} {given.unit}")
+        return [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in given]
 
     def _check_frequency(self, key: str, frequency: float, time: Array) -> None:
         """Refuse a frequency that its values at the communication points show as a lower one."""
@@ -87,14 +85,12 @@ class StimulusTable(ValueTable):
                 f"{key} = {frequency:g} Hz: allowed is {limit}; above, it is sampled as a lower one"
             )
 
-    def _check_span(self, key: str, span: float, steps: int, time: Array) -> None:
-        """Refuse a time between jumps in which there need not be a communication point."""
+    def _require_steps(self, key: str, seconds: float, steps: int, time: Array) -> None:
+        """Refuse a time shorter than so many steps: a level may be over before the next point."""
         least = steps * (time[1] - time[0])
-        if span < least * (1.0 - _ROUNDING):
-            raise UserError(
-                f"{key} = {span:g} s: must be at least {least:g} s,"
-                f" {'one step' if steps == 1 else 'two steps'}"
-            )
+        if seconds < least * (1.0 - _ROUNDING):
+            count = "one step" if steps == 1 else f"{steps} steps"
+            raise UserError(f"{key} = {seconds:g} s: must be at least {least:g} s, {count}")
 
 
 class Constant(StimulusTable):
@@ -108,10 +104,13 @@ class Constant(StimulusTable):
 
 
 class _Wave(StimulusTable):
+    """A periodic signal about an offset."""
+
     amplitude: Amount
     offset: Amount = _ZERO
 
     def _about(self, place: Place) -> tuple[float, float]:
+        """Return amplitude and offset in the unit of the input."""
         return self._in(place.unit, "amplitude"), self._in(place.unit, "offset")
 
 
@@ -183,7 +182,7 @@ class Multilevel(StimulusTable):
     seed: Seed | None = None
 
     def _signal(self, time: Array, place: Place) -> Array:
-        self._check_span("dwell[0]", self.dwell[0], 1, time)
+        self._require_steps("dwell[0]", self.dwell[0], 1, time)
         seed = place.seed if self.seed is None else self.seed
         return waveforms.multilevel(
             time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed
@@ -224,7 +223,7 @@ class Staircase(StimulusTable):
     maximum: Amount
 
     def _signal(self, time: Array, place: Place) -> Array:
-        self._check_span("period", self.period, 2, time)
+        self._require_steps("period", self.period, 2, time)
         levels = (self._in(place.unit, key) for key in ("bias", "increment", "maximum"))
         return waveforms.force_staircase(time, self.period, *levels)
 
@@ -249,11 +248,10 @@ class FromFile(StimulusTable):
         place.notes.extend(
             repair.message for repair in record.repairs if repair.kind != "ignored columns"
         )
-        first, last = record.time[0], record.time[-1]
-        lasts = last + np.median(
-            np.diff(record.time)
-        )  # the last sample is held for as long as the others
-        if first > time[0] or lasts < time[-1]:
+        first = record.time[0]
+        last = record.time[-1]
+        end = last + np.median(np.diff(record.time))  # its last sample is held as the others are
+        if first > time[0] or end < time[-1]:
             raise UserError(
                 f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to"
                 f" {time[-1]:g} s"
@@ -274,9 +272,10 @@ class Gait(StimulusTable):
 
 
 def _constant(given: Any) -> Any:
-    return (
-        given if isinstance(given, dict | StimulusTable) else {"kind": "constant", "value": given}
-    )
+    """Return the table of a constant where its value stands by itself."""
+    if isinstance(given, dict | StimulusTable):
+        return given
+    return {"kind": "constant", "value": given}
 
 
 AnyStimulus = Annotated[

@@ -142,18 +142,18 @@ def _component(experiment: Experiment, name: str) -> Subject:
         step=float(getattr(usual, "stepSize", None) or duration / 1000),
         stop=duration,
     )
-    return _seen(system, experiment, f"{member}.")
+    return _subject_of(system, experiment, f"{member}.")
 
 
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
-    is_file = Path(name).suffix.lower() in ENDINGS
-    return _seen(
-        ssp.read(Path(name), folder) if is_file else library.system(name, experiment.runtime),
-        experiment,
-    )
+    """Read a system from its file, or build one that ships."""
+    if Path(name).suffix.lower() in ENDINGS:
+        return _subject_of(ssp.read(Path(name), folder), experiment)
+    return _subject_of(library.system(name, experiment.runtime), experiment)
 
 
-def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
+def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Subject:
+    """Return a system as a subject, whose signals are named without a prefix."""
     check.check(system)
     described = {member.name: read_description(member.fmu) for member in system.members}
     variables = {
@@ -194,7 +194,7 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
             **options,
         )
 
-    wanted = [str(port) for port in system.outputs.values()]
+    named_outputs = [str(port) for port in system.outputs.values()]
     return Subject(
         name=system.name,
         inputs={name: read_signal(variables[port]) for name, port in ports.items()},
@@ -206,7 +206,7 @@ def _seen(system: System, experiment: Experiment, prefix: str = "") -> Subject:
             or (v.causality == "input" and v.type != "String" and f"{prefix}{name}" not in fed)
         },
         outputs=outputs,
-        usual=wanted or [name for name in outputs if variables[name].causality == "output"],
+        usual=named_outputs or [name for name in outputs if variables[name].causality == "output"],
         settings={
             f"{m.name}.{n}".removeprefix(prefix): v
             for m in system.members

@@ -46,6 +46,7 @@ class Quantity(NamedTuple):
 
 
 def _read(given: Any) -> Quantity:
+    """Return a number, or a text with a number and a unit, as a quantity; ValueError if neither."""
     if isinstance(given, str):
         quantity = Quantity(*(read_quantity(given) or (math.nan,)))
     elif isinstance(given, int | float) and not isinstance(given, bool):
@@ -66,6 +67,8 @@ def _written(quantity: Quantity) -> float | str:
 
 
 def _in(unit: str, positive: bool = True) -> BeforeValidator:
+    """Return what reads a value into a unit, for pydantic."""
+
     def read(given: Any) -> float:
         value = _read(given).to(unit)
         if positive and not value > 0.0:

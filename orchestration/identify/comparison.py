@@ -261,6 +261,7 @@ def fit_model(
     UserError
         If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
     """
+    _check_names(model, names)
     constant = {
         name: np.full(time.size, value) for name, value in given.items() if name in model.inputs
     }

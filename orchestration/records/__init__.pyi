@@ -1,3 +1,4 @@
+from .channels import input_steps as input_steps
 from .channels import true_runs as true_runs
 from .clock import evenly_sampled as evenly_sampled
 from .clock import gaps as gaps
@@ -7,16 +8,15 @@ from .joined import join_records as join_records
 from .joined import names_in as names_in
 from .joined import sampled_alike as sampled_alike
 from .joined import shown_name as shown_name
-from .journal import Journal as Journal
 from .mapping import TIME as TIME
 from .mapping import parse_mapping as parse_mapping
 from .reading import read_record as read_record
 from .reading import read_runs as read_runs
 from .record import Record as Record
 from .record import Repair as Repair
-from .steps import input_steps as input_steps
 from .table import Column as Column
 from .table import Table as Table
 from .table import numbers as numbers
 from .table import split_header_cell as split_header_cell
+from .writing import Journal as Journal
 from .writing import write_record as write_record

@@ -1,6 +1,6 @@
-"""Values of each channel: missing samples filled, masked or refused, poor sensors reported."""
+"""Values of each channel: missing ones filled, masked or refused, poor sensors reported, steps."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ CLIPPED_RUN = 5
 """Share of samples, and length of a run, at exactly one extreme of a channel that is clipped."""
 _QUANTISED_MINIMUM_SAMPLES = 50
 _QUANTISED_SAMPLES_PER_LEVEL = 4
+_STEP_RATIO = 4.0
+_STEP_SHARE = 0.01
+"""An input steps where it changes by more than so many median changes, and this of its range."""
 
 
 def mask_infinite(samples: Samples) -> None:
@@ -196,3 +199,26 @@ def _notice_clipped(
             samples.repairs.append(
                 Repair("clipped", message, tuple(samples.rows[at_level].tolist()))
             )
+
+
+def input_steps(inputs: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.bool_]:
+    """Find where any input steps: by 1 % of its range, and far more than it usually changes.
+
+    Parameters
+    ----------
+    inputs : Mapping of str to ndarray, shape (n,)
+    count : int
+        Samples, n; among those of no inputs there are no steps.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    moved = [_steps(u) for u in inputs.values() if np.ptp(u) > 0.0]
+    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
+
+
+def _steps(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    change = np.abs(np.diff(values, prepend=values[:1]))
+    least = max(_STEP_SHARE * float(np.ptp(values)), _STEP_RATIO * float(np.median(change)))
+    return np.asarray(change > least)

@@ -93,13 +93,16 @@ def sampled_alike(time: Array, runs: Sequence[MeasuredRun]) -> bool:
 
 
 def join_records(count: int, runs: Sequence[MeasuredRun], parts: Sequence[Array]) -> Array:
-    """Join values of runs over so many samples.
+    """Return the values of all runs at their places among so many samples.
 
-    Before each run stand its first values, so that no step is where it was measured.
+    A gap before a run holds the run's first value, and what is behind the last run its last one, so
+    that nothing changes at the edge of what was measured.
     """
     values = np.empty((count, *parts[0].shape[1:]), parts[0].dtype)
-    last = 0
+    end = 0
     for run, part in zip(runs, parts, strict=True):
-        values[last : run.first], values[run.samples], last = part[0], part, run.last
-    values[last:] = parts[-1][-1]
+        values[end : run.first] = part[0]
+        values[run.samples] = part
+        end = run.last
+    values[end:] = parts[-1][-1]
     return values

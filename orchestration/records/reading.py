@@ -4,16 +4,16 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fmus.kit import UserError
+from fmus.kit import UserError, units
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
 from orchestration.records.formats import read_table
 from orchestration.records.mapping import TIME, Match, match_columns
-from orchestration.records.record import Record, Repair
+from orchestration.records.record import Record, Repair, refuse
 from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
 from orchestration.records.table import Table, numbers
-from orchestration.records.units import convert
 
 
 def read_record(
@@ -149,4 +149,49 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
             " asked"
         )
         table.repairs.append(Repair("unit replaced", message))
-    return convert(table.path, column.name, numbers(table, column), stated, unit, match.signal)
+    return _convert(table.path, column.name, numbers(table, column), stated, unit, match.signal)
+
+
+def _convert(
+    path: Path, column: str, values: NDArray[np.float64], unit: str, expected: str, signal: str
+) -> NDArray[np.float64]:
+    """Convert a column's values from the file's unit to the model's.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+    column : str
+        Column name in the file, for the message.
+    values : ndarray, shape (n,)
+        In `unit`.
+    unit, expected : str
+        Unit in the file, and unit of the result.
+    signal : str
+        The model's name of the signal, for the hint.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the unit `expected`.
+
+    Raises
+    ------
+    UserError
+        If the unit is not known or of another dimension.
+    """
+    try:
+        source = units.parse(unit)
+    except UserError as error:
+        raise refuse(
+            path,
+            f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'",
+        ) from error
+    if not units.convertible(source, units.parse(expected)):
+        raise refuse(
+            path,
+            f"column '{column}' is in {unit}, but {signal} is in {expected}, "
+            f"and {unit} cannot be converted to {expected}; "
+            f"to read the numbers as another unit: --map '{column}={signal}[{expected}]'",
+        )
+    return np.asarray(units.convert(values, unit, expected), dtype=float)

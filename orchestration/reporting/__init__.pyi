@@ -6,6 +6,8 @@ from .console import err as err
 from .console import note as note
 from .console import out as out
 from .console import plain_table as plain_table
+from .console import plain_text as plain_text
+from .console import preformatted as preformatted
 from .console import progress as progress
 from .console import results_withheld as results_withheld
 from .console import tell_repairs as tell_repairs
@@ -18,8 +20,6 @@ from .page import escaped as escaped
 from .page import path_of_report as path_of_report
 from .pictures import FITTED as FITTED
 from .pictures import FORMATS as FORMATS
-from .plain import plain_text as plain_text
-from .plain import preformatted as preformatted
 from .plots import MOST as MOST
 from .plots import Boundary as Boundary
 from .plots import Panel as Panel

@@ -1,7 +1,12 @@
-"""The terminal as all commands use it: results, remarks by verbosity, tables, progress."""
+"""The terminal as all commands use it: results, remarks by verbosity, tables, progress.
+
+What would be printed is a text, too, for ``str()`` of a result and for notebooks.
+"""
 
 from __future__ import annotations
 
+import html
+import io
 import os
 import sys
 from collections.abc import Collection, Iterator, Sequence
@@ -11,7 +16,7 @@ from pathlib import Path
 from threading import Timer
 from time import monotonic
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
@@ -30,6 +35,7 @@ _WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
 # names and messages are shown as they are: brackets and colons in them are no markup
 out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=_WIDTH)
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)
+TEXT_WIDTH = 120  # columns of tables in a text
 _EVERY = 4.0  # seconds between two lines of progress where there is no terminal
 _FIRST = 4  # of the parts of a step are told at once
 _verbose = False
@@ -111,6 +117,21 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
     return table
 
 
+def plain_text(renderable: RenderableType) -> str:
+    """Return what would be printed, without colours."""
+    text = io.StringIO()
+    plain = Console(
+        file=text, width=TEXT_WIDTH, highlight=False, markup=False, emoji=False, soft_wrap=True
+    )
+    plain.print(renderable)
+    return "\n".join(line.rstrip() for line in text.getvalue().rstrip("\n").split("\n"))
+
+
+def preformatted(text: str) -> str:
+    """Return a text as HTML that keeps its columns, for a notebook."""
+    return f"<pre>{html.escape(text)}</pre>"
+
+
 class Tell:
     """Says what is being done, and how far it is.
 
@@ -125,19 +146,19 @@ class Tell:
     def __init__(self, bar: Progress | None):
         self._bar = bar
         self._task = bar.add_task("", total=None) if bar else None
-        self._text, self._part, self._whole = "", 0, 0
-        self._began = self._since = self._said = (
-            monotonic()
-        )  # the step, its present part, the latest line
-        self._lines, self._timer = (
-            0,
-            Timer(0.0, self._say),
-        )  # lines of the step so far; for the next one
+        self._text = ""
+        self._part = 0
+        self._whole = 0
+        self._lines = 0  # of the step so far
+        self._timer = Timer(0.0, self._say)  # for the next one
+        # when the step, its present part and the latest line began
+        self._began = self._since = self._said = monotonic()
 
     def __call__(self, text: str) -> None:
         """Begin a step."""
         self.finish()
-        self._text, self._lines = text, 0
+        self._text = text
+        self._lines = 0
         self._began = self._since = self._said = monotonic()
         if self._bar is not None and self._task is not None:
             self._bar.reset(self._task, description=text, total=None)
@@ -173,17 +194,17 @@ class Tell:
         self._text = ""
 
     def _say(self) -> None:
+        """Write how far the step is, and how long the rest takes at the rate so far."""
         if not self._text:  # the step ended while the timer ran out
             return
         now = monotonic()
-        left = (
-            round((now - self._began) * (self._whole - self._part) / self._part)
-            if self._part
-            else 0
-        )
-        remaining = f", {timedelta(seconds=left)} left" if left else ""
+        remaining = ""
+        if self._part:
+            seconds = round((now - self._began) * (self._whole - self._part) / self._part)
+            remaining = f", {timedelta(seconds=seconds)} left" if seconds else ""
         err.print(f"{self._text} ({self._part:,} of {self._whole:,}{remaining})", soft_wrap=True)
-        self._said, self._lines = now, self._lines + 1
+        self._said = now
+        self._lines += 1
 
     def _tell_time(self) -> None:
         if self._text:

@@ -214,6 +214,7 @@ def stacked(
 
 
 def _drawn(trace: Trace, panel: int, in_legend: bool) -> dict[str, Any]:
+    """Return a line as plotly has it, thinned and broken at gaps."""
     x, y = envelope(*broken(trace.x, trace.y))
     return {
         "type": "scatter",

@@ -132,6 +132,7 @@ def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
 
 
 def _grid(ranges: tuple[Range, ...]) -> Design:
+    """Return all combinations of the values of ranges, the last of which changes fastest."""
     for one in ranges:
         distinct, counts = np.unique(one.values, return_counts=True)
         if len(distinct) < len(one.values):

@@ -158,12 +158,14 @@ class CaseRunner:
         return replace(outcomes, seconds=time.perf_counter() - begin)
 
     def _by_equations(self, compiled: CompiledCases, cases: Array) -> Outcomes:
+        """Run cases together; what compiled code does not decide is left to the FMU."""
         task = self.task
         over = dict(zip(task.names, cases.T, strict=True))
         traces, decided = compiled.run(task.time, task.inputs, task.settings, over, task.outputs)
         return _reduce(task, traces, {}, np.flatnonzero(~decided).tolist())
 
     def _by_fmu(self, cases: Array) -> Outcomes:
+        """Run cases one after another; a value is set as a parameter, or held as an input."""
         task = self.task
         fmu = self._fmu
         assert fmu is not None

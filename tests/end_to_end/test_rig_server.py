@@ -4,7 +4,6 @@ why it cannot.
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 from math import fsum, sin
@@ -17,7 +16,6 @@ from fmus.rig_proxy.protocol import REPLIES, decode
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import ask
 from studies.emulator.backend import Emulator
-from tests.support.command import refused, works
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
 from tests.support.rig.process import Server
 
@@ -151,26 +149,6 @@ def test_a_driver_that_hangs_after_the_safe_state_is_no_unsafe_end(tmp_path):
         server.send(signal.SIGTERM)
         assert server.wait_end() == 0
         assert "ended, in the safe state: SIGTERM" in server.lines[-1]
-
-
-def test_nobody_there_is_a_line_within_the_timeout(tmp_path):
-    for command in ("stop", "acknowledge", "status"):
-        line = refused(
-            tmp_path, "rig", command, "--endpoint", "tcp://127.0.0.1:9", "--timeout", "0.2"
-        )
-        assert "no answer within 0.2 s" in line
-        assert "without keys" in line
-
-
-def test_status_as_a_line_and_as_json(tmp_path):
-    with Server(tmp_path) as server:
-        server.wait_ready()
-        line = works("rig", "status", "--endpoint", server.endpoint, cwd=tmp_path)
-        assert line == "idle; real-time, period 0.03333 s, watchdog 0.2 s\n"
-        told = json.loads(
-            works("rig", "status", "--json", "-", "--endpoint", server.endpoint, cwd=tmp_path)
-        )
-        assert told["inputs"] == INPUTS
 
 
 def test_the_emulated_rig_in_lockstep_answers_as_it_does_when_it_is_stepped_directly(tmp_path):

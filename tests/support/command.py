@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import re
 import signal
@@ -13,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -131,6 +133,22 @@ def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
         texts.append(stream.buffer.getvalue().decode())
     assert isinstance(code, int)
     return subprocess.CompletedProcess(command, code, *texts)
+
+
+def answered(*arguments: object, cwd: Path) -> Any:
+    """Return what a command answers on standard output, where nothing else may be.
+
+    The same must go into a file.
+    """
+    done = here(*arguments, "--json", "-", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    done = here(*arguments, "--json", "answer.json", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "wrote answer.json"
+    assert len(done.stdout.splitlines()) > 1
+    assert json.loads((cwd / "answer.json").read_text(encoding="utf-8")) == answer
+    return answer
 
 
 def refused(folder, *arguments, parts=(), environment=None):

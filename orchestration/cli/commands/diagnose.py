@@ -1,4 +1,4 @@
-"""``ppy diagnose`` as it is called: of one model, or of the members of a system."""
+"""``ppy diagnose``, of one model or of the members of a system, and ``ppy laws``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import shlex
 import sys
 
 from orchestration.cli.command import command
-from orchestration.cli.commands.options import DiagnoseCommand
+from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import standard_output_for
 
@@ -22,3 +22,12 @@ def diagnose(options: DiagnoseCommand) -> None:
                 work.run_system(options, options["system"])
             else:
                 work.run_diagnosis(options, shlex.join(["ppy", *sys.argv[1:]]))
+
+
+@command(LawsCommand)
+def laws(options: LawsCommand) -> None:
+    """Ask every law of a model what it lacks on a record: which signal, and by which curve."""
+    from orchestration.cli import diagnose as work
+
+    with standard_output_for(options["json"]):
+        work.run_laws(options, shlex.join(["ppy", *sys.argv[1:]]))

@@ -46,6 +46,7 @@ class _Facts(NamedTuple):
 
 
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
+    """Return what there is to know of a model: by its class, or else by its FMU's description."""
     from fmus import MODELS
     from orchestration.fmu import find_class, find_model, names_class, read_description
     from orchestration.reporting import note
@@ -65,6 +66,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
 
 
 def _of_class(name: str, cls: type[Component]) -> _Facts:
+    """Return what the class of a component declares."""
     from fmus.kit import effect_name
     from orchestration.fmu import declared_signal, known_effects
 

@@ -1,10 +1,36 @@
-"""``ppy rig``: the other end of the cable; its commands are in :mod:`orchestration.cli.rig`."""
+"""``ppy rig``: the other end of the cable, served, watched, recorded from and stopped."""
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
 import typer
 
-from orchestration.cli.rig import bridge, demo, keys, operate, record, serve, watch
+from fmus.kit import UserError
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import (
+    AcknowledgeCommand,
+    BridgeCommand,
+    KeysCommand,
+    RecordRigCommand,
+    RigDemoCommand,
+    ServeCommand,
+    ServerOptions,
+    StatusCommand,
+    StopCommand,
+    WatchCommand,
+)
+from orchestration.cli.outputs import SIGNALS, STANDARD_OUTPUT, Outputs, write_json
+from orchestration.cli.real_time import JOURNAL, keep, status_line
+
+if TYPE_CHECKING:
+    import xarray
+
+    from orchestration.experiment import Live
+    from orchestration.records import Journal
+    from orchestration.rig import Endpoint
+    from orchestration.rig.record import RecordingPlan
 
 rig = typer.Typer(
     name="rig",
@@ -12,12 +38,275 @@ rig = typer.Typer(
     rich_markup_mode="rich",
     help="The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.",
 )
-rig.command("serve")(serve.serve)
-rig.command("watch")(watch.watch)
-rig.command("record")(record.record)
-rig.command("stop")(operate.stop)
-rig.command("acknowledge")(operate.acknowledge)
-rig.command("status")(operate.status)
-rig.command("keys")(keys.keys)
-rig.command("bridge")(bridge.bridge)
-rig.command("demo")(demo.demo)
+
+
+@rig.command("serve")
+@command(ServeCommand)
+def serve(options: ServeCommand) -> None:
+    """Serve a rig: commands within limits, and measured values with their age.
+
+    It is in a safe state when anything fails, and ends there on Ctrl-C and SIGTERM; SIGUSR1 and
+    ppy rig stop are an emergency stop.
+    """
+    from fmus.rig_proxy import ENDPOINT
+    from orchestration.rig import parse_address
+    from orchestration.rig.server import ServerSettings, read_options
+    from orchestration.rig.server import serve as work
+
+    endpoint = options["endpoint"]
+    host = options["host"]
+    port = options["port"]
+    if endpoint is not None and (host is not None or port is not None):
+        raise UserError("--endpoint says all that --bind and --port do; give one of them")
+    default = parse_address(endpoint or ENDPOINT)
+    settings = ServerSettings(
+        backend=options["backend"],
+        options=read_options([*options["backend_options"]]),
+        rate=options["rate"],
+        watchdog=options["watchdog"],
+        lockstep=options["lockstep"],
+        host=default[0] if host is None else host,
+        port=default[1] if port is None else port,
+        keys=options["keys"],
+        log=options["log"],
+        priority=options["priority"],
+        cpu=options["cpu"],
+    )
+    if work(settings):
+        raise typer.Exit(1)
+
+
+@rig.command("watch")
+@command(WatchCommand)
+def watch(options: WatchCommand) -> None:
+    """Show a rig in a browser: signals, limits, ages, state, and a stop button.
+
+    It can command nothing but stop.
+    """
+    import webbrowser
+    from threading import Thread
+
+    from orchestration.reporting import out, warn
+    from orchestration.rig import ask, read_endpoint, until_interrupted
+    from orchestration.rig.watch import Feed, Listener, PageServer
+
+    remote = read_endpoint(options["endpoint"], options["credentials"], warn)
+    feed = Feed()
+
+    def stop() -> dict[str, object]:
+        return ask(remote, "stop", reason="stop button of ppy rig watch")
+
+    with (
+        until_interrupted(),
+        Listener(remote, feed),
+        PageServer(options["port"], remote.requests, feed, stop) as page,
+    ):
+        out.print(f"watching {remote.requests} at {page.address} (Ctrl-C ends it)")
+        if options["browser"]:
+            Thread(target=webbrowser.open, args=(page.address,), daemon=True).start()
+        page.serve_forever(poll_interval=0.1)
+
+
+@rig.command("record")
+@command(RecordRigCommand)
+def record(options: RecordRigCommand) -> None:
+    """Drive the rig with an experiment, without any model, and record what it does."""
+    from orchestration.experiment import Live, files, read, results
+    from orchestration.reporting import note, warn, wrote
+    from orchestration.reporting import out as terminal
+    from orchestration.rig import ask, read_endpoint
+    from orchestration.rig.record import empty_dataset, plan_recording
+
+    rate = options["rate"]
+    max_age = options["max_age"]
+    for name, value in (("--rate", rate), ("--max-age", max_age)):
+        if value is not None and not 0.0 < value < float("inf"):
+            raise UserError(f"{name} {value:g}: must be above 0")
+    stimulus = options["stimulus"]
+    credentials = options["credentials"]
+    out = options["out"]
+    experiment = read(stimulus, options["settings"])
+    reads = {"the experiment": Path(stimulus), "the key file": credentials, **files(experiment)}
+    live = Live(journal=out.with_name(out.name + JOURNAL))
+    Outputs(reads, {"--out": out}, {"--out": SIGNALS}).check()
+    remote = read_endpoint(options["endpoint"], credentials, warn)
+    planned = plan_recording(experiment, ask(remote, "status"), stimulus, rate, max_age, note)
+    results.check(empty_dataset(planned), out)
+    data = _drive(planned, remote, credentials, stimulus, live)
+    keep(data, out, live)
+    held = f"{data.time.size} rows, {float(data.time[-1]):g} s of {planned.time[-1]:g} s"
+    terminal.print(f"{data.attrs['subject']}: {held}")
+    wrote(out, "" if data.attrs["complete"] else "incomplete")
+    _refuse_what_failed(data, planned, out, held)
+
+
+def _refuse_what_failed(data: xarray.Dataset, planned: RecordingPlan, out: Path, held: str) -> None:
+    """Fail where a record is not what was to be recorded.
+
+    Raises
+    ------
+    UserError
+        If it holds no measured value, or the run failed.
+    KeyboardInterrupt
+        If the run was interrupted.
+    """
+    import numpy as np
+
+    if not any(np.isfinite(data[name]).any() for name in planned.outputs):
+        raise UserError(
+            f"{out} holds no measured value: none was younger than {planned.max_age:g} s"
+            " (--max-age)"
+        )
+    if "failure" in data.attrs:
+        raise UserError(f"{data.attrs['failure']}; {out} holds {held}")
+    if not data.attrs["complete"]:
+        raise KeyboardInterrupt
+
+
+def _drive(
+    planned: RecordingPlan, remote: Endpoint, credentials: Path | None, where: str, live: Live
+) -> xarray.Dataset:
+    """Drive the rig, with a journal on the disk and a status line."""
+    from contextlib import ExitStack
+
+    from fmus.rig_proxy import Link
+    from orchestration.master import deferred, realtime_priority
+    from orchestration.reporting import err, note
+    from orchestration.rig import on_termination
+    from orchestration.rig.record import dataset, drive
+
+    with ExitStack() as opened:
+        link = Link(remote.requests, planned.inputs, planned.outputs, credentials, "ppy rig record")
+        opened.callback(link.close)
+        journal = _journal(live, planned)
+        opened.callback(journal.close)
+        err.print(
+            f"driving the rig at {remote.requests} for {planned.time[-1]:g} s", soft_wrap=True
+        )
+        note(f"until the record is written, it goes to {live.journal}")
+        telling = opened.enter_context(status_line(live))
+        interrupt = opened.enter_context(deferred())
+        opened.enter_context(on_termination(lambda: setattr(interrupt, "pressed", True)))
+        opened.enter_context(realtime_priority())
+        recorded = drive(link, planned, interrupt, journal.add, telling.look, lambda: journal.error)
+    if not len(recorded.inputs):
+        if recorded.failure:
+            raise UserError(f"{recorded.failure}; nothing was recorded")
+        raise KeyboardInterrupt
+    return dataset(planned, recorded, where, remote.requests)
+
+
+def _journal(live: Live, planned: RecordingPlan) -> Journal:
+    """Open the journal that keeps the record until it is written."""
+    from orchestration.records import Journal
+    from orchestration.rig.record import units
+
+    assert live.journal is not None
+    try:
+        return Journal(live.journal, units(planned))
+    except UserError:
+        raise
+    except ValueError as error:
+        raise UserError(f"the rig has a name that cannot be recorded: {error}") from error
+
+
+@rig.command("stop")
+@command(StopCommand)
+def stop(options: StopCommand) -> None:
+    """Stop the rig at once: its safe state, until ppy rig acknowledge."""
+    from orchestration.rig import ask
+
+    reason = options["reason"]
+    answer = ask(_server(options), "stop", options["timeout"], reason=reason)
+    _show(answer, options["json"])
+
+
+@rig.command("acknowledge")
+@command(AcknowledgeCommand)
+def acknowledge(options: AcknowledgeCommand) -> None:
+    """Let the rig be used again after a safe state; the client has to connect anew."""
+    from orchestration.rig import operator
+
+    answer = operator.acknowledge(_server(options), options["timeout"])
+    _show(answer, options["json"])
+    if answer["state"] == "safe":
+        raise typer.Exit(1)
+
+
+@rig.command("status")
+@command(StatusCommand)
+def status(options: StatusCommand) -> None:
+    """Say how the rig is: idle, running or safe, who commands it, and what was dropped."""
+    from orchestration.rig import ask
+
+    _show(ask(_server(options), "status", options["timeout"]), options["json"])
+
+
+def _server(options: ServerOptions) -> Endpoint:
+    from orchestration.reporting import warn
+    from orchestration.rig import read_endpoint
+
+    return read_endpoint(options["endpoint"], options["credentials"], warn)
+
+
+def _show(answer: Any, path: Path | None) -> None:
+    """Print an answer of the server, and write it as JSON if wanted."""
+    from orchestration.rig import summarise_status
+
+    if path != STANDARD_OUTPUT:
+        print(summarise_status(answer))
+    write_json(path, answer)
+
+
+@rig.command("keys")
+@command(KeysCommand)
+def keys(options: KeysCommand) -> None:
+    """Make CURVE keys: rig-server.toml for the server, rig-client.toml for its client.
+
+    Nothing is overwritten.
+    """
+    from orchestration.reporting import note, wrote
+    from orchestration.rig import add_client, make_keys
+
+    folder = options["folder"]
+    client = options["client"]
+    if client is not None:
+        wrote(add_client(folder, client), "keys of the client; let nobody else read it")
+        note("a server that is running lets the client in when it has been started again")
+        return
+    server, first = make_keys(folder)
+    wrote(server, "stays with the server")
+    wrote(first, "keys of the client; let nobody else read it")
+
+
+@rig.command("bridge")
+@command(BridgeCommand)
+def bridge(options: BridgeCommand) -> None:
+    """Carry proxies that cannot encrypt to a server with keys.
+
+    Plain on this machine only, CURVE beyond it.
+    """
+    from orchestration.reporting import note, out, warn
+    from orchestration.rig import LOOPBACK, Bridge, read_endpoint, until_interrupted
+
+    endpoint = options["endpoint"]
+    port = options["port"]
+    remote = read_endpoint(endpoint, options["credentials"], warn)
+    local = f"tcp://{LOOPBACK}:{port}"
+    if remote.requests == local:
+        raise UserError(
+            f"--endpoint {endpoint}: this is the bridge itself; --port chooses another port for it"
+        )
+    with until_interrupted():
+        carries = Bridge(remote, port, note)
+        out.print(f"{local} is carried on to {remote.requests} (Ctrl-C ends it)")
+        carries.run()
+
+
+@rig.command("demo")
+@command(RigDemoCommand)
+def demo(options: RigDemoCommand) -> None:
+    """Close the loop once, in real time, on an emulated rig in which an effect is hidden."""
+    from studies.demo import on_rig
+
+    on_rig.run(options["out"], options["seed"])

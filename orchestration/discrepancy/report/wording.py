@@ -346,8 +346,11 @@ def _format_margin(margin: float) -> str:
     return f" (BIC {'falls' if margin > 0.0 else 'rises'} by {abs(margin):.3g})"
 
 
-def _format_share(share: float) -> str:
-    return f"{100.0 * share:.2g} %"
+def format_percent(share: float) -> str:
+    """Return a share in percent, with two digits; from 100 % on with those before the point."""
+    value = 100.0 * share
+    is_whole = value >= 99.5  # it is 100 in two digits, which `.2g` writes as 1e+02
+    return f"{value:.0f} %" if is_whole else f"{value:.2g} %"
 
 
 def _format_bias(bias: float) -> str:
@@ -373,8 +376,8 @@ _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
     "untried": _format_untried,
     "margin": _format_margin,
     "bias": _format_bias,
-    "share": _format_share,
-    "usable": _format_share,
+    "share": format_percent,
+    "usable": format_percent,
 }
 
 

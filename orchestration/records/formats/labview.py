@@ -56,7 +56,7 @@ def _is_empty(column: Column) -> bool:
 
 
 def _delimiter(path: Path, header: list[str]) -> str:
-    """Delimiter that a header names; the tab unless it does."""
+    """Return the delimiter that a header names, the tab if it names none."""
     named = [line for line in header if line.lower().startswith("separator")]
     separator = named[0] if named else "Separator\tTab"
     word = separator[len("separator") :].strip(" \t,;").lower() or "tab"
@@ -66,8 +66,12 @@ def _delimiter(path: Path, header: list[str]) -> str:
 
 
 def _start_of_data(text: Lines, ends: list[int]) -> int:
-    """Index of the line with the names of the columns, behind the header of the one segment."""
-    start = ends[min(1, len(ends) - 1)] + 1
+    """Return the index of the line that names the columns, the first behind the headers.
+
+    A file has one header, and one more for each segment; a file without segments has only the one.
+    """
+    last = ends[0] if len(ends) == 1 else ends[1]
+    start = last + 1
     while start < len(text.lines) and not text.lines[start].strip():
         start += 1
     if start >= len(text.lines):
@@ -82,7 +86,7 @@ def _start_of_data(text: Lines, ends: list[int]) -> int:
 
 
 def _header_fields(text: Lines, end: int, delimiter: str) -> dict[str, list[str]]:
-    """Fields of a header by name, checked to be those of one clock."""
+    """Return the fields of a header by name; refuse those of several clocks, and of no time."""
     fields = {}
     for index in range(end):
         cells = [cell.strip() for cell in text.split(index, delimiter)]

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import UserError
-from orchestration.records.formats.decimals import replace_decimal_commas
 from orchestration.records.record import Repair, list_rows, refuse
 from orchestration.records.table import Column, Table, parse_cell, split_header_cell
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f]")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*|\s*[+-]?\d+,\s*")
 _LINE_END = re.compile(r"\r\n|\n|\r")
 EXPECTED = "expected a header such as 'time [s],current [A]' and rows of numbers below it"
 
@@ -209,7 +209,7 @@ def tabulate(
     columns = _make_columns(header, records)
     table = Table(text.path, columns, np.array(rows, dtype=np.int64), text.repairs)
     if delimiter != ",":
-        replace_decimal_commas(table)
+        _replace_decimal_commas(table)
     return table
 
 
@@ -260,3 +260,59 @@ def _make_columns(header: list[str], records: list[list[str]]) -> list[Column]:
         if name or unit or any(text.strip() for text in cells):
             columns.append(Column(name, unit, cells))
     return columns
+
+
+def _replace_decimal_commas(table: Table) -> None:
+    """Turn decimal commas into points, in place, where a file uses them throughout.
+
+    Parameters
+    ----------
+    table : Table
+        A table whose delimiter is not the comma.
+
+    Raises
+    ------
+    UserError
+        If one file has both numbers with a comma and numbers with a point: the comma may then group
+        thousands.
+    """
+    comma_at: tuple[int, str] | None = None
+    point_at: tuple[int, str] | None = None
+    changed = []
+    for column in table.columns:
+        joined = ";".join(column.cells)
+        if point_at is None and "." in joined:
+            point_at = next(
+                (
+                    (int(row), cell)
+                    for row, cell in zip(table.rows, column.cells, strict=True)
+                    if "." in cell and parse_cell(cell) is not None and "#" not in cell
+                ),
+                None,
+            )
+        if "," not in joined:
+            continue
+        hits = [
+            (int(row), cell)
+            for row, cell in zip(table.rows, column.cells, strict=True)
+            if _DECIMAL_COMMA.fullmatch(cell)
+        ]
+        if hits:
+            comma_at = comma_at or hits[0]
+            changed.append(column)
+    if comma_at is None:
+        return
+    if point_at is not None:
+        raise refuse(
+            table.path,
+            f"row {comma_at[0]} has '{comma_at[1].strip()}' and row {point_at[0]} has"
+            f" '{point_at[1].strip()}': decimal comma or decimal point? Use one of them throughout",
+        )
+    for column in changed:
+        column.cells = [
+            cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
+            for cell in column.cells
+        ]
+    table.repairs.append(
+        Repair("decimal comma", f"decimal commas read as points (first in row {comma_at[0]})")
+    )

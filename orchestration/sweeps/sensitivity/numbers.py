@@ -13,16 +13,21 @@ MOST = 6  # panels of a picture
 
 
 def require_design(data: xarray.Dataset, kind: str) -> None:
-    """Refuse a dataset that is not of a sweep of a design.
+    """Refuse a dataset that is not of a sweep of a design, or has no dimension ``case`` any more.
 
     Raises
     ------
     UserError
     """
-    if data.attrs.get("design") != kind or "case" not in data.dims:
-        other = data.attrs.get("design", "no sweep")
+    design = data.attrs.get("design", "no sweep")
+    if design != kind:
         raise UserError(
-            f"this is of a sweep of the design {kind}, not {other}: sweep(..., kind={kind!r})"
+            f"this is of a sweep of the design {kind}, not {design}: sweep(..., kind={kind!r})"
+        )
+    if "case" not in data.dims:
+        raise UserError(
+            f"this sweep of the design {kind} has no dimension case, along which its cases are:"
+            f" pass it on as sweep(..., kind={kind!r}) returned it"
         )
 
 

@@ -6,8 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 
-from tests.support.command import works
+from orchestration.cli import app
+from studies.emulator.emulator import EmulatedRig
+from tests.support.command import here, measure, ppy, refused, works
 
 COMMANDS = (
     "list",
@@ -70,3 +73,52 @@ def test_a_simple_question_imports_nothing_heavy(arguments, tmp_path):
         "xarray",
     }
     assert not imported & heavy
+
+
+SIMULATE = ("simulate", "ppy_actuator", "--set", "current=0.5", "--set", "force=1")
+
+
+@pytest.fixture
+def record(tmp_path):
+    return measure(tmp_path / "record.csv", EmulatedRig(seed=1), 300)
+
+
+def test_version(tmp_path):
+    from importlib.metadata import version
+
+    assert works("--version", cwd=tmp_path) == f"ppy {version('ppy-rig')}\n"
+
+
+def test_the_line_for_a_command_in_the_help_is_the_first_of_its_own_help():
+    whole = typer.main.get_command(app.app)
+    for name, (line, _) in app._COMMANDS.items():
+        assert whole.get_command(None, name).help.split("\n")[0] == line
+
+
+def test_quiet_prints_results_and_errors_only(record, tmp_path):
+    done = here("--quiet", "compare", record.name, "--out", "f.json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "300 samples" in done.stdout
+    assert "wrote" not in done.stdout
+    assert (tmp_path / "f.json").exists()
+    done = here("-q", "compare", "gone.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: ")
+
+
+def test_verbose_tells_what_is_used_and_how_long_it_took(tmp_path):
+    lines = ppy("--verbose", *SIMULATE, "--stop", 1, cwd=tmp_path).stderr.splitlines()
+    assert any(
+        line.startswith("ppy_actuator: ") and line.endswith("ppy_actuator.fmu") for line in lines
+    )
+    assert any(line.startswith("simulating ppy_actuator: took ") for line in lines)
+
+
+def test_one_cannot_have_both(tmp_path):
+    refused(tmp_path, "-q", "-v", "list", parts=["--quiet and --verbose"])
+
+
+def test_quiet_ends_with_the_command(tmp_path):
+    here("--quiet", "list", cwd=tmp_path)
+    assert "simulating" in here(*SIMULATE, "--stop", 1, cwd=tmp_path).stderr

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import pytest
 import typer
 
 from orchestration.api.declaration import options_of
-from orchestration.cli import app
 from orchestration.cli.command import command
-from orchestration.cli.commands.options import RunCommand, SimulateCommand
-from orchestration.cli.rig.options import BridgeCommand
+from orchestration.cli.commands.options import BridgeCommand, RunCommand, SimulateCommand
+from tests.support.command import works
 
 
 def given(declared, *arguments):
@@ -78,18 +81,55 @@ def test_a_second_argument_is_the_context():
     assert received == ["COMMANDLINE"]
 
 
-def commands(group, *words):
-    for name in group.list_commands(None):
-        below = group.get_command(None, name)
-        if hasattr(below, "list_commands"):
-            yield from commands(below, *words, name)
-        else:
-            yield " ".join((*words, name)), below
+def complete(words, cwd):
+    """Return what bash is offered for the last of some words."""
+    place = str(len(words.split(" ")) - 1)
+    environment = {
+        **os.environ,
+        "_PPY_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": place,
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "orchestration.cli"],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stderr == ""
+    return done.stdout.split()
 
 
-def test_every_option_of_every_command_has_help():
-    found = dict(commands(typer.main.get_command(app.app)))
-    assert len(found) > 25
-    for name, one in found.items():
-        for parameter in one.params:
-            assert getattr(parameter, "help", None), f"{name} {parameter.name}"
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("ppy sim", ["simulate"]),
+        ("ppy info ppy_", ["ppy_actuator", "ppy_actuator_length_driven"]),
+        ("ppy build galvanostat foo", ["foot", "foot_dynamic"]),
+        ("ppy compare x.csv --model galv", ["galvanostat"]),
+        (
+            "ppy simulate ppy_actuator --with strain_sat",
+            ["strain_saturation", "strain_saturation(slow)"],
+        ),
+        ("ppy simulate ppy_actuator --with slack,sensor_lag(v", ["slack,sensor_lag(voltage)"]),
+        ("ppy diagnose x.csv --effects diff", ["diffusion"]),
+        ("ppy run fig_4", ["fig_4_5"]),
+        ("ppy system show dma", ["dma_bench"]),
+        (
+            "ppy simulate galvanostat --with cur",
+            ["current_saturation", "current_offset", "current_gain"],
+        ),
+        (
+            "ppy compare x.csv --model galvanostat --with cur",
+            ["current_saturation", "current_offset", "current_gain"],
+        ),
+        ("ppy simulate gone.fmu --with s", []),
+    ],
+)
+def test_names_are_completed(words, offered, tmp_path):
+    assert complete(words, tmp_path) == offered
+
+
+def test_the_script_that_completes_is_shown(tmp_path):
+    assert "_PPY_COMPLETE" in works("--show-completion", "bash", cwd=tmp_path)

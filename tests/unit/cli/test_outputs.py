@@ -4,7 +4,9 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+import xarray
 
 from fmus.kit.errors import UserError
 from orchestration.cli.outputs import (
@@ -15,6 +17,9 @@ from orchestration.cli.outputs import (
     write_json,
 )
 from orchestration.experiment import results
+from orchestration.records import read_record
+from studies.emulator.emulator import EmulatedRig
+from tests.support.command import UNITS, here, measure, refused
 
 
 @pytest.fixture
@@ -112,3 +117,93 @@ def test_json_has_no_numbers_that_are_none(tmp_path, capsys):
         out.print("a table")
         write_json(STANDARD_OUTPUT, data)
     assert json.loads(capsys.readouterr().out) == expected
+
+
+SIMULATE = ("simulate", "ppy_actuator", "--set", "current=0.5", "--set", "force=1")
+
+
+@pytest.fixture
+def record(tmp_path):
+    return measure(tmp_path / "record.csv", EmulatedRig(seed=1), 300)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["list"],
+        ["info", "ppy_actuator"],
+        ["check", "x.fmu"],
+        ["compare", "record.csv"],
+        ["run", "fig_3_4"],
+        ["diagnose", "record.csv"],
+        ["thesis"],
+    ],
+    ids=lambda value: value[0],
+)
+def test_json_goes_into_a_file_of_that_name(arguments, record, tmp_path):
+    refused(
+        tmp_path,
+        *arguments,
+        "--json",
+        "answer.csv",
+        parts=["--json answer.csv", ".json, not '.csv'"],
+    )
+    refused(tmp_path, *arguments, "--json", ".", parts=["--json .: this is a folder"])
+
+
+def test_signals_go_into_the_format_of_the_name(tmp_path):
+    for name in ("run.csv", "run.nc", "run.parquet"):
+        assert here(*SIMULATE, "--stop", 2, "--out", name, cwd=tmp_path).returncode == 0
+    assert (tmp_path / "run.nc").read_bytes().startswith(b"CDF")
+    assert (tmp_path / "run.parquet").read_bytes().startswith(b"PAR1")
+    data = xarray.load_dataset(tmp_path / "run.nc", engine="scipy", decode_times=False)
+    assert data.voltage.units == "V"
+    for name in ("run.csv", "run.parquet"):
+        record = read_record(tmp_path / name, {**UNITS, "charge": "C"}, inputs=["current", "force"])
+        for signal in ("current", "charge", "voltage"):
+            assert record.signals[signal].tobytes() == data[signal].values.tobytes()
+    done = here("compare", "run.nc", "--json", "-", cwd=tmp_path)
+    assert json.loads(done.stdout)["outputs"]["voltage"]["rms"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ([*SIMULATE, "--out", "run.xlsx"], ["--out run.xlsx", ".nc, .csv, .parquet, not '.xlsx'"]),
+        ([*SIMULATE, "--out", "run"], ["--out run", ".nc, .csv, .parquet, not 'nothing'"]),
+        ([*SIMULATE, "--plot", "run.csv"], ["--plot run.csv", ".png, .svg, .pdf, not '.csv'"]),
+        (
+            ["compare", "record.csv", "--out", "figures.csv"],
+            ["--out figures.csv", ".json, not '.csv'"],
+        ),
+        (["run", "fig_3_4", "--out", "run.json"], ["--out run.json", ".nc, .csv, .parquet"]),
+        (["run", "fig_3_4", "--plot", "run.nc"], ["--plot run.nc", ".png, .svg, .pdf, .html"]),
+        (["diagnose", "record.csv", "--report", "r.json"], ["--report r.json", ".html"]),
+        (["diagnose", "record.csv", "--experiment", "e.json"], ["--experiment e.json", ".toml"]),
+        (["diagnose", "record.csv", "--fmu", "f.zip"], ["--fmu f.zip", ".fmu"]),
+        (["system", "draw", "dma_bench", "--out", "d.ssp"], ["--out d.ssp", ".png, .svg, .pdf"]),
+        (["system", "export", "dma_bench", "--out", "d.png"], ["--out d.png", ".ssp or .ssd"]),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_another_ending_is_refused_with_what_is_allowed(arguments, parts, record, tmp_path):
+    refused(tmp_path, *arguments, parts=parts)
+
+
+def test_the_record_of_another_option_is_safe_everywhere(record, tmp_path):
+    (tmp_path / "m.nc").write_bytes(record.read_bytes())
+    refused(
+        tmp_path,
+        "simulate",
+        "ppy_actuator",
+        "--input",
+        "m.nc",
+        "--out",
+        "m.nc",
+        parts=["the record itself"],
+    )
+    refused(tmp_path, "simulate", "record.csv", "--out", "record.csv", parts=["the model itself"])
+    refused(
+        tmp_path, "build", "ppy_actuator", "--out", "record.csv", parts=["cannot write record.csv"]
+    )
+    assert np.isfinite(read_record(record, UNITS).time).all()

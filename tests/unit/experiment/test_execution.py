@@ -5,7 +5,6 @@ published figures.
 import json
 import tomllib
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import control
@@ -17,7 +16,6 @@ from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
 from orchestration.experiment.execution import run
-from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Master, parse
 from orchestration.experiment.reading import read
 from orchestration.experiment.stimulus import KINDS
@@ -64,19 +62,6 @@ def burgers(time, jumps, k1=K1, b1=B1, k2=K2, b2=B2):
 
 # --- the thesis's experiments
 # -----------------------------------------------------------------------------------------
-
-
-def test_every_experiment_that_ships_is_valid_and_says_what_is_assumed():
-    figures = [*(f"fig_3_{n}" for n in (3, 4, 5, 6, 7, 8, 12)), "fig_4_5", "fig_5_9"]
-    assert list(shipped()) == [*figures, "hil_bench", "identification"]
-    for name, path in shipped().items():
-        experiment = read(name)
-        if name in figures:
-            assert experiment.title.startswith(
-                name.replace("fig_", "Fig. ").replace("_", "-") + ":"
-            )
-        assert "thesis section" in experiment.source
-        assert path.read_text(encoding="utf-8").startswith("# ")
 
 
 def test_fig_3_3_voltage_does_not_notice_the_load():
@@ -218,111 +203,6 @@ def test_fig_4_5_passes_its_minimum_where_the_thesis_has_it():
 # ---------------------------------------------------------------------------------------
 
 ON = 'component = "ppy_actuator"\nduration = 10\nstep = 0.01\nrecord = []\n'
-
-
-@pytest.mark.parametrize(
-    ("table", "expected"),
-    [
-        ('force = "1500 mN"', lambda t: np.full(t.size, 1.5)),
-        ("force = { kind = 'constant', value = 2 }", lambda t: np.full(t.size, 2.0)),
-        (
-            (
-                "force = { kind = 'square', amplitude = '0.5 N', offset = 1, frequency = 0.25,"
-                " delay = '1 s' }"
-            ),
-            lambda t: np.where(
-                (t > 0.995) & (t < 2.995) | (t > 4.995) & (t < 6.995) | (t > 8.995), 1.5, 0.5
-            ),
-        ),
-        (
-            "force = { kind = 'sine', amplitude = 1, offset = '2 N', frequency = '300 mHz' }",
-            lambda t: 2 + np.sin(0.6 * np.pi * t),
-        ),
-        (
-            (
-                "force = { kind = 'chirp', amplitude = 1, offset = 2, start_frequency = 0.1,"
-                " stop_frequency = 0.9 }"
-            ),
-            lambda t: 2 + np.sin(2 * np.pi * (0.1 * t + 0.04 * t**2)),  # 0.1 to 0.9 Hz over 10 s
-        ),
-        (
-            "force = { kind = 'ramps', times = [1, 3, 4], levels = [0, '2000 mN', 1] }",
-            lambda t: np.select([t < 1, t < 3, t < 4], [0, t - 1, 5 - t], 1.0),
-        ),
-        (
-            "force = { kind = 'steps', initial = 1, times = ['2 s', 5], levels = [2, 3] }",
-            lambda t: np.select([t < 1.995, t < 4.995], [1.0, 2.0], 3.0),
-        ),
-        (
-            (
-                "force = { kind = 'staircase', period = 4, bias = '0.5 N', increment = 1, maximum ="
-                " 2.5 }"
-            ),
-            lambda t: np.select([t < 1.995, t < 3.995, t < 5.995], [1.5, 0.5, 2.5], 0.5),
-        ),
-    ],
-    ids=lambda value: value.split("'")[1] if isinstance(value, str) and "'" in value else "",
-)
-def test_stimuli_of_a_file_in_closed_form(table, expected):
-    found = make(ON + "[inputs]\ncurrent = 0\n" + table)
-    assert found.force.values == pytest.approx(expected(found.time.values), abs=1e-9)
-
-
-def test_multisine_of_a_file_has_its_lines_and_random_phases():
-    table = (
-        "current = { kind = 'multisine', frequencies = [0.5, 1.5, 4], rms = '300 mA', offset ="
-        " 0.1 }"
-    )
-    first, second = (
-        make(f"seed = {seed}\n" + ON + "[inputs]\n" + table).current.values[:-1] for seed in (1, 2)
-    )
-    for wave in (first, second):
-        lines = 2 * np.abs(np.fft.rfft(wave - 0.1)) / wave.size
-        expected = np.zeros(lines.size)
-        expected[[5, 15, 40]] = 0.3 * np.sqrt(2 / 3)
-        np.testing.assert_allclose(lines, expected, atol=1e-12)
-    assert np.any(np.abs(first - second) > 0.1)
-
-
-def test_random_signals_do_not_change_when_others_come_or_when_they_have_seeds_of_their_own():
-    levels = "{ kind = 'multilevel', levels = [0, 1], dwell = [0.2, 0.5] }"
-    alone = make(ON + f"[inputs]\ncurrent = {levels}")
-    both = make(ON + f"[inputs]\nforce = {levels}\ncurrent = {levels}")
-    assert alone.current.values.tobytes() == both.current.values.tobytes()
-    assert np.any(both.force.values != both.current.values)
-    own = levels.replace("}", ", seed = 5 }")
-    one, other = (
-        make(f"seed = {n}\n" + ON + f"[inputs]\nforce = {own}\ncurrent = {own}") for n in (1, 2)
-    )
-    assert one.force.values.tobytes() == other.current.values.tobytes()
-
-
-def test_gait_is_eqs_5_13_to_5_16():
-    """Eq. 5.16 as in appendix A4 (errata 14)."""
-    expected = {"an": (-1, 0), "po": (1, 0), "do": (-1, -1), "pl": (1, 1)}
-    for actuator, (sign, shift) in expected.items():
-        text = (
-            'component = "ppy_actuator_length_driven"\nduration = 1\nstep = 0.01\nrecord ='
-            " []\n[inputs.length_change]\n"
-        )
-        found = make(text + f"kind = 'gait'\nactuator = '{actuator}'")
-        wave = sign * np.sin(2 * np.pi * found.time.values) + shift  # mm
-        assert 1e3 * found.length_change.values == pytest.approx(wave, abs=1e-12)
-
-
-def test_a_column_of_a_file_is_held_and_its_flaws_are_told(tmp_path):
-    time = np.arange(0.0, 3.0, 0.5)
-    write_record(tmp_path / "r.csv", time, {"I": 100.0 * time}, {"I": "mA"})
-    lines = (tmp_path / "r.csv").read_text(encoding="utf-8").splitlines()
-    (tmp_path / "r.csv").write_text("\n".join([*lines[:3], lines[2], *lines[3:]]), encoding="utf-8")
-    text = 'component = "ppy_actuator"\nduration = 2\nstep = 0.25\n[inputs]\nforce = 0\n'
-    notes = []
-    given = tomllib.loads(text + "current = { kind = 'file', file = 'r.csv', column = 'I' }")
-    found = run(parse(given, "test", str(tmp_path)), note=notes.append)
-    assert found.current.values == pytest.approx(0.1 * np.repeat(np.arange(5), 2)[:9] / 2)
-    assert any("repeat the time" in line for line in notes)
-    given["inputs"]["current"]["unit"] = "A"  # the numbers are to be read as something else
-    assert run(parse(given, "test", str(tmp_path))).current.values[-1] == pytest.approx(200.0)
 
 
 def test_parameters_preset_and_effects_reach_the_fmu():
@@ -514,39 +394,6 @@ def test_no_energy_is_told_where_exchange_is_elsewhere(how):
 # -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("settings", "look", "value"),
-    [
-        (["duration=500 ms"], lambda e: e.duration, 0.5),
-        (["R1=610mohm"], lambda e: e.parameters["R1"], "610mohm"),
-        (["parameters.R1=0.61"], lambda e: e.parameters["R1"], 0.61),
-        (["bench.mass=30g"], lambda e: e.parameters["bench.mass"], "30g"),
-        (["inputs.current.amplitude=0.5A"], lambda e: e.inputs["current"].amplitude, (0.5, "A")),
-        (["inputs.current=2"], lambda e: e.inputs["current"].value, (2.0, "")),
-        (["inputs.bench.current=2"], lambda e: e.inputs["bench.current"].value, (2.0, "")),
-        (["noise.a.voltage.rms=1mV"], lambda e: e.noise["a.voltage"].rms, (1.0, "mV")),
-        (['record=["charge"]'], lambda e: e.record, ["charge"]),
-        (["duration=1", "duration=2"], lambda e: e.duration, 2.0),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_settings_go_over_the_file(settings, look, value):
-    assert look(read("fig_3_4", settings)) == value
-
-
-def test_a_table_of_a_member_needs_no_quotes():
-    given = tomllib.loads(
-        'system = "dma_bench"\n[parameters]\nactuator.R1 = 1\nbench.mass = "30 g"'
-    )
-    assert parse(given, "test").parameters == {"actuator.R1": 1, "bench.mass": "30 g"}
-
-
-def test_the_resolved_experiment_reads_back_as_itself():
-    for name in shipped():
-        experiment = read(name)
-        assert parse(experiment.model_dump(mode="json", exclude_none=True), "again") == experiment
-
-
 # --- documentation
 # --------------------------------------------------------------------------------------------------
 
@@ -567,15 +414,6 @@ def test_the_reference_tells_every_key_and_its_examples_run(tmp_path):
         )
         for key in kind.model_fields:
             assert key == "kind" or f"`{key}`" in row, (key, row)
-
-
-def test_multilevel_stays_as_long_as_dwell_says():
-    found = make(
-        ON + "[inputs.current]\nkind = 'multilevel'\nlevels = [-1, 0, 1]\ndwell = ['1 s', '2 s']"
-    )
-    switches = found.time.values[1:][np.diff(found.current.values) != 0]
-    assert all(0.99 <= later - earlier <= 2.01 for earlier, later in pairwise(switches))
-    assert len(switches) >= 4
 
 
 def test_what_the_fmu_refuses_is_one_line_with_its_message():

@@ -4,7 +4,6 @@ made again from it.
 
 import json
 import re
-import shutil
 import warnings
 
 import numpy as np
@@ -12,45 +11,22 @@ import pandas
 import pytest
 import xarray
 
+from fmus import component
 from fmus.kit import UserError
-from orchestration.experiment import result_page, results
+from orchestration import master
+from orchestration.experiment import results
 from orchestration.experiment.execution import run
 from orchestration.experiment.reading import read
-from orchestration.records import read_record, write_record
-from tests.support.command import PNG, here, on_terminal, posix, refused
+from orchestration.records import read_record
+from orchestration.system import Member, Port, System, ssp
+from tests.support.command import here, on_terminal, posix, refused, works
+from tests.support.experiments import PLAYED, played_record
 from tests.support.pace import slow_but
-
-TEXT = """
-title = "A record is played back"
-component = "ppy_actuator"
-duration = "3 s"
-step = "0.1 s"
-seed = 3
-record = ["voltage", "displacement"]
-[parameters]
-R1 = "610 mohm"
-[inputs]
-force = { kind = "multilevel", levels = [0.5, 2], dwell = [0.3, 0.9] }
-current = { kind = "file", file = "drive.csv", column = "I" }
-[noise.voltage]
-rms = "1 mV"
-"""
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """An experiment whose current comes from a file."""
-    moments = np.arange(0.0, 3.1, 0.3)
-    write_record(tmp_path / "drive.csv", moments, {"I": np.sin(moments)}, {"I": "A"})
-    (tmp_path / "play.toml").write_text(TEXT, encoding="utf-8")
-    return tmp_path
-
-
-def works(*arguments, cwd):
-    """Run the command line in this process and return what it prints; it must succeed."""
-    done = here(*arguments, cwd=cwd)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return played_record(tmp_path)
 
 
 def same(one, other):
@@ -145,36 +121,6 @@ def edited(path, target, edit, upto=None):
     return target
 
 
-def test_what_is_not_the_same_is_said(folder):
-    works("run", "play.toml", "--out", "run.nc", cwd=folder)
-
-    def nudge(data):
-        data.voltage.values[7] = np.nextafter(data.voltage.values[7], 1.0)
-
-    edited(folder / "run.nc", folder / "nudged.nc", nudge)
-    done = here("run", "nudged.nc", cwd=folder)
-    assert done.returncode == 1
-    assert re.search(r"not as in nudged.nc: voltage differs by up to \d\.\d+e-1\d V", done.stdout)
-    assert "displacement differs" not in done.stdout
-    changed = here(
-        "run", "nudged.nc", "--set", "R1=1", cwd=folder
-    )  # another experiment: nothing to compare
-    assert (changed.returncode, "not as in" in changed.stdout) == (0, False)
-
-
-def test_another_build_of_the_fmu_is_warned_of(folder):
-    works("run", "play.toml", "--out", "run.nc", cwd=folder)
-    edited(
-        folder / "run.nc",
-        folder / "old.nc",
-        lambda data: data.attrs.update(guids='{"ppy_actuator": "{0}"}'),
-    )
-    done = here("run", "old.nc", cwd=folder)
-    assert done.returncode == 0
-    assert "warning: old.nc was made with another build of ppy_actuator ({0}, now {" in done.stderr
-    assert "every value is the same" in done.stdout
-
-
 def test_a_system_is_made_again_too(tmp_path):
     settings = ["--set", "duration=20 s", "--set", "noise.actuator.voltage.rms=1mV"]
     works("run", "fig_4_5", *settings, "--out", "life.nc", cwd=tmp_path)
@@ -247,9 +193,9 @@ def test_an_incomplete_result_is_repeated_as_far_as_it_goes(folder):
         'force = { kind = "chirp", amplitude = 1, offset = 1, start_frequency = 0.1, stop_frequency'
         " = 2 }"
     )
-    levels = re.search("force = .*", TEXT)[0]
+    levels = re.search("force = .*", PLAYED)[0]
     for k, force in enumerate((levels, chirp)):
-        (folder / "play.toml").write_text(TEXT.replace(levels, force), encoding="utf-8")
+        (folder / "play.toml").write_text(PLAYED.replace(levels, force), encoding="utf-8")
         part_of(folder / "play.toml", 12, folder / f"part{k}.nc")
     (folder / "drive.csv").unlink()
     for name in ("part0.nc", "part1.nc"):
@@ -266,69 +212,6 @@ def test_an_incomplete_result_is_repeated_as_far_as_it_goes(folder):
     )  # another experiment: the whole of it
     edited(folder / "part0.nc", folder / "first.nc", lambda data: None, upto=1)
     refused(folder, "run", "first.nc", parts=["first.nc", "first point only"])
-
-
-def test_a_result_finds_its_system_where_both_were_moved_to(tmp_path):
-    """Beside it, or below; and beside it when it was made elsewhere and the system has come after
-    it.
-    """
-    home, other = tmp_path / "home", tmp_path / "other"
-    (home / "systems").mkdir(parents=True)
-    works("system", "export", "dma_bench", "--out", "systems/bench.ssp", cwd=home)
-    text = (
-        'system = "systems/bench.ssp"\nduration = 0.01\n[inputs]\nforce_reference = 1\ncurrent'
-        " = 0\n"
-    )
-    (home / "bench.toml").write_text(text, encoding="utf-8")
-    works("run", "bench.toml", "--out", "near.nc", cwd=home)
-    works("run", "bench.toml", "--out", "../far/far.nc", cwd=home)
-    assert (
-        json.loads(results.read(home / "near.nc").attrs["experiment"])["system"]
-        == "systems/bench.ssp"
-    )
-    home.rename(other)
-    assert "every value is the same" in works("run", "other/near.nc", cwd=tmp_path)
-    refused(tmp_path, "run", "far/far.nc", parts=["bench.ssp"])
-    shutil.copy(other / "systems" / "bench.ssp", tmp_path / "far")
-    assert "every value is the same" in works("run", "far/far.nc", cwd=tmp_path)
-
-
-def test_a_mark_at_the_beginning_of_a_file_is_no_part_of_it(folder):
-    (folder / "marked.toml").write_text(TEXT, encoding="utf-8-sig")
-    assert read(str(folder / "marked.toml")) == read(str(folder / "play.toml"))
-
-
-def test_a_page_holds_picture_figures_and_the_experiment(folder):
-    works("run", "play.toml", "--plot", "page.html", cwd=folder)
-    page = (folder / "page.html").read_text(encoding="utf-8")
-    for part in (
-        "A record is played back",
-        "31 points, 3 s",
-        "0.61 ohm",
-        "data:image/png;base64",
-        "seed 3",
-        "multilevel",
-    ):
-        assert part in page
-    assert not re.search(r"(src|href)=.https?:", page)
-
-
-@pytest.mark.parametrize("over", ["time", "current"])
-def test_a_picture_has_units_on_every_axis(folder, over):
-    done = run(read(str(folder / "play.toml"), [f"over={over}"]))
-    figure = result_page.figure(done)
-    labels = {axis.get_ylabel().replace("\n", " ") for axis in figure.axes}
-    expected = {"current [A]", "force [N]", "voltage [V]", "displacement [mm]"} - {f"{over} [A]"}
-    assert labels == expected
-    assert figure.axes[-1].get_xlabel() == ("time [s]" if over == "time" else "current [A]")
-    drawn = (
-        next(a for a in figure.axes if a.get_ylabel().startswith("displacement"))
-        .lines[0]
-        .get_ydata()
-    )
-    assert drawn == pytest.approx(1e3 * done.displacement.values)
-    result_page.plot(done, folder / "run.png")
-    assert (folder / "run.png").read_bytes().startswith(PNG)
 
 
 @pytest.mark.parametrize(
@@ -357,3 +240,30 @@ def test_damaged_metadata_are_refused_in_a_line(folder, change, said):
     assert str(caught.value).startswith(f"{path}: ")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "parts"),
+    [
+        ("∆", "new.nc", ["'∆.charge'", "NetCDF"]),
+        ("a[1]", "new.csv", ["'a[1].charge'", "brackets", "CSV"]),
+        pytest.param('say "a"', "new.csv", ["quotes", "CSV"], marks=pytest.mark.slow),
+    ],
+)
+def test_names_that_a_format_cannot_hold_are_refused_before_the_run(
+    folder, monkeypatch, name, target, parts
+):
+    """A system with such a member; in a format that can hold it, it comes back."""
+    member = Member.of(name, component("ppy_actuator"), {"force": 0.0})
+    ssp.write(
+        System("odd", (member,), (), {"current": (Port(name, "current"),)}), folder / "odd.ssp"
+    )
+    (folder / "odd.toml").write_text(
+        "system = 'odd.ssp'\nduration = 1\nstep = 0.1\nrecord ="
+        f" ['{name}.charge']\n[inputs]\ncurrent = 1",
+        "utf-8",
+    )
+    assert here("run", "odd.toml", "--out", "can.parquet", cwd=folder).returncode == 0
+    assert "the same to the last bit" in here("run", "can.parquet", cwd=folder).stdout
+    monkeypatch.setattr(master, "run", lambda *given, **options: pytest.fail("it ran"))
+    refused(folder, "run", "odd.toml", "--out", target, parts=[target, *parts])

@@ -1,5 +1,5 @@
-"""Claims: a clock that jitters is even, one that changes its rate is not, and what is even is
-diagnosed as such.
+"""Claims: a clock that jitters is even, one that changes its rate is not; rows are put in order,
+averaged or refused, and what is even is diagnosed as such.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.identify.noise.autoregression import fit_autoregression
 from orchestration.records.clock import JITTER, evenly_sampled
 from tests.support.intersample_records import TRUE, record
+from tests.support.record_rows import read, refusal, varied_rows, write_rows
 
 SENSORS = [make(PpyActuator, "voltage") for make in (sensor_lag, sensor_drift, transport_delay)]
 
@@ -83,3 +84,84 @@ def test_a_clean_record_with_jitter_is_diagnosed_like_any(kind):
             )
     assert np.mean(np.abs(deviations) < 1.96) >= 0.85
     assert np.abs(deviations).max() < 4.0
+
+
+def test_repeated_times_are_averaged_and_counted(tmp_path):
+    record, kinds = read(
+        write_rows(tmp_path, [[0, 1, 2], [1, 1, 2], [1, 3, ""], [1, 5, 4], [2, 0, 1]])
+    )
+    assert record.time.tolist() == [0, 1, 2]
+    assert record.signals["u"].tolist() == [1, 3, 0]
+    assert record.signals["y"].tolist() == [2, 3, 1]
+    assert set(kinds) == {"duplicates"}
+    assert kinds["duplicates"].rows == (4, 5)
+    assert "5 rows became 3" in kinds["duplicates"].message
+
+
+def test_rows_that_repeat_exactly_keep_their_exact_value(tmp_path):
+    record, kinds = read(
+        write_rows(
+            tmp_path, [[0, 0.1, 0.3], [1, 0.7, 0.1], [1, 0.7, 0.1], [1, 0.7, 0.1], [2, 0.2, 0.3]]
+        )
+    )
+    assert record.signals["u"].tolist() == [0.1, 0.7, 0.2]
+    assert "identical values" in kinds["duplicates"].message
+
+
+def test_a_few_late_rows_are_sorted(tmp_path):
+    rows = varied_rows(100)
+    rows[50], rows[53] = rows[53], rows[50]
+    record, kinds = read(write_rows(tmp_path, rows))
+    assert np.all(np.diff(record.time) > 0)
+    assert kinds["order"].rows == (53, 54, 55)
+    expected = np.array(sorted(rows))
+    np.testing.assert_array_equal(record.signals["y"], expected[:, 2])
+
+
+def test_a_late_packet_that_fits_a_hole_is_sorted(tmp_path):
+    rows = varied_rows(100)
+    record, kinds = read(write_rows(tmp_path, rows[:40] + rows[60:80] + rows[40:60] + rows[80:]))
+    np.testing.assert_array_equal(record.time, np.arange(100))
+    assert len(kinds["order"].rows) == 20
+
+
+@pytest.mark.parametrize("tail", [1, 3, 100])
+def test_a_restarted_clock_is_refused_with_the_row_to_split_at(tmp_path, tail):
+    message = refusal(write_rows(tmp_path, varied_rows(100) + varied_rows(tail)))
+    assert "the clock restarts" in message
+    assert "split the file before row 102" in message
+
+
+def test_a_clock_set_back_is_refused(tmp_path):
+    rows = varied_rows(100)
+    message = refusal(write_rows(tmp_path, rows + [[t - 30, u, y] for t, u, y in rows[80:]]))
+    assert "the clock jumps back: row 101 is at 99 s, row 102 at 50 s" in message
+
+
+def test_a_shuffled_or_reversed_record_is_refused(tmp_path):
+    rows = varied_rows(100)
+    assert "jumps back" in refusal(write_rows(tmp_path, rows[::-1]))
+    swapped = [row for pair in zip(rows[1::2], rows[::2], strict=True) for row in pair]
+    assert "do not order" in refusal(write_rows(tmp_path, swapped))
+
+
+def test_gaps_are_kept_and_said(tmp_path):
+    rows = varied_rows(100)
+    record, kinds = read(write_rows(tmp_path, rows[:30] + rows[60:]))
+    assert record.time.size == 70
+    assert kinds["gap"].rows == (32,)
+    assert "31 s before row 32" in kinds["gap"].message
+
+
+def test_logarithmic_sampling_is_uneven_and_not_full_of_gaps(tmp_path):
+    rows = varied_rows(100)
+    _, kinds = read(write_rows(tmp_path, [[1e-3 * 1.15**k, u, y] for k, u, y in rows]))
+    assert set(kinds) == {"uneven sampling"}
+
+
+def test_a_row_without_time_is_dropped_and_said(tmp_path):
+    rows = varied_rows(20)
+    rows[3][0], rows[7][0] = "", "inf"
+    record, kinds = read(write_rows(tmp_path, rows))
+    assert record.time.size == 18
+    assert kinds["missing time"].rows == (5, 9)

@@ -1,5 +1,5 @@
-"""Claims: a signal is found in a system's result by the name behind the member's, where that is
-clear.
+"""Claims: a column is a signal by its name, by what the user says, or by its name behind that of a
+system's member, where that is clear.
 """
 
 from __future__ import annotations
@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.records import read_record, write_record
+from orchestration.records import parse_mapping, read_record, write_record
+from tests.support.record_forms import PLAIN, SIGNALS, refusal, write
 
 TIME = 0.1 * np.arange(50)
-SIGNALS = {"current": "A", "voltage": "V"}
+OF_MEMBER = {"current": "A", "voltage": "V"}
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def written(tmp_path):
 
 def test_the_only_column_of_a_member_is_taken_and_told(written):
     path, values = written("current", "proxy.voltage", "proxy.voltage_age")
-    record = read_record(path, SIGNALS)
+    record = read_record(path, OF_MEMBER)
     assert record.signals["voltage"] == pytest.approx(values["proxy.voltage"])
     messages = [repair.message for repair in record.repairs if not repair.changed_data]
     assert (
@@ -37,17 +38,61 @@ def test_the_only_column_of_a_member_is_taken_and_told(written):
 
 def test_a_column_of_the_very_name_goes_first(written):
     path, values = written("current", "proxy.voltage", "voltage")
-    assert read_record(path, SIGNALS).signals["voltage"] == pytest.approx(values["voltage"])
+    assert read_record(path, OF_MEMBER).signals["voltage"] == pytest.approx(values["voltage"])
 
 
 def test_what_the_user_says_goes_first(written):
     path, values = written("current", "proxy.voltage", "cell")
-    record = read_record(path, SIGNALS, mapping={"cell": "voltage"})
+    record = read_record(path, OF_MEMBER, mapping={"cell": "voltage"})
     assert record.signals["voltage"] == pytest.approx(values["cell"])
 
 
 def test_two_members_are_no_choice_for_a_program_to_make(written):
     path, _ = written("current", "one.voltage", "two.voltage")
-    assert list(read_record(path, SIGNALS).signals) == ["current"]
+    assert list(read_record(path, OF_MEMBER).signals) == ["current"]
     with pytest.raises(UserError, match="the signal 'voltage'"):
-        read_record(path, SIGNALS, required=["voltage"])
+        read_record(path, OF_MEMBER, required=["voltage"])
+
+
+def test_mapping_renames_and_reinterprets(tmp_path):
+    path = write(tmp_path, "t [s],stress [Pa],strain [1],I\n0,10,1e-3,0.1\n1,10,2e-3,0.2\n")
+    mapping = parse_mapping(["strain=displacement[mm]", "I=current", "stress [Pa] = force [N]"])
+    assert mapping == {"strain": "displacement[mm]", "I": "current", "stress [Pa]": "force [N]"}
+    record = read_record(path, {**SIGNALS, "force": "N"}, mapping=mapping)
+    np.testing.assert_allclose(record.signals["displacement"], [1e-6, 2e-6])
+    np.testing.assert_allclose(record.signals["force"], [10, 10])
+    kinds = [r.kind for r in record.repairs]
+    assert kinds.count("unit replaced") == 2
+    assert kinds.count("unit assumed") == 1
+
+
+def test_an_explicit_mapping_wins_over_an_equal_name(tmp_path):
+    path = write(tmp_path, "time [s],current [A],current_2 [A]\n0,1,5\n1,2,6\n")
+    record = read_record(path, SIGNALS, mapping={"current_2": "current"})
+    assert record.signals["current"].tolist() == [5, 6]
+    assert "'current'" in record.repairs[0].message
+
+
+@pytest.mark.parametrize("entry", ["strain", "=x", "a=", "a=b[m", "a=b]m[", "a=[m]"])
+def test_a_malformed_mapping_is_refused(entry):
+    with pytest.raises(UserError, match="the form is file_column=signal"):
+        parse_mapping([entry])
+
+
+@pytest.mark.parametrize("entries", [["a=x", "a=y"], ["a=x", "b=x[m]"]])
+def test_mapping_twice_is_refused(entries):
+    with pytest.raises(UserError, match="mapped twice"):
+        parse_mapping(entries)
+
+
+def test_mapping_to_or_from_what_is_not_there_is_refused_with_a_suggestion(tmp_path):
+    path = write(tmp_path, PLAIN)
+    assert "did you mean current?" in refusal(path, mapping={"curent": "displacement"})
+    assert "did you mean displacement?" in refusal(path, mapping={"current": "displacment"})
+
+
+def test_a_required_signal_that_is_absent_is_refused_with_a_suggestion(tmp_path):
+    path = write(tmp_path, "time [s],Displacement [m],current [A]\n0,1,2\n1,2,3\n")
+    message = refusal(path, required=["displacement"])
+    assert "did you mean Displacement?" in message
+    assert "--map" in message

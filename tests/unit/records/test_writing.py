@@ -1,8 +1,9 @@
-"""Claims: writing and reading gives the same doubles back, and a repaired record needs no second
-repair.
+"""Claims: writing and reading gives the same doubles back, a repaired record needs no second
+repair, and a journal is a record at any moment.
 """
 
 import math
+from time import monotonic, sleep
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from fmus.kit.errors import UserError
-from orchestration.records import read_record, write_record
+from orchestration.records import Journal, read_record, write_record
 
 SIGNALS = {"u": "V", "y": "m"}
 finite = st.floats(-1e150, 1e150)
@@ -121,3 +122,39 @@ def test_what_cannot_be_read_back_is_not_written(tmp_path, time, signals, units)
     with pytest.raises(ValueError):
         write_record(tmp_path / "r.csv", time, signals, units)
     assert not (tmp_path / "r.csv").exists()
+
+
+def test_a_journal_is_a_record_and_is_not_overwritten(tmp_path):
+    path = tmp_path / "j.csv"
+    journal = Journal(path, {"u, raw": "V", "y": "m"})
+    journal.add(0.0, [0.1, math.nan])
+    journal.add(0.5, [1 / 3, -0.0])
+    journal.close()
+    assert journal.error == ""
+    assert path.read_text().splitlines() == [
+        'time [s],"u, raw [V]",y [m]',
+        "0.0,0.1,",
+        "0.5,0.3333333333333333,-0.0",
+    ]
+    with pytest.raises(UserError, match="is there: what a run recorded that was killed"):
+        Journal(path, SIGNALS)
+
+
+def test_a_journal_goes_to_the_disk_while_it_is_made(tmp_path, monkeypatch):
+    clock = iter([0.0, 1.9, 2.1, 2.1, 2.2, 2.2])
+    monkeypatch.setattr("orchestration.records.writing.monotonic", lambda: next(clock))
+    journal = Journal(tmp_path / "j.csv", {"u": "V"})
+    for k in range(3):
+        journal.add(float(k), [1.0])
+        if k == 1:
+            waited = monotonic() + 10.0
+            while not (tmp_path / "j.csv").stat().st_size and monotonic() < waited:
+                sleep(0.001)
+            assert (tmp_path / "j.csv").read_text() == "time [s],u [V]\n0.0,1.0\n1.0,1.0\n"
+    journal.close()
+    assert read_record(tmp_path / "j.csv", {"u": "V"}).time.tolist() == [0.0, 1.0, 2.0]
+
+
+def test_a_journal_without_a_row_leaves_no_file(tmp_path):
+    Journal(tmp_path / "j.csv", SIGNALS).close()
+    assert list(tmp_path.iterdir()) == []

@@ -130,3 +130,18 @@ def test_columns_of_numbers_end_together():
         "a         1",
         "b       100",
     ]
+
+
+def test_a_table_is_a_text_too():
+    """Without the codes of a terminal, without what stands behind the last letter of a line."""
+    table = console.plain_table("of both", "name", "value", right=["value"])
+    table.add_row("[bold]x[/]", "1")
+    table.add_row("y", "22")
+    text = console.plain_text(table)
+    assert text.splitlines() == [
+        "of both",
+        "name        value",
+        "[bold]x[/]      1",
+        "y              22",
+    ]
+    assert console.preformatted("a < b") == "<pre>a &lt; b</pre>"

@@ -25,6 +25,7 @@ from orchestration.discrepancy.report.laws.law_report import (
     shape_width,
     signal_unit,
 )
+from orchestration.discrepancy.report.wording import format_percent
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import Markup, escaped
 
@@ -262,12 +263,6 @@ def describe_errors(correction: Correction) -> str:
         f"on data that no fit has seen the error of {output} {moves} from"
         f" {format_percent(before[output])} to {format_percent(after[output])}"
     )
-
-
-def format_percent(share: float) -> str:
-    """Return a share in percent, with two digits."""
-    value = 100.0 * share
-    return f"{value:.0f} %" if value >= 100.0 else f"{value:.2g} %"
 
 
 def unseen_data_outcome(correction: Correction) -> str:

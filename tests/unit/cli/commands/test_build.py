@@ -57,3 +57,32 @@ def test_build_runtime_pythonfmu_says_what_it_cannot_promise(tmp_path):
     assert (
         "noted: pythonfmu promises less: errors: whatever fails is Fatal, not Error" in done.stderr
     )
+
+
+def platforms_of(path):
+    from orchestration.fmu.archive import Archive
+
+    with Archive(path) as archive:
+        return archive.platforms
+
+
+def test_build_is_for_this_machine_unless_others_are_asked(tmp_path):
+    done = here("build", "galvanostat", "--runtime", "native", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"galvanostat: native for {host_platform()}" in done.stderr
+    assert platforms_of(tmp_path / "fmu/native/galvanostat.fmu") == [host_platform()]
+
+
+def test_build_for_some_platforms_and_for_all(tmp_path, monkeypatch):
+    from fmus.kit import build as kit
+
+    asked = []
+    monkeypatch.setattr(
+        kit, "build", lambda cls, kind, platforms, progress: asked.append(platforms) or b""
+    )
+    for given in (["--platforms", "linux64, win64"], ["--platforms", "all"], []):
+        assert (
+            here("build", "galvanostat", "--runtime", "native", *given, cwd=tmp_path).returncode
+            == 0
+        )
+    assert asked == [["linux64", "win64"], None, [host_platform()]]

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from studies.emulator.emulator import EmulatedRig
-from tests.support.command import PNG, here, measure, works
+from tests.support.command import PNG, answered, here, measure, works
 
 
 def test_compare_with_a_fit(record, tmp_path):
@@ -66,3 +66,9 @@ def test_absent_inputs_are_told(tmp_path):
     assert done.returncode == 0
     assert "warning: no values for the input force; it stays at 0 N" in done.stderr
     assert "warning" not in here("compare", record, "--set", "force=1", cwd=tmp_path).stderr
+
+
+def test_json_of_compare(record, tmp_path):
+    answer = answered("compare", record.name, "--fit", "R1", cwd=tmp_path)
+    assert answer["outputs"]["voltage"]["unit"] == "V"
+    assert set(answer["fitted"]["parameters"]) == {"R1"}

@@ -1,6 +1,9 @@
 """Claims: ``ppy info`` says what one needs to use a model."""
 
-from tests.support.command import works
+import json
+
+from fmus import MODELS
+from tests.support.command import answered, here, works
 
 
 def test_info_says_what_one_needs_to_set_a_parameter(tmp_path):
@@ -20,3 +23,24 @@ def test_a_terminal_without_unicode_is_served_too(tmp_path):
     assert "R2" in works(
         "info", "ppy_actuator", cwd=tmp_path, environment={"PYTHONIOENCODING": "ascii"}
     )
+
+
+def listed(answer):
+    return {entry["name"]: entry for entry in answer}
+
+
+def test_json_of_list_and_info(tmp_path):
+    done = here("list", "--json", "-", cwd=tmp_path)
+    assert list(listed(json.loads(done.stdout))) == list(MODELS)
+    about = answered("info", "ppy_actuator", cwd=tmp_path)
+    resistance = listed(about["parameters"])["R1"]
+    assert (resistance["unit"], resistance["start"], resistance["min"]) == ("ohm", 0.43, 0)
+    assert "table 3-1" in resistance["source"]
+    assert listed(about["parameters"])["charge_start"]["max"] is None  # without a bound
+    assert [s["name"] for s in about["inputs"]] == ["current", "force"]
+    assert "strain_saturation" in [e["id"] for e in about["effects"]]
+    assert {e["output"] for e in about["effects"] if e["id"] == "sensor_lag"} >= {
+        "voltage",
+        "displacement",
+    }
+    assert about["step"] == 0.1

@@ -9,7 +9,7 @@ from orchestration.discrepancy.report import terminal, wording
 from orchestration.discrepancy.report.summary import diagnosis_summary
 from orchestration.discrepancy.report.tables import tried_effects
 from orchestration.fmu.model import find_model
-from orchestration.reporting.plain import plain_text
+from orchestration.reporting.console import plain_text
 from tests.support.diagnosis import rig_record
 
 NOTHING = DiagnosisOptions(effects=[])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orchestration.discrepancy.report.laws import terminal
-from orchestration.reporting.plain import plain_text
+from orchestration.reporting.console import plain_text
 from tests.support.law_reports import motor_report
 
 

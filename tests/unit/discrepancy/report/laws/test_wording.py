@@ -34,7 +34,15 @@ def test_the_end_with_more_effect_is_stated():
 
 
 @pytest.mark.parametrize(
-    ("share", "text"), [(0.0123, "1.2 %"), (0.5, "50 %"), (0.999, "1e+02 %"), (1.234, "123 %")]
+    ("share", "text"),
+    [
+        (0.0123, "1.2 %"),
+        (0.5, "50 %"),
+        (0.994, "99 %"),
+        (0.995, "100 %"),
+        (0.999, "100 %"),
+        (1.234, "123 %"),
+    ],
 )
 def test_a_share_has_two_digits(share, text):
     assert wording.format_percent(share) == text

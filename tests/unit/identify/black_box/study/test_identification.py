@@ -21,7 +21,7 @@ from fmus.kit.build.building import build_cached
 from orchestration.fmu.loading import load_class
 from orchestration.identify.black_box.study.columns import read_columns
 from orchestration.identify.black_box.study.component import class_name, identifiers
-from tests.support.command import refused, works
+from tests.support.command import refused
 from tests.support.hosts import run_fmpy
 from tests.support.pace import slow_but
 
@@ -249,26 +249,3 @@ def test_uneven_samples_are_refused(file, tmp_path):
         "lambda",
         parts=["gap.csv: samples are 0.5 s apart, but 2 s"],
     )
-
-
-def test_the_command(file, tmp_path):
-    call = [
-        "black-box",
-        str(file),
-        "--output",
-        "lambda",
-        "--structures",
-        "ARX,OE",
-        "--orders",
-        "1,2",
-        "--delays",
-        "1,2",
-    ]
-    said = works(*call, "--report", "r.html", "--json", "r.json", "--out", "mine.py", cwd=tmp_path)
-    assert "An OE model" in said
-    assert "% fit validation data" in said
-    works(
-        "simulate", "mine.py:Mine", "--stop", "5s", "--step", "0.5s", "--out", "m.csv", cwd=tmp_path
-    )
-    assert (tmp_path / "r.html").exists()
-    assert len(json.loads((tmp_path / "r.json").read_text())["models"]) == 8

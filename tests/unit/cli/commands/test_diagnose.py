@@ -1,4 +1,6 @@
-"""Claims: ``ppy laws`` tells its result, writes what was asked for, and overwrites nothing."""
+"""Claims: ``ppy laws`` tells its result, writes what was asked for, and overwrites nothing; what
+``ppy diagnose`` makes is for this machine.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from fmus.kit.build.toolchain import host_platform
 from orchestration.cli import diagnose as asking
 from orchestration.cli.app import main
 from tests.support.command import here, works
@@ -134,3 +137,31 @@ def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch,
     )
     assert written == ["a.html", "a.py", "a.fmu"]
     assert "friction depends on omega" in capsys.readouterr().out
+
+
+def test_json_of_diagnose(record, tmp_path):
+    done = here("diagnose", record.name, "--effects", "none", "--json", "-", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["verdict"] in (
+        "consistent",
+        "recalibrate",
+        "unexplained",
+        "ambiguous",
+    )
+
+
+def platforms_of(path):
+    from orchestration.fmu.archive import Archive
+
+    with Archive(path) as archive:
+        return archive.platforms
+
+
+def test_diagnose_builds_for_this_machine(record, tmp_path):
+    done = here("diagnose", record.name, "--effects", "none", "--fmu", "f.fmu", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (
+        platforms_of(tmp_path / "f.fmu")
+        == platforms_of(tmp_path / "f.python.fmu")
+        == [host_platform()]
+    )

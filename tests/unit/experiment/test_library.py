@@ -1,13 +1,13 @@
-"""Claims: the experiment for identification is one of 45 s at 30 Hz, and gives the parameters in
-spite of noise.
+"""Claims: every experiment that ships is valid and says where it is from; the one for
+identification gives the parameters in spite of noise.
 """
-
-from __future__ import annotations
 
 import numpy as np
 import pytest
 
 import orchestration as ppy
+from orchestration.experiment.library import shipped
+from orchestration.experiment.reading import read
 from orchestration.records import read_record
 from tests.support.command import UNITS, works
 
@@ -17,8 +17,21 @@ START = {"R1": 0.6, "R2": 2.0, "C": 2.0, "alpha": 0.05e-3, "k1": 5000.0}
 NOISE = ["--set", "noise.voltage.rms=5mV", "--set", "noise.displacement.rms=10um"]
 
 
+def test_every_experiment_that_ships_is_valid_and_says_what_is_assumed():
+    figures = [*(f"fig_3_{n}" for n in (3, 4, 5, 6, 7, 8, 12)), "fig_4_5", "fig_5_9"]
+    assert list(shipped()) == [*figures, "hil_bench", "identification"]
+    for name, path in shipped().items():
+        experiment = read(name)
+        if name in figures:
+            assert experiment.title.startswith(
+                name.replace("fig_", "Fig. ").replace("_", "-") + ":"
+            )
+        assert "thesis section" in experiment.source
+        assert path.read_text(encoding="utf-8").startswith("# ")
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_it_can_be_run_and_identified_with(tmp_path, seed):
+def test_the_experiment_for_identification_can_be_run_and_identified_with(tmp_path, seed):
     works("run", "identification", "--set", f"seed={seed}", *NOISE, "--out", "id.csv", cwd=tmp_path)
     record = read_record(tmp_path / "id.csv", UNITS)
     assert record.time == pytest.approx(np.arange(1351) / 30.0, abs=1e-9)

@@ -14,7 +14,6 @@ import pytest
 import orchestration as ppy
 from fmus.kit.errors import UserError
 from orchestration.reporting import console
-from orchestration.reporting.plain import WIDTH
 from studies.emulator.records import draw, write
 from tests.support.command import works
 
@@ -53,7 +52,7 @@ def test_every_name_is_there_and_says_how_it_is_used():
 
 
 def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypatch):
-    monkeypatch.setattr(console.out, "width", WIDTH)
+    monkeypatch.setattr(console.out, "width", console.TEXT_WIDTH)
     text = works(
         "diagnose",
         str(hidden),
@@ -144,13 +143,3 @@ def test_what_cannot_be_used_is_refused_in_a_line(hidden, tmp_path):
     write(drawn, flat)
     with pytest.raises(UserError, match="no output is left that could be trusted"):
         ppy.diagnose(flat, effects=[])
-
-
-def test_a_component_is_simulated_as_its_equations_say():
-    """Charge of the circuit under a constant current: closed form of thesis eq. 3.6."""
-    r1, r2, c, amps = 0.5, 2.35, 2.7, 0.9
-    run = ppy.simulate("ppy_actuator", {"current": amps}, stop=30.0, settings={"R1": r1})
-    expected = amps * r2 * c * (1.0 - np.exp(-run.time / ((r1 + r2) * c)))
-    assert run["charge"] == pytest.approx(expected, rel=1e-5, abs=1e-9)
-    assert str(run).startswith("ppy_actuator: ")
-    assert len(repr(run)) < 80

@@ -1,15 +1,24 @@
-"""``ppy thesis``: the thesis recomputed."""
+"""``ppy demo`` and ``ppy thesis``: the studies that are commands."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from orchestration.cli.command import command
-from orchestration.cli.commands.options import ThesisCommand
+from orchestration.cli.commands.options import DemoCommand, ThesisCommand
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
 
 if TYPE_CHECKING:
     from studies.thesis import Claim
+
+
+@command(DemoCommand)
+def demo(options: DemoCommand) -> None:
+    """Do everything once: build, simulate, compare with an emulated rig, diagnose, report."""
+    from studies.demo import everything as work
+
+    Outputs(folders={"--out": options["out"]}).check()
+    work.run(options["out"])
 
 
 @command(ThesisCommand)

@@ -1,0 +1,49 @@
+"""Claims: a page holds picture, figures and the experiment; a picture has units on every axis."""
+
+import re
+
+import pytest
+
+from orchestration.experiment import result_page
+from orchestration.experiment.execution import run
+from orchestration.experiment.reading import read
+from tests.support.command import PNG, works
+from tests.support.experiments import played_record
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return played_record(tmp_path)
+
+
+def test_a_page_holds_picture_figures_and_the_experiment(folder):
+    works("run", "play.toml", "--plot", "page.html", cwd=folder)
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    for part in (
+        "A record is played back",
+        "31 points, 3 s",
+        "0.61 ohm",
+        "data:image/png;base64",
+        "seed 3",
+        "multilevel",
+    ):
+        assert part in page
+    assert not re.search(r"(src|href)=.https?:", page)
+
+
+@pytest.mark.parametrize("over", ["time", "current"])
+def test_a_picture_has_units_on_every_axis(folder, over):
+    done = run(read(str(folder / "play.toml"), [f"over={over}"]))
+    figure = result_page.figure(done)
+    labels = {axis.get_ylabel().replace("\n", " ") for axis in figure.axes}
+    expected = {"current [A]", "force [N]", "voltage [V]", "displacement [mm]"} - {f"{over} [A]"}
+    assert labels == expected
+    assert figure.axes[-1].get_xlabel() == ("time [s]" if over == "time" else "current [A]")
+    drawn = (
+        next(a for a in figure.axes if a.get_ylabel().startswith("displacement"))
+        .lines[0]
+        .get_ydata()
+    )
+    assert drawn == pytest.approx(1e3 * done.displacement.values)
+    result_page.plot(done, folder / "run.png")
+    assert (folder / "run.png").read_bytes().startswith(PNG)

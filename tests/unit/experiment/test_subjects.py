@@ -1,0 +1,33 @@
+"""Claims: a subject says what can be given to it and what not, and why."""
+
+import pytest
+
+from fmus import component
+from orchestration.system import Member, Port, System, ssp
+from tests.support.command import refused
+from tests.support.experiments import good_experiment
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return good_experiment(tmp_path)
+
+
+def test_an_input_of_a_member_that_is_fed_says_by_what(folder):
+    for name, why in (
+        ("actuator.length_change", "it receives bench.position"),
+        ("actuator.current", "give it as inputs.current"),
+        ("current", "give it as inputs.current"),
+    ):
+        text = f'system = "dma_bench"\n[parameters]\n"{name}" = 1\n'
+        (folder / "bad.toml").write_text(text, encoding="utf-8")
+        refused(folder, "run", "bad.toml", parts=[f"parameters.{name}: it is an input; {why}"])
+
+
+def test_only_systems_whose_laws_are_known_are_fused(folder):
+    member = Member.of("one", component("ppy_actuator"), {"force": 0.0})
+    ssp.write(System("s", (member,), (), {"current": (Port("one", "current"),)}), folder / "s.ssp")
+    (folder / "s.toml").write_text(
+        'system = "s.ssp"\nmaster = {method = "fused"}\n[inputs]\ncurrent = 1', "utf-8"
+    )
+    refused(folder, "run", "s.toml", parts=["one (", "cannot be fused", "laws"])

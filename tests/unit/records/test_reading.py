@@ -1,0 +1,104 @@
+"""Claims: what is clean is read as it is, to the edge of the doubles, in units of the model; public
+records agree with a plain reading.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmus.kit import UserError
+from orchestration.records import read_record
+from tests.support.record_forms import write
+from tests.support.record_rows import read, varied_rows, write_rows
+
+PUBLIC = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[4] / "shared" / "data"))
+
+
+def test_a_clean_record_has_no_lines(tmp_path):
+    record, kinds = read(write_rows(tmp_path, varied_rows(200)))
+    assert kinds == {}
+    assert record.time.size == 200
+
+
+def test_values_at_the_edge_of_the_doubles_do_no_harm(tmp_path):
+    record, _ = read(
+        write_rows(
+            tmp_path,
+            [[k, (-1) ** k * 1.7e308, y] for k, _, y in varied_rows(100)] + [[1.7e308, 0, 0]],
+        )
+    )
+    assert record.signals["u"][:2].tolist() == [1.7e308, -1.7e308]
+
+
+@pytest.mark.parametrize(
+    ("name", "signals", "mapping", "size", "kinds"),
+    [
+        (
+            "creep_polyethylene_cm3.csv",
+            {"force": "N", "displacement": "m"},
+            {"stress": "force[N]", "strain": "displacement[m]"},
+            279,
+            {"unit replaced", "duplicates", "uneven sampling", "constant"},
+        ),
+        (
+            "emps_positioning_stage.csv",
+            {"position": "m", "motor_voltage": "V"},
+            {},
+            24841,
+            {"ignored columns"},
+        ),
+        ("silverbox_snls80mV.csv", {"input": "V", "output": "V"}, {}, 131072, set()),
+        (
+            "supercapacitor_before_ageing_5mV_per_s.csv",
+            {"voltage": "V", "current": "A"},
+            {},
+            24373,
+            set(),
+        ),
+        (
+            "supercapacitor_after_ageing_5mV_per_s.csv",
+            {"voltage": "V", "current": "A"},
+            {},
+            24364,
+            set(),
+        ),
+        (
+            "two_layer_wall.csv",
+            {"internal_temperature": "K", "external_temperature": "K", "heat_flux": "1"},
+            {"sample": "time[s]"},
+            1680,
+            {"unit replaced"},
+        ),
+    ],
+)
+def test_public_records_agree_with_a_plain_reading(name, signals, mapping, size, kinds):
+    path = PUBLIC / name
+    if not path.exists():
+        pytest.skip(f"public record {name} is not in {PUBLIC} (set PPY_PUBLIC_DATA)")
+    record = read_record(path, signals, mapping=mapping, required=list(signals))
+    assert record.time.size == size
+    assert {repair.kind for repair in record.repairs} == kinds
+    raw = np.genfromtxt(path, delimiter=",", names=True)
+    plain = raw[raw.dtype.names[0]]
+    np.testing.assert_array_equal(record.time, np.unique(plain))
+    if "current" in signals:
+        np.testing.assert_allclose(record.signals["current"], raw["current_mA"] / 1000, rtol=1e-14)
+    if "displacement" in signals:
+        means = [raw["strain_1"][plain == instant].mean() for instant in record.time]
+        np.testing.assert_allclose(record.signals["displacement"], means, rtol=1e-9, atol=1e-18)
+    if "heat_flux" in signals:
+        np.testing.assert_allclose(
+            record.signals["internal_temperature"], raw["internal_temperature_degC"] + 273.15
+        )
+
+
+def test_a_frequency_is_not_taken_for_an_angular_speed(tmp_path):
+    path = write(tmp_path, "time [s],speed [Hz]\n0,1\n1,2\n")
+    with pytest.raises(UserError, match="cannot be converted"):
+        read_record(path, {"speed": "rad/s"})
+    path = write(tmp_path, "time [s],speed [rpm]\n0,60\n1,30\n")
+    np.testing.assert_allclose(
+        read_record(path, {"speed": "rad/s"}).signals["speed"], [2 * np.pi, np.pi]
+    )

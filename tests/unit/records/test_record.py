@@ -1,0 +1,58 @@
+"""Claims: a record says in lines what it holds and what was repaired; its picture has units."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orchestration.records.record import Record, Repair, list_rows, refuse
+
+
+@pytest.fixture
+def record():
+    repairs = [Repair("gap", "31 s before row 4"), Repair("order", "rows sorted", (3, 4))]
+    signals = {"u": np.array([1.0, 2.0, 3.0]), "y": np.array([1e-3, np.nan, 3e-3])}
+    units = {"u": "V", "y": "m"}
+    return Record(np.array([0.0, 0.5, 31.5]), signals, units, Path("a/r.csv"), repairs, "b")
+
+
+def test_it_says_what_was_changed_and_what_only_noticed(record):
+    assert str(record).splitlines() == [
+        "r.csv, run b: 3 samples over 31.5 s: u [V], y [m]",
+        "noted: 31 s before row 4",
+        "repaired: rows sorted",
+    ]
+    assert "<pre>r.csv, run b: " in record._repr_html_()
+
+
+def test_a_table_has_its_signals_over_time(record):
+    frame = record.to_frame()
+    assert (frame.index.name, list(frame.index)) == ("time", [0.0, 0.5, 31.5])
+    assert frame["u"].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_it_is_drawn_with_units(record, tmp_path):
+    figure = record.plot(tmp_path / "r.svg")
+    assert [axis.get_ylabel() for axis in figure.axes] == ["u\n[V]", "y\n[m]"]
+    assert (tmp_path / "r.svg").read_text(encoding="utf-8").startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        ([4], "row 4"),
+        ([3, 9], "rows 3, 9"),
+        (range(1, 6), "rows 1, 2, 3, 4, 5"),
+        (range(1, 19), "rows 1, 2, 3, 4, 5 and 13 more"),
+    ],
+)
+def test_the_first_rows_are_spelled_out(rows, text):
+    assert list_rows(rows) == text
+
+
+def test_a_refusal_is_one_line_of_bearable_length():
+    """What a parser says may hold line ends, control characters and half of the file."""
+    message = str(refuse(Path("r.csv"), "row 3:\n\ttwo\x1b[31m\x00 words " + "x" * 5000))
+    assert message.startswith("r.csv: row 3: two [31m words xxx")
+    assert message.endswith("x...")
+    assert len(message) == len("r.csv: ") + 1000 + len("...")

@@ -1,0 +1,54 @@
+"""Claims: pictures have units on their axes, and a name says their format."""
+
+import numpy as np
+import pytest
+
+from fmus.kit import UserError
+from orchestration.reporting import pictures
+
+
+@pytest.fixture
+def drawn():
+    return pictures.panels(2, "r\udce9cord.csv")
+
+
+def test_panels_share_their_time(drawn):
+    figure, (upper, lower) = drawn
+    lower.plot([0.0, 7.0], [1.0, 2.0])
+    assert upper.get_xlim() == lower.get_xlim()
+    assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "time [s]")
+    assert figure.get_suptitle() == "r\\udce9cord.csv"
+
+
+def test_an_axis_has_the_unit_of_its_signal(drawn):
+    _, (upper, lower) = drawn
+    pictures.label(upper, "motor_voltage", "V")
+    pictures.label(lower, "life_used", "1")
+    assert (upper.get_ylabel(), lower.get_ylabel()) == ("motor voltage\n[V]", "life used")
+
+
+@pytest.mark.parametrize(
+    ("time", "scale"),
+    [(np.geomspace(1.0, 1e4, 50), "log"), (np.arange(1.0, 50.0), "linear"), ([3.0], "linear")],
+)
+def test_only_a_record_of_ever_longer_steps_is_drawn_over_a_logarithm(drawn, time, scale):
+    """Steps of the first grow with it by 1e4^(48/49), more than the thousand that it takes."""
+    _, axes = drawn
+    axes[-1].set_xlim(1.0, 2.0)
+    pictures.logarithmic(axes, np.array(time))
+    assert axes[-1].get_xscale() == scale
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"), [("a.PNG", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.pdf", b"%PDF")]
+)
+def test_the_ending_is_the_format(drawn, tmp_path, name, begins):
+    pictures.save(drawn[0], tmp_path / name)
+    assert (tmp_path / name).read_bytes().startswith(begins)
+
+
+@pytest.mark.parametrize(("name", "said"), [("a.bmp", "'.bmp'"), ("a", "'nothing'")])
+def test_another_ending_is_refused_and_nothing_written(drawn, tmp_path, name, said):
+    with pytest.raises(UserError, match=f"must end in .png, .svg, .pdf, not {said}"):
+        pictures.save(drawn[0], tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
