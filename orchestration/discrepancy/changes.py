@@ -273,7 +273,7 @@ def _with_trace(
 ) -> list[str]:
     """Return the parameters that move anything measured; those of an effect do where it acts."""
     problem = search.problem(candidate, parameters, values)
-    return problem.traced(problem.inside(problem.position(problem.start)))
+    return problem.sensitive_parameters(problem.inside(problem.position(problem.start)))
 
 
 def _fit_separately(

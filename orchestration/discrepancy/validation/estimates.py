@@ -97,15 +97,17 @@ def significantly_changed(
 
 
 def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
-    """Return those of some parameters that no specimen can have, in any run.
+    """Return the estimates that are so far from nominal that no specimen can have them.
 
-    Where the interval holds values that a specimen may have, the record does not say that it has
-    others.
+    An estimate counts if it has the sign of the nominal value and its whole interval lies beyond
+    `_IMPLAUSIBLE` times that value, or below as small a part of it.
 
     Parameters
     ----------
     values : Mapping of str to Estimate
+        Of one run or of all.
     parameters : sequence of str
+        Physical parameters, whose estimates are looked at.
 
     Returns
     -------
@@ -118,7 +120,8 @@ def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> di
             continue
         ratio = estimate.value / estimate.nominal
         low, high = sorted(end / estimate.nominal for end in estimate.interval)
-        if ratio > 0.0 and (low >= _IMPLAUSIBLE or high <= 1.0 / _IMPLAUSIBLE):
+        is_beyond = low >= _IMPLAUSIBLE or high <= 1.0 / _IMPLAUSIBLE
+        if ratio > 0.0 and is_beyond:
             ratios[name] = ratio
     return ratios
 

@@ -85,7 +85,7 @@ class Noise:
             return values[:0]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
-    def from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
+    def whiten_from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
         """Filter like :meth:`whiten`, as if everything before the first sample had been zero.
 
         The error of a simulation grows from where it starts, so that the first samples are the most

@@ -36,7 +36,7 @@ def records(draw):
 def test_records_come_apart_as_they_were_joined(given_records):
     whole = Dataset.joined(given_records)
     assert (np.diff(whole.time) > 0.0).all()
-    apart = whole.apart()
+    apart = whole.by_run()
     assert list(apart) == list(given_records)
     for label, record in given_records.items():
         part = apart[label]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.selection.input_noise import measured_noise, smoothed_input
+from orchestration.discrepancy.selection.input_noise import input_noise_std, smoothed_input
 from tests.support.intersample_records import stimulus
 
 KINDS = ("chirp", "multisine", "triangle", "square", "prbs", "multilevel")
@@ -22,14 +22,14 @@ def test_noise_is_seen_on_every_course(kind, rate):
             "chirp",
             "multisine",
         ):  # of which third differences are larger
-            assert measured_noise(measured) == pytest.approx(noise, rel=0.25)
+            assert input_noise_std(measured) == pytest.approx(noise, rel=0.25)
 
 
 @pytest.mark.parametrize("rate", [1.0, 10.0, 50.0])
 @pytest.mark.parametrize("kind", [*KINDS, "every sample"])
 def test_what_has_no_noise_has_none(kind, rate):
     values = stimulus(kind, np.arange(round(240.0 * rate)) / rate, 1, rate)
-    assert measured_noise(values) == 0.0
+    assert input_noise_std(values) == 0.0
 
 
 def test_weighted_means_of_three_leave_three_eighths_of_the_power_and_every_step():

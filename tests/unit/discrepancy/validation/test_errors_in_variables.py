@@ -18,7 +18,7 @@ from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import NoteCode
-from orchestration.discrepancy.selection.input_noise import measured_noise
+from orchestration.discrepancy.selection.input_noise import input_noise_std
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, Step, select
 from orchestration.discrepancy.validation.errors_in_variables import (
@@ -121,7 +121,7 @@ def test_intervals_bear_noise_on_an_input(kind):
 
 def test_noise_that_the_outputs_follow_is_an_input():
     data = record("square", True, 1, restless=0.005)
-    assert measured_noise(data.inputs["current"]) > 0.0
+    assert input_noise_std(data.inputs["current"]) > 0.0
     diagnosis = diagnose(PpyActuator, data, [], held=AT_REST)
     assert NoteCode.INPUT_NOISE not in {note.code for note in diagnosis.notes}
 

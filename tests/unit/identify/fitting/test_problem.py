@@ -155,7 +155,7 @@ def test_residuals_are_measured_minus_simulated_where_there_was_a_measurement():
 
 def test_what_has_no_trace_in_the_record_is_told():
     problem = amplified(["gain", "unused"])
-    assert problem.traced(problem.position(problem.start)) == ["gain"]
+    assert problem.sensitive_parameters(problem.position(problem.start)) == ["gain"]
 
 
 def test_values_and_intervals_stay_in_their_ranges():

@@ -20,7 +20,7 @@ from tests.support.law_reports import entry, motor_report
 @pytest.fixture(autouse=True)
 def amounts(monkeypatch):
     """A correction made by hand has no covariance, of which amounts are told."""
-    monkeypatch.setattr(wording, "describe_amounts", lambda *of: "amount 0.01 N m")
+    monkeypatch.setattr(wording, "describe_shape_parameters", lambda *of: "amount 0.01 N m")
 
 
 def page_of(law_report):
