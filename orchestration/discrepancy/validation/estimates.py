@@ -3,7 +3,7 @@
 A fit is surer of its parameters than a model deserves that has not quite the form of the truth.
 What such a model does not explain is no noise: it comes back wherever the record does the same. So
 another record would pull the parameters about as far as single stretches of this one do
-(`identify.covariance.clustered`).
+(`clustered_covariance`).
 """
 
 from __future__ import annotations
