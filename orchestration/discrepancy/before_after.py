@@ -125,7 +125,7 @@ def _diagnose_later(
 def _usable_runs(diagnosis: Diagnosis, label: str) -> dict[str, Dataset]:
     """Return the records of a diagnosis by their labels, less what could not be trusted."""
     usable = diagnosis.usable
-    return usable.apart() if usable.several else {label: usable}
+    return usable.by_run() if usable.several else {label: usable}
 
 
 def _explaining_model(diagnosis: Diagnosis) -> FittedCandidate:

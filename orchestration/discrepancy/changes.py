@@ -211,7 +211,7 @@ def find_changes(
     progress: Callable[[str], None] = lambda text: None,
     budget: Budget | None = None,
 ) -> list[Change]:
-    """Tell which parameters changed.
+    """Find the parameters that differ between a record and those from before.
 
     Parameters
     ----------
@@ -240,8 +240,8 @@ def find_changes(
     UserError
         If the model cannot be simulated over the records.
     """
-    # whether an effect is there at all is asked about where it is none, and not of the logarithm of
-    # its strength
+    # an effect may have come or gone: a search that starts where it does nothing does not take the
+    # logarithm of its strength, which could not reach zero
     neutral = _neutral_values(candidate)
     search = Search(
         data,
@@ -252,13 +252,13 @@ def find_changes(
         budget or Budget(),
         each=own,
     )
-    traced = _with_trace(search, candidate, parameters, fixed)
-    fits = _JointFitter(replace(search, parameters=[*traced, *own]), candidate)
+    sensitive = _sensitive_parameters(search, candidate, parameters, fixed)
+    fits = _JointFitter(replace(search, parameters=[*sensitive, *own]), candidate)
     progress("fitting both records alike")
     shared = fits.fit((), [fixed])
     progress("fitting each record by itself")
-    separate = _fit_separately(fits, shared, traced, fixed)
-    released = _release_in_turn(fits, shared, separate, traced)
+    separate = _fit_separately(fits, shared, sensitive, fixed)
+    released = _release_in_turn(fits, shared, separate, sensitive)
     return _claims(fits, released, separate, neutral)
 
 
@@ -268,12 +268,12 @@ def _neutral_values(candidate: Candidate) -> dict[str, float]:
     return {p.name: float(p.start) for p in candidate.cls.layout.parameters if p.name in switches}
 
 
-def _with_trace(
+def _sensitive_parameters(
     search: Search, candidate: Candidate, parameters: Sequence[str], values: Mapping[str, float]
 ) -> list[str]:
-    """Return the parameters that move anything measured; those of an effect do where it acts."""
+    """Return the parameters that move any measured output; those of an effect do where it acts."""
     problem = search.problem(candidate, parameters, values)
-    return problem.traced(problem.inside(problem.position(problem.start)))
+    return problem.sensitive_parameters(problem.inside(problem.position(problem.start)))
 
 
 def _fit_separately(

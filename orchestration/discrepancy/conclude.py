@@ -38,7 +38,7 @@ from orchestration.discrepancy.validation import (
     model_errors,
     parameter_estimates,
     significantly_changed,
-    unpredicted_outputs,
+    unpredicted_output_notes,
 )
 from orchestration.identify.fitting import FitResult
 from orchestration.identify.uncertainty import Estimate
@@ -90,7 +90,7 @@ class Diagnosis:
         What could not be assessed, and why.
     intersample : dict of str to Intersample
         What every input that moves is taken to do between samples.
-    excused : frozenset of tuple of str and type
+    structure_of_input_noise : frozenset of tuple of str and type
         Kinds of structure, by output, that noise on the inputs makes by itself.
     confirmations : dict of str to Confirmation
         What the validation data say of every effect that was named, by its name.
@@ -108,16 +108,18 @@ class Diagnosis:
     final: FittedCandidate
     notes: list[Note] = field(default_factory=list)
     intersample: dict[str, Intersample] = field(default_factory=dict)
-    excused: frozenset[tuple[str, type]] = frozenset()
+    structure_of_input_noise: frozenset[tuple[str, type]] = frozenset()
     confirmations: dict[str, Confirmation] = field(default_factory=dict)
 
-    def unexplained(self, output: str) -> list[Structure]:
+    def unexplained_structure(self, output: str) -> list[Structure]:
         """Return structure in the residual of an output that input noise does not make by itself.
 
         The most telling comes first.
         """
         return [
-            s for s in self.residuals[output].structure if (output, type(s)) not in self.excused
+            s
+            for s in self.residuals[output].structure
+            if (output, type(s)) not in self.structure_of_input_noise
         ]
 
     @property
@@ -245,9 +247,11 @@ def conclude(
     final, refit_notes = _fit_to_all(search, selection.best, data)
     residuals = analyse_residuals(selection.best, data.estimation)
     parameters = _assess_parameters(search, final, selection, residuals, data)
-    excused = errors_in_variables.excused_structure(residuals, selection, search, data.input_noise)
-    unfollowed = unpredicted_outputs(data.validation, best_prediction)
-    structure_remains = _structure_remains(selection, residuals, excused)
+    of_input_noise = errors_in_variables.structure_of_input_noise(
+        residuals, selection, search, data.input_noise
+    )
+    unfollowed = unpredicted_output_notes(data.validation, best_prediction)
+    structure_remains = _has_unexplained_structure(selection, residuals, of_input_noise)
 
     doubts = []
     if selection.steps:
@@ -283,7 +287,7 @@ def conclude(
         final=final,
         notes=notes,
         intersample=data.intersample,
-        excused=excused,
+        structure_of_input_noise=of_input_noise,
         confirmations=judged.confirmations,
     )
 
@@ -357,25 +361,32 @@ def _assess_parameters(
     return _ParameterAssessment(estimates, changed, bool(ratios), interrupted, notes)
 
 
-def _structure_remains(
+def _has_unexplained_structure(
     selection: Selection,
     residuals: Mapping[str, ResidualAnalysis],
-    excused: frozenset[tuple[str, type]],
+    of_input_noise: frozenset[tuple[str, type]],
 ) -> bool:
-    """Return whether residuals hold structure that neither input noise nor a cause's form makes.
+    """Return whether residuals hold structure that neither input noise nor a named effect makes.
 
-    An effect that is named is never quite of the form that the catalogue gives it, and that leaves
-    some structure where it acts.
+    Parameters
+    ----------
+    selection : Selection
+    residuals : Mapping of str to ResidualAnalysis
+        Of the best model.
+    of_input_noise : frozenset of tuple of str and type
+        Outputs and types of tests that noise on the inputs explains.
     """
+    # neither noise on the inputs nor the form of an effect makes a spectral line or a level shift
     if any(analysis.lines or analysis.level_shifts for analysis in residuals.values()):
         return True
     structured = [
         output
         for output, analysis in residuals.items()
-        if any((output, type(s)) not in excused for s in analysis.structure)
+        if any((output, type(s)) not in of_input_noise for s in analysis.structure)
     ]
     if not selection.steps:
         return bool(structured)
+    # a plant never has quite the catalogue's form of an effect, which leaves some where it acts
     before = selection.base.fit
     after = selection.best.fit
     return not all(_is_tolerated(before, after, output) for output in structured)

@@ -238,7 +238,7 @@ def fit(search: Search, record: ScreenedRecord) -> BaseFit:
     fitted = BaseFit(record, search, nominal, [], list(search.parameters))
     if not fitted.informative:
         return fitted
-    by_stamps = search.heard(nominal)
+    by_stamps = search.drop_insensitive(nominal)
     timed_search, timed_base, clock_notes = clock.by_fit(*by_stamps)
     own_search, base, chosen = intersample.by_fit(timed_search, timed_base, record.intersample)
     return replace(

@@ -17,7 +17,7 @@ from fmus.kit.units import format_value
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.data import Dataset, ValidationData
-from orchestration.discrepancy.validation import parameters_on
+from orchestration.discrepancy.validation import validation_parameters
 from orchestration.fmu import Fmu, simulate_instance
 from orchestration.identify.noise import WHITENESS_SAMPLES, Noise, Whiteness, whiteness
 from orchestration.identify.uncertainty import Estimate
@@ -238,9 +238,12 @@ def measure_gain(diagnosis: Diagnosis, fmu: Path, runtime: str = "native") -> Ex
     base = diagnosis.selection.base
     refitted = base.candidate.cls
     before = _run(
-        build_cached(refitted, runtime), refitted, parameters_on(validation, base), validation.data
+        build_cached(refitted, runtime),
+        refitted,
+        validation_parameters(validation, base),
+        validation.data,
     )
-    after = _run(fmu, best.candidate.cls, parameters_on(validation, best), validation.data)
+    after = _run(fmu, best.candidate.cls, validation_parameters(validation, best), validation.data)
     white = {
         output: _whiteness(noise, validation, output, after[output])
         for output, noise in best.fit.noise.items()
@@ -270,7 +273,7 @@ def _run(
 ) -> dict[str, Array]:
     """Simulate the data held out, every run from its first sample on."""
     parts = []
-    for run, part in zip(data.runs, data.apart().values(), strict=True):
+    for run, part in zip(data.runs, data.by_run().values(), strict=True):
         own = run.values(values)
         with Fmu(path, {p.name: _allowed(own[p.name], p) for p in cls.layout.parameters}) as fmu:
             fmu.start(float(part.time[0]))

@@ -177,15 +177,18 @@ def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -
     time = comparison.record.time
     signal = comparison.model.outputs[output]
     difference = unit_of_differences(signal)
-    runs = [(label, run[output]) for label, run in _runs(comparison).items()]
-    measured = units.convert(runs[0][1].measured, signal.unit, signal.display)
+    before = comparison.before[output]
+    after = before if comparison.after is None else comparison.after[output]
+    measured = units.convert(before.measured, signal.unit, signal.display)
     over.plot(time, measured, color=pictures.MEASURED, lw=2.5, label="measured")
     # the residual of the fit would vanish beside a much larger one before it
-    hidden = runs[0][1].rms > _MUCH_LARGER * runs[-1][1].rms
-    for (label, g), colour in zip(runs, (pictures.MODEL, pictures.FITTED), strict=False):
+    hidden = before.rms > _MUCH_LARGER * after.rms
+    colours = (pictures.MODEL, pictures.FITTED)
+    for (label, run), colour in zip(_runs(comparison).items(), colours, strict=False):
+        g = run[output]
         values = units.convert(g.simulated, signal.unit, signal.display)
         over.plot(time, values, color=colour, label=f"{label}: {g.fit_percent:.1f} % fit")
-        if not hidden or g is runs[-1][1]:
+        if not hidden or g is after:
             below.plot(time, units.convert(g.residual, signal.unit, difference), color=colour)
     over.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1

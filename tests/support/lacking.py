@@ -14,11 +14,12 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
 from orchestration.fmu.model import find_model
 from studies.clean.records import KINDS, CleanRecord, conditions, draw
-from studies.hidden.curves import Curve
+from studies.hidden.curves import Curve, power
 from studies.plants.change import static
 from studies.plants.library import PLANTS, altered
 
 SAMPLES = 500
+FRICTION = power(0.04, 150.0, 2.0)
 
 
 def motor(

@@ -72,3 +72,17 @@ def several(labels: str = "abcdef", ocvs=None, **other) -> Dataset:
     for k, label in enumerate(labels):
         records[label] = measured(k, STARTS[label], (ocvs or {}).get(label, 3.3), **other)
     return Dataset.joined(records)
+
+
+def with_gaps(*missing: tuple[int, int], samples: int = 900) -> Dataset:
+    """Return a record of one cell, some of whose samples are missing."""
+    kept = np.ones(samples, dtype=bool)
+    for first, last in missing:
+        kept[first:last] = False
+    return measured(3, 4.0, samples=samples).where(kept)
+
+
+def joined_pieces(data: Dataset) -> Dataset:
+    """Return the pieces between gaps in time, joined to runs of one record."""
+    pieces = data.pieces()
+    return Dataset.joined(pieces, dict.fromkeys(pieces, "it"))

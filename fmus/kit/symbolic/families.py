@@ -275,7 +275,7 @@ def _effects_of_law(
                     scale=scale[signal],
                     names=EffectNames(name, (own, f"{own}_constant", f"{own}_state"), qualifier),
                 )
-            elif SHAPES[shape].width or not _has(cls, law.name, signal, shape):
+            elif SHAPES[shape].width or not _parameters_make(cls, law.name, signal, shape):
                 yield curve(
                     cls,
                     law.name,
@@ -311,10 +311,10 @@ def _undamped_velocities(
     return [name for name in velocities if name not in dependencies]
 
 
-def _has(cls: type[Component], law: str, signal: str, shape: str) -> bool:
-    """Return whether the law's own parameters give a shape already.
+def _parameters_make(cls: type[Component], law: str, signal: str, shape: str) -> bool:
+    """Return whether a law has a shape of a signal already, with other values of its parameters.
 
-    They do if the shape is a linear combination of the slopes of the law by its parameters, at
+    It has if the shape is a linear combination of the slopes of the law by its parameters, at
     random points.
     """
     rng = np.random.default_rng(0)

@@ -128,7 +128,7 @@ class Dataset:
         """Return the dataset with some of its outputs."""
         return replace(self, measured={o: y for o, y in self.measured.items() if o in outputs})
 
-    def apart(self) -> dict[str, Dataset]:
+    def by_run(self) -> dict[str, Dataset]:
         """Return every run as a dataset of its own, by its own clock."""
         parts = {}
         for run in self.runs:
@@ -142,7 +142,7 @@ class Dataset:
 
     def runs_of(self, labels: Sequence[str]) -> Dataset:
         """Join some of the runs anew."""
-        parts = self.apart()
+        parts = self.by_run()
         record_of = {run.label: run.record for run in self.runs}
         return Dataset.joined({label: parts[label] for label in labels}, record_of)
 

@@ -235,14 +235,15 @@ def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[Symp
     if dead:
         yield dead
         return
-    ties = _tie_probability(y, resolution, moved)
+    tie_probability = _tie_probability(y, resolution, moved)
     bad = np.zeros(n, dtype=bool)
-    for symptom in _repeats(y, resolution, ties, moved):
+    for symptom in _repeated_values(y, resolution, tie_probability, moved):
         bad |= symptom.mask
         yield symptom
-    coarse = ties is None and 4 * len(np.unique(y)) <= n and _on_grid(y, resolution)
+    is_noisy = tie_probability is not None
+    coarse = not is_noisy and 4 * len(np.unique(y)) <= n and _on_grid(y, resolution)
     spikes = _outliers(y, resolution, bad, moved)
-    if (coarse or ties is not None) and 0 < spikes.sum() <= max(1, _SPIKES * n):
+    if (coarse or is_noisy) and 0 < spikes.sum() <= max(1, _SPIKES * n):
         yield Symptom("outlier", NoteCode.OUTLIERS, spikes, {"count": int(spikes.sum())})
     if coarse:
         yield Symptom("quantised", NoteCode.QUANTISED, _everywhere(y), {"resolution": resolution})
@@ -292,13 +293,17 @@ def _tie_probability(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
     return max(ties, 1.0 / len(y)) if ties < _COARSE else None
 
 
-def _repeats(
-    y: Array, resolution: float, ties: float | None, moved: Mapping[str, Mask]
+def _repeated_values(
+    y: Array, resolution: float, tie_probability: float | None, moved: Mapping[str, Mask]
 ) -> Iterator[Symptom]:
-    """Find repeated values that are faults, by the noise of an output or without any."""
-    if ties is None:
+    """Return the faults that repeat a value of an output: clipped, stuck, dead or standing.
+
+    They are told by how often its noise would repeat a sample, or, where it has none to judge by,
+    by the course of output and inputs.
+    """
+    if tie_probability is None:
         return _repeats_without_noise(y, resolution, moved)
-    return _repeats_in_noise(y, resolution, ties)
+    return _repeats_in_noise(y, resolution, tie_probability)
 
 
 def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> Iterator[Symptom]:

@@ -96,7 +96,7 @@ def screen_and_divide(
     else:
         estimation = usable
         validation = ValidationData.separate_record(judged, each)
-    kept = sufficient(estimation)
+    kept = outputs_with_enough_samples(estimation)
     notes += early + [Note(NoteCode.MANY_GAPS, o) for o in estimation.measured if o not in kept]
     validation = replace(validation, data=validation.data.only(kept))
     if not (kept and validation.data.measured):
@@ -160,7 +160,7 @@ def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:
     return data.only([o for o in ends if o not in short]), notes
 
 
-def sufficient(data: Dataset) -> list[str]:
+def outputs_with_enough_samples(data: Dataset) -> list[str]:
     """Return the outputs with enough consecutive samples to estimate their noise."""
     memory = ORDER if data.even else 0
     kept = []

@@ -215,7 +215,7 @@ def _first_fit(
     """
     data = joined_dataset({"": record}, model, numeric(given))
     estimation = data if whole else ValidationData.split(data)[0]
-    first: Dataset = next(iter(estimation.apart().values()))
+    first: Dataset = next(iter(estimation.by_run().values()))
     return fit_model(model, first.time, first.inputs, first.measured, fit, given)
 
 

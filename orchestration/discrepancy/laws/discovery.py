@@ -191,7 +191,7 @@ def _corrections(fitting: Fitting, fitted: Sequence[FittedEntry], below: float) 
     for one in fitted:
         curved = one if corrections else fitting.bent(one)
         shapes = [] if corrections else fitting.shapes(curved)
-        shape, model = _nearest(shapes, curved, below) or ("", fitting.tabulated(curved))
+        shape, model = _nearest(shapes, curved, below) or ("", fitting.curve_amount(curved))
         if model is None or any(one.entry.key == other.entry.key for other in corrections):
             continue
         gain = below - (model.fit.bic if shape else curved.criterion)

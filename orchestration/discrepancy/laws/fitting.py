@@ -139,10 +139,14 @@ class Fitting:
             several.setdefault(shape_name(shape, width, signal.scale), model)
         return list(several.items())
 
-    def tabulated(self, one: FittedEntry) -> FittedCandidate | None:
-        """Return the model with the curve as a table, whose amount is fitted, as of any effect.
+    def curve_amount(self, one: FittedEntry) -> FittedCandidate | None:
+        """Fit how much there is of a fitted curve, whose values stay as they are.
 
-        None if the model cannot be simulated with it.
+        Returns
+        -------
+        FittedCandidate or None
+            The model with the curve as an effect like any other, its amount being the switch; an
+            entry in proportion is one already. None if it cannot be simulated.
         """
         if one.straight is not None:
             return one.straight

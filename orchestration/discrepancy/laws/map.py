@@ -204,7 +204,7 @@ class LawMap:
         )
         problem = self._fitted.problem
         return {
-            o: estimate_noise(e, problem.present[o], 0, problem.calm[o])
+            o: estimate_noise(e, problem.present[o], 0, problem.noise_samples[o])
             for o, e in nearest.unexplained.items()
         }
 

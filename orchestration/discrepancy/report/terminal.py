@@ -90,7 +90,7 @@ def _changed_parameters(diagnosis: Diagnosis) -> list[str]:
 
 
 def _errors(diagnosis: Diagnosis) -> Table:
-    """Return the errors of the model as it came, of least squares, and of what was made of it."""
+    """Return the errors of the model untouched, fitted by least squares, refitted and extended."""
     head, rows = error_table(diagnosis)
     table = plain_table("error of the free run, rms over the spread of the signal", *head)
     for row in rows:

@@ -285,7 +285,7 @@ def _unexplained_findings(diagnosis: Diagnosis) -> list[str]:
         shifts = len(analysis.level_shifts)
         if shifts:
             findings.append(f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}")
-        for item in diagnosis.unexplained(output)[:1]:
+        for item in diagnosis.unexplained_structure(output)[:1]:
             findings.append(describe_structure(item, output))
     return findings
 

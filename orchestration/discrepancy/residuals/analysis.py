@@ -320,13 +320,13 @@ def _lines(residual: _Residual, measured: Array, step: float) -> list[SpectralLi
 
 
 def _random_walk(residual: _Residual, data: Dataset) -> RandomWalkTest:
-    """Return the surest random walk in any run, by the probability of seeing it in any of them."""
+    """Return the most significant random walk test of any run, its p-value Bonferroni's."""
     at = np.flatnonzero(residual.present)
     tests = [
         random_walk_test(residual.bounded[(run.first <= at) & (at < run.last)]) for run in data.runs
     ]
-    surest = min(tests, key=lambda test: test.p_value)
-    return replace(surest, p_value=min(1.0, len(tests) * surest.p_value))
+    best = min(tests, key=lambda test: test.p_value)
+    return replace(best, p_value=min(1.0, len(tests) * best.p_value))
 
 
 def rounding_error(step: float, deviation: float) -> float:

@@ -30,9 +30,9 @@ class ResidualRegression:
     Attributes
     ----------
     rms : float
-        Of what they take off the residual, in its unit.
+        Of the part of the residual that the signals explain, in its unit.
     p_value : float
-        Of so much in a residual that has nothing to do with them.
+        Probability that they explain as much of noise.
     fitted : ndarray, shape (n,)
         That part, at every sample of the record.
     """

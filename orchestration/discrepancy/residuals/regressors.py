@@ -119,7 +119,7 @@ def _transformed(
     outputs: Mapping[str, Array],
     units: Mapping[str, str],
 ) -> list[Regressor]:
-    """Return all signals with their transformations, those that do not vary too."""
+    """Return all signals with their transformations, whether they vary or not."""
     result = []
     for name, values in inputs.items():
         integral = np.concatenate([[0.0], np.cumsum(np.abs(values[:-1]) * np.diff(time))])

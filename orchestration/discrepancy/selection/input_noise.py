@@ -27,26 +27,40 @@ _FOLLOWED = 10.0
 REPLICAS = 8  # realisations of the noise
 
 
-def measured_noise(values: Array) -> float:
+def input_noise_std(values: Array) -> float:
     """Return the standard deviation of white noise on an input (n,); zero where none is seen."""
     if classify_course(values) not in (IntersampleCourse.STEPS, IntersampleCourse.SMOOTH):
         return 0.0
     noise = white_noise(values)
-    if noise <= _LEAST * np.ptp(values):
+    if noise <= _LEAST * np.ptp(values) or not _alternates_as_noise(values, noise):
         return 0.0
+    return noise
+
+
+def _alternates_as_noise(values: Array, noise: float) -> bool:
+    """Return whether third differences of an input change their sign as often as those of noise.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    noise : float
+        Standard deviation that the noise would have; where an input steps or bends by more than
+        that makes, its differences do not count.
+    """
     is_smooth = np.abs(np.diff(values, 2)) < _BENDS * noise
     sign = np.sign(np.diff(values, 3))[is_smooth[:-1] & is_smooth[1:]]
     alternates = sign[1:] * sign[:-1] < 0.0
-    whole_stretches = (len(sign) - 1) // _STRETCH * _STRETCH
+    whole_stretches = len(alternates) // _STRETCH * _STRETCH
     stretches = alternates[:whole_stretches].reshape(-1, _STRETCH)
-    is_noise = len(stretches) > 1 and np.quantile(stretches.mean(axis=1), 0.75) > _ALTERNATING
-    return noise if is_noise else 0.0
+    if len(stretches) < 2:
+        return False
+    return bool(np.quantile(stretches.mean(axis=1), 0.75) > _ALTERNATING)
 
 
 def noisy_inputs(cls: type[Component], data: Dataset) -> dict[str, float]:
     """Return inputs with white noise on them, and its standard deviation, SI."""
     real = [v.name for v in cls.layout.inputs if v.type == "real"]
-    deviations = {name: measured_noise(data.inputs[name]) for name in real if name in data.inputs}
+    deviations = {name: input_noise_std(data.inputs[name]) for name in real if name in data.inputs}
     return {name: deviation for name, deviation in deviations.items() if deviation > 0.0}
 
 

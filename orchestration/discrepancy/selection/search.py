@@ -111,18 +111,18 @@ class Search:
         fit = self._fit(problem, free_run.q, free_run.noise)
         return FittedCandidate(candidate, problem, fit, free_run)
 
-    def heard(self, base: FittedCandidate) -> tuple[Search, FittedCandidate]:
-        """Drop parameters to which the fitted model is insensitive: derivatives are expensive.
+    def drop_insensitive(self, base: FittedCandidate) -> tuple[Search, FittedCandidate]:
+        """Drop parameters without effect on what was measured, as derivatives are expensive.
 
         Returns
         -------
         search, base
             The same if there are none.
         """
-        traced = set(map(base_name, base.problem.traced(base.fit.q)))
-        if traced.issuperset(self.parameters) or traced.isdisjoint(self.parameters):
+        sensitive = set(map(base_name, base.problem.sensitive_parameters(base.fit.q)))
+        if sensitive.issuperset(self.parameters) or sensitive.isdisjoint(self.parameters):
             return self, base
-        search = replace(self, parameters=[name for name in self.parameters if name in traced])
+        search = replace(self, parameters=[name for name in self.parameters if name in sensitive])
         kept = search.refit(base)
         has_prior = search._has_prior(kept.problem)
         free_run = fit_free_run(kept.problem, [kept.fit.q], has_prior)

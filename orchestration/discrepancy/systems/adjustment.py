@@ -262,7 +262,7 @@ class ParameterSearch:
         return np.vstack([columns, np.eye(q.size) / _PRIOR_STD])
 
     def _column(self, q: Array, i: int, residual: Array) -> Array:
-        """Return the derivative of the residual by one coordinate."""
+        """Return the derivative of the residual by one coordinate, as a difference in its range."""
         beyond = q[i] + _DIFFERENCE_STEP > self._coordinates("max")[i]
         step = -_DIFFERENCE_STEP if beyond else _DIFFERENCE_STEP
         moved = q.copy()

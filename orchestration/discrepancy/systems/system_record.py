@@ -117,6 +117,7 @@ def columns_of(
         name, unit = split_header_cell(target)
         if name in known:
             columns[known[name]] = (header, f"[{unit}]" if unit else "")
+    # ports that carry one signal are read from the column of any of them
     connected = [(c.source, c.target) for c in system.connections if c.passes_on]
     for ports in (*connected, *system.inputs.values()):
         column = next((columns[port] for port in ports if port in columns), None)

@@ -12,6 +12,6 @@ from .estimates import significantly_changed as significantly_changed
 from .prediction import Errors as Errors
 from .prediction import Prediction as Prediction
 from .prediction import model_errors as model_errors
-from .prediction import parameters_on as parameters_on
 from .prediction import predict as predict
-from .prediction import unpredicted_outputs as unpredicted_outputs
+from .prediction import unpredicted_output_notes as unpredicted_output_notes
+from .prediction import validation_parameters as validation_parameters

@@ -134,7 +134,7 @@ def drop_indefensible(
         names = [s.chosen.effect_name for s in selection.steps[k:]]
         for seed in range(REPLICAS):
             replica = _replica(search, below, noise.deviation, seed)
-            by_noise = _gain(replica, below, step.chosen, selection.tried)
+            by_noise = _evidence_in_replica(replica, below, step.chosen, selection.tried)
             if search.budget.spent():  # what could not be compared with noise is not claimed
                 search.budget.leave(names)
                 return kept, []
@@ -148,13 +148,16 @@ def drop_indefensible(
     return selection, []
 
 
-def excused_structure(
+def structure_of_input_noise(
     residuals: Mapping[str, ResidualAnalysis],
     selection: Selection,
     search: Search,
     noise: InputNoise,
 ) -> frozenset[tuple[str, type]]:
-    """Return the kinds of structure that noise of the inputs puts into residuals by itself.
+    """Return the kinds of structure in residuals that noise of the inputs may make by itself.
+
+    The base model is fitted to replicas, records in which nothing is wrong but noise: what shows
+    there about as clearly as in the record at hand says nothing of the model.
 
     Parameters
     ----------
@@ -170,31 +173,39 @@ def excused_structure(
         Output and type of the test.
     """
     shown = {
-        (output, type(test)): _evidence(analysis)[type(test)]
+        (output, type(test)): _evidence_by_test(analysis)[type(test)]
         for output, analysis in residuals.items()
         for test in analysis.structure
     }
     if not noise.deviation or not shown:
         return frozenset()
-    most: dict[tuple[str, type], float] = {}
-    for seed in range(REPLICAS):
-        replica = _replica(search, selection.base, noise.deviation, seed)
-        try:
-            analysed = analyse_residuals(replica.refit(selection.base), replica.data)
-        except UserError:
-            continue
-        for output, analysis in analysed.items():
-            for kind, evidence in _evidence(analysis).items():
-                most[output, kind] = max(most.get((output, kind), 0.0), evidence)
+    by_noise = _most_evidence_in_replicas(selection.base, search, noise)
     usual = -float(np.log(ALPHA))  # which is meant for records without such noise
     return frozenset(
-        key
-        for key, evidence in shown.items()
-        if evidence < _BEYOND * max(most.get(key, 0.0), usual)
+        test
+        for test, evidence in shown.items()
+        if evidence < _BEYOND * max(by_noise.get(test, 0.0), usual)
     )
 
 
-def _evidence(analysis: ResidualAnalysis) -> dict[type, float]:
+def _most_evidence_in_replicas(
+    base: FittedCandidate, search: Search, noise: InputNoise
+) -> dict[tuple[str, type], float]:
+    """Return the most evidence for structure in any replica, by output and type of the test."""
+    most: dict[tuple[str, type], float] = {}
+    for seed in range(REPLICAS):
+        replica = _replica(search, base, noise.deviation, seed)
+        try:
+            analysed = analyse_residuals(replica.refit(base), replica.data)
+        except UserError:
+            continue
+        for output, analysis in analysed.items():
+            for kind, evidence in _evidence_by_test(analysis).items():
+                most[output, kind] = max(most.get((output, kind), 0.0), evidence)
+    return most
+
+
+def _evidence_by_test(analysis: ResidualAnalysis) -> dict[type, float]:
     """Return minus the logarithm of the least p-value of every kind of test, never infinite."""
     most: dict[type, float] = {}
     for value in vars(analysis).values():
@@ -231,12 +242,25 @@ def _replica(
     )
 
 
-def _gain(
+def _evidence_in_replica(
     replica: Search, below: FittedCandidate, claimed: FittedCandidate, tried: int
 ) -> float | None:
-    """Return the evidence for an effect in a record that does not have it.
+    """Return the evidence for a claimed effect in a record that does not have it.
 
-    None where the model cannot be simulated with other noise: such a claim cannot be defended.
+    Parameters
+    ----------
+    replica : Search
+        Over a record in which nothing is wrong but noise.
+    below, claimed : FittedCandidate
+        The model without the effect, and with it.
+    tried : int
+        Effects that were tried.
+
+    Returns
+    -------
+    float or None
+        Fall of BIC; None where the model cannot be simulated with other noise, so that the claim
+        cannot be defended.
     """
     try:
         return replica.refit(claimed).delta_bic(replica.refit(below), tried)

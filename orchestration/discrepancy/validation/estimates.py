@@ -3,7 +3,7 @@
 A fit is surer of its parameters than a model deserves that has not quite the form of the truth.
 What such a model does not explain is no noise: it comes back wherever the record does the same. So
 another record would pull the parameters about as far as single stretches of this one do
-(`identify.covariance.clustered`).
+(`clustered_covariance`).
 """
 
 from __future__ import annotations
@@ -97,15 +97,17 @@ def significantly_changed(
 
 
 def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:
-    """Return those of some parameters that no specimen can have, in any run.
+    """Return the estimates that are so far from nominal that no specimen can have them.
 
-    Where the interval holds values that a specimen may have, the record does not say that it has
-    others.
+    An estimate counts if it has the sign of the nominal value and its whole interval lies beyond
+    `_IMPLAUSIBLE` times that value, or below as small a part of it.
 
     Parameters
     ----------
     values : Mapping of str to Estimate
+        Of one run or of all.
     parameters : sequence of str
+        Physical parameters, whose estimates are looked at.
 
     Returns
     -------
@@ -118,7 +120,8 @@ def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> di
             continue
         ratio = estimate.value / estimate.nominal
         low, high = sorted(end / estimate.nominal for end in estimate.interval)
-        if ratio > 0.0 and (low >= _IMPLAUSIBLE or high <= 1.0 / _IMPLAUSIBLE):
+        is_beyond = low >= _IMPLAUSIBLE or high <= 1.0 / _IMPLAUSIBLE
+        if ratio > 0.0 and is_beyond:
             ratios[name] = ratio
     return ratios
 

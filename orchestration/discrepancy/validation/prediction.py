@@ -59,7 +59,7 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     """
     problem = model.problem
     data = validation.data
-    values = parameters_on(validation, model)
+    values = validation_parameters(validation, model)
     ran = problem.model.run(data.time, data.inputs, values, runs=data.runs)
     slopes = np.array(
         [scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)]
@@ -69,43 +69,48 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     return Prediction(model, simulated, sensitivities, validation.nrmse(simulated), values)
 
 
-def parameters_on(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
+def validation_parameters(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
     """Return the parameters with which a fitted model is simulated over validation data, SI.
 
-    In records of their own, what is each record's own is estimated on the samples before those that
-    are judged: start values of states, and parameters that differ from record to record.
+    Where these are records of their own, start values of states, and parameters that differ from
+    record to record, are estimated anew on the samples before those that are judged.
     """
     values = model.problem.start | model.fit.values
     own = _own_of_each_record(model)
     if validation.continued or not own:
         return values
-    before = validation.run_in
+    return values | _estimate_own_values(validation.run_in, model, own, values)
+
+
+def _estimate_own_values(
+    run_in: Dataset, model: FittedCandidate, own: Sequence[str], values: Mapping[str, float]
+) -> dict[str, float]:
+    """Fit each record's own parameters to its run-in, all others held at the given values."""
     problem = Problem(
         model.candidate.cls,
-        before.time,
-        before.inputs,
-        before.measured,
-        names_in(before.runs, own, own),
+        run_in.time,
+        run_in.inputs,
+        run_in.measured,
+        names_in(run_in.runs, own, own),
         values,
-        linear=before.linear or (),
-        runs=before.several,
+        linear=run_in.linear or (),
+        runs=run_in.several,
     )
+    noise = model.fit.noise
 
-    def from_rest(parts: Mapping[str, Array]) -> Array:
-        noise = model.fit.noise
-        return np.concatenate(
-            [noise[o].from_rest(part, problem.present[o]) for o, part in parts.items()]
-        )
+    def whitened(parts: Mapping[str, Array]) -> Array:
+        pieces = [noise[o].whiten_from_rest(part, problem.present[o]) for o, part in parts.items()]
+        return np.concatenate(pieces)
 
     low, high = problem.bounds()
     best = minimise(
-        lambda q: from_rest(problem.evaluate(q)[0]),
-        lambda q: from_rest(problem.evaluate(q)[1]),
+        lambda q: whitened(problem.evaluate(q)[0]),
+        lambda q: whitened(problem.evaluate(q)[1]),
         problem.position(problem.start),
         low,
         high,
     )
-    return values | problem.values(best.q)
+    return problem.values(best.q)
 
 
 def _own_of_each_record(model: FittedCandidate) -> list[str]:
@@ -213,12 +218,12 @@ def _fitted_errors(model: FittedCandidate) -> dict[str, float]:
     return errors
 
 
-def unpredicted_outputs(validation: ValidationData, prediction: Prediction) -> list[Note]:
-    """Return a note on outputs that a model does not predict where nothing was fitted.
+def unpredicted_output_notes(validation: ValidationData, prediction: Prediction) -> list[Note]:
+    """Return a note on the outputs that a model does not predict where nothing was fitted.
 
-    The error to expect is that of the fit together with what the estimates leave open (Ljung:
-    System Identification, section 9.4). Noise may be of another level there, which is no fault of
-    the model.
+    An output is not predicted where its error is several times the error to expect: that of the fit
+    together with what the estimates leave open (Ljung: System Identification, section 9.4). Noise
+    may be of another level there, which is no fault of the model.
 
     Parameters
     ----------
@@ -236,26 +241,31 @@ def unpredicted_outputs(validation: ValidationData, prediction: Prediction) -> l
     UserError
         If the simulation fails.
     """
-    data = validation.data
-    residual = {
-        o: e for o, e in prediction.model.fit.residual.items() if o in data.measured and e.any()
-    }
-    beyond: dict[str, dict[str, float]] = {o: {} for o in residual}  # ratios by output and run
-    for run in data.runs:
-        for output, ratio in _ratios_to_expected(validation, prediction, run, residual).items():
-            if ratio > _BEYOND:
-                beyond[output][run.label] = ratio
-    errors = {o: max(by_run.values()) for o, by_run in beyond.items() if by_run}
+    by_output = _unpredicted_runs(validation, prediction)
+    errors = {output: max(ratios.values()) for output, ratios in by_output.items()}
     if not errors:
         return []
     if validation.continued:
         return [Note(NoteCode.END_NOT_FOLLOWED, "", {"errors": errors})]
-    records = tuple(
-        run.label
-        for run in data.runs
-        if run.label and any(run.label in by_run for by_run in beyond.values())
-    )
+    labels = {label for ratios in by_output.values() for label in ratios}
+    records = tuple(run.label for run in validation.data.runs if run.label and run.label in labels)
     return [Note(NoteCode.NOT_FOLLOWED, "", {"errors": errors, "records": records})]
+
+
+def _unpredicted_runs(
+    validation: ValidationData, prediction: Prediction
+) -> dict[str, dict[str, float]]:
+    """Return the outputs that are not predicted: by run, the error over the error to expect."""
+    data = validation.data
+    residual = {
+        o: e for o, e in prediction.model.fit.residual.items() if o in data.measured and e.any()
+    }
+    beyond: dict[str, dict[str, float]] = {o: {} for o in residual}
+    for run in data.runs:
+        for output, ratio in _ratios_to_expected(validation, prediction, run, residual).items():
+            if ratio > _BEYOND:
+                beyond[output][run.label] = ratio
+    return {output: ratios for output, ratios in beyond.items() if ratios}
 
 
 def _ratios_to_expected(

@@ -114,13 +114,13 @@ def minimise(problem: ResidualProblem, theta: Array) -> GaussNewtonMinimum:
         linearised = _linearised(problem, best)
         if linearised.promised <= _ENOUGH * best.cost:
             return GaussNewtonMinimum(best.theta, best.cost, True)
-        better = _along(problem, best, linearised, damping)
+        better = _better_point(problem, best, linearised, damping)
         while better is None:
             damping = max(10.0 * damping, _FIRST_DAMPING)
             if damping > _MOST_DAMPING:
                 # rounding, or the edge of stability, forbids any step downhill
                 return GaussNewtonMinimum(best.theta, best.cost, True)
-            better = _along(problem, best, linearised, damping)
+            better = _better_point(problem, best, linearised, damping)
         best = better
         damping = 0.0 if damping < _LEAST_DAMPING else 0.1 * damping
     return GaussNewtonMinimum(best.theta, best.cost, False)
@@ -143,13 +143,14 @@ def _linearised(problem: ResidualProblem, point: _Point) -> _Linearised:
     return _Linearised(slopes / scale, triangle[:, -1], scale)
 
 
-def _along(
+def _better_point(
     problem: ResidualProblem, begin: _Point, linearised: _Linearised, damping: float
 ) -> _Point | None:
-    """Return the better of a damped step and its part where a parabola is lowest; None if no gain.
+    """Return the better of two points along a damped step; None if neither costs less.
 
-    Where a model cannot describe the data whole steps go too far, again and again: half of each is
-    then far better.
+    The first is the end of the step. The second is the lowest point of the parabola through both
+    costs and the slope at the beginning: where a model cannot describe the data, whole steps go too
+    far again and again.
     """
     step = linearised.step(damping)
     slope = 2.0 * float(linearised.errors @ (linearised.slopes @ step))

@@ -1,4 +1,4 @@
-"""The search for structure and orders: a grid of models, compared as in the thesis' table 3-2."""
+"""Order search: every structure with a grid of orders, compared as in the thesis' table 3-2."""
 
 from __future__ import annotations
 

@@ -67,12 +67,12 @@ def least_squares(problem: PredictionError) -> Array:
 
 def starts(problem: PredictionError) -> Iterator[Array]:
     """Yield starting points (p,) for a search, the likely best first; all of them admissible."""
-    long = _long(problem)
+    long = _fit_long_model(problem)
     yield from _shared(problem, long) if problem.orders.na else _separate(problem, long)
 
 
-def _long(problem: PredictionError) -> _LongModel:
-    """Fit the long ARX model."""
+def _fit_long_model(problem: PredictionError) -> _LongModel:
+    """Fit an ARX model of high order, and simulate its paths."""
     inputs = problem.inputs
     output = problem.output
     n = problem.orders

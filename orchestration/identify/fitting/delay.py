@@ -100,42 +100,64 @@ class DelayedModel:
             for output, name in self.delays.items()
             if parameters[name] > 0.0
         }
-        # one simulation over the samples, all earlier instants and the knots of the inputs
-        read = [instants for past in pasts.values() for instants in (past.then, past.near)]
-        instants = np.unique(np.concatenate([time, *read, clock]))
+        # all instants that are shown, read for a derivative, or integrated to
+        earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
+        instants = np.unique(np.concatenate([time, *earlier, clock]))
         stimulus = self._resampled(clock, fed, instants)
         trajectory = self._model.run(instants, stimulus, given, self._linear, effort)
-        now = _picked(trajectory, np.searchsorted(instants, time))
-        # a delayed output is that of earlier instants; before the record it ran on a line
+        return self._with_delays(_Undelayed(instants, trajectory), pasts, time, parameters)
+
+    def _with_delays(
+        self,
+        undelayed: _Undelayed,
+        pasts: Mapping[str, _Past],
+        time: Array,
+        parameters: Mapping[str, float],
+    ) -> Trajectory:
+        """Return the simulation (n,) with every delayed output read at its earlier instants.
+
+        Before the record such an output ran on a line.
+        """
+        shown = undelayed.at(time)
         by_delay: dict[str, dict[str, Array]] = {}
         for output, past in pasts.items():
-            then = np.searchsorted(instants, past.then)
-            near = np.searchsorted(instants, past.near)
-            delayed = trajectory.signals[output][then]
-            now.sensitivities[output] = trajectory.sensitivities[output][then]
-            history = self._histories[output]
-            by_delay[output] = {
-                self.delays[output]: past.slope(delayed, trajectory.signals[output][near]),
-                history.level: past.before.astype(np.float64),
-                history.slope: past.before * (time - time[0]),
-            }
-            for name in (history.level, history.slope):
-                delayed = delayed + parameters.get(name, 0.0) * by_delay[output][name]
-            now.signals[output] = delayed
-        now.signals.update(self._lines(time, parameters))
-        return Trajectory(
-            now.signals,
-            {o: self._complete(s, by_delay.get(o, {})) for o, s in now.sensitivities.items()},
-        )
+            line = self._line_before(output, past.before, time)
+            values = undelayed.signal(output, past.then)
+            slope = past.slope(values, undelayed.signal(output, past.near))
+            by_delay[output] = {self.delays[output]: slope, **line}
+            for name, derivative in line.items():
+                values = values + parameters.get(name, 0.0) * derivative
+            shown.signals[output] = values
+            shown.sensitivities[output] = undelayed.sensitivities(output, past.then)
+        shown.signals.update(self._delay_states(time, parameters))
+        slopes = {o: self._complete(s, by_delay.get(o, {})) for o, s in shown.sensitivities.items()}
+        return Trajectory(shown.signals, slopes)
 
-    def _lines(self, time: Array, parameters: Mapping[str, float]) -> dict[str, Array]:
+    def _line_before(self, output: str, before: NDArray[np.bool_], time: Array) -> dict[str, Array]:
+        """Return the derivatives of a delayed output by level and slope of its line beforehand.
+
+        Parameters
+        ----------
+        output : str
+        before : ndarray of bool, shape (n,)
+            Where the output is from before the record.
+        time : ndarray, shape (n,)
+            Seconds.
+        """
+        history = self._histories[output]
+        return {
+            history.level: before.astype(np.float64),
+            history.slope: before * (time - time[0]),
+        }
+
+    def _delay_states(self, time: Array, parameters: Mapping[str, float]) -> dict[str, Array]:
         """Return the states of the delays: rate and level of the lines before the record."""
-        lines = {}
+        states = {}
         for history in self._histories.values():
             rate = np.full(len(time), parameters.get(history.slope, 0.0))
-            lines[history.rate] = rate
-            lines[history.state] = parameters.get(history.level, 0.0) + rate * (time - time[0])
-        return lines
+            states[history.rate] = rate
+            states[history.state] = parameters.get(history.level, 0.0) + rate * (time - time[0])
+        return states
 
     def _resampled(
         self, clock: Array, inputs: Mapping[str, Array], instants: Array
@@ -150,12 +172,20 @@ class DelayedModel:
         return resampled
 
     def _complete(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
-        """Insert the derivatives by the parameters of a delay among the others."""
-        others = iter(slopes.T)
+        """Return the derivatives by all parameters, in their order: of the model and of a delay.
+
+        Parameters
+        ----------
+        slopes : ndarray, shape (n, k)
+            By the parameters of the model without delays.
+        by_delay : Mapping of str to ndarray, shape (n,)
+            By those of a delay; by others that the model does not have, they are zero.
+        """
+        of_model = iter(slopes.T)
         columns = []
         for name in self._names:
             if name in self._known:
-                columns.append(next(others))
+                columns.append(next(of_model))
             else:
                 columns.append(by_delay.get(name, np.zeros(len(slopes))))
         return np.column_stack(columns) if columns else slopes
@@ -185,15 +215,43 @@ def _history_of(delay: type[Effect]) -> _History:
     return _History(start[state], start[rate], state, rate)
 
 
+class _Undelayed(NamedTuple):
+    """A simulation of the model without delays, to be read at some of its instants.
+
+    Attributes
+    ----------
+    instants : ndarray, shape (k,)
+        Seconds, ascending.
+    trajectory : Trajectory
+        At these.
+    """
+
+    instants: Array
+    trajectory: Trajectory
+
+    def at(self, some: Array) -> Trajectory:
+        """Return the simulation at some of its instants."""
+        return _picked(self.trajectory, np.searchsorted(self.instants, some))
+
+    def signal(self, output: str, some: Array) -> Array:
+        """Return an output (n,) at some of the instants, (n,)."""
+        return self.trajectory.signals[output][np.searchsorted(self.instants, some)]
+
+    def sensitivities(self, output: str, some: Array) -> Array:
+        """Return the derivatives (n, p) of an output at some of the instants, (n,)."""
+        return self.trajectory.sensitivities[output][np.searchsorted(self.instants, some)]
+
+
 class _Past(NamedTuple):
-    """The instants at which an output was measured that is delayed.
+    """The earlier instants that the samples of a delayed output show.
 
     Attributes
     ----------
     then : ndarray, shape (n,)
-        Instants of the undelayed output; not before the record begins.
+        Of the undelayed output; where they lie before the record, its beginning.
     near : ndarray, shape (n,)
-        Others close by in the same stretch of held inputs, or the same where the record begins.
+        Others close by for the derivative by time, in the same stretch of held inputs; the same
+        where the output is from before the record.
     before : ndarray of bool, shape (n,)
         True where the output is from before the record.
     """
@@ -210,7 +268,7 @@ class _Past(NamedTuple):
 
 
 def _past(time: Array, delay: float) -> _Past:
-    """Return the instants that a delayed output is of."""
+    """Return the earlier instants that the samples (n,) of an output show, delayed by seconds."""
     then = np.maximum(time - delay, time[0])
     step = _NEAR * float(np.median(np.diff(time)))
     following = time[np.minimum(np.searchsorted(time, then, "right"), len(time) - 1)]

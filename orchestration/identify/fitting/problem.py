@@ -213,7 +213,7 @@ class Problem:
         Value of every parameter where the search starts.
     measured, present : dict of str to ndarray
         Outputs of which anything was measured, and the samples (n,) that were.
-    calm : dict of str to ndarray of bool, shape (m,)
+    noise_samples : dict of str to ndarray of bool, shape (m,)
         Measured samples of every output at which noise dominates the error of an incomplete model;
         see `noise_samples`.
     even : bool
@@ -276,7 +276,9 @@ class Problem:
         # indexing with a mask copies; a slice does not
         self._where = {o: slice(None) if p.all() else p for o, p in self.present.items()}
         moved = input_steps(inputs, len(time))
-        self.calm = {o: noise_samples(moved, y)[self.present[o]] for o, y in self.measured.items()}
+        self.noise_samples = {
+            o: noise_samples(moved, y)[self.present[o]] for o, y in self.measured.items()
+        }
         self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self.effort = max(_STEPS_PER_SAMPLE, _STEPS / len(time))
@@ -312,7 +314,7 @@ class Problem:
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
 
-    def traced(self, q: Array) -> list[str]:
+    def sensitive_parameters(self, q: Array) -> list[str]:
         """Return the parameters with an effect on anything that was measured, at a point."""
         _, jacobian = self.evaluate(q)
         return [
@@ -344,7 +346,7 @@ class Problem:
                 e,
                 self.present[o],
                 self.order,
-                self.calm[o],
+                self.noise_samples[o],
                 self.freedom.get(o),
                 self.colour.get(o),
             )

@@ -1,4 +1,4 @@
-"""Parameters read off records by the thesis' methods: loops, creep, and circuits in windows."""
+"""Graphical methods of the thesis, which read parameters off curves: loops, creep and circuits."""
 
 import lazy_loader
 

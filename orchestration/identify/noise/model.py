@@ -85,7 +85,7 @@ class Noise:
             return values[:0]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
-    def from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
+    def whiten_from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
         """Filter like :meth:`whiten`, as if everything before the first sample had been zero.
 
         The error of a simulation grows from where it starts, so that the first samples are the most
@@ -268,14 +268,14 @@ def estimate_noise(
     gaussian = _gaussian(residual, present, order, colour)
     if undisturbed is None:
         return gaussian
-    seen = _freedom(gaussian, residual, present, undisturbed) if freedom is None else freedom
-    if seen == inf:
+    rough = _freedom(gaussian, residual, present, undisturbed) if freedom is None else freedom
+    if rough == inf:
         return gaussian
     # far samples make colour look weaker than it is
     far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
     clipped = _gaussian(np.clip(residual, -far, far), present, order, colour)
-    known = freedom or _freedom(clipped, residual, present, undisturbed)
-    heavy, scale = heavy_tails(clipped.whiten(residual, present)[undisturbed], known)
+    final = freedom or _freedom(clipped, residual, present, undisturbed)
+    heavy, scale = heavy_tails(clipped.whiten(residual, present)[undisturbed], final)
     return Noise(clipped.coefficients, max(clipped.deviation * scale, _LEAST), heavy)
 
 

@@ -84,8 +84,8 @@ def rooted(innovation: Array, freedom: float) -> tuple[Array, Array]:
 def curvature(innovation: Array, freedom: float) -> Array:
     """Return the curvature of minus the logarithm of the density at every innovation, (m,).
 
-    It is negative far out; where the level of the noise varies, it is smaller by far where it is
-    high.
+    It is negative far out, so that where the level of the noise is high it is far smaller than
+    elsewhere.
     """
     if freedom == inf:
         return np.ones_like(innovation)

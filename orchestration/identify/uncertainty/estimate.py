@@ -22,7 +22,7 @@ _ROUNDING = 1e-6
 
 
 def is_significantly_different(change: float, standard_error: float) -> bool:
-    """Tell whether a parameter is surely and noticeably another than nominal.
+    """Return whether a parameter differs from nominal both significantly and noticeably.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From a record to a verdict, on records of the emulated rig."""
+"""From records to a verdict: of the emulated rig, and exact solutions of a cell's equations."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.conclude import conclude
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import (
+    Verdict,
     diagnose,
     fit,
     judge,
@@ -24,8 +25,20 @@ from orchestration.discrepancy.diagnosis import (
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection import Search, scoring
+from orchestration.records.joined import base_name
 from tests.support.diagnosis import FEW, coloured, short_record
-from tests.support.several import Cell, measured
+from tests.support.several import (
+    OCVS,
+    STARTS,
+    TRUE,
+    Cell,
+    current,
+    joined_pieces,
+    measured,
+    several,
+    voltage,
+    with_gaps,
+)
 
 
 def test_physical_parameters_and_continuous_starts_are_searched():
@@ -125,3 +138,88 @@ def test_without_excitation_the_model_is_fitted_and_nothing_selected():
     assert selected.selection.steps == []
     assert not selected.data.informative
     assert NoteCode.UNKNOWN_START in {note.code for note in selected.data.notes}
+
+
+def test_what_follows_a_gap_starts_where_it_then_was():
+    diagnosis = diagnose(Cell, joined_pieces(with_gaps((300, 450))), [], TRUE, held=["ocv"])
+    assert diagnosis.verdict is Verdict.CONSISTENT
+    truth = current(3, 900)
+    state = (3.3 - TRUE["R0"] * truth - voltage(truth, 4.0, 3.3, **TRUE)) / TRUE["R1"]
+    for name, true in {"relaxed_start@1": state[0], "relaxed_start@2": state[450], **TRUE}.items():
+        if name == "ocv":
+            continue
+        e = diagnosis.estimates[name]
+        assert e.value == pytest.approx(true, abs=e.interval[1] - e.interval[0]), name
+    assert {choice.linear for choice in diagnosis.intersample.values()} == {False}
+
+
+# --- several records at once, exact solutions of the cell's equations
+# -------------------------------------------------------------------------------------------
+
+SHARED = ("R0", "R1", "tau1")
+NOISE = 1e-3
+
+
+@pytest.fixture(scope="module")
+def several_records():
+    """Diagnose six records with one open circuit voltage, which is known; two are held out."""
+    return diagnose(Cell, several(), [], held=["ocv"])
+
+
+@pytest.fixture(scope="module")
+def differing():
+    """Diagnose six records of which every one has an open circuit voltage of its own."""
+    return diagnose(Cell, several(ocvs=OCVS), [], each=["ocv"])
+
+
+def test_parameters_are_of_all_records_and_starts_of_each(several_records):
+    names = {*SHARED, *(f"relaxed_start@{label}" for label in STARTS)}
+    assert set(several_records.estimates) == names, "once the gain is known all records are fitted"
+    assert {base_name(n) for n in several_records.selection.best.problem.names} == {
+        *SHARED,
+        "relaxed_start",
+    }
+
+
+def test_the_truth_of_several_records_is_found(several_records):
+    """Every start is another: one for all of them would be off by many times its interval."""
+    truth = TRUE | {f"relaxed_start@{label}": start for label, start in STARTS.items()}
+    for name, e in several_records.estimates.items():
+        half = 0.5 * (e.interval[1] - e.interval[0])
+        assert e.value == pytest.approx(truth[name], abs=2.0 * half), name
+    assert several_records.verdict is Verdict.RECALIBRATE
+    assert set(several_records.changed) == {"R0", "R1", "tau1"}
+
+
+def test_records_held_out_are_followed_as_closely_as_their_noise_allows(several_records):
+    validation = several_records.validation
+    assert [run.label for run in validation.data.runs] == ["e", "f"]
+    y = validation.data.measured["voltage"][validation.judged]
+    assert several_records.before["voltage"] == pytest.approx(NOISE / np.std(y), rel=0.15)
+
+
+def test_what_differs_from_record_to_record_is_each_its_own_and_no_change(differing):
+    for label, ocv in OCVS.items():
+        assert differing.estimates[f"ocv@{label}"].value == pytest.approx(ocv, abs=1e-3)
+    assert set(differing.changed) <= set(SHARED)
+    y = differing.validation.data.measured["voltage"][differing.validation.judged]
+    assert differing.before["voltage"] == pytest.approx(NOISE / np.std(y), rel=0.15)
+
+
+def test_what_differs_without_being_said_so_leaves_an_error():
+    records = several("abc", ocvs=OCVS)
+    shared = diagnose(Cell, records, [])
+    y = shared.validation.data.measured["voltage"][shared.validation.judged]
+    assert shared.before["voltage"] > 5.0 * NOISE / np.std(y)
+
+
+def test_more_records_tell_parameters_more_closely():
+    one, four = (
+        diagnose(Cell, data, [], held=["ocv"])
+        for data in (measured(0, STARTS["a"]), several("abcd"))
+    )
+    for name in SHARED:
+        widths = [
+            e.interval[1] - e.interval[0] for e in (one.estimates[name], four.estimates[name])
+        ]
+        assert widths[1] < 0.7 * widths[0]

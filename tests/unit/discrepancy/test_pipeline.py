@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import orchestration as ppy
+from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.candidates.candidate import label
@@ -15,7 +18,11 @@ from orchestration.discrepancy.data.dataset import dataset_of
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose
-from orchestration.fmu.model import find_model
+from orchestration.discrepancy.report.tables import run_errors
+from orchestration.fmu.effects import find_effects
+from orchestration.fmu.model import find_model, load_class, model_of
+from orchestration.records import Record
+from orchestration.records.writing import write_record
 from tests.support.diagnosis import rig_record
 
 
@@ -187,3 +194,150 @@ def test_the_same_record_twice_is_refused_however_it_is_written(actuator):
         diagnose([record, same], actuator, options=options)
     with pytest.raises(UserError, match=told):
         diagnose(record, actuator, same, options)
+
+
+# --- records with gaps, without noise, and of models whose file lists no effects
+# -------------------------------------------------------------------------------------------
+
+
+def test_a_file_with_a_gap_is_diagnosed_as_two_runs_and_one_without_has_nothing_of_its_own(
+    actuator,
+):
+    record = rig_record()
+    kept = np.r_[0:500, 700:1500]
+    cut = replace(
+        record, time=record.time[kept], signals={n: v[kept] for n, v in record.signals.items()}
+    )
+    estimates = diagnose(cut, actuator, options=DiagnosisOptions(effects=[])).diagnosis.estimates
+    assert {"R1", "charge_start@1", "charge_start@2"} <= estimates.keys()
+    whole = diagnose(record, actuator, options=DiagnosisOptions(effects=[], each=["R1"]))
+    assert "R1" in whole.diagnosis.estimates
+    assert not [name for name in whole.diagnosis.estimates if "@" in name]
+    assert run_errors(whole) == [], "a record by itself is told once"
+
+
+TIME = 0.1 * np.arange(1200)
+
+
+class Lag(Component):
+    """First order."""
+
+    name = "lag"
+
+    tau = Parameter(0.8, "s", min=1e-3, max=1e3)
+    gain = Parameter(2.0, "1", min=1e-3, max=1e3)
+    u = Input("1")
+    x = State("1", rate="x_rate")
+
+    def x_rate(self):
+        return (self.u - self.x) / self.tau
+
+    @Output("1")
+    def y(self):
+        """Return the state."""
+        return self.gain * self.x
+
+    @Output("1")
+    def seen(self):
+        """Return the input, as it is."""
+        return self.u
+
+
+@pytest.mark.parametrize("hold", [[], ["gain"], ["tau"], ["tau", "gain"]])
+def test_no_cause_is_named_in_a_record_that_the_model_made_itself(tmp_path, hold):
+    """Nothing is left where parameters are held, and rounding where they are not."""
+    u = np.sign(np.sin(0.3 * TIME))
+    made = ppy.simulate(model_of(Lag), {"u": u}, time=TIME)
+    signals = {"u": u, "y": np.array(made["y"]), "seen": u.copy()}
+    record = Record(TIME, signals, dict.fromkeys(signals, "1"), tmp_path / "made.csv")
+    found = ppy.diagnose(record, model_of(Lag), hold=hold, effects=[], interpolate=False)
+    assert not found.causes
+    for name, true in (("tau", 0.8), ("gain", 2.0)):
+        if name in found.parameters:
+            assert found.parameters[name].value == pytest.approx(true, rel=1e-6)
+
+
+DRIVE = '''
+from fmus.kit import Component, Input, Output, Parameter, State
+
+
+class Drive(Component):
+    """First order."""
+
+    name = "drive"
+    gain = Parameter(3.0, "rad/s/V", min=1e-6, max=1e6, doc="speed per volt")
+    lag = Parameter(0.3, "s", min=1e-3, max=1e3, doc="time constant")
+    voltage = Input("V", doc="what is commanded")
+    omega = State("rad/s", rate="omega_rate", doc="speed")
+
+    def drag(self):
+        """Speed that is lost."""
+        return self.omega
+
+    def omega_rate(self):
+        """First order."""
+        return (self.gain * self.voltage - self.drag()) / self.lag
+
+    @Output("rad/s")
+    def speed(self):
+        """As measured."""
+        return self.omega
+'''
+GAIN, LAG, DEAD, STEP = 4.0, 0.25, 1.2, 0.02
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """Write a model without effects, and a record of a drive that has a dead zone."""
+    folder = tmp_path_factory.mktemp("drive")
+    (folder / "drive.py").write_text(DRIVE, encoding="utf-8")
+    rng = np.random.default_rng(7)
+    voltage = np.repeat(rng.uniform(-5.0, 5.0, 100), 20)
+    arrives = np.sign(voltage) * np.maximum(np.abs(voltage) - DEAD, 0.0)
+    speed, keeps = [0.0], np.exp(-STEP / LAG)
+    for u in arrives[:-1]:  # exact for an input that is held
+        speed.append(keeps * speed[-1] + (1.0 - keeps) * GAIN * u)
+    time = STEP * np.arange(voltage.size)
+    measured = np.array(speed) + 0.05 * rng.standard_normal(voltage.size)
+    write_record(
+        folder / "drive.csv",
+        time,
+        {"voltage": voltage, "speed": measured},
+        {"voltage": "V", "speed": "rad/s"},
+    )
+    return folder
+
+
+def test_a_dead_zone_is_named_that_no_file_lists(drive):
+    model = f"{drive / 'drive.py'}:Drive"
+    said = ppy.diagnose(drive / "drive.csv", model)
+    assert (said.verdict, said.causes) == ("cause", ["dead_zone(voltage)"])
+    for name, true in (("gain", GAIN), ("lag", LAG), ("voltage_dead_zone", DEAD)):
+        low, high = said.parameters[name].interval
+        margin = 0.5 * (high - low)
+        assert low - margin <= true <= high + margin, name
+    native, _ = said.fmu(drive / "better.fmu", [host_platform()])
+    assert native.exists()
+
+
+@pytest.mark.slow
+def test_they_have_to_be_asked_for_where_a_file_lists_its_own(drive):
+    listing = "from fmus.kit.generic import force_offset\n" + DRIVE
+    listing += '\n\nEFFECTS = {"force_offset": force_offset(Drive, "drag", unit="rad/s")}\n'
+    (drive / "listing.py").write_text(listing, encoding="utf-8")
+    model = f"{drive / 'listing.py'}:Drive"
+    assert ppy.diagnose(drive / "drive.csv", model).causes != ["dead_zone(voltage)"]
+    assert ppy.diagnose(drive / "drive.csv", model, effects=["families"]).causes == [
+        "dead_zone(voltage)"
+    ]
+
+
+def test_one_of_them_can_be_asked_for_by_name(drive):
+    model = f"{drive / 'drive.py'}:Drive"
+    said = ppy.diagnose(drive / "drive.csv", model, effects=["dead_zone(voltage)"])
+    assert said.causes == ["dead_zone(voltage)"]
+    with pytest.raises(UserError, match=r"no effect named 'dead_zone\(speed\)'"):
+        ppy.diagnose(drive / "drive.csv", model, effects=["dead_zone(speed)"])
+    cls = load_class(model)
+    (effect,) = find_effects(cls, ["backlash(voltage)"], "drive")
+    assert effect.id == "backlash"

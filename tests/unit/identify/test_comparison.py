@@ -3,8 +3,6 @@
 Gaps are left out.
 """
 
-import html
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -98,63 +96,11 @@ def test_gaps_are_left_out_of_every_figure(model, record):
     assert math.isfinite(judged.fit_percent)
 
 
-def test_json_is_plain_json_with_null_where_nothing_can_be_said(model, record):
-    record.signals["displacement"] = np.full(TIME.size, 1e-3)
-    result = comparing.compare(model, record, {"R2": 2.0}, ["R1"])
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} is not JSON")
-
-    page = json.loads(json.dumps(result.to_dict()), parse_constant=refuse)
-    assert page["outputs"]["displacement"]["fit_percent"] is None  # of a constant
-    assert page["outputs"]["displacement"]["unit"] == "m"
-    assert page["record"] == {
-        "file": "record.csv",
-        "samples": 600,
-        "seconds": pytest.approx(59.9),
-        "notes": [],
-    }
-    assert page["set"] == {"R2": 2.0}
-    estimate = page["fitted"]["parameters"]["R1"]
-    assert estimate["ci95"][0] < estimate["value"] < estimate["ci95"][1]
-    assert (estimate["nominal"], estimate["unit"]) == (0.43, "ohm")
-
-
-def test_an_infinite_interval_becomes_null(model, record):
-    record.signals["force"] = np.zeros(TIME.size)
-    page = comparing.compare(model, record, {}, ["k1"]).to_dict()
-    assert page["fitted"]["parameters"]["k1"]["ci95"] == [0.0, None]
-    assert "this record does not determine k1" in page["fitted"]["warnings"]
-
-
 def test_a_record_too_short_for_whiteness_is_judged_all_the_same(model, record):
     short = Record(TIME[:15], {n: v[:15] for n, v in record.signals.items()}, UNITS, Path("r.csv"))
     judged = comparing.compare(model, short).before["voltage"]
     assert judged.whiteness is None
     assert math.isfinite(judged.fit_percent)
-
-
-def test_a_comparison_is_printed_with_its_units_and_warnings(model, record):
-    record.signals["force"] = np.zeros(TIME.size)
-    result = comparing.compare(model, record, {}, ["R1", "k1"])
-    text = str(result)
-    lines = text.splitlines()
-    assert lines[0] == "record.csv against ppy_actuator: 600 samples"
-    assert lines[1].split() == ["output", "run", "fit", "RMS", "error", "residual"]
-    assert [line.split()[:2] for line in lines[2:6]] == [
-        [output, run] for output in ("voltage", "displacement") for run in ("before", "fitted")
-    ]
-    assert f"{result.after['voltage'].fit_percent:.2f} %" in lines[3]
-    assert lines[4].split()[5] == "mm"  # not metres
-    assert lines[-len(result.fit.warnings) :] == [
-        f"warning: {text}" for text in result.fit.warnings
-    ]
-    assert "this record does not determine k1" in result.fit.warnings
-    assert str(result.fit) == "\n".join(lines[lines.index("") + 1 :])
-    assert not any(line != line.rstrip() for line in lines)
-    assert result._repr_html_() == f"<pre>{html.escape(text)}</pre>"
-    assert repr(result).startswith("<Comparison voltage ")
-    assert "record.csv" in repr(result)
 
 
 def test_a_fit_has_values_intervals_and_figures_by_name(model, record):
@@ -170,22 +116,6 @@ def test_a_fit_has_values_intervals_and_figures_by_name(model, record):
     assert figures["parameters"]["R1"]["ci95"] == [low, high]
     assert figures["simulations"] == fitted.evaluations
     assert fitted._repr_html_().startswith("<pre>parameter ")
-
-
-def test_a_comparison_is_drawn_and_written_if_wanted(model, record, tmp_path):
-    plain = comparing.compare(model, record)
-    assert [axis.get_ylabel() for axis in plain.plot().axes] == [
-        "voltage\n[V]",
-        "residual\n[V]",
-        "displacement\n[mm]",
-        "residual\n[mm]",
-    ]
-    fitted = comparing.compare(model, record, {}, ["R1", "C"])
-    axes = fitted.plot(tmp_path / "c.png").axes
-    assert (tmp_path / "c.png").stat().st_size > 10_000
-    assert len(axes[0].lines) == 3
-    with pytest.raises(UserError, match="must end in"):
-        plain.plot(tmp_path / "c.txt")
 
 
 def test_both_builds_give_the_same_figures(model, record):

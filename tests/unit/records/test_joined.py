@@ -1,107 +1,12 @@
-"""Claims: a model over several runs does in each what it does alone, with the values that are that
-run's own.
-"""
+"""Claims: a value is that of its run whatever the label; clocks of several runs may differ."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestration.identify.fitting.problem import ModelOverRuns, Problem
 from orchestration.records.joined import MeasuredRun, base_name, names_in, sampled_alike, shown_name
-from tests.support.several import OCVS, STARTS, TRUE, Cell, several, voltage
-
-NAMES = ["R0", "tau1", *(f"ocv@{k}" for k in "abc"), *(f"relaxed_start@{k}" for k in "abc")]
-VALUES = TRUE | {"ocv": 0.0, "relaxed_start": 0.0} | {f"ocv@{k}": OCVS[k] for k in "abc"}
-VALUES |= {f"relaxed_start@{k}": STARTS[k] for k in "abc"}
-
-
-@pytest.fixture(scope="module")
-def data():
-    return several("abc")
-
-
-@pytest.fixture(scope="module")
-def model(data):
-    return ModelOverRuns(Cell, NAMES, False, data.runs)
-
-
-def test_every_run_starts_anew_with_its_own_values(data, model):
-    """The oracle is the exact solution."""
-    ran = model.run(data.time, data.inputs, VALUES, runs=data.runs)
-    for run in data.runs:
-        own = voltage(
-            data.inputs["current"][run.samples], STARTS[run.label], OCVS[run.label], **TRUE
-        )
-        assert ran.signals["voltage"][run.samples] == pytest.approx(own, abs=1e-6)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_derivatives_are_by_the_value_of_their_own_run(data, model, name):
-    """The oracle is a central difference of the exact solution; other runs do not feel it."""
-    slopes = model.run(data.time, data.inputs, VALUES, runs=data.runs).sensitivities["voltage"][
-        :, NAMES.index(name)
-    ]
-    h = 1e-5
-    for run in data.runs:
-        i, ends = data.inputs["current"][run.samples], []
-        for sign in (1.0, -1.0):
-            here = {"start": STARTS[run.label], "ocv": OCVS[run.label]} | TRUE
-            base = {"relaxed_start": "start"}.get(base_name(name), base_name(name))
-            if name in (base_name(name), run.own(base_name(name))):
-                here[base] += sign * h
-            ends.append(voltage(i, **here))
-        assert slopes[run.samples] == pytest.approx((ends[0] - ends[1]) / (2.0 * h), abs=1e-5)
-
-
-def test_other_runs_have_no_part_in_what_is_fitted_runs_own(model):
-    """Of a run that was not fitted nothing is known: its values are the common ones."""
-    other = several("de")
-    ran = model.run(
-        other.time, other.inputs, VALUES | {"ocv": 3.0, "relaxed_start@d": 7.0}, runs=other.runs
-    )
-    own = [k for k, name in enumerate(NAMES) if "@" in name]
-    assert not ran.sensitivities["voltage"][:, own].any()
-    for run, start in zip(other.runs, (7.0, 0.0), strict=True):
-        assert ran.signals["voltage"][run.first] == pytest.approx(
-            3.0 - TRUE["R0"] * other.inputs["current"][run.first] - TRUE["R1"] * start
-        )
-
-
-def test_a_change_in_one_run_is_its_own_beside_the_common_value(data):
-    """``R0`` of all runs and ``R0@c`` of one: each acts where the other does not."""
-    names = ["R0", "R0@c"]
-    slopes = ModelOverRuns(Cell, names, False, data.runs).run(
-        data.time, data.inputs, VALUES, runs=data.runs
-    )
-    for run in data.runs:
-        acting = slopes.sensitivities["voltage"][run.samples].any(axis=0).tolist()
-        assert acting == [run.label != "c", run.label == "c"]
-
-
-def test_a_problem_has_what_is_said_of_a_parameter_for_every_run(data):
-    problem = Problem(
-        Cell,
-        data.time,
-        data.inputs,
-        data.measured,
-        NAMES,
-        {"ocv": 3.1, "ocv@b": 3.2},
-        runs=data.several,
-    )
-    assert {n: problem.start[n] for n in NAMES if n.startswith("ocv")} == {
-        "ocv@a": 3.1,
-        "ocv@b": 3.2,
-        "ocv@c": 3.1,
-    }
-    assert problem.declared["ocv@a"] is problem.declared["ocv"]
-    assert problem.even
-    q = problem.position(VALUES)
-    assert problem.evaluate(q)[0]["voltage"].shape == (
-        sum(run.last - run.first for run in data.runs),
-    )
 
 
 def test_runs_of_different_rates_are_not_sampled_alike():

@@ -139,7 +139,7 @@ def _correction_row(law_report: LawReport, correction: Correction, largest: floa
     factor = ", as a factor" if entry.kind == "multiply" else ""
     shape = "a curve"
     if correction.shape:
-        amounts = wording.describe_amounts(law_report, correction)
+        amounts = wording.describe_shape_parameters(law_report, correction)
         formula = f"{shape_formula(correction)} with {amounts}"
         shape = html_elements.two_lines(wording.shape_name(correction.shape), formula)
     outcome = wording.unseen_data_outcome(correction)

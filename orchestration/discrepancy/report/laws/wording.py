@@ -150,7 +150,7 @@ def describe_shape(law_report: LawReport, correction: Correction) -> str:
         return f"it looks like no simple shape, is given as a curve, and {quantities}"
     return (
         f"it looks like {shape_name(correction.shape)}, which {quantities} "
-        f"({shape_formula(correction)} with {describe_amounts(law_report, correction)})"
+        f"({shape_formula(correction)} with {describe_shape_parameters(law_report, correction)})"
     )
 
 
@@ -217,14 +217,17 @@ def shape_name(shape: str) -> str:
     return _SHAPES.get(shape, shape.replace("_", " "))
 
 
-def describe_amounts(law_report: LawReport, correction: Correction) -> str:
-    """Return the values of a shape: its amount a, its width w, and the lag of its signal."""
+def describe_shape_parameters(law_report: LawReport, correction: Correction) -> str:
+    """Return the fitted parameters of a shape: ``a = 0.01 N*m, w = 2 rad/s and a lag of 0.7 s``.
+
+    The letters are those of the formula of the shape.
+    """
+    switch = correction.model.effect.neutral
     texts = []
     for name, e in shape_estimates(correction).items():
-        letter = _LETTERS.get(name.removeprefix(correction.model.effect.neutral), "a lag")
-        relation = " = " if len(letter) == 1 else " of "
-        unit = parameter_unit(law_report, correction, e)
-        texts.append(f"{letter}{relation}{format_with_unit(e.value, unit)}")
+        value = format_with_unit(e.value, parameter_unit(law_report, correction, e))
+        letter = _LETTERS.get(name.removeprefix(switch))
+        texts.append(f"a lag of {value}" if letter is None else f"{letter} = {value}")
     zero = law_and_signal(correction.model.effect)[1].zero
     if zero and correction.shape:
         _, unit = law_report.units(correction)

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestration.discrepancy.data.dataset import GAP, Dataset
+from orchestration.discrepancy.data.dataset import GAP, PIECE, Dataset
 from orchestration.discrepancy.residuals.correlation import LAGS
 from orchestration.identify.noise.autoregression import ORDER, segments
 from orchestration.identify.noise.model import Noise
+from tests.support.several import with_gaps
 
 
 @st.composite
@@ -35,7 +36,7 @@ def records(draw):
 def test_records_come_apart_as_they_were_joined(given_records):
     whole = Dataset.joined(given_records)
     assert (np.diff(whole.time) > 0.0).all()
-    apart = whole.apart()
+    apart = whole.by_run()
     assert list(apart) == list(given_records)
     for label, record in given_records.items():
         part = apart[label]
@@ -105,3 +106,11 @@ def test_some_of_the_records_are_joined_anew():
     some = whole.runs_of(["ccc", "a"])
     assert [run.label for run in some.runs] == ["ccc", "a"]
     assert some.measured["y"][some.runs[1].samples] == pytest.approx(time + 1.0)
+
+
+def test_a_record_that_is_complete_or_comes_in_bursts_stays_as_it_is():
+    assert list(with_gaps().pieces("a")) == ["a"]
+    assert with_gaps(*((k, k + 20) for k in range(10, 900, 30))).pieces().keys() == {""}
+    few = with_gaps((100, 120), (100 + PIECE, 200))
+    assert [len(part.time) for part in few.pieces("a").values()] == [100, 700]
+    assert list(few.pieces("a")) == ["a.1", "a.2"]

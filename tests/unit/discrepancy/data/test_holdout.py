@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.dataset import PIECE, Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
-from tests.support.several import measured, several
+from tests.support.several import STEP, joined_pieces, measured, several, with_gaps
 
 
 @pytest.mark.parametrize(
@@ -73,3 +73,34 @@ def test_an_error_is_told_over_the_spread_of_all_that_was_held_out():
     assert alone.nrmse({"y": ramp + 0.1})["y"] == pytest.approx(0.1 * np.sqrt(12.0), rel=1e-4)
     tail = ValidationData.tail(record)  # of which the rest was fitted to
     assert tail.nrmse({"y": ramp + 0.1})["y"] == pytest.approx(0.1 * np.sqrt(12.0) * 3.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("missing", "fitted"),
+    [
+        ([(300, 450)], [300, 200]),  # 750 are left, of which 500 are fitted to
+        ([(60, 160)], [60, 473]),
+        ([(600, 650), (750, 780)], [547]),
+        ([(560, 640)], [560]),  # and so would what is left of the first
+        ([(540, 640)], [540]),  # what was left of the second piece would be too short
+    ],
+)
+def test_the_last_third_is_held_out_wherever_the_gaps_are(missing, fitted):
+    data = joined_pieces(with_gaps(*missing))
+    estimation, validation = ValidationData.split(data)
+    assert [run.last - run.first for run in estimation.runs] == fitted
+    both = int(estimation.within.sum() + validation.data.within.sum())
+    assert both == int(data.within.sum())
+    assert not validation.continued
+    assert np.ptp(validation.data.time[validation.data.runs[0].samples]) > STEP * PIECE
+
+
+def test_of_several_records_whole_ones_are_held_out():
+    records = {"a": with_gaps((300, 450)), "b": with_gaps(), "c": with_gaps((200, 300), (400, 500))}
+    pieces = {
+        label: part for name, data in records.items() for label, part in data.pieces(name).items()
+    }
+    of = {label: label[0] for label in pieces if "." in label}
+    estimation, validation = ValidationData.split(Dataset.joined(pieces, of))
+    assert [run.label for run in estimation.runs] == ["a.1", "a.2", "b"]
+    assert [run.label for run in validation.data.runs] == ["c.1", "c.2", "c.3"]

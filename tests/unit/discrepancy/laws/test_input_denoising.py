@@ -11,7 +11,7 @@ from orchestration.discrepancy.laws.input_denoising import (
     smooth,
     with_denoised_inputs,
 )
-from orchestration.discrepancy.selection.input_noise import measured_noise
+from orchestration.discrepancy.selection.input_noise import input_noise_std
 from studies.clean.records import Case, draw
 from tests.support.lacking import diagnosed
 from tests.support.pace import slow_but
@@ -48,7 +48,7 @@ COURSES = {
 def test_most_of_the_noise_goes_and_the_course_stays(name):
     course = COURSES[name]
     noisy = course + NOISE * np.random.default_rng(1).normal(size=len(TIME))
-    found = smooth(TIME, noisy, measured_noise(noisy))
+    found = smooth(TIME, noisy, input_noise_std(noisy))
     left = np.sqrt(np.mean((found - course) ** 2)) / NOISE
     assert left < (0.5 if name in ("chirp", "multisine", "triangle", "sine") else 0.2)
 
@@ -56,7 +56,7 @@ def test_most_of_the_noise_goes_and_the_course_stays(name):
 @pytest.mark.parametrize("name", ["binary, fast", "square"])
 def test_levels_are_levels(name):
     noisy = COURSES[name] + NOISE * np.random.default_rng(2).normal(size=len(TIME))
-    assert len(np.unique(smooth(TIME, noisy, measured_noise(noisy)))) == 2
+    assert len(np.unique(smooth(TIME, noisy, input_noise_std(noisy)))) == 2
 
 
 def test_noise_of_an_input_is_no_law(tmp_path):

@@ -83,6 +83,6 @@ def test_every_run_has_a_clock_of_its_own():
     }
     whole = evened(Dataset.joined(runs))
     assert whole is not None
-    for part in whole.apart().values():
+    for part in whole.by_run().values():
         assert np.diff(part.time) == pytest.approx(np.full(part.time.size - 1, 0.1), abs=2e-4)
         assert abs(part.time[0]) < 5e-3

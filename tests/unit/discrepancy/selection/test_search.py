@@ -102,13 +102,13 @@ def test_what_leaves_no_trace_is_not_searched_and_comes_back_at_the_end():
     search = Search(data, Deaf, ["factor", "level"])
     base = search.nominal()
     assert base.problem.names == ["factor", "level"]
-    heard, again = search.heard(base)
+    kept, again = search.drop_insensitive(base)
     assert again.free_run.q.shape == again.fit.q.shape
-    assert (list(heard.parameters), again.problem.names) == (["factor"], ["factor"])
+    assert (list(kept.parameters), again.problem.names) == (["factor"], ["factor"])
     assert again.fit.values["factor"] == pytest.approx(base.fit.values["factor"], rel=1e-6)
     assert again.fit.parameters == base.fit.parameters - 1
     within = Search(data, Gain, ["factor"])
-    assert within.heard(within.nominal())[0] is within
+    assert within.drop_insensitive(within.nominal())[0] is within
     for holdout in (None, data):
         said = diagnose(Deaf, data, [], holdout=holdout)
         assert set(said.estimates) == {"factor", "level"}

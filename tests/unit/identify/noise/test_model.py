@@ -73,7 +73,10 @@ def test_from_rest_the_first_sample_tells_where_a_walk_began():
     values = 3.0 + np.cumsum(np.random.default_rng(2).standard_normal(399))
     for colour, expected in ((1.0, np.mean(values[[0, 200]])), (0.0, values.mean())):
         noise = Noise(np.array([colour]), 0.5)
-        column, white = noise.from_rest(ones[present], present), noise.from_rest(values, present)
+        column, white = (
+            noise.whiten_from_rest(ones[present], present),
+            noise.whiten_from_rest(values, present),
+        )
         assert column @ white / (column @ column) == pytest.approx(expected)
 
 

@@ -17,7 +17,7 @@ from orchestration.identify.black_box import (
     output_error,
     state_space,
 )
-from tests.support.black_box import BOX_JENKINS, box_jenkins_record, fit, response
+from tests.support.black_box import box_jenkins_record, fit
 
 STEP = 0.1
 
@@ -148,33 +148,6 @@ def test_prediction_ahead_is_that_of_feeding_predictions_back(record, horizon):
     assert ours[20:200] == pytest.approx(predicted[20:200], abs=1e-9)
 
 
-def test_free_run_starts_where_it_is_told(record):
-    truth = {"A": [1.0, BOX_JENKINS["f2_1"]]}
-    result = box_jenkins(as_data(record), [2, 2], [2, 1], 1, 1, [1, 2])
-    model = result.model
-    held = np.tile([0.7, -0.4], (50, 1))
-    gain = [np.sum(b) / np.sum(f) for b, f in zip(model.b, model.f, strict=True)]
-    level = model.output_offset + gain @ (held[0] - model.input_offsets)
-    assert model.simulate(held, before=[0.7, -0.4]) == pytest.approx(np.full(50, level))
-    assert model.simulate(np.tile(model.input_offsets, (5, 1))) == pytest.approx(
-        np.full(5, model.output_offset)
-    )
-    # away from rest: the initial state is found from what was measured
-    decay = 5.0 * (-truth["A"][1]) ** np.arange(50)
-    assert model.simulate(held, level + decay) == pytest.approx(level + decay, abs=0.05)
-
-
-def test_a_model_that_integrates_rests_nowhere_but_at_its_offsets():
-    u = np.random.default_rng(2).standard_normal(400)
-    y = response([0.0, 0.3], [1.0, -1.0], u - np.mean(u))
-    model = arx(input_output_data(u, y, 1.0), 1, 1).model
-    assert abs(model.poles()[0]) == pytest.approx(1.0, abs=1e-6)
-    exact = type(model)(**{**vars(model), "a": np.array([1.0, -1.0])})
-    with pytest.raises(UserError, match="a model that integrates rests only at"):
-        exact.simulate(u, before=[1.0])
-    assert fit(y, exact.simulate(u, y)) > 99.0
-
-
 def test_other_data_are_refused(record):
     model = arx(as_data(record), 2, 2).model
     with pytest.raises(UserError, match=r"^data have inputs u1, u2: must be force, current$"):
@@ -193,12 +166,3 @@ def test_other_data_are_refused(record):
         model.simulate(np.zeros((2, 2)), np.zeros(3))
     with pytest.raises(UserError, match=r"^2 samples: a model with .* needs at least 3$"):
         model.prediction_errors(as_data(record).part(0, 2))
-
-
-def test_a_summary_says_it_all(record):
-    result = box_jenkins(as_data(record), [2, 2], [2, 1], 1, 1, [1, 2])
-    lines = result.summary().splitlines()
-    assert lines[0] == "BJ from 1500 samples every 0.1 s"
-    assert f"free-run fit {result.fit:.1f} %" in lines[1]
-    assert sum("±" in line for line in lines) == len(BOX_JENKINS)
-    assert lines[-1].startswith("offset: the model is about displacement = ")

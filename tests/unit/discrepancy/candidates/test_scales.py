@@ -1,0 +1,39 @@
+"""Claims: a magnitude is what 95 % of a signal stay below, rounded down to 1, 2 or 5."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.kit import Component, Input, Output, Parameter, State
+from orchestration.discrepancy.candidates.scales import signal_scales
+
+
+class Drive(Component):
+    """First order."""
+
+    name = "drive"
+    gain = Parameter(3.0, "rad/s/V", min=1e-6)
+    lag = Parameter(0.3, "s", min=1e-3)
+    voltage = Input("V")
+    omega = State("rad/s", rate="omega_rate")
+
+    def drag(self):
+        """Speed that is lost."""
+        return self.omega
+
+    def omega_rate(self):
+        """First order."""
+        return (self.gain * self.voltage - self.drag()) / self.lag
+
+    @Output("rad/s")
+    def speed(self):
+        """As measured."""
+        return self.omega
+
+
+def test_magnitudes_are_those_of_the_record_to_one_figure():
+    time = 0.01 * np.arange(4000)
+    found = signal_scales(Drive, time, {"voltage": np.full(4000, 2.4)}, {"gain": 30.0})
+    # it comes to 72 rad/s; its rate is 240 rad/s^2 exp(-t / 0.3 s), which after 5 % of the 40 s is
+    # 0.3
+    assert found == {"voltage": 2.0, "omega": 50.0, "drag": 50.0, "speed": 50.0, "omega_rate": 0.2}

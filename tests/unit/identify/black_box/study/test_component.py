@@ -1,0 +1,75 @@
+"""Claims: the component of a model runs as the filter that made the data, in both builds.
+
+Names of columns and files become names that Python and FMI allow.
+"""
+
+from __future__ import annotations
+
+import ast
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from fmus.kit.build.building import build_cached
+from orchestration.fmu.loading import load_class
+from orchestration.identify.black_box.study.component import class_name, identifiers
+from tests.support.hosts import run_fmpy
+
+STEP = 0.5
+
+
+def test_the_component_runs_as_the_filter_that_made_the_data(signals, found, tmp_path):
+    """Free run of both builds in fmpy, beside SciPy with the identified coefficients."""
+    path = found.export(tmp_path / "two_inputs.py")
+    ast.parse(path.read_text(encoding="utf-8"))
+    cls = load_class(f"{path}:TwoInputs")
+    u, _ = signals
+    model = found.model
+    about = u - model.input_offsets
+    expected = model.output_offset + sum(
+        lfilter(model.b[i], model.f[i], about[:, i] - about[0, i])
+        + about[0, i] * model.b[i].sum() / model.f[i].sum()
+        for i in range(2)
+    )
+    time = STEP * np.arange(600)
+    for runtime in ("native", "python"):
+        fmu = build_cached(cls, runtime)
+        result = run_fmpy(fmu, time, {"drive": u[:, 0], "signal_for": u[:, 1]}, ["signal_lambda"])
+        settled = (
+            np.arange(600) > 200
+        )  # the component begins at rest at its operating point, not at the first inputs
+        assert result["signal_lambda"][settled] == pytest.approx(expected[settled], abs=1e-9), (
+            runtime
+        )
+
+
+def test_names_of_columns_become_names_of_variables():
+    assert identifiers(("drive", "U [cell]", "2nd", "for", "a b", "a_b", "name", "%")) == [
+        "drive",
+        "U__cell",
+        "signal_2nd",
+        "signal_for",
+        "a_b",
+        "a_b_",
+        "name_",
+        "signal",
+    ]
+    assert class_name("two_layer_wall") == "TwoLayerWall"
+
+
+@pytest.mark.parametrize(
+    ("stem", "name", "cls"),
+    [
+        ("1-x", "model_1_x", "Model1X"),
+        ("wall 2", "wall_2", "Wall2"),
+        ("class", "model_class", "ModelClass"),
+        ("none", "model_none", "ModelNone"),
+        ("é", "model", "Model"),
+        ("a.b", "a_b", "AB"),
+    ],
+)
+def test_a_file_of_any_name_holds_a_class_that_is_built(found, tmp_path, stem, name, cls):
+    path = found.export(tmp_path / f"{stem}.py")
+    assert class_name(stem) == cls
+    assert load_class(f"{path}:{cls}").name == name

@@ -1,0 +1,48 @@
+"""Claims: the page shows the model, its free run, the tests of its residual and its poles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.kit import UserError
+from orchestration.identify.black_box.study.page import (
+    draw_correlations,
+    draw_free_run,
+    draw_roots,
+)
+
+
+def test_the_page_holds_sentence_coefficients_and_three_pictures(found, tmp_path):
+    page = found.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert found.sentence in page
+    assert page.count("data:image/png") == 3
+    assert "http" not in page.replace("http-equiv", "")
+    for p in found.chosen.identification.parameters:
+        assert f"{p.value:.6g}" in page
+    with pytest.raises(UserError, match=r"\.html"):
+        found.report(tmp_path / "page.txt")
+
+
+def test_the_free_run_is_drawn_over_what_was_measured(signals, found):
+    """The second half of the record, from 150 s on."""
+    measured, simulated = draw_free_run(found).axes[0].lines
+    assert measured.get_xdata()[[0, -1]] == pytest.approx([150.0, 299.5])
+    assert measured.get_ydata() == pytest.approx(signals[1][300:])
+    (difference,) = draw_free_run(found).axes[1].lines
+    assert difference.get_ydata() == pytest.approx(measured.get_ydata() - simulated.get_ydata())
+    assert np.std(difference.get_ydata()) < 0.05 * np.std(measured.get_ydata())
+
+
+def test_the_poles_of_every_path_are_drawn_in_the_s_plane(found):
+    """A pole at 0.8 is ln(0.8) / 0.5 s."""
+    drive, other = draw_roots(found).axes
+    assert drive.lines[0].get_xdata() == pytest.approx([np.log(0.8) / 0.5], abs=0.02)
+    assert sorted(other.lines[0].get_ydata()) == pytest.approx(
+        [-np.arccos(0.6 / np.sqrt(0.5)) / 0.5, np.arccos(0.6 / np.sqrt(0.5)) / 0.5], abs=0.05
+    )
+
+
+def test_correlations_are_drawn_beside_their_limits(found):
+    axes = draw_correlations(found).axes
+    assert [axis.get_title() for axis in axes] == ["with itself", "with drive", "with for"]

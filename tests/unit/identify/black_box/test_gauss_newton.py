@@ -1,0 +1,80 @@
+"""Claims: a search ends at the minimum, no random start ends lower, and models stay stable."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orchestration.identify.black_box import armax, box_jenkins, input_output_data
+from orchestration.identify.black_box.gauss_newton import minimise
+from orchestration.identify.black_box.orders import orders
+from orchestration.identify.black_box.prediction_error import PredictionError
+from tests.support.black_box import box_jenkins_record
+
+
+class Valley:
+    """Rosenbrock's function as a sum of two squares; zero at (1, 1)."""
+
+    def errors(self, theta):
+        x, y = theta
+        return np.array([10.0 * (y - x**2), 1.0 - x])
+
+    def jacobian(self, theta):
+        return np.array([[-20.0 * theta[0], 10.0], [-1.0, 0.0]])
+
+    def admissible(self, theta):
+        return True
+
+
+class Wall(Valley):
+    """The same where x may be no larger than a half: there x = 1/2, y = 1/4 is the lowest."""
+
+    def admissible(self, theta):
+        return bool(theta[0] <= 0.5)
+
+
+def test_a_curved_valley_is_followed_to_its_end():
+    end = minimise(Valley(), np.array([-1.2, 1.0]))
+    assert end.converged
+    assert end.theta == pytest.approx(np.ones(2), abs=1e-6)
+    assert end.cost == pytest.approx(0.0, abs=1e-12)
+
+
+def test_models_that_are_not_admissible_are_not_entered():
+    end = minimise(Wall(), np.array([-1.2, 1.0]))
+    assert end.theta[0] <= 0.5
+    assert end.cost == pytest.approx(0.25, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "counts",
+    [
+        pytest.param(([2, 1], [2, 1], 1), marks=pytest.mark.slow),
+        ([2, 2], [2, 2], 2),
+        pytest.param(([1, 2], [3, 1], 1), marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
+def test_no_random_start_ends_lower(counts):
+    """Orders that are right, too few and too many."""
+    nb, nf, noise = counts
+    record = box_jenkins_record(0)
+    data = input_output_data(record.inputs, record.output, 1.0)
+    result = box_jenkins(data, nb, nf, noise, noise, [1, 2])
+    wanted = orders(data, nb, [1, 2], nf=nf, nc=noise, nd=noise)
+    problem = PredictionError(
+        data.inputs - data.inputs.mean(axis=0), data.output - data.output.mean(), wanted
+    )
+    random = np.random.default_rng(0)
+    points = [p for p in random.uniform(-0.9, 0.9, (60, problem.size)) if problem.admissible(p)]
+    assert len(points) > 5
+    lowest = min(minimise(problem, point).cost for point in points) / problem.samples
+    assert result.loss <= lowest * (1.0 + np.log(problem.samples) / problem.samples + 1e-6)
+
+
+def test_a_structure_that_cannot_describe_the_data_is_searched_to_the_end():
+    """Gauss-Newton steps go too far there, again and again."""
+    record = box_jenkins_record(0, 5000)
+    found = armax(input_output_data(record.inputs, record.output, 1.0), 3, 3, 3)
+    assert found.converged
+    assert not any("iterations" in message for message in found.messages)

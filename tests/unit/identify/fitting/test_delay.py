@@ -1,0 +1,98 @@
+"""Claims: a delayed output is the undelayed one of earlier instants, exactly, with its derivatives.
+
+Oracles: a sine between samples, a held step, and a relaxation in closed form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.kit import Component, Input, Output, Parameter, State, stack, transport_delay
+from orchestration.identify.fitting.delay import DelayedModel
+
+TIME = 7.0 + 0.05 * np.arange(60)
+DELAY = 0.163  # s: between samples
+
+
+class Amplifier(Component):
+    """An input times a gain, and the input as it is."""
+
+    name = "amplifier"
+
+    gain = Parameter(2.0, "1")
+    u = Input("1")
+
+    @Output("1")
+    def y(self):
+        """Return what is amplified."""
+        return self.gain * self.u
+
+    @Output("1")
+    def plain(self):
+        """Return the input."""
+        return self.u
+
+
+class Relaxation(Component):
+    """First order."""
+
+    name = "relaxation"
+
+    tau = Parameter(0.4, "s", min=1e-3)
+    u = Input("1")
+    x = State("1", rate="x_rate")
+
+    def x_rate(self):
+        return (self.u - self.x) / self.tau
+
+    @Output("1")
+    def y(self):
+        """Return the state."""
+        return self.x
+
+
+def run(cls, sensitivities, u, linear=False, **values):
+    delayed = stack(cls, transport_delay(cls, "y"))
+    known = {p.name: p.start for p in delayed.layout.parameters} | {"y_delay": DELAY} | values
+    model = DelayedModel(delayed, sensitivities, linear)
+    assert model.delays == {"y": "y_delay"}
+    return model.run(TIME, {"u": u}, known)
+
+
+def test_of_an_input_that_is_smooth():
+    u = np.sin(3.0 * TIME)
+    ran = run(Amplifier, ["gain", "y_delay"], u, linear=True)
+    then = np.maximum(TIME - DELAY, TIME[0])
+    assert ran.signals["y"] == pytest.approx(2.0 * np.sin(3.0 * then), abs=5e-4)
+    assert ran.signals["plain"] == pytest.approx(u, abs=1e-12)
+    by_gain, by_delay = ran.sensitivities["y"].T
+    assert by_gain == pytest.approx(0.5 * ran.signals["y"], abs=1e-12)
+    slope = np.where(then > TIME[0], -6.0 * np.cos(3.0 * then), 0.0)
+    assert by_delay == pytest.approx(slope, abs=0.1)
+
+
+def test_of_an_input_that_is_held():
+    """A step arrives between two samples and is seen at the later one; more delay moves nothing."""
+    u = np.where(TIME < 8.0, 0.0, 1.0)
+    ran = run(Amplifier, ["y_delay"], u, linear=["other"])
+    assert ran.signals["y"].tolist() == np.where(TIME < 8.0 + DELAY, 0.0, 2.0).tolist()
+    assert not ran.sensitivities["y"].any()
+
+
+def test_of_a_model_with_a_state():
+    ran = run(Relaxation, ["y_delay", "tau"], np.ones(60), tau=0.5)
+    since = np.maximum(TIME - TIME[0] - DELAY, 0.0)
+    by_delay, by_tau = ran.sensitivities["y"].T
+    assert ran.signals["y"] == pytest.approx(-np.expm1(-since / 0.5), abs=1e-6)
+    assert by_delay == pytest.approx(
+        np.where(since > 0.0, -np.exp(-since / 0.5) / 0.5, 0.0), abs=1e-3
+    )
+    assert by_tau == pytest.approx(-since / 0.25 * np.exp(-since / 0.5), abs=1e-6)
+
+
+def test_no_delay_is_the_model_as_it_is():
+    u = np.sin(3.0 * TIME)
+    ran = run(Amplifier, ["gain"], u, linear=True, y_delay=0.0)
+    assert ran.signals["y"] == pytest.approx(2.0 * u, abs=1e-12)
+    assert ran.sensitivities["y"][:, 0] == pytest.approx(u, abs=1e-12)

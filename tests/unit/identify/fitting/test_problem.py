@@ -1,0 +1,204 @@
+"""Claims: a problem has residuals and derivatives of every run by searched coordinates.
+
+Each run does what it does alone, with the values that are that run's own. Oracles: exact solutions
+of a cell, central differences of them, and arithmetic of exponentials.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.kit import Component, Input, Output, Parameter, UserError, stack, transport_delay
+from orchestration.identify.fitting.least_squares import SearchEndedError
+from orchestration.identify.fitting.problem import ModelOverRuns, Problem, Scale
+from orchestration.records.joined import base_name
+from tests.support.several import OCVS, STARTS, TRUE, Cell, several, voltage
+
+NAMES = ["R0", "tau1", *(f"ocv@{k}" for k in "abc"), *(f"relaxed_start@{k}" for k in "abc")]
+VALUES = TRUE | {"ocv": 0.0, "relaxed_start": 0.0} | {f"ocv@{k}": OCVS[k] for k in "abc"}
+VALUES |= {f"relaxed_start@{k}": STARTS[k] for k in "abc"}
+
+
+@pytest.fixture(scope="module")
+def data():
+    return several("abc")
+
+
+@pytest.fixture(scope="module")
+def model(data):
+    return ModelOverRuns(Cell, NAMES, False, data.runs)
+
+
+def test_every_run_starts_anew_with_its_own_values(data, model):
+    """The oracle is the exact solution."""
+    ran = model.run(data.time, data.inputs, VALUES, runs=data.runs)
+    for run in data.runs:
+        own = voltage(
+            data.inputs["current"][run.samples], STARTS[run.label], OCVS[run.label], **TRUE
+        )
+        assert ran.signals["voltage"][run.samples] == pytest.approx(own, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_by_the_value_of_their_own_run(data, model, name):
+    """The oracle is a central difference of the exact solution; other runs do not feel it."""
+    slopes = model.run(data.time, data.inputs, VALUES, runs=data.runs).sensitivities["voltage"][
+        :, NAMES.index(name)
+    ]
+    h = 1e-5
+    for run in data.runs:
+        i, ends = data.inputs["current"][run.samples], []
+        for sign in (1.0, -1.0):
+            here = {"start": STARTS[run.label], "ocv": OCVS[run.label]} | TRUE
+            base = {"relaxed_start": "start"}.get(base_name(name), base_name(name))
+            if name in (base_name(name), run.own(base_name(name))):
+                here[base] += sign * h
+            ends.append(voltage(i, **here))
+        assert slopes[run.samples] == pytest.approx((ends[0] - ends[1]) / (2.0 * h), abs=1e-5)
+
+
+def test_other_runs_have_no_part_in_what_is_fitted_runs_own(model):
+    """Of a run that was not fitted nothing is known: its values are the common ones."""
+    other = several("de")
+    ran = model.run(
+        other.time, other.inputs, VALUES | {"ocv": 3.0, "relaxed_start@d": 7.0}, runs=other.runs
+    )
+    own = [k for k, name in enumerate(NAMES) if "@" in name]
+    assert not ran.sensitivities["voltage"][:, own].any()
+    for run, start in zip(other.runs, (7.0, 0.0), strict=True):
+        assert ran.signals["voltage"][run.first] == pytest.approx(
+            3.0 - TRUE["R0"] * other.inputs["current"][run.first] - TRUE["R1"] * start
+        )
+
+
+def test_a_change_in_one_run_is_its_own_beside_the_common_value(data):
+    """``R0`` of all runs and ``R0@c`` of one: each acts where the other does not."""
+    names = ["R0", "R0@c"]
+    slopes = ModelOverRuns(Cell, names, False, data.runs).run(
+        data.time, data.inputs, VALUES, runs=data.runs
+    )
+    for run in data.runs:
+        acting = slopes.sensitivities["voltage"][run.samples].any(axis=0).tolist()
+        assert acting == [run.label != "c", run.label == "c"]
+
+
+def test_a_problem_has_what_is_said_of_a_parameter_for_every_run(data):
+    problem = Problem(
+        Cell,
+        data.time,
+        data.inputs,
+        data.measured,
+        NAMES,
+        {"ocv": 3.1, "ocv@b": 3.2},
+        runs=data.several,
+    )
+    assert {n: problem.start[n] for n in NAMES if n.startswith("ocv")} == {
+        "ocv@a": 3.1,
+        "ocv@b": 3.2,
+        "ocv@c": 3.1,
+    }
+    assert problem.declared["ocv@a"] is problem.declared["ocv"]
+    assert problem.even
+    q = problem.position(VALUES)
+    assert problem.evaluate(q)[0]["voltage"].shape == (
+        sum(run.last - run.first for run in data.runs),
+    )
+
+
+TIME = 0.1 * np.arange(100)
+U = np.where(TIME < 5.0, 1.0, -1.0)
+
+
+class Amplifier(Component):
+    """An input times a gain, and an offset of either sign."""
+
+    name = "amplifier"
+
+    gain = Parameter(2.0, "1", min=0.0, max=10.0)
+    offset = Parameter(0.0, "1", min=-3.0, max=3.0, nominal=0.5)
+    unused = Parameter(1.0, "1", min=0.0)
+    u = Input("1")
+
+    @Output("1")
+    def y(self):
+        """Return what is amplified."""
+        return self.gain * self.u + self.offset
+
+
+def amplified(names=("gain", "offset"), measured=None, cls=Amplifier, **fixed):
+    y = 3.0 * U + 0.25 if measured is None else measured
+    return Problem(cls, TIME, {"u": U}, {"y": y}, names, fixed)
+
+
+def test_a_positive_parameter_is_searched_in_its_logarithm_and_another_in_units_of_its_size():
+    logarithm, size = Scale(True, 2.0), Scale(False, 0.5)
+    assert logarithm.position(2.0) == pytest.approx(np.log(2.0))
+    assert logarithm.value(np.log(2.0)) == logarithm.slope(np.log(2.0)) == pytest.approx(2.0)
+    assert logarithm.position(0.0) == -np.inf
+    assert (size.position(-0.25), size.value(-0.5), size.slope(7.0)) == (-0.5, -0.25, 0.5)
+    assert amplified().scales == [Scale(True, 2.0), Scale(False, 0.5)]
+
+
+def test_residuals_are_measured_minus_simulated_where_there_was_a_measurement():
+    y = np.where(np.arange(100) < 10, np.nan, 3.0 * U + 0.25)
+    problem = amplified(measured=y)
+    residual, jacobian = problem.evaluate(np.array([np.log(2.5), 0.2]))
+    assert residual["y"] == pytest.approx(0.5 * U[10:] + 0.15)
+    assert jacobian["y"] == pytest.approx(
+        np.column_stack([-2.5 * U[10:], np.full(90, -0.5)])  # d(gain) = gain dq, d(offset) = dq / 2
+    )
+    assert problem.samples == 90
+    problem.evaluate(np.array([np.log(2.5), 0.2]))
+    assert problem.evaluations == 1
+
+
+def test_what_has_no_trace_in_the_record_is_told():
+    problem = amplified(["gain", "unused"])
+    assert problem.sensitive_parameters(problem.position(problem.start)) == ["gain"]
+
+
+def test_values_and_intervals_stay_in_their_ranges():
+    problem = amplified()
+    low, high = problem.bounds()
+    assert low.tolist() == [-np.inf, -6.0]
+    assert high == pytest.approx([np.log(10.0), 6.0])
+    assert problem.values(np.array([50.0, -9.0])) == {"gain": 10.0, "offset": -3.0}
+    assert problem.inside(np.array([np.log(10.0), -6.0])) == pytest.approx(
+        [np.log(10.0) - 0.1, -5.9]
+    )
+    ends = problem.intervals(np.array([np.log(2.0), 0.0]), np.array([0.1, np.inf]))
+    assert ends["gain"] == pytest.approx((2.0 * np.exp(-0.196), 2.0 * np.exp(0.196)), rel=1e-3)
+    assert ends["offset"] == (-np.inf, np.inf)
+
+
+def test_a_search_that_is_out_of_time_ends_but_never_at_its_first_point():
+    problem = amplified()
+    limited = problem.time_limited(lambda q: q)
+    problem.out_of_time = lambda: True
+    assert limited(np.ones(2)).tolist() == [1.0, 1.0]
+    with pytest.raises(SearchEndedError):
+        limited(np.ones(2))
+
+
+def test_a_delay_is_searched_within_a_sample_and_then_across_it():
+    late = stack(Amplifier, transport_delay(Amplifier, "y"))
+    problem = amplified(["gain", "y_delay"], cls=late, y_delay=0.25)
+    position = problem.scales[1].position
+    q = problem.position(problem.start)
+    low, high = problem.smooth_bounds(q)
+    assert [low[1], high[1]] == pytest.approx([position(0.2001), position(0.2999)])
+    assert problem.across_sample(q) is None
+    at_the_edge = np.array([q[0], position(0.2999)])
+    assert problem.across_sample(at_the_edge) == pytest.approx([q[0], position(0.31)])
+    problem.held = [0]
+    low, high = problem.smooth_bounds(q)
+    assert low[0] == high[0] == q[0]
+
+
+def test_what_is_no_number_cannot_be_searched():
+    class Switched(Amplifier):
+        count = Parameter(1, "1", type="integer")
+
+    with pytest.raises(UserError, match="count is integer; only real parameters can be fitted"):
+        amplified(["count"], cls=Switched)
