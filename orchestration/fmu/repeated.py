@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
+from typing import Any
 
 import numpy as np
 from fmpy.fmi2 import fmi2Warning
@@ -49,18 +49,13 @@ class RepeatedFmu:
             self._pulse.__enter__()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         try:
             if self._pulse is not None:
                 self._pulse.__exit__()
         finally:
             self._prepared = None
-            self._fmu.__exit__(kind, error, trace)
+            self._fmu.__exit__(*error)
 
     @property
     def inputs(self) -> list[str]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,14 +135,9 @@ class CaseRunner:
             self._fmu.__enter__()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         if self._fmu:
-            self._fmu.__exit__(kind, error, trace)
+            self._fmu.__exit__(*error)
 
     def run(self, cases: Array) -> Outcomes:
         """Run cases from the start; a case that the FMU refuses fails.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Any
 
 from fmus.kit import UserError
@@ -39,19 +38,14 @@ class Pool:
     def __enter__(self) -> Pool:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *error: Any) -> None:
         if kind is not None:  # nobody waits for the calls that are in progress
             for process in [*self._started]:
                 process.kill()
         self._threads.shutdown(cancel_futures=True)
         while True:
             try:
-                self._idle.get_nowait().__exit__(kind, error, trace)
+                self._idle.get_nowait().__exit__(kind, *error)
             except Empty:
                 return
 

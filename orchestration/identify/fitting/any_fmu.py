@@ -15,7 +15,7 @@ from itertools import pairwise
 from math import inf
 from pathlib import Path
 from time import monotonic
-from types import SimpleNamespace, TracebackType
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -103,14 +103,9 @@ class FmuWithDifferences:
         self._is_open = True
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         self._is_open = False
-        self._open.__exit__(kind, error, trace)
+        self._open.__exit__(*error)
 
     def run(
         self,
