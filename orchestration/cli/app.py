@@ -93,14 +93,14 @@ _COMMANDS = {
             "Do everything once: build, run the thesis's experiments, compare with an emulated rig,"
             " recalibrate, report."
         ),
-        "studies:demo",
+        "thesis:demo",
     ),
     "thesis": (
         (
             "Recompute the thesis: every table and simulated figure, what holds, what does not and"
             " why."
         ),
-        "studies:thesis",
+        "thesis:thesis",
     ),
     "system": ("Systems of components: show, draw, check, and export as SSP.", "system:systems"),
     "rig": (

@@ -1,4 +1,4 @@
-"""``ppy demo`` and ``ppy thesis``: the studies that are commands."""
+"""``ppy thesis`` and ``ppy demo``: the studies that are commands."""
 
 from __future__ import annotations
 
