@@ -41,9 +41,7 @@ HEAVY = {
 }
 PAGES = [
     pytest.param("docs/tutorial.md", marks=pytest.mark.slow),
-    pytest.param(
-        "docs/reference/master.md", marks=pytest.mark.real_time(limit=5e-3)
-    ),  # as it says itself
+    pytest.param("docs/reference/master.md", marks=pytest.mark.real_time),
     *(
         pytest.param(str(p.relative_to(ROOT)), marks=pytest.mark.slow if p.stem in HEAVY else ())
         for p in sorted((ROOT / "docs" / "how-to").glob("*.md"))
