@@ -17,7 +17,10 @@ from tests.support import doors
 
 ROOT = Path(__file__).parents[2]
 TESTS = ROOT / "tests"
-MODULES = [path for path in (ROOT / "orchestration").rglob("*.py") if path.name != "__init__.py"]
+MODULES = [
+    path for path in (ROOT / "orchestration").rglob("*.py") if not path.name.startswith("__")
+]
+COMPONENTS = [path for path in (ROOT / "fmus").rglob("*.py") if not path.name.startswith("__")]
 
 
 def named(path: Path) -> str:
@@ -34,6 +37,18 @@ def test_no_test_module_is_imported(path: Path) -> None:
 
 def test_every_module_is_in_a_folder() -> None:
     assert [named(path) for path in MODULES if path.parent == ROOT / "orchestration"] == []
+
+
+def mirrored(path: Path) -> Path:
+    """Return the place of the tests of a module."""
+    *folders, file = path.relative_to(ROOT).parts
+    components = folders[0] == "fmus" and folders[1] != "kit"
+    return TESTS.joinpath("components" if components else "unit", *folders[1:], f"test_{file}")
+
+
+@pytest.mark.parametrize("path", sorted(set(MODULES) | set(COMPONENTS)), ids=named)
+def test_a_module_has_its_tests_at_the_mirrored_place(path: Path) -> None:
+    assert mirrored(path).is_file()
 
 
 def test_imports_are_seen_wherever_they_stand() -> None:
