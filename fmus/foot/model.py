@@ -1,4 +1,4 @@
-"""The humanoid foot, in both of its forms: the posture is given, or it follows from the forces.
+"""The humanoid foot with its posture given; the one that moves under forces is named here, too.
 
 Thesis chapter 5: geometry in ``kinematics.py``, forces in ``statics.py``, motion in ``dynamic.py``.
 """

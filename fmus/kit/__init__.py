@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .component import Component, Effect, Engine, Term, effect_name, effects_by_name, stack
+from .component import Component, Effect, Engine, Term, effect_name, effects_by_name, stack, unstack
 from .declare import (
     Declaration,
     Discrete,
@@ -125,6 +125,7 @@ __all__ = [
     "table",
     "tanh",
     "transport_delay",
+    "unstack",
     "where",
 ]
 

@@ -322,7 +322,7 @@ def stack(
             f"{prefix} has no laws that an effect could change: it stands for something outside"
         )
     values = {**vars(base).get("stacked_with", {}), **(defaults or {})}
-    component, earlier = vars(base).get("stacked", (base, ()))
+    component, earlier = unstack(base)
     layers = (*earlier, *effects)
     _check_effects(prefix, component, layers)
     body = {
@@ -339,3 +339,9 @@ def stack(
         (*reversed(layers), component),
         body | _redeclared(prefix, (component, *layers), values),
     )
+
+
+def unstack(cls: type[Component]) -> tuple[type[Component], tuple[type[Effect], ...]]:
+    """Return a component without effects, and the effects stacked on it, innermost first."""
+    parts: tuple[type[Component], tuple[type[Effect], ...]] = vars(cls).get("stacked", (cls, ()))
+    return parts

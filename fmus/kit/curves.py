@@ -125,7 +125,7 @@ def curve(
     names: EffectNames | None = None,
     either_way: bool = False,
 ) -> type[Effect]:
-    """Make an effect that adds a shape of one signal to a law.
+    """Make an effect that adds a shape of one signal to a law: law + a f(x; w).
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def curve(
     standard = (f"{law}_{shape}", f"{law}_{shape}_width")
     amount, width = (*called.variables, *standard[len(called.variables) :])
 
-    def more(self: Any) -> Any:
+    def added_value(self: Any) -> Any:
         x = getattr(self, signal)
         w = getattr(self, width) if chosen.width else 1.0
         return getattr(self, amount) * chosen.form(x, w, argument.nominal)
@@ -199,7 +199,7 @@ def curve(
         "names": names,
         "either_way": either_way,
     }
-    return added(curve, component, arguments, more, members)
+    return added(curve, component, arguments, added_value, members)
 
 
 def variable(component: type[Component], name: str) -> Declaration:

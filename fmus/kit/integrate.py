@@ -31,6 +31,16 @@ def _unrolled(names: list[str], batch: bool) -> str:
     the tolerance, infinity if it is not finite, and leaves the states as they were if that is above
     1. Where C computes infinity, Python may raise (``1e200**2``, ``1 / 0``); that too is an
     infinite error.
+
+    In the source written, a, b, c, d and q are the rates at the five stages, p = b + c, x the
+    states at the beginning, r the functions of the rates, n the nominal values and e the errors.
+
+    Parameters
+    ----------
+    names : list of str
+        States.
+    batch : bool
+        True if states are arrays, whose elements share one internal step.
     """
     n = range(len(names))
 
@@ -64,7 +74,8 @@ def _unrolled(names: list[str], batch: bool) -> str:
         "    " + each("q{i} = r{i}()"),
         "    g = h / 6.0; w = h / sqrt(tolerance)",
         "    " + each("p{i} = b{i} + c{i}; m.{s} = x{i} + g * (a{i} + 2.0 * p{i} + d{i})"),
-        # Zonneveld's estimate vanishes for a decay by one time constant in a step; b - c does not
+        # Zonneveld's estimate, with 2/3 of h, vanishes for a decay by one time constant in a step;
+        # b - c does not. A fifth of the estimate is compared with the tolerance (decision 3).
         "    g = h / 7.5 / tolerance",
         "    "
         + each(

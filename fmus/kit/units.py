@@ -1,4 +1,4 @@
-"""Units: parsing and conversion through pint, SI base units for FMI, and Modelica's spelling.
+"""Units parsed and converted by pint, and written for FMI, for Modelica and for people.
 
 One string in a declaration feeds the FMU, parameter files, documentation and CSV headers. There are
 two ways to write a unit: as pint reads it (``N*m``, ``ohm``), and as Modelica and FMI do (``N.m``,

@@ -114,11 +114,11 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
     parameters : collection of str
         What is set.
     """
-    from fmus.kit import effect_name
+    from fmus.kit import effect_name, unstack
 
     if model.cls is None or not model.effects:
         return
-    for effect in vars(model.cls)["stacked"][1]:
+    for effect in unstack(model.cls)[1]:
         if effect_name(effect) in model.effects and effect.neutral not in parameters:
             start = f"{effect.neutral} = {model.parameters[effect.neutral].start:g}"
             note(

@@ -168,7 +168,7 @@ class _JointFitter:
         self,
         released: tuple[str, ...],
         origins: Sequence[Mapping[str, float]],
-        anywhere: bool = False,
+        also_far_starts: bool = False,
     ) -> _JointFit:
         """Fit with some parameters released, from given points.
 
@@ -177,7 +177,7 @@ class _JointFitter:
         released : tuple of str
         origins : sequence of Mapping of str to float
             Where to start, SI.
-        anywhere : bool
+        also_far_starts : bool
             Whether to start from points a decade about nominal too.
         """
         names = [*self.search.parameters, *(_later(name) for name in released)]
@@ -189,7 +189,7 @@ class _JointFitter:
                 for name in problem.names
             }
             starts.append(problem.inside(problem.position(values)))
-        if anywhere:
+        if also_far_starts:
             starts += starting_points(problem)
         fit = fit_free_run(problem, starts)
         error = pooled_error(fit.residual, error_scales(problem)) ** 2
@@ -279,11 +279,17 @@ def _sensitive_parameters(
 def _fit_separately(
     fits: _JointFitter, shared: _JointFit, parameters: Sequence[str], fixed: Mapping[str, float]
 ) -> _JointFit:
-    """Fit with all parameters released, from where a fit of the later record alone ends."""
+    """Fit with all parameters released.
+
+    The fit starts both where a fit of the later record alone ends and where the shared fit does.
+    """
     later = replace(fits.search, data=fits.search.data.runs_of([AFTER]))
-    alone = _JointFitter(later, fits.candidate).fit((), [shared.fit.values, fixed], anywhere=True)
+    alone = _JointFitter(later, fits.candidate).fit(
+        (), [shared.fit.values, fixed], also_far_starts=True
+    )
     values = alone.fit.values
     own = {_later(name): values[name] for name in parameters}
+    # what is a run's own anyway, such as `ocv@3`, keeps its name
     own |= {name: value for name, value in values.items() if base_name(name) != name}
     return fits.fit(tuple(parameters), [shared.fit.values | own, shared.fit.values])
 
@@ -421,14 +427,15 @@ def _between_stretches(one: _JointFit) -> Covariance:
     """Return the covariance of a fit by how much stretches of its records disagree."""
     problem = one.problem
     scales = error_scales(problem)
-    number_of = np.zeros(len(problem.time), dtype=np.intp)
+    # every run is cut into as many stretches, numbered through
+    stretch_of = np.zeros(len(problem.time), dtype=np.intp)
     for k, run in enumerate(problem.runs):
         count = run.last - run.first
-        number_of[run.samples] = k * STRETCHES + np.arange(count) * STRETCHES // count
+        stretch_of[run.samples] = k * STRETCHES + np.arange(count) * STRETCHES // count
     residual, slopes = problem.evaluate(one.fit.q)
     jacobian = np.vstack([slopes[o] / scales[o] for o in slopes])
     errors = np.concatenate([residual[o] / scales[o] for o in slopes])
-    stretches = np.concatenate([number_of[problem.present[o]] for o in slopes])
+    stretches = np.concatenate([stretch_of[problem.present[o]] for o in slopes])
     return clustered_covariance(
         parameter_covariance(jacobian.T @ jacobian), jacobian, errors, stretches
     )

@@ -106,7 +106,7 @@ def leaves_something(diagnosis: Diagnosis) -> bool:
 def search_laws(
     diagnosis: Diagnosis,
     progress: Callable[[str], None] = lambda text: None,
-    again: Entry | None = None,
+    only: Entry | None = None,
     rounds: int = _RELAXATIONS,
 ) -> tuple[LawSearch, Diagnosis]:
     """Search the laws for what they lack, and once more beside what unseen data confirm.
@@ -116,7 +116,7 @@ def search_laws(
 
     Parameters
     ----------
-    diagnosis, progress, again
+    diagnosis, progress, only
         See `discover`.
     rounds : int
         Corrections that may stand one beside the other.
@@ -131,22 +131,22 @@ def search_laws(
     noise = noise_of_inputs(diagnosis)
     # a correction might undo what that does to the model, and be taken for what the model lacks
     denoised = with_denoised_inputs(diagnosis, noise, progress) if noise else diagnosis
-    laws, corrected = _search_in_rounds(denoised, progress, again, rounds)
+    laws, corrected = _search_in_rounds(denoised, progress, only, rounds)
     return replace(laws, noise=noise), diagnosis if corrected is denoised else corrected
 
 
 def _search_in_rounds(
-    diagnosis: Diagnosis, progress: Callable[[str], None], again: Entry | None, rounds: int
+    diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None, rounds: int
 ) -> tuple[LawSearch, Diagnosis]:
     """Search the laws; if a correction is confirmed, search those of the corrected model."""
-    laws = _search_once(diagnosis, progress, again)
+    laws = _search_once(diagnosis, progress, only)
     corrected = _with_correction(diagnosis, laws, progress)
     best = laws.best
     if corrected is diagnosis or best is None or rounds == 1:
         return laws, corrected
     if best.relaxation:
         beside, both = _search_in_rounds(corrected, progress, best.entry, rounds - 1)
-    elif again is None and leaves_something(corrected):
+    elif only is None and leaves_something(corrected):
         beside, both = _search_in_rounds(corrected, progress, None, 1)
     else:
         return laws, corrected
@@ -158,10 +158,13 @@ def _search_in_rounds(
 # as in a diagnosis: fits run side by side, and the matrices are narrow
 @threadpool_limits.wrap(limits=1)
 def _search_once(
-    diagnosis: Diagnosis, progress: Callable[[str], None], again: Entry | None
+    diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None
 ) -> LawSearch:
-    """Search every law of a diagnosed model, and look the best correction up in the catalogue."""
-    law_map = discover(diagnosis, progress, again)
+    """Search every law of a diagnosed model, or one entry only, for what it lacks.
+
+    The best correction is looked up in the catalogue.
+    """
+    law_map = discover(diagnosis, progress, only)
     best = next(iter(law_map.corrections), None)
     return LawSearch(law_map, _fit_known_effect(diagnosis, law_map, best) if best else None)
 

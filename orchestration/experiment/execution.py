@@ -87,7 +87,7 @@ def run(
     """
     with subject(experiment, where) as on:
         if live is not None:
-            experiment = _in_real_time(experiment, on, where)
+            experiment = _with_links_recorded(experiment, on, where)
         prepared = prepare(experiment, on, where, note)
         fits(_first_point(prepared))
         ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
@@ -132,19 +132,21 @@ def _run_prepared(
     return ran, ""
 
 
-def _in_real_time(experiment: Experiment, on: Subject, where: str) -> Experiment:
-    """Have links recorded, too.
+def _with_links_recorded(experiment: Experiment, on: Subject, where: str) -> Experiment:
+    """Return the experiment with outputs about the links of proxies recorded, too.
+
+    A run in real time needs them.
 
     Raises
     ------
     UserError
-        If the experiment is run without a master.
+        If the system is fused, for then there are no steps to pace.
     """
     if experiment.master is not None and experiment.master.method == "fused":
         raise UserError(
             f"{where}: a fused system is computed at once and cannot be run in real time"
         )
-    record = on.usual if experiment.record is None else experiment.record
+    record = on.recorded_by_default if experiment.record is None else experiment.record
     return experiment.model_copy(
         update={"record": list(dict.fromkeys([*record, *link_outputs(on.outputs)]))}
     )

@@ -116,7 +116,7 @@ def prepare(
 
 def _recorded_outputs(experiment: Experiment, on: Subject, where: str) -> list[str]:
     """Return the outputs to record, each once; inputs are recorded in any case."""
-    wanted = on.usual if experiment.record is None else experiment.record
+    wanted = on.recorded_by_default if experiment.record is None else experiment.record
     outputs = [name for name in wanted if name not in on.inputs]
     for name in outputs:
         known(name, on.outputs, "record: no output", where)
@@ -138,8 +138,10 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Valu
     """Return the parameters that an experiment sets, in the FMU's units."""
     values = {}
     for name, given in experiment.parameters.items():
-        if name in on.fed:
-            raise UserError(f"{where}: parameters.{name}: it is an input; {on.fed[name]}")
+        if name in on.why_not_settable:
+            raise UserError(
+                f"{where}: parameters.{name}: it is an input; {on.why_not_settable[name]}"
+            )
         if name not in on.parameters:
             near = suggestion(name, [*on.parameters, *Experiment.model_fields])
             raise UserError(f"{where}: {on.name} has no parameter named {name!r}{near}")

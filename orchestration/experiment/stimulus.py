@@ -109,7 +109,7 @@ class _Wave(StimulusTable):
     amplitude: Amount
     offset: Amount = _ZERO
 
-    def _about(self, place: Place) -> tuple[float, float]:
+    def _amplitude_and_offset(self, place: Place) -> tuple[float, float]:
         """Return amplitude and offset in the unit of the input."""
         return self._in(place.unit, "amplitude"), self._in(place.unit, "offset")
 
@@ -123,7 +123,7 @@ class Square(_Wave):
 
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_frequency("frequency", self.frequency, time)
-        amplitude, offset = self._about(place)
+        amplitude, offset = self._amplitude_and_offset(place)
         return waveforms.square_wave(time - self.delay, amplitude, self.frequency, offset)
 
 
@@ -135,7 +135,7 @@ class Sine(_Wave):
 
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_frequency("frequency", self.frequency, time)
-        amplitude, offset = self._about(place)
+        amplitude, offset = self._amplitude_and_offset(place)
         return waveforms.sine(time, amplitude, self.frequency, offset)
 
 
@@ -149,7 +149,7 @@ class Chirp(_Wave):
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_frequency("start_frequency", self.start_frequency, time)
         self._check_frequency("stop_frequency", self.stop_frequency, time)
-        amplitude, offset = self._about(place)
+        amplitude, offset = self._amplitude_and_offset(place)
         return waveforms.chirp(
             time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset
         )

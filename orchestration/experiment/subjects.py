@@ -75,9 +75,9 @@ class Subject:
     inputs, parameters, outputs : Mapping of str to Signal
         What can be driven, set and recorded; in a system the latter two are ``member.variable``.
         Inputs of members that nothing feeds can be set.
-    fed : Mapping of str to str
+    why_not_settable : Mapping of str to str
         Inputs that cannot be set, and why.
-    usual : list of str
+    recorded_by_default : list of str
         Outputs that are recorded unless the experiment names others.
     settings : Mapping of str to float or str
         Parameters that are set already: those of the preset, or of the members of the system.
@@ -95,10 +95,10 @@ class Subject:
 
     name: str
     inputs: Mapping[str, Signal]
-    fed: Mapping[str, str]
+    why_not_settable: Mapping[str, str]
     parameters: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
-    usual: Sequence[str]
+    recorded_by_default: Sequence[str]
     settings: Mapping[str, Value]
     duration: float
     step: float
@@ -162,11 +162,48 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
         for v in description.modelVariables
     }
     outputs = {name: read_signal(v) for name, v in variables.items() if _is_recordable(v)}
-    ports = {name: str(ports[0]).removeprefix(prefix) for name, ports in system.inputs.items()}
-    fed = {str(c.target): f"it receives {c.source}" for c in system.connections}
+    first_port = {
+        name: str(targets[0]).removeprefix(prefix) for name, targets in system.inputs.items()
+    }
+    why_not_settable = {str(c.target): f"it receives {c.source}" for c in system.connections}
     for name, targets in system.inputs.items():
-        fed |= dict.fromkeys([name, *map(str, targets)], f"give it as inputs.{name}")
-    how = experiment.master or Master()
+        reason = f"give it as inputs.{name}"
+        why_not_settable |= dict.fromkeys([name, *map(str, targets)], reason)
+    master_options = experiment.master or Master()
+    named_outputs = [str(port) for port in system.outputs.values()]
+    return Subject(
+        name=system.name,
+        inputs={name: read_signal(variables[port]) for name, port in first_port.items()},
+        why_not_settable=why_not_settable,
+        parameters={
+            name: read_signal(v)
+            for name, v in variables.items()
+            if v.causality == "parameter"
+            or (
+                v.causality == "input"
+                and v.type != "String"
+                and f"{prefix}{name}" not in why_not_settable
+            )
+        },
+        outputs=outputs,
+        recorded_by_default=named_outputs
+        or [name for name in outputs if variables[name].causality == "output"],
+        settings={
+            f"{m.name}.{n}".removeprefix(prefix): v
+            for m in system.members
+            for n, v in m.parameters.items()
+        },
+        duration=system.stop,
+        step=system.step,
+        guids={name: description.guid for name, description in described.items()},
+        couplings=mechanical(system) if master_options.couples_evenly else [],
+        run=_runner(system, prefix, master_options),
+        foreign=any(member.cls is None for member in system.members),
+    )
+
+
+def _runner(system: System, prefix: str, master_options: Master) -> Runner:
+    """Return a runner of a system, whose signals are named without a prefix."""
 
     def run(
         time: Array,
@@ -180,9 +217,8 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
     ) -> master.Run:
         ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
         names = [f"{prefix}{name}" for name in record]
-        if how.method == "fused":
+        if master_options.method == "fused":
             return _fused(ready, time, inputs, names, progress)
-        options = how.model_dump(exclude_none=True)
         return master.run(
             ready,
             time,
@@ -191,34 +227,10 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
             progress=progress,
             real_time=pace,
             isolation=isolation,
-            **options,
+            **master_options.model_dump(exclude_none=True),
         )
 
-    named_outputs = [str(port) for port in system.outputs.values()]
-    return Subject(
-        name=system.name,
-        inputs={name: read_signal(variables[port]) for name, port in ports.items()},
-        fed=fed,
-        parameters={
-            name: read_signal(v)
-            for name, v in variables.items()
-            if v.causality == "parameter"
-            or (v.causality == "input" and v.type != "String" and f"{prefix}{name}" not in fed)
-        },
-        outputs=outputs,
-        usual=named_outputs or [name for name in outputs if variables[name].causality == "output"],
-        settings={
-            f"{m.name}.{n}".removeprefix(prefix): v
-            for m in system.members
-            for n, v in m.parameters.items()
-        },
-        duration=system.stop,
-        step=system.step,
-        guids={name: description.guid for name, description in described.items()},
-        couplings=mechanical(system) if how.couples_evenly else [],
-        run=run,
-        foreign=any(member.cls is None for member in system.members),
-    )
+    return run
 
 
 def _is_recordable(variable: Any) -> bool:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from fmus.kit import UserError, effect_name, suggestion
+from fmus.kit import UserError, effect_name, suggestion, unstack
 from orchestration.fmu.loading import is_subclass
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     from fmus import MODELS, component, effects
     from fmus.kit import Effect
 
-    base = vars(cls).get("stacked", (cls, ()))[0]
+    base = unstack(cls)[0]
     if base.name in MODELS and component(base.name) is base:
         return effects(base.name)
     module = sys.modules[base.__module__]
@@ -78,7 +78,7 @@ def families(
     if cls.engine is not None:
         return {}
     own = {_term_key(effect) for effect in catalogue(cls).values()}
-    base = vars(cls).get("stacked", (cls, ()))[0]
+    base = unstack(cls)[0]
     return {effect_name(e): e for e in families_for(base, scales) if _term_key(e) not in own}
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orchestration.fmu.isolation import allocate_rows
 from orchestration.fmu.kernel import (
-    WHOLE_NUMBERS,
+    SET_WHOLE,
     Execution,
     Handler,
     KernelReturn,
@@ -197,7 +197,7 @@ class _Translation:
             values = _buffer_place(buffer, places[0])
             self.program.add_real(operation, call, references, values, handler, owner=owner)
         else:
-            operation = WHOLE_NUMBERS[kind] if is_setting else library.GET_WHOLE
+            operation = SET_WHOLE[kind] if is_setting else library.GET_WHOLE
             values = _buffer_place(buffer, 0)
             self.program.add_whole(
                 operation, call, references, values, places, handler, owner=owner

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from fmus.kit.component import Component
+from fmus.kit.component import Component, unstack
 from fmus.kit.errors import UserError
 
 # Modules of the kit that every Python FMU brings along: they need the standard library only.
@@ -66,7 +66,7 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
     UserError
         See :func:`.bundle`.
     """
-    base, effects = vars(cls).get("stacked", (cls, ()))
+    base, effects = unstack(cls)
     slave = "from .kit.slave import Slave"
     engine_modules: list[str] = []
     needs: Mapping[str, str] = {}
@@ -97,7 +97,7 @@ def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]],
     slave : str
         The statement that imports the class of the instance.
     """
-    base, effects = vars(cls).get("stacked", (cls, ()))
+    base, effects = unstack(cls)
     # classes of different modules may share a name
     parts = {used: f"Part{n}" for n, used in enumerate(places)}
     imports = [f"from .kit import {', '.join(_kit_names(effects))}", slave]

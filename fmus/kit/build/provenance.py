@@ -23,7 +23,7 @@ from hashlib import sha256
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit.component import Component, effect_name
+from fmus.kit.component import Component, effect_name, unstack
 
 _TOOL = "ppy-rig"
 
@@ -74,7 +74,7 @@ def annotate(root: Element, cls: type[Component]) -> None:
     """
     if "stacked" not in vars(cls):
         return
-    base, effects = vars(cls)["stacked"]
+    base, effects = unstack(cls)
     origin = _origin(base)
     if origin is None:
         return

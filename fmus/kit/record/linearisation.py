@@ -1,4 +1,4 @@
-"""Linearisation of a component at the start of a record: its stiffness and its matrix functions.
+"""Matrix functions of a linearised component, by which stiff ones are integrated over a record.
 
 The rates are split into A x, where A is their Jacobian at the start of the record, and a remainder;
 A x is solved exactly. Sampled states have been updated by then, because that comes before the first

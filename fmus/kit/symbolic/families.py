@@ -1,4 +1,4 @@
-"""Families of effects that fit a model's laws: for every law, each signal it reads and its shapes.
+"""Effects made for a model by the units of its laws, over every signal that a law reads.
 
 Nobody has to list them. The laws are called once on dimensioned numbers, which gives their units,
 and once on a component that records which law reads which signal. The units of a law and a signal

@@ -15,6 +15,7 @@ from orchestration.cli.outputs import standard_output_for
 def diagnose(options: DiagnoseCommand) -> None:
     """Name what a model gets wrong on a record, extend it, and measure the gain on unseen data."""
     with isolating(options["isolate"]):
+        # imported only where it is needed, for it takes half a second
         from orchestration.cli import diagnose as work
 
         with standard_output_for(options["json"]):

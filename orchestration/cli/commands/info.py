@@ -67,7 +67,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
 
 def _of_class(name: str, cls: type[Component]) -> _Facts:
     """Return what the class of a component declares."""
-    from fmus.kit import effect_name
+    from fmus.kit import effect_name, unstack
     from orchestration.fmu import declared_signal, known_effects
 
     layout = cls.layout
@@ -76,7 +76,7 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
         "outputs": layout.measurable,
         "parameters": (*layout.parameters, *layout.texts),
     }
-    base, stacked = vars(cls).get("stacked", (cls, ()))
+    base, stacked = unstack(cls)
     there = [effect_name(effect) for effect in stacked]
     return _Facts(
         name,

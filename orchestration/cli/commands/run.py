@@ -38,12 +38,13 @@ def run(options: RunCommand) -> None:
         )
     live = live_run(options, options["out"])
     without_isolation = options["isolate"] is False and live is None
-    heard = hearing_ctrl_c(None) if without_isolation else nullcontext()
-    with standard_output_for(options["json"]), heard:
+    # in this process an FMU that hangs keeps Python from hearing Ctrl-C
+    ctrl_c_watch = hearing_ctrl_c(None) if without_isolation else nullcontext()
+    with standard_output_for(options["json"]), ctrl_c_watch:
         data, reproduced = _run(experiment, options, live)
     if "failure" in data.attrs:
         raise UserError(data.attrs["failure"])
-    if not data.attrs["complete"]:
+    if not data.attrs["complete"]:  # it was interrupted, and what was computed is stored
         raise KeyboardInterrupt
     if not reproduced:
         raise typer.Exit(1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fmus.kit import Component, Effect, measurement_effects, stack
+from fmus.kit import Component, Effect, measurement_effects, stack, unstack
 from fmus.kit import effect_name as label
 
 
@@ -65,7 +65,7 @@ def catalogue(
     list of type[Effect]
     """
     outputs = set(measured)
-    _, stacked = vars(cls).get("stacked", (cls, ()))
+    _, stacked = unstack(cls)
     present = {label(effect) for effect in stacked}
     of_sensors = [effect for effect in measurement_effects(cls) if effect.output in outputs]
     return [effect for effect in (*physics.values(), *of_sensors) if label(effect) not in present]

@@ -150,14 +150,17 @@ def real_signals(signals: Mapping[str, Signal]) -> dict[str, Signal]:
 def _parameter_lines(
     model: Model, correction: OutputCorrection, measured: Sequence[str], fit: Mapping[str, float]
 ) -> list[str]:
-    """Declare the parameters of an FMU that may change, and the derivatives of outputs by them."""
+    """Return lines of a component's source that declare the parameters of an FMU that may change.
+
+    Inputs are declared beside them for the derivatives of outputs by these parameters.
+    """
     lines = []
-    for parameter, name in correction.fitted.items():
-        lines.append(_parameter_line(name, model.parameters[parameter], fit[parameter]))
+    for parameter, own_name in correction.fitted.items():
+        lines.append(_parameter_line(own_name, model.parameters[parameter], fit[parameter]))
         for output in measured:
             unit = _unit(model.outputs[output])
-            slope = f'Input("{unit}", doc="what {parameter} does to {output}")'
-            lines.append(f"    {correction.slope(output, parameter)} = {slope}")
+            declaration = f'Input("{unit}", doc="what {parameter} does to {output}")'
+            lines.append(f"    {correction.slope(output, parameter)} = {declaration}")
     return lines
 
 
@@ -201,7 +204,11 @@ class _ResponseLines:
 def _response_lines(
     names: Mapping[str, str], output: str, responses: Mapping[tuple[str, str], FmuResponse]
 ) -> _ResponseLines:
-    """Write how an output follows inputs that are others in the FMU than they were recorded.
+    """Write the linear response of an output to the difference of inputs from those recorded.
+
+    The difference is between what the FMU gets (a law of the component) and the record (an input).
+    The response has states (a, b, c, d of a state-space model), laws of their rates, and terms that
+    are added to the output.
 
     Parameters
     ----------

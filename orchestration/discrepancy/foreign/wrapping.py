@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect, UserError, stack, suggestion
+from fmus.kit import Component, Effect, UserError, stack, suggestion, unstack
 from orchestration.discrepancy.data import Dataset, ValidationData, joined_dataset
 from orchestration.discrepancy.foreign.correction import (
     IN_FMU,
@@ -398,7 +398,7 @@ def _effects_by_place(
     component: type[Component], moved: Sequence[str]
 ) -> tuple[list[type[Effect]], list[type[Effect]]]:
     """Divide the effects of a component into those of what the FMU gets, and of what it gives."""
-    effects = vars(component)["stacked"][1]
+    _, effects = unstack(component)
     of_inputs = [effect for effect in effects if _is_of_input(effect, moved)]
     return of_inputs, [effect for effect in effects if effect not in of_inputs]
 

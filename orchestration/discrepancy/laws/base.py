@@ -1,4 +1,4 @@
-"""Search and data of a diagnosed model, on which corrections of its laws are fitted."""
+"""The search over a diagnosis's estimation data, with which corrections of laws are fitted."""
 
 from __future__ import annotations
 

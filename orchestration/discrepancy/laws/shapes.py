@@ -128,13 +128,16 @@ def _widths(name: str, size: float) -> list[float]:
 
 
 def _likeness(name: str, width: float, columns: Array, wanted: Array) -> Likeness | None:
-    """Return a shape, and the constant beside it if there is a second column, as they fit best."""
+    """Fit a shape to a curve, and a constant beside it if there is a second column.
+
+    The distance includes a penalty for a width and for a constant.
+    """
     amounts, distance = _nearest(columns, wanted)
     if amounts is None:
         return None
-    price = 2.0 * np.log(2.0) * bool(SHAPES[name].width) + _CONSTANT * (len(amounts) - 1)
+    penalty = 2.0 * np.log(2.0) * bool(SHAPES[name].width) + _CONSTANT * (len(amounts) - 1)
     beside = float(amounts[1] / amounts[0]) if len(amounts) > 1 else 0.0
-    return Likeness(name, float(amounts[0]), float(width), beside, distance + price)
+    return Likeness(name, float(amounts[0]), float(width), beside, distance + penalty)
 
 
 def _nearest(columns: Array, wanted: Array) -> tuple[Array | None, float]:

@@ -59,6 +59,7 @@ _INTERVAL_WIDTH = 180  # pixels
 _INTERVAL_HEIGHT = 18  # pixels
 _SHORTEST_REACH = math.log(1.1)  # of an axis of ratios to nominal, however close all values are
 _LONGEST_REACH = math.log(4.0)  # beyond which intervals are cut
+_MARGIN = 1.15  # of an axis beyond the farthest value
 _GREY = "#52616e"
 _UNINFORMATIVE = 1e4  # ratio of the ends of an interval beyond which it says nothing
 
@@ -136,13 +137,13 @@ class AxisScale:
 
     @classmethod
     def covering(cls, estimates: Sequence[Estimate]) -> AxisScale:
-        """Return the shortest axis on which all values can be seen."""
+        """Return the shortest axis with all values on it; of one too far out, the end is shown."""
         distances = [
             abs(math.log(e.value / e.nominal))
             for e in estimates
             if e.nominal and e.value / e.nominal > 0.0
         ]
-        farthest = max([1.15 * distance for distance in distances] + [_SHORTEST_REACH])
+        farthest = max([_MARGIN * distance for distance in distances] + [_SHORTEST_REACH])
         return cls(min(farthest, _LONGEST_REACH))
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from inspect import isfunction
 from typing import Any
 
-from fmus.kit import Component, Effect, correction, effect_name
+from fmus.kit import Component, Effect, correction, effect_name, unstack
 from orchestration.discrepancy.candidates import PairedScore
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
@@ -139,7 +139,7 @@ def _overridden_laws(effect: type[Effect], cls: type[Component]) -> list[str]:
     """Return the laws of the base model that an effect overrides without declaring which."""
     if effect.output:
         return []
-    base = vars(cls).get("stacked", (cls, ()))[0]
+    base = unstack(cls)[0]
     return [name for name, law in vars(effect).items() if isfunction(law) and hasattr(base, name)]
 
 

@@ -146,7 +146,7 @@ def local_level(values: Array, size: Array | None = None) -> Array:
     for _ in range(_PASSES):
         level *= _in_time(modulus / level)
         if size is not None and np.ptp(size) > 0.0:
-            level *= _by_value(modulus / level, size)
+            level *= _level_by_signal(modulus / level, size)
     return level
 
 
@@ -176,10 +176,13 @@ def _in_time(modulus: Array) -> Array:
     return _positive(np.interp(np.arange(modulus.size), middles, levels))
 
 
-def _by_value(modulus: Array, size: Array) -> Array:
-    """Return the mean of moduli in ranges of a signal, of equally many samples each."""
-    inner = np.unique(np.quantile(size, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
-    bin_of = np.searchsorted(inner, size, side="right")
+def _level_by_signal(modulus: Array, signal: Array) -> Array:
+    """Return for every sample the robust mean of the moduli in its range of a signal.
+
+    The ranges hold equally many samples.
+    """
+    inner = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
+    bin_of = np.searchsorted(inner, signal, side="right")
     counts = np.bincount(bin_of, minlength=inner.size + 1)
     levels = np.full(counts.size, np.nan)
     for k in np.flatnonzero(counts >= _WINDOW // 2):

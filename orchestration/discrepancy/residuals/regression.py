@@ -52,10 +52,10 @@ def regress(
 ) -> ResidualRegression:
     """Regress a residual on signals, their squares and cubes.
 
-    Both are whitened by the colour of the residual of the regression: estimated from the residual
-    itself the colour would swallow what there is to explain. A regression takes some of slow noise
-    with it, so how much it explains of noise is seen on noise of the colour of the residual, drawn
-    some times.
+    Both are whitened by the colour of what the regression leaves unexplained: the colour of the
+    residual itself would swallow what there is to explain. A regression also explains some of slow
+    noise. So its score, the logarithm of the explained over the unexplained power of the
+    innovations, is compared with scores of noise that is drawn with the colour of the residual.
 
     Parameters
     ----------
@@ -77,10 +77,12 @@ def regress(
     drawn = _scores_of_noise(estimate_noise(residual, present), rows, present)
     t_statistic = (score - float(np.mean(drawn))) / float(np.std(drawn, ddof=1))
     fitted = columns @ weights
-    # a regression of innovations may follow every move and yet be far from the level
+    # of the residual itself, not of innovations, in which a wrong level hardly counts
     explained = float(np.mean(residual**2) - np.mean((residual - fitted[present]) ** 2))
     return ResidualRegression(
-        float(np.sqrt(max(explained, 0.0))), float(t.sf(t_statistic, len(drawn) - 1)), fitted
+        rms=float(np.sqrt(max(explained, 0.0))),
+        p_value=float(t.sf(t_statistic, len(drawn) - 1)),
+        fitted=fitted,
     )
 
 

@@ -192,14 +192,15 @@ def by_fit(
 
 
 def _separation(base: FittedCandidate, other: Mapping[str, Array]) -> float:
-    """Return the distance of a model from another simulation, in innovations."""
+    """Return the distance of a model from another simulation, in deviations of innovations."""
     squares = 0.0
     for output, noise in base.fit.noise.items():
-        measured = base.problem.measured[output] - other[output]
-        moved = measured[base.problem.present[output]] - base.fit.residual[output]
+        other_residual = base.problem.measured[output] - other[output]
+        # between the two simulations, for both residuals are of the same measurements
+        difference = other_residual[base.problem.present[output]] - base.fit.residual[output]
         power = float(np.mean((noise.deviation * base.fit.innovation[output]) ** 2))
-        # of a record without noise nothing may be left
-        squares += float(moved @ moved) / max(power, _TINY)
+        # without noise the power may be zero
+        squares += float(difference @ difference) / max(power, _TINY)
     return float(np.sqrt(squares))
 
 

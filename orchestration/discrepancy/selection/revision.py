@@ -46,16 +46,16 @@ def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]
 
 
 def explaining(search: Search, selection: Selection) -> Selection:
-    """Return the selection, without any effect where it explains hardly any of what is wrong.
+    """Return the selection, with all its effects rejected where together they explain too little.
 
-    Whatever is wrong with a model, some effect fits it a little. Where structure is left beside one
-    that takes away less than a tenth of the error beyond noise, something else is wrong.
+    Whatever is wrong with a model, some effect fits it a little. Where structure is left beside
+    effects that take away less than a tenth of the error beyond noise, something else is wrong.
     """
     if not selection.steps or search.budget.spent():
         return selection
     if not has_structure(selection.best, search.data):
         return selection
-    if takes_enough(selection.base, selection.base, selection.best):
+    if takes_enough(base=selection.base, below=selection.base, richer=selection.best):
         return selection
     named = [(step.chosen, step.gain) for step in selection.steps]
     unsure = selection.unsure | {fitted.effect_name for fitted, _ in named}

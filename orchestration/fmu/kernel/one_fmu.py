@@ -14,7 +14,7 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.isolation import describe_rows
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.program import (
-    WHOLE_NUMBERS,
+    SET_WHOLE,
     Execution,
     Handler,
     KernelReturn,
@@ -172,7 +172,11 @@ def _add_setting(
 def _add_transfers(
     program: Program, fmu: Fmu, verb: str, names: Sequence[str], table: Array, handler: Handler
 ) -> None:
-    """Add one call for each type among variables, whose columns in the table have reals first."""
+    """Add one call for each type among variables.
+
+    The table has the columns of reals first, so that one call moves them all without a copy; the
+    values of other types are picked from their columns.
+    """
     columns = _reals_first(fmu, names)
     positions_of: dict[str, list[int]] = {}  # by type, in the order of the calls
     for k, name in enumerate(names):
@@ -185,7 +189,7 @@ def _add_transfers(
             operation = library.SET_REAL if verb == "Set" else library.GET_REAL
             program.add_real(operation, call, references, values, handler)
         else:
-            operation = WHOLE_NUMBERS[kind] if verb == "Set" else library.GET_WHOLE
+            operation = SET_WHOLE[kind] if verb == "Set" else library.GET_WHOLE
             places = [columns.index(k) for k in positions]
             program.add_whole(operation, call, references, values, places, handler)
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 DOUBLE = ctypes.sizeof(ctypes.c_double)
 PULSE_PERIOD = 0.1  # s
 # operations that set a number of a type other than real
-WHOLE_NUMBERS = {"integer": library.SET_INTEGER, "boolean": library.SET_BOOLEAN}
+SET_WHOLE = {"integer": library.SET_INTEGER, "boolean": library.SET_BOOLEAN}
 _REQUESTS = {
     library.STEP: "step",
     library.GET_REAL: "reading",

@@ -86,7 +86,7 @@ class FmuWithDifferences:
         self._steps: dict[str, tuple[float, float]] = {}
         self._open = ExitStack()
         self._is_open = False
-        self._longest = np.inf  # s that a run may take
+        self._longest_run = np.inf  # s that a run may take
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -164,8 +164,8 @@ class FmuWithDifferences:
         """
         begin = monotonic()
         (outputs,) = self._run_all(stimulus, [at])
-        if self._longest == np.inf:
-            self._longest = max(_PATIENCE, _STIFFER * (monotonic() - begin))
+        if self._longest_run == np.inf:
+            self._longest_run = max(_PATIENCE, _STIFFER * (monotonic() - begin))
         if isinstance(outputs, UserError):
             raise outputs
         return outputs
@@ -238,17 +238,19 @@ class FmuWithDifferences:
     ) -> list[Array | UserError]:
         """Run the FMU at several points; return outputs (n, m), or the error, of each."""
         self.runs += len(points)
+        time, inputs = stimulus
         jobs = [
-            (*stimulus, self._settings | dict(values), self._outputs, self._longest)
+            (time, inputs, self._settings | dict(values), self._outputs, self._longest_run)
             for values in points
         ]
+        # limits can be kept on another process only, so then even one job goes there
         if self._limits is None and (self._workers == 1 or len(jobs) == 1):
             return [_run(self._fmu, *job) for job in jobs]
         futures = [self._pool.submit(_work, job) for job in jobs]
         try:
             return [future.result() for future in futures]
         except Ended as end:
-            where = end.state.words(stimulus[0], self._path.name)
+            where = end.state.words(time, self._path.name)
             raise UserError(f"{where}: {end.reason}") from end
 
 

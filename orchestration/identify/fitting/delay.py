@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect, stack, transport_delay
+from fmus.kit import Component, Effect, stack, transport_delay, unstack
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class DelayedModel:
         sensitivities: Sequence[str],
         linear: bool | Collection[str] = False,
     ):
-        base, effects = vars(cls).get("stacked", (cls, ()))
+        base, effects = unstack(cls)
         delays = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
         others = tuple(e for e in effects if e not in delays)
         own = {p.name for delay in delays for p in delay.layout.parameters}
@@ -58,7 +58,9 @@ class DelayedModel:
         self._histories = {delay.output: _history_of(delay) for delay in delays}
         self._linear = linear
         self._names = list(sensitivities)
-        self._model = _compiled(base, others, tuple(n for n in sensitivities if n not in own))
+        names = tuple(n for n in sensitivities if n not in own)
+        # a class has a hash, which mypy does not see
+        self._model = _compiled(base, others, names)  # type: ignore[arg-type]
         self._known = {p.name for p in self._model.layout.parameters}
 
     def run(

@@ -69,6 +69,8 @@ def read_loops(
 ) -> Loops:
     """Analyse the loops of y over x, cycle by cycle.
 
+    Two straight lines are fitted, a free one and one through zero.
+
     Parameters
     ----------
     time : array_like, shape (n,)
@@ -82,8 +84,8 @@ def read_loops(
         Seconds from the first sample that are left out, as is an incomplete cycle at the end.
     drift : bool
         True if y may also change steadily with time, as a film does that flows under its load. The
-        rate is estimated with either line, and that of the free one is subtracted from y before
-        area and gap are computed.
+        rate is estimated with each line, and the free line's is subtracted from y before area and
+        gap are computed.
 
     Returns
     -------
@@ -95,18 +97,18 @@ def read_loops(
         If the signals do not fit together or are not finite, there is no whole cycle of at least 4
         samples, or x stands still.
     """
-    clock, across, up = over_time(time, x=x, y=y)
+    clock, x_values, y_values = over_time(time, x=x, y=y)
     t = clock - clock[0] - start
     cycle, count = _cycles(t, period, start)
     inside = (cycle >= 0) & (cycle < count)
-    if np.ptp(across[inside]) == 0.0:
+    if np.ptp(x_values[inside]) == 0.0:
         raise UserError("x does not change: there is no slope over it")
-    points = _Points(across[inside], up[inside], t[inside], cycle[inside])
+    points = _Points(x_values[inside], y_values[inside], t[inside], cycle[inside])
     free = _line(points, through_zero=False, drift=drift)
     forced = _line(points, through_zero=True, drift=drift)
-    steady = up - free.rate * t
+    y_without_drift = y_values - free.rate * t
     of_x, of_y = units
-    loops = [_cycle(t, across, steady, number, period) for number in range(count)]
+    loops = [_cycle(t, x_values, y_without_drift, number, period) for number in range(count)]
     return Loops(
         slope=quantity(*free.slope, count, f"{of_y}/{of_x}"),
         intercept=quantity(*free.intercept, count, of_y),

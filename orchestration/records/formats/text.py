@@ -64,8 +64,8 @@ def decode(path: Path, content: bytes) -> Lines:
     """
     repairs = []
     try:
-        wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-        text = content.decode("utf-16" if wide else "utf-8-sig")
+        is_utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+        text = content.decode("utf-16" if is_utf16 else "utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1" if b"\x00" in content else "cp1252", errors="replace")
         repairs.append(Repair("encoding", "the file is not UTF-8; it was read as Windows-1252"))

@@ -79,21 +79,21 @@ class NiDaqmx(Backend):
         timeout: str = "1",
     ) -> None:
         self._calibration = read_calibration(calibration)
-        self._ins = self._calibration.inputs
-        self._outs = self._calibration.outputs
+        self._command_channels = self._calibration.inputs
+        self._measured_channels = self._calibration.outputs
         self._timeout = seconds("timeout", timeout, 10.0)
         one_of("timing", timing, ("auto", "hardware", "software"))
-        self.inputs = {name: channel.unit for name, channel in self._ins.items()}
-        self.outputs = {name: channel.unit for name, channel in self._outs.items()}
+        self.inputs = {name: channel.unit for name, channel in self._command_channels.items()}
+        self.outputs = {name: channel.unit for name, channel in self._measured_channels.items()}
         self.limits: Mapping[str, Limit] = self._calibration.limits
         self._check(calibration, device)
         self._name = device
         self._tasks: list[nidaqmx.Task] = []
-        self._guard: WatchdogTask | None = None
+        self._watchdog_task: WatchdogTask | None = None
         self._armed = False
         self._reader: AnalogMultiChannelReader | None = None
         self._writer: AnalogMultiChannelWriter | None = None
-        self._samples = np.full(len(self._outs), math.nan)
+        self._samples = np.full(len(self._measured_channels), math.nan)
         try:
             with _errors_in_one_line(f"{device} cannot be opened"):
                 self._device = Device(device)
@@ -107,7 +107,7 @@ class NiDaqmx(Backend):
 
     def _check(self, calibration: str, device: str) -> None:
         """Refuse signals of instruments, and a name that is not that of a device."""
-        for channel in (*self._ins.values(), *self._outs.values()):
+        for channel in (*self._command_channels.values(), *self._measured_channels.values()):
             if channel.command:
                 raise UserError(
                     f"{calibration}: {channel.name} is a signal of an instrument, not of this"
@@ -123,21 +123,23 @@ class NiDaqmx(Backend):
 
     def _open_watchdog(self) -> str:
         """Set up the device's own timer, which takes the outputs to their safe volts."""
-        if not self._ins:
+        if not self._command_channels:
             return "none: there are no outputs to guard"
         after = _LATER * self._calibration.watchdog
         states = [
             AOExpirationState(
                 self._place(channel), channel.volts(channel.safe), WatchdogAOExpirState.VOLTAGE
             )
-            for channel in self._ins.values()
+            for channel in self._command_channels.values()
         ]
         try:
-            self._guard = WatchdogTask(self._name, timeout=after)
-            self._guard.cfg_watchdog_ao_expir_states(states)
-            self._guard.control(TaskMode.TASK_VERIFY)  # what the device cannot do, it says now
+            self._watchdog_task = WatchdogTask(self._name, timeout=after)
+            self._watchdog_task.cfg_watchdog_ao_expir_states(states)
+            self._watchdog_task.control(
+                TaskMode.TASK_VERIFY
+            )  # what the device cannot do, it says now
         except DaqError as error:
-            self._close_guard()
+            self._close_watchdog()
             return (
                 f"none: {self._name} refuses one ({_line(error)}); its outputs stay as they are if"
                 " this computer stops"
@@ -148,20 +150,20 @@ class NiDaqmx(Backend):
         )
 
     def _open_outputs(self) -> None:
-        if not self._ins:
+        if not self._command_channels:
             return
         task = self._task()
-        for channel in self._ins.values():
+        for channel in self._command_channels.values():
             task.ao_channels.add_ao_voltage_chan(
                 self._place(channel), min_val=channel.low, max_val=channel.high
             )
         self._writer = AnalogMultiChannelWriter(task.out_stream, auto_start=True)
 
     def _open_inputs(self, timing: str) -> str:
-        if not self._outs:
+        if not self._measured_channels:
             return "software"
         task = self._task()
-        for channel in self._outs.values():
+        for channel in self._measured_channels.values():
             task.ai_channels.add_ai_voltage_chan(
                 self._place(channel),
                 terminal_config=_TERMINALS[channel.terminal],
@@ -209,7 +211,7 @@ class NiDaqmx(Backend):
         return {
             name: channel.measured(volts)
             for (name, channel), volts in zip(
-                self._outs.items(), self._samples.tolist(), strict=True
+                self._measured_channels.items(), self._samples.tolist(), strict=True
             )
         }
 
@@ -223,20 +225,20 @@ class NiDaqmx(Backend):
             changes nothing, or the driver reports an error.
         """
         checked = commands(values, self.inputs)
-        volts = [channel.volts(checked[name]) for name, channel in self._ins.items()]
+        volts = [channel.volts(checked[name]) for name, channel in self._command_channels.items()]
         if self._writer is None:
-            if self._ins:
+            if self._command_channels:
                 raise UserError(
                     f"{self._name} cannot be written: it is closed, or was reset to reach a safe"
                     " state"
                 )
             return
         with _errors_in_one_line(f"{self._name} cannot be written"):
-            if self._guard is not None:
+            if self._watchdog_task is not None:
                 if self._armed:
-                    self._guard.reset_timer()
+                    self._watchdog_task.reset_timer()
                 else:
-                    self._guard.start()
+                    self._watchdog_task.start()
                     self._armed = True
             self._writer.write_one_sample(np.array(volts), self._timeout)
 
@@ -250,10 +252,12 @@ class NiDaqmx(Backend):
         """
         if self._writer is None:
             return
-        volts = np.array([channel.volts(channel.safe) for channel in self._ins.values()])
+        volts = np.array(
+            [channel.volts(channel.safe) for channel in self._command_channels.values()]
+        )
         try:
             with suppress(Error):
-                self._disarm()
+                self._disarm_watchdog()  # for an expired one refuses values
             self._writer.write_one_sample(volts, self._timeout)
         except Error as error:
             self.close()
@@ -263,14 +267,14 @@ class NiDaqmx(Backend):
                 f"{self._name} was reset, because it did not take safe values: {_line(error)}"
             ) from error
 
-    def _disarm(self) -> None:
-        """Stop the device's timer, for an expired one refuses values."""
-        if self._guard is None or not self._armed:
+    def _disarm_watchdog(self) -> None:
+        """Stop the device's own timer."""
+        if self._watchdog_task is None or not self._armed:
             return
         self._armed = False
-        if self._guard.expired:
-            self._guard.clear_expiration()
-        self._guard.stop()
+        if self._watchdog_task.expired:
+            self._watchdog_task.clear_expiration()
+        self._watchdog_task.stop()
 
     def close(self) -> None:
         """Release the device; its outputs stay as they are."""
@@ -281,19 +285,19 @@ class NiDaqmx(Backend):
         for task in tasks:
             with suppress(Error):
                 task.close()
-        self._close_guard()
+        self._close_watchdog()
 
-    def _close_guard(self) -> None:
-        guard = self._guard
-        self._guard = None
-        if guard is None:
+    def _close_watchdog(self) -> None:
+        watchdog = self._watchdog_task
+        self._watchdog_task = None
+        if watchdog is None:
             return
         if self._armed:  # a task that is cleared while it runs may expire
             with suppress(Error):
-                guard.stop()
+                watchdog.stop()
         self._armed = False
         with suppress(Error):
-            guard.close()
+            watchdog.close()
 
 
 @contextmanager

@@ -102,7 +102,7 @@ class Device:
         self._ending = False
         self._opened = False
         self._safe = False
-        self._tripped: int | None = None  # acknowledgements so far when the rig went safe by itself
+        self._acknowledgements_at_trip: int | None = None  # None while it has not tripped
         self._applied: tuple[float, ...] = ()
         self._number = 0
         self._looked = 0.0
@@ -163,7 +163,8 @@ class Device:
             command = self._command()
             now = monotonic()
             until = self._deadlines.next
-            running = command.order == RUN and self._tripped != command.acknowledged
+            tripped = self._acknowledgements_at_trip == command.acknowledged
+            running = command.order == RUN and not tripped
             if running:
                 until = min(until, command.accepted + self._settings.watchdog)
             if command.order == END or now >= until or not (running or self._safe):
@@ -188,9 +189,10 @@ class Device:
 
     def _tick(self, command: Command) -> None:
         """Command, measure and publish."""
-        if self._tripped != command.acknowledged:
-            self._tripped = None
-        if command.order != RUN or self._tripped is not None:
+        # a trip lasts until the next acknowledgement
+        if self._acknowledgements_at_trip != command.acknowledged:
+            self._acknowledgements_at_trip = None
+        if command.order != RUN or self._acknowledgements_at_trip is not None:
             self._rest()
         elif expired(command.accepted, monotonic(), self._settings.watchdog):
             self._trip(command.acknowledged, f"no fresh command for {self._settings.watchdog:g} s")
@@ -200,7 +202,7 @@ class Device:
         self._beat("read()", now)
         measured = measure(self._backend, self._signals)
         reason = self._monitor.check(measured, now)
-        if reason and self._tripped is None:
+        if reason and self._acknowledgements_at_trip is None:
             self._trip(command.acknowledged, reason)
         self._publish(measured, now)
 
@@ -219,7 +221,7 @@ class Device:
 
     def _trip(self, acknowledged: int, reason: str) -> None:
         """Go safe by itself, and stay safe until the next acknowledgement."""
-        self._tripped = acknowledged
+        self._acknowledgements_at_trip = acknowledged
         try:
             self._rest()
         except BackendError as error:

@@ -12,22 +12,23 @@ from fmus.kit import UserError
 MOST = 6  # panels of a picture
 
 
-def require_design(data: xarray.Dataset, kind: str) -> None:
+def require_design(data: xarray.Dataset, needed: str) -> None:
     """Refuse a dataset that is not of a sweep of a design, or has no dimension ``case`` any more.
 
     Raises
     ------
     UserError
     """
-    design = data.attrs.get("design", "no sweep")
-    if design != kind:
+    given = data.attrs.get("design", "no sweep")
+    if given != needed:
         raise UserError(
-            f"this is of a sweep of the design {kind}, not {design}: sweep(..., kind={kind!r})"
+            f"this needs a sweep of the design {needed}, and the dataset is of {given}:"
+            f" sweep(..., kind={needed!r})"
         )
     if "case" not in data.dims:
         raise UserError(
-            f"this sweep of the design {kind} has no dimension case, along which its cases are:"
-            f" pass it on as sweep(..., kind={kind!r}) returned it"
+            f"this sweep of the design {needed} has no dimension case, along which its cases are:"
+            f" pass it on as sweep(..., kind={needed!r}) returned it"
         )
 
 

@@ -55,7 +55,7 @@ class PolynomialModel(LinearModel):
 
     def _free(self, samples: int) -> Array:
         denominators = [self._denominator(i) for i in range(len(self.b))]
-        return _impulse_responses(samples, denominators, np.ones(1))
+        return _free_responses(samples, denominators, np.ones(1))
 
     def static_output(self, deviations: Array) -> float:
         """Return the deviation of the output at rest under deviations of the inputs (m,)."""
@@ -86,7 +86,7 @@ class PolynomialModel(LinearModel):
         )
         e = problem.errors(problem.vector(parts))
         denominators = [np.convolve(self.c, f) for f in self.f if len(f) > 1]
-        free = _impulse_responses(len(e), denominators, self.d)
+        free = _free_responses(len(e), denominators, self.d)
         return e - free @ np.linalg.lstsq(free, e, rcond=None)[0]
 
     def noise_response(self, samples: int) -> Array:
@@ -138,8 +138,11 @@ class PolynomialModel(LinearModel):
         )
 
 
-def _impulse_responses(samples: int, denominators: list[Array], numerator: Array) -> Array:
-    """Return the responses to an impulse at each of the first samples, through each denominator.
+def _free_responses(samples: int, denominators: list[Array], numerator: Array) -> Array:
+    """Return a basis of the free responses, through each denominator.
+
+    These are as many impulse responses, each a sample later than the last, as the denominator has
+    states; together they span the response to any initial state.
 
     Parameters
     ----------
