@@ -88,7 +88,8 @@ def test_with_keys_a_known_client_is_let_in_and_others_are_counted(client, tmp_p
         assert received(sockets)[1] == b"ours"
         assert sockets.turned_away() == 0
         for keys in (None, wrong):
-            with contextlib.suppress(zmq.Again):  # a client that is turned away cannot send any more
+            # a client that is turned away cannot send any more
+            with contextlib.suppress(zmq.Again):
                 client(sockets.endpoint, keys).send(b"theirs", zmq.NOBLOCK)
             until = time.monotonic() + PATIENCE / 1000
             while not sockets.turned_away():
