@@ -12,9 +12,8 @@ from pathlib import Path
 import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,13 @@ from math import isnan
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.master.reference.coupling_error import CouplingError, coupling_error
 from orchestration.system import library
 
 from .tables import Cell, Table, Topic
 
-Array = NDArray[np.float64]
 _PERIOD = 1.0 / 30.0  # s, of the bench's controller
 
 # Steps, duration, inputs and what to look at: taut and away from limits throughout, and the

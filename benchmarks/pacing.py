@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus import component
+from fmus.kit.arrays import Array
 from orchestration import master
 from orchestration.system.model import Member, Port, System
 
@@ -17,8 +17,6 @@ RATES = (30, 100, 1000)  # Hz
 MASTER = "the master, one actuator"
 BARE = "a bare loop of sleeps"
 _SHARES = (50.0, 99.0)  # percentiles
-
-Array = NDArray[np.float64]
 
 
 def measure(quick: bool = False) -> Topic:

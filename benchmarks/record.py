@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus import component
+from fmus.kit.arrays import Array
 from fmus.kit.record.compiled import CompiledModel, Trajectory
 from fmus.kit.symbolic import Graph, trace
 from orchestration.experiment import waveforms
@@ -19,7 +19,6 @@ from . import c_code
 from .tables import Cell, Table, Topic
 from .timing import Times, take_turns
 
-Array = NDArray[np.float64]
 PARAMETERS = ("R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2")
 OUTPUTS = ("voltage", "electrochemical_displacement", "mechanical_displacement", "displacement")
 STATES = ("charge", "kelvin_elongation", "maxwell_elongation")

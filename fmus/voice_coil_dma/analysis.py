@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmus.kit.arrays import Array
+
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
 SAMPLE_PERIOD = 1.0 / 30.0
 A1_ACTUATOR = {"k1": 3860.0, "k2": 300.0, "b2": 2300.0}
@@ -191,9 +193,7 @@ def margins(system: Any) -> Margins:
     )
 
 
-def bode(
-    system: Any, frequencies: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bode(system: Any, frequencies: Array) -> tuple[Array, Array]:
     """Bode data of fig. 2-5.
 
     Parameters
@@ -214,14 +214,14 @@ def bode(
 
 
 def closed_loop_step(
-    time: NDArray[np.float64],
+    time: Array,
     gain: float = 18.0,
     zero_time: float = 0.02,
     *,
     period: float | None = SAMPLE_PERIOD,
     cutoff: float | None = 100.0,
     **about_plant: Any,
-) -> NDArray[np.float64]:
+) -> Array:
     """Force after a step of 1 N of the reference (fig. 2-6), the filter being in the feedback path
     as in A1.
 
@@ -244,9 +244,7 @@ def closed_loop_step(
     return np.asarray(control.step_response(control.feedback(forward, back), time).outputs)
 
 
-def rise_time(
-    time: NDArray[np.float64], response: NDArray[np.float64], final: float = 1.0
-) -> float:
+def rise_time(time: Array, response: Array, final: float = 1.0) -> float:
     """Time in s at which a response first reaches 63.2 % of its final value, interpolated; NaN if
     it does not.
     """

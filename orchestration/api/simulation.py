@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from rich.table import Table
 
 from fmus.kit import Component, UserError, suggestion
+from fmus.kit.arrays import Array
 from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.options import SimulateKeywords
@@ -24,7 +25,6 @@ from orchestration.reporting import plain_text, preformatted
 if TYPE_CHECKING:
     import pandas
 
-Array = NDArray[np.float64]
 Inputs = Mapping[str, ArrayLike | Callable[[Array], ArrayLike]]
 
 

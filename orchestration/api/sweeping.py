@@ -6,10 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fmus.kit import Component, UserError, suggestion
+from fmus.kit.arrays import Array
 from orchestration.api.declaration import takes
 from orchestration.api.options import NoteOption, SweepFileKeywords, SweepKeywords
 from orchestration.api.simulation import Inputs, as_model, inputs_over, points_of, values_of
@@ -32,8 +30,6 @@ from orchestration.sweeps.sensitivity import SOBOL_INDICES, TORNADO
 
 if TYPE_CHECKING:
     import xarray
-
-Array = NDArray[np.float64]
 
 
 @takes(SweepKeywords)

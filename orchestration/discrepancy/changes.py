@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
@@ -45,7 +44,6 @@ from orchestration.identify.uncertainty import (
 )
 from orchestration.records import base_name
 
-Array = NDArray[np.float64]
 BEFORE, AFTER = "before", "after"
 # Of what releasing all parameters gains, in squared error, below which releasing one more explains
 # nothing: no model is quite right, and what is wrong with it bends every parameter a little.

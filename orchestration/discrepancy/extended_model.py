@@ -8,9 +8,9 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, Effect, ParameterDeclaration, UserError, files, stack, summary
+from fmus.kit.arrays import Array
 from fmus.kit.build import build, build_cached
 from fmus.kit.record import with_knots
 from fmus.kit.units import format_value
@@ -22,8 +22,6 @@ from orchestration.fmu import Fmu, simulate_instance
 from orchestration.identify.noise import WHITENESS_SAMPLES, Noise, Whiteness, whiteness
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import join_records
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

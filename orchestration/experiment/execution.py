@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.experiment.live import Follower, Live, link_outputs
 from orchestration.experiment.model import Experiment
@@ -21,8 +21,6 @@ from orchestration.master.reference import imbalance
 
 if TYPE_CHECKING:
     import xarray
-
-Array = NDArray[np.float64]
 
 
 class UnfinishedExperiment(UserError):

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from fmus.kit.units import format_range, format_value
 from orchestration.experiment.model import Experiment, Master, NoiseTable
 from orchestration.experiment.stimulus import Place
@@ -18,7 +18,6 @@ from orchestration.experiment.subjects import Subject, known
 from orchestration.fmu import Signal, Value, check_type, is_text, read_setting
 from orchestration.fmu import simulation as simulate
 
-Array = NDArray[np.float64]
 _NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
 _IMBALANCE = "Energy that the coupling made since the start, an error of co-simulation"
 

@@ -6,18 +6,16 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import xarray
-from numpy.typing import NDArray
 
 from fmus.kit import units
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.reporting import Page, pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 _MOST_PANELS = 16  # more in one picture are not looked at
 
 

@@ -17,17 +17,16 @@ from typing import Any
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 from pydantic import BaseModel, Json
 
 from fmus.kit import UserError, files
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Experiment, checked, parse
 from orchestration.fmu import Signal
 from orchestration.master import Pacing
 from orchestration.records import write_record
 
-Array = NDArray[np.float64]
 FORMATS = (".nc", ".csv", ".parquet")
 _ABOUT = b"ppy_rig"  # key of the metadata in a Parquet file
 

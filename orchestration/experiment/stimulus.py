@@ -6,17 +6,16 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
 from fmus.foot import gait
 from fmus.kit import UserError, units
+from fmus.kit.arrays import Array
 from orchestration.experiment import waveforms
 from orchestration.experiment.values import Amount, File, Hertz, Quantity, Seconds, Span, ValueTable
 from orchestration.fmu import held
 from orchestration.records import read_record
 
-Array = NDArray[np.float64]
 _ZERO = Quantity(0.0)
 _ROUNDING = 1e-9  # a period of two steps, as numbers with a unit give it, may miss them by that
 Seed = Annotated[int, Field(ge=0, strict=True)]

@@ -9,10 +9,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration import master
@@ -24,7 +22,6 @@ from orchestration.system import Member, Port, System, library, ssp
 from orchestration.system import checking as check
 from orchestration.system.ssp import ENDINGS
 
-Array = NDArray[np.float64]
 Progress = Callable[[int], None]
 
 

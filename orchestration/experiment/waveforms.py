@@ -8,11 +8,11 @@ value at t.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 
-Array = NDArray[np.float64]
 Seed = int | Sequence[int]
 
 # A sample that rounding puts just before a switch belongs after it; this is the fraction of a

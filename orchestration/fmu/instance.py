@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, Self
 
 import fmpy.fmi2 as fmi2
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.fmu import exit_notice
 from orchestration.fmu.archive import first_line, read_description, unpack
@@ -25,7 +25,6 @@ from orchestration.fmu.isolation import activity, noting
 from orchestration.fmu.message_log import MessageLog
 from orchestration.fmu.signal import Value, check_type, is_text, type_of
 
-Array = NDArray[np.float64]
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 

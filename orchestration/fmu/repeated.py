@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 from fmpy.fmi2 import fmi2Warning
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import PreparedRun, Pulse, library
 from orchestration.fmu.signal import Value
 from orchestration.fmu.simulation import check_inputs, simulate_instance
 from orchestration.fmu.stepping import StepFailed, plan_course
-
-Array = NDArray[np.float64]
 
 
 class RepeatedFmu:

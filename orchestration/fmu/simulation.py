@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, units
+from fmus.kit.arrays import Array
 from orchestration.fmu import stepping
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
@@ -17,7 +17,6 @@ from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value
 from orchestration.records import Record
 
-Array = NDArray[np.float64]
 _MOST_STEPS = 1e7
 
 

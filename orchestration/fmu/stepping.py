@@ -10,13 +10,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.isolation import tracked_run
-
-Array = NDArray[np.float64]
 
 
 class StepPart(NamedTuple):

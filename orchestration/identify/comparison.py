@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from orchestration.fmu import Model, Value, numeric, simulate
 from orchestration.fmu.isolation import limits_of
 from orchestration.identify import presentation
@@ -23,8 +23,6 @@ from orchestration.reporting import plain_text, preformatted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.units import Described, format_range, format_value
 from orchestration.identify import presentation
 from orchestration.identify.fitting import (
@@ -47,7 +47,6 @@ from orchestration.reporting import plain_text, preformatted
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 # The parameters have no prior, and their values are the result: search on to where rounding begins.
 _METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
 # standard error of a logarithm whose parameter is hardly determined

@@ -1,9 +1,7 @@
 """Measures of the distance between a simulation and a measurement: RMS, NRMSE, fit percent."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 
 def rms(residual: ArrayLike) -> float:

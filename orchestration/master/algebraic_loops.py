@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 
-Array = NDArray[np.float64]
 TOLERANCE = 1e-10  # of nominal value plus magnitude before
 _ROUNDING = 1e-13  # of the magnitude
 _MOST_EVALUATIONS = 200

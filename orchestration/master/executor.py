@@ -8,9 +8,9 @@ from time import perf_counter
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.fmu.signal import type_of
 from orchestration.master.algebraic_loops import FixedPoint
 from orchestration.master.buffers import Buffer, bind, list_transfers
@@ -34,8 +34,6 @@ from orchestration.master.schedule import (
     StepHistory,
 )
 from orchestration.system import Connection, Port
-
-Array = NDArray[np.float64]
 
 
 class Executor:

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.fmu.isolation import Ended, Limits, Process, SharedProgress, shared_progress
 from orchestration.master.result import Run, Statistics, Stopped
 from orchestration.system import System
 
-Array = NDArray[np.float64]
 _ROW_FILE = "run"
 
 

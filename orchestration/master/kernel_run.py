@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.fmu.isolation import allocate_rows
 from orchestration.fmu.kernel import (
     SET_WHOLE,
@@ -23,8 +23,6 @@ from orchestration.master.buffers import Buffer, BufferTransfer
 from orchestration.master.executor import Executor
 from orchestration.master.instances import Instance
 from orchestration.master.schedule import ExchangeStage, MemberCall, PlainStep
-
-Array = NDArray[np.float64]
 
 
 class KernelRun:

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.master.pacing import Pacing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

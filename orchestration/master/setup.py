@@ -8,9 +8,9 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.fmu import Fmu, unpack
 from orchestration.fmu.signal import type_of
@@ -19,9 +19,6 @@ from orchestration.master.executor import Executor
 from orchestration.master.instances import Instance
 from orchestration.master.schedule import MasterSettings
 from orchestration.system import Port, System
-
-Array = NDArray[np.float64]
-
 
 # --- members
 

@@ -10,9 +10,9 @@ from time import perf_counter
 from typing import TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.fmu.isolation import Limits, describe_rows
 from orchestration.fmu.kernel import load_stepper
 from orchestration.fmu.signal import read_signal
@@ -38,7 +38,6 @@ from orchestration.master.setup import (
 from orchestration.master.step_control import StepDoubling
 from orchestration.system import Port, System, check
 
-Array = NDArray[np.float64]
 METHODS = ("gauss-seidel", "jacobi")
 
 

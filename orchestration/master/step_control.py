@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.master.executor import Executor
 from orchestration.master.instances import SavedState
 from orchestration.master.interrupt import Interrupt
 
-Array = NDArray[np.float64]
 _SHORTEST = 1e-12  # relative to the time, or to a second
 _LARGEST_GROWTH = 5.0  # of the step size from step to step
 _LARGEST_REDUCTION = 0.2

@@ -3,8 +3,8 @@
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.records.clock import Samples
 from orchestration.records.record import Repair, list_rows, refuse
 
@@ -83,9 +83,7 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
         raise refuse(samples.path, "no column of a signal has any value")
 
 
-def _fill_input(
-    samples: Samples, name: str, values: NDArray[np.float64], missing: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def _fill_input(samples: Samples, name: str, values: Array, missing: Mask) -> Array:
     """Interpolate the short holes of an input linearly in time."""
     for first, end in true_runs(missing):
         rows = samples.rows[first:end]
@@ -114,7 +112,7 @@ def _fill_input(
     return filled
 
 
-def true_runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def true_runs(mask: Mask) -> list[tuple[int, int]]:
     """Find the runs of True.
 
     Parameters
@@ -160,9 +158,7 @@ def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[
         _notice_clipped(samples, name, values, levels, unit)
 
 
-def _notice_quantised(
-    samples: Samples, name: str, levels: NDArray[np.float64], count: int, unit: str
-) -> None:
+def _notice_quantised(samples: Samples, name: str, levels: Array, count: int, unit: str) -> None:
     """Note a channel that takes few distinct values, and its least step."""
     if count < _QUANTISED_MINIMUM_SAMPLES or levels.size * _QUANTISED_SAMPLES_PER_LEVEL > count:
         return
@@ -181,9 +177,7 @@ def _notice_quantised(
     samples.repairs.append(Repair("quantised", message))
 
 
-def _notice_clipped(
-    samples: Samples, name: str, values: NDArray[np.float64], levels: NDArray[np.float64], unit: str
-) -> None:
+def _notice_clipped(samples: Samples, name: str, values: Array, levels: Array, unit: str) -> None:
     """Note a channel that rests at exactly its greatest or least value."""
     for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
         at_level = values == level
@@ -201,7 +195,7 @@ def _notice_clipped(
             )
 
 
-def input_steps(inputs: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.bool_]:
+def input_steps(inputs: Mapping[str, Array], count: int) -> Mask:
     """Find where any input steps: by 1 % of its range, and far more than it usually changes.
 
     Parameters
@@ -218,7 +212,7 @@ def input_steps(inputs: Mapping[str, NDArray[np.float64]], count: int) -> NDArra
     return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
 
 
-def _steps(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _steps(values: Array) -> Mask:
     change = np.abs(np.diff(values, prepend=values[:1]))
     least = max(_STEP_SHARE * float(np.ptp(values)), _STEP_RATIO * float(np.median(change)))
     return np.asarray(change > least)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.records.record import Repair, list_rows, refuse
 
 LATE_RUN_ROWS = 5
@@ -39,12 +40,12 @@ class Samples:
     """
 
     path: Path
-    time: NDArray[np.float64]
-    values: dict[str, NDArray[np.float64]]
+    time: Array
+    values: dict[str, Array]
     rows: NDArray[np.int64]
     repairs: list[Repair]
 
-    def keep(self, selection: NDArray[np.bool_] | NDArray[np.int64]) -> None:
+    def keep(self, selection: Mask | NDArray[np.int64]) -> None:
         """Keep (and order) the chosen samples.
 
         Parameters
@@ -145,14 +146,14 @@ def _sort_late_rows(samples: Samples) -> None:
     samples.keep(np.argsort(time, kind="stable"))
 
 
-def _restarts(time: NDArray[np.float64], row: int) -> bool:
+def _restarts(time: Array, row: int) -> bool:
     """Tell whether a row that comes late is back where the clock began."""
     return row >= RESTART_AFTER_ROWS and bool(
         time[row] - time[0] <= 0.05 * (time[:row].max() - time[0])
     )
 
 
-def restarts(time: NDArray[np.float64]) -> list[int]:
+def restarts(time: Array) -> list[int]:
     """Find where a clock restarts.
 
     Parameters
@@ -177,7 +178,7 @@ def restarts(time: NDArray[np.float64]) -> list[int]:
     return found
 
 
-def _fills_a_hole(time: NDArray[np.float64], first: int, end: int) -> bool:
+def _fills_a_hole(time: Array, first: int, end: int) -> bool:
     """Tell whether late rows fit, in order, between two neighbouring earlier samples."""
     run = time[first:end]
     inside = (time[:first] >= run.min()) & (time[:first] <= run.max())
@@ -221,7 +222,7 @@ def _average_duplicates(samples: Samples) -> None:
     samples.repairs.append(Repair("duplicates", message, tuple(repeated)))
 
 
-def evenly_sampled(time: NDArray[np.float64]) -> bool:
+def evenly_sampled(time: Array) -> bool:
     """Return whether steps of a record are equal enough for an autoregression over samples.
 
     That bears a clock that jitters, but none that changes its rate. A pole p of noise becomes p^r
@@ -247,7 +248,7 @@ def evenly_sampled(time: NDArray[np.float64]) -> bool:
     return bool(0.5 * fastest <= slowest and np.std(inner) <= JITTER * np.mean(inner))
 
 
-def gaps(time: NDArray[np.float64]) -> NDArray[np.intp]:
+def gaps(time: Array) -> Indices:
     """Find samples after which a clock leaves a gap.
 
     A step is a gap if it exceeds ten times the median step of the record and of its surroundings,

@@ -12,11 +12,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.records.clock import evenly_sampled
 
-Array = NDArray[np.float64]
 _MARK = "@"
 _ALIKE = 0.1  # relative difference of their steps, up to which runs are sampled alike
 

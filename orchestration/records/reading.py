@@ -4,9 +4,9 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, units
+from fmus.kit.arrays import Array
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
 from orchestration.records.formats import read_table
@@ -153,8 +153,8 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
 
 
 def _convert(
-    path: Path, column: str, values: NDArray[np.float64], unit: str, expected: str, signal: str
-) -> NDArray[np.float64]:
+    path: Path, column: str, values: Array, unit: str, expected: str, signal: str
+) -> Array:
     """Convert a column's values from the file's unit to the model's.
 
     Parameters

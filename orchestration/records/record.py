@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
@@ -78,8 +76,8 @@ class Record:
         Of the run that it is, where the file holds several.
     """
 
-    time: NDArray[np.float64]
-    signals: dict[str, NDArray[np.float64]]
+    time: Array
+    signals: dict[str, Array]
     units: dict[str, str]
     source: Path
     repairs: list[Repair] = field(default_factory=list)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Mask
 from orchestration.records.clock import Samples, restarts
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Table, parse_cell
@@ -91,7 +91,7 @@ def divided_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
     return _parts(samples, {str(k): number == k for k in range(1, len(rows) + 2)})
 
 
-def _parts(samples: Samples, members: Mapping[str, NDArray[np.bool_]]) -> list[tuple[str, Samples]]:
+def _parts(samples: Samples, members: Mapping[str, Mask]) -> list[tuple[str, Samples]]:
     """Split into runs by label; repairs of the whole file are reported with the first."""
     parts: list[tuple[str, Samples]] = []
     for label, mask in members.items():

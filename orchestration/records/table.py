@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.records.record import Repair, refuse
 
 MISSING_CELLS = frozenset(
@@ -51,7 +52,7 @@ class Column:
 
     name: str
     unit: str | None
-    cells: Sequence[str] | NDArray[np.float64]
+    cells: Sequence[str] | Array
 
 
 @dataclass
@@ -134,7 +135,7 @@ def parse_cell(cell: str) -> float | None:
     return float(text) if _NUMBER.fullmatch(text) else None
 
 
-def numbers(table: Table, column: Column) -> NDArray[np.float64]:
+def numbers(table: Table, column: Column) -> Array:
     """Give a column's values as numbers.
 
     Parameters

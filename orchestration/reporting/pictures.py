@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, files
+from fmus.kit.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +66,7 @@ def label(axis: Axes, name: str, unit: str) -> None:
     axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
 
 
-def logarithmic(axes: list[Axes], time: NDArray[np.float64]) -> None:
+def logarithmic(axes: list[Axes], time: Array) -> None:
     """Make the time axis logarithmic for records sampled that way, such as creep tests."""
     steps = np.diff(time)
     if len(steps) and steps.max() > 1000.0 * steps.min():

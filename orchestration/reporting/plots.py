@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.reporting.page import escaped
 
-Array = NDArray[np.float64]
 _GAP = 10.0  # times the steps on either side, from which on a line is broken
 # points of a trace; of more, the smallest and the largest of each of half as many bins are drawn
 MOST = 8000

@@ -15,16 +15,13 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.sweeps.chunking import QUEUED, Chunks
 from orchestration.sweeps.local_workers import RowsAndOutcomes
 from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed
 
-Array = NDArray[np.float64]
 _PATIENCE = 30.0  # s without a result, after which the cluster must still have workers
 
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array, Mask
 from orchestration.fmu import Model, Value, read_description
 
-Array = NDArray[np.float64]
 ENGINES = ("auto", "fmu", "compiled")
 # Internal steps of a case, beyond which its FMU runs it: a few tenths of a second, in which no
 # Ctrl-C is heard. Nothing is lost, for there it is the equations that take the time.
@@ -142,7 +141,7 @@ class CompiledCases:
         settings: Mapping[str, Value],
         over: Mapping[str, Array],
         outputs: Sequence[str],
-    ) -> tuple[Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Mask]:
         """Run cases from the start.
 
         Parameters
@@ -180,7 +179,7 @@ class CompiledCases:
 
     def _parameters(
         self, count: int, settings: Mapping[str, Value], over: Mapping[str, Array]
-    ) -> tuple[Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Mask]:
         """Return values of parameters (k, p), and whether the FMU would accept them (k,)."""
         values = np.tile(self._starts, (count, 1))
         is_valid = np.ones(count, bool)
@@ -199,7 +198,7 @@ class CompiledCases:
         inputs: Mapping[str, Array],
         settings: Mapping[str, Value],
         over: Mapping[str, Array],
-    ) -> tuple[Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Mask]:
         """Return inputs (k, n, u), and whether the FMU would accept them (k,).
 
         Inputs without a trace are held. With the same inputs in all cases k is 1.

@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.sweeps.ranges import Range
 from orchestration.sweeps.sensitivity import indices
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
 from orchestration.sweeps.sensitivity import prediction_bands as bands
 
-Array = NDArray[np.float64]
 GIVEN = ("grid", "list", bands.BANDS)  # of values that are given
 SAMPLED = ("latin-hypercube", "sobol", indices.SOBOL_INDICES)  # of values that are chosen
 DESIGNS = (*GIVEN, *SAMPLED, tornado.TORNADO)

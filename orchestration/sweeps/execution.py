@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.fmu import Model, Signal, read_description
 from orchestration.sweeps.cluster import run_on_cluster
@@ -21,7 +21,6 @@ from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.storage import SweepJournal, check, locked_folder
 from orchestration.sweeps.task import Outcomes, Task
 
-Array = NDArray[np.float64]
 _Variable = tuple[Sequence[str], Any, dict[str, str]]  # dimensions, values, attributes
 MOST_WORKERS = 1000
 _MOST_IN_MEMORY = 4e9  # bytes of traces

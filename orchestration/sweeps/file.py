@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.files import is_file
 from orchestration.experiment import (
     Experiment,
@@ -30,7 +29,6 @@ from orchestration.sweeps.reductions import KEPT, TRACE
 from orchestration.sweeps.sensitivity import BANDS as DRAWS
 from orchestration.sweeps.sensitivity import TORNADO
 
-Array = NDArray[np.float64]
 ENDINGS = (".toml",)
 
 

@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.units import format_range
 from orchestration.experiment import checked
 from orchestration.fmu import Model, Value, show
 from orchestration.identify.uncertainty import Distribution, Estimate, joint_distribution
 from orchestration.sweeps.designs import MOST
-
-Array = NDArray[np.float64]
 
 
 class _Figures(BaseModel):

@@ -10,14 +10,11 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from math import inf
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fmus.kit.arrays import Array
 from orchestration.fmu.isolation import Ended, Limits, Pool
 from orchestration.sweeps.chunking import QUEUED, Chunks
 from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed
 
-Array = NDArray[np.float64]
 RowsAndOutcomes = tuple[list[int], Outcomes]
 Submit = Callable[[Array], "Future[Outcomes]"]
 

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from orchestration.fmu import Model, Signal, read_setting
 
-Array = NDArray[np.float64]
 MOST = 10_000_000  # values of one parameter
 _RANGE = re.compile(r"(?P<low>.+?)\.\.(?P<high>[^:]+?)(:(?P<count>[^:]*?))?(?P<log>\s+log)?$")
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 
-Array = NDArray[np.float64]
 REDUCTIONS: dict[str, Callable[[Array], Array]] = {
     "last": lambda y: y[:, -1],
     "smallest": lambda y: y.min(axis=1),

@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.fmu import RepeatedFmu, Value
 from orchestration.fmu.isolation import Limits
 from orchestration.sweeps.compiled import CompiledCases, Equations
 from orchestration.sweeps.reductions import TRACE, reduce_traces
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
+
 RUN_IN = 200  # samples of an autoregression before those that count
 OUTLIERS = 0.01  # share of samples
 RESERVE = 2.5  # range of a converter over what is measured with it

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array, Mask
+
 Outputs = Mapping[str, Array]
 STARTS = 5
 SCATTER = 0.7  # standard deviation of the logarithm, of starts beside nominal
@@ -28,7 +28,7 @@ def noise_scale(y: Array) -> float:
 
 
 def pooled_error(
-    measured: Outputs, simulated: Outputs, used: Mapping[str, NDArray[np.bool_]] | None = None
+    measured: Outputs, simulated: Outputs, used: Mapping[str, Mask] | None = None
 ) -> float:
     """Return the root mean square of all errors over the noise of their outputs."""
     parts = [
@@ -43,7 +43,7 @@ def least_squares_fit(
     measured: Outputs,
     nominal: Mapping[str, float],
     *,
-    used: Mapping[str, NDArray[np.bool_]] | None = None,
+    used: Mapping[str, Mask] | None = None,
     starts: int = STARTS,
     sizes: Mapping[str, float] | None = None,
     evaluations: int = 40,

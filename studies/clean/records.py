@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Mask
 from studies.clean.disturbances import INPUT_NOISE, JITTER, ON_OUTPUTS, jittered
 from studies.clean.stimuli import SMOOTH, STIMULI, Shape
 from studies.plants import DRAWN, FINEST, PLANTS, Loop, Plant, closed_loop, simulate
 
-Array = NDArray[np.float64]
 CLOSED = "closed loop"
 KINDS = tuple(ON_OUTPUTS)
 BETWEEN = 10  # points between samples where an input is smooth
@@ -59,7 +58,7 @@ class CleanRecord:
     outputs: dict[str, Array]
     truth: dict[str, float]
     deviation: dict[str, float]
-    regular: dict[str, NDArray[np.bool_]]
+    regular: dict[str, Mask]
     clean: dict[str, Array] = field(repr=False)
 
     @property

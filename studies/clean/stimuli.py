@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
+
 Shape = Callable[[Array], Array]
 SMOOTH = ("chirp", "multisine", "triangle")  # what a generator may make without holding samples
 

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus import COMPONENTS, component
 from fmus.kit import files
@@ -25,7 +24,6 @@ from studies.demo import report as demo_report
 from studies.demo.report import ThesisRun
 from studies.emulator import EmulatedRig, Physics, RigParameters, SaturatingStrain
 
-Array = NDArray[np.float64]
 _MODEL = "ppy_actuator"
 _STEP = 0.1
 _FITTED = ["R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2"]

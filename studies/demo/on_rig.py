@@ -11,10 +11,10 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus import component
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.api import DiagnosisResult, diagnose
 from orchestration.experiment import multilevel
 from orchestration.fmu import find_model
@@ -25,7 +25,6 @@ from orchestration.system import Member, Port, System
 from studies.demo import rig_page as demonstration_page
 from studies.emulator import Emulator
 
-Array = NDArray[np.float64]
 MODEL = "ppy_actuator"
 OUTPUTS = ("voltage", "displacement")
 _RATE = 30.0  # Hz, of the thesis's rig

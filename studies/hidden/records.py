@@ -8,13 +8,12 @@ from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from studies.clean import KINDS, Case, CleanRecord, conditions, draw, least_squares_fit, timing_of
 from studies.hidden.variations import OUTSIDE, STRENGTHS, USUAL, VARIATIONS, Variation
 from studies.plants import FINEST, PLANTS, Plant
 
-Array = NDArray[np.float64]
 COARSE = 0.05  # s, steps of the judge's simulations of what is not linear
 STARTS = 2  # of the refit of the base: where the truth is, and beside it
 SLIGHT = 1e-4  # of a parameter, by which what it can do is found to first order

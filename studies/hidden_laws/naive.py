@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array, Mask
+
 KNOTS = 9
 _STILL = 1e-9  # of its size, below which a signal does not move
 
@@ -19,7 +19,7 @@ _STILL = 1e-9  # of its size, below which a signal does not move
 def least_bic(
     residuals: Mapping[str, Array],
     signals: Mapping[str, Array],
-    used: Mapping[str, NDArray[np.bool_]] | None = None,
+    used: Mapping[str, Mask] | None = None,
 ) -> list[str]:
     """Return signals ordered by the BIC of their splines through the residuals of all outputs.
 

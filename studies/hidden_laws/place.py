@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from studies.plants import Change
 
-Array = NDArray[np.float64]
 SAME = 1.0 - 1e-4  # correlation, above which two signals run in proportion
 COUNTED = ("", "integrated", "throughput")  # memories that have no time constant
 LAGS = ("lagged", "leading")

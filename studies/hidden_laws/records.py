@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from studies.clean import KINDS as NOISES
 from studies.clean import Case, CleanRecord, conditions, draw, timing_of
 from studies.hidden import COARSE, STRENGTHS, base_refit, widths
@@ -15,8 +15,6 @@ from studies.hidden_laws.kinds import KINDS, NAMES
 from studies.hidden_laws.place import Curve, Lack
 from studies.hidden_laws.shapes import Kind
 from studies.plants import OWN, PLANTS, simulate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

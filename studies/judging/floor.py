@@ -12,17 +12,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from fmus.kit import Component, Effect, UserError, effect_name, stack
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import catalogue, own_parameters, signal_scales
 from orchestration.fmu import families, known_effects
 from orchestration.identify.fitting import Problem
 from studies.clean import CleanRecord, noise_scale
 from studies.hidden import effective_samples, widths
 
-Array = NDArray[np.float64]
 EVALUATIONS = 20  # of each fit, at most
 EVIDENCE = 10.0  # twice the logarithm of a likelihood ratio: "very strong" after Kass and Raftery
 

@@ -7,15 +7,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from studies.hidden_laws import Answer, Kind, counted, is_right, proportional
 from studies.plants import Plant
 
 if TYPE_CHECKING:
     from orchestration.discrepancy.laws import Correction, Entry
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 LEAST = 4.0  # noise widths that must be left of what is hidden
 GROUP = 3  # members of a group of which it is of use to be told

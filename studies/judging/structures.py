@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import detrend
 
+from fmus.kit.arrays import Array
 from orchestration.experiment.waveforms import multilevel, square_wave
 from orchestration.identify.black_box import (
     STRUCTURES,
@@ -55,7 +55,7 @@ RMS = float(np.exp(0.5 * PRINTED["OE"][2]))
 MEMORY = float(np.sqrt(1.0 - np.exp(PRINTED["BJ"][2] - PRINTED["OE"][2])))
 ORDERS = Orders(0, (4, 4), 3, 3, (3, 3), (0, 0))  # of BJ without a delay
 OLDER = {"R1": 1.05, "alpha": 0.97, "k1": 1.03}  # factors after two hours, assumed
-Figures = NDArray[np.float64]
+Figures = Array
 
 
 @dataclass(frozen=True)

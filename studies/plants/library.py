@@ -11,14 +11,13 @@ from math import pi, sin
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from studies.plants.change import Change
 from studies.plants.foot import FINEST_STEP, Foot
 from studies.plants.plant import Loop, Plant, Range, Signals
 from studies.plants.simulation import Values
 
-Array = NDArray[np.float64]
 _MODELS = Path(__file__).with_name("models")
 _FILM = {
     "R1": 0.43,

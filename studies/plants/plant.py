@@ -9,13 +9,12 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from studies.plants.change import Change
 from studies.plants.place import Place
 from studies.plants.simulation import FINEST, Matrices, Values
 
-Array = NDArray[np.float64]
 Signals = dict[str, float]
 OWN = "without"  # signal: of a law that hangs on itself, its value without what is hidden
 _PROBE = 0.5  # of a state or an input, at which a linear plant is evaluated; a power of two

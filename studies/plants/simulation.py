@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array, Mask
+
 Values = Mapping[str, float]
 Matrices = tuple[Array, Array, Array, Array]
 WELL_CONDITIONED = 1e6  # eigenvectors up to this condition number may serve as coordinates
@@ -85,7 +85,7 @@ def simulate(
     step: float,
     u: Array,
     start: Array,
-    smooth: bool | NDArray[np.bool_] = False,
+    smooth: bool | Mask = False,
     *,
     finest: float = FINEST,
 ) -> tuple[Array, Array]:

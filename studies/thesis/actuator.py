@@ -7,10 +7,10 @@ from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.galvanostat import Galvanostat
 from fmus.kit import Integrator
+from fmus.kit.arrays import Array
 from fmus.kit.symbolic import trace
 from fmus.ppy_actuator import PpyActuator
 from orchestration.experiment import waveforms
@@ -20,7 +20,6 @@ from studies.thesis.claim import Claim, Entry, Erratum, Illustration
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 MODEL = {p.name: float(p.start) for p in PpyActuator.layout.parameters}
 CURRENT_LIMIT = float(Galvanostat().current_limit)
 _BLUE = pictures.MODEL

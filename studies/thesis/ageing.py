@@ -18,15 +18,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration import master
 from orchestration.experiment import square_wave
 from orchestration.fmu import grid
 from orchestration.system import library
 from orchestration.system.library import AMPLITUDE, ESTIMATOR, FREQUENCY
-
-Array = NDArray[np.float64]
 
 LIFE = 18000.0  # s, "approximately 5 hours"
 _NO_LIMIT = 15.0  # V, the compliance of the galvanostat: no voltage is beyond it

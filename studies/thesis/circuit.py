@@ -5,11 +5,11 @@ from __future__ import annotations
 from math import exp
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fmus.kit.arrays import Array
 from studies.thesis.actuator import MODEL
 
-Array = NDArray[np.float64]
 CIRCUIT = (MODEL["R1"], MODEL["R2"], MODEL["C"])  # ohm, ohm, F
 PERIOD = 0.1  # s, of table 3-1 (errata 21) and appendix A3
 

@@ -8,8 +8,8 @@ from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.experiment import square_wave
 from orchestration.identify.graphical import (
     least_squares_windows,
@@ -26,7 +26,6 @@ from studies.thesis.claim import Claim, Entry, Erratum, Illustration
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 _WINDOW = 1000  # samples
 _BLUE = pictures.MODEL
 _RED = pictures.FITTED

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from math import degrees, log10
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.foot import Foot
+from fmus.kit.arrays import Array
 from orchestration.reporting import pictures
 from studies.thesis import motor
 from studies.thesis.claim import Claim, Entry, Erratum, Illustration, number
@@ -16,7 +16,6 @@ from studies.thesis.motor import DcMotor, Maxwell
 from studies.thesis.printed_foot import MILLIMETRES_PER_INCH, printed
 from studies.thesis.work_loops import DAMPING, STIFFNESS
 
-Array = NDArray[np.float64]
 _TEST = "studies/thesis/test_foot"
 # table 5-1 as printed, with the same number in appendix A4: inches, degrees
 TABLE = {

@@ -7,8 +7,8 @@ from math import log, log10
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.experiment import square_wave
 from orchestration.reporting import pictures
 from studies.thesis.circuit import CIRCUIT, PERIOD, response
@@ -17,7 +17,6 @@ from studies.thesis.claim import Claim, Entry, Erratum, Illustration
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 _BLUE = pictures.MODEL
 _RED = pictures.FITTED
 _GREY = pictures.MEASURED

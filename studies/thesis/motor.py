@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class DcMotor:
 
         return control.tf([1.0 / self.constant], [self.time_constant, 1.0, 0.0])
 
-    def displacement(self, force: float, time: ArrayLike) -> NDArray[np.float64]:
+    def displacement(self, force: float, time: ArrayLike) -> Array:
         """Displacement in m at times in s after a lasting force in N, armature shorted."""
         t = np.asarray(time, dtype=float)
         tau = self.time_constant
@@ -110,7 +111,7 @@ class Maxwell:
             / (self.damping * s + self.instantaneous_stiffness)
         )
 
-    def displacement(self, force: float, time: ArrayLike) -> NDArray[np.float64]:
+    def displacement(self, force: float, time: ArrayLike) -> Array:
         """Displacement in m at times in s after a lasting force in N."""
         return np.asarray(
             force / self.instantaneous_stiffness

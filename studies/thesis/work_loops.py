@@ -7,9 +7,9 @@ from math import degrees, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.foot import Foot, gait
+from fmus.kit.arrays import Array
 from orchestration.reporting import pictures
 from studies.thesis.actuator import CURRENT_LIMIT, run, staircase
 from studies.thesis.claim import Claim, Entry, Erratum, Illustration
@@ -18,7 +18,6 @@ from studies.thesis.motor import Maxwell
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 # of section 5.4.2
 STIFFNESS = 9.1  # N/mm
 DAMPING = 1700.0  # N s/mm

@@ -7,9 +7,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
 
 
 def response(numerator: list[float], denominator: list[float], values: Array) -> Array:

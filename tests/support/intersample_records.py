@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import StateSpace, chirp, lfilter, sawtooth, square
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.data.dataset import Dataset
 
-Array = NDArray[np.float64]
 TRUE = {
     "R1": 0.47,
     "R2": 2.2,

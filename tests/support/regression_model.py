@@ -8,15 +8,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import norm
 
 from fmus.kit import Component, Effect, Input, Output, Parameter
+from fmus.kit.arrays import Array
 from fmus.kit.generic import asymmetric_friction, coulomb_friction, cubic_stiffness, force_offset
 from orchestration.discrepancy.data.dataset import Dataset
 
-Array = NDArray[np.float64]
 COUNT, STEP, GAIN, SPREAD = 1000, 0.1, 2.0, 0.1
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from threading import RLock
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.kit.build import record_sources, toolchain
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
@@ -24,7 +24,6 @@ from fmus.kit.record.library import RecordLibrary, compiled
 from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.symbolic import Graph, hoist, trace, with_sensitivities
 
-Array = NDArray[np.float64]
 # CasADi counts references to its constants, which all expressions share, without regard to threads:
 # to make or to drop expressions in two threads at once ends the process.
 _EXPRESSIONS = RLock()

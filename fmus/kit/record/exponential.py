@@ -9,11 +9,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.kit.record.linearisation import ROUNDED, Ladder
 
-Array = NDArray[np.float64]
 # share of the tolerance that the error of a step may reach: sensitivities are to be as good as
 # signals
 SHARE = 0.01

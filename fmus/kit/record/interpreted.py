@@ -12,15 +12,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError
 from fmus.kit.integrate import MAX_STEPS, MIN_STEP, ROUNDING, SAME_INSTANT
 from fmus.kit.record.exponential import ExponentialIntegrator
 from fmus.kit.record.linearisation import Ladder
 from fmus.kit.symbolic import Graph
-
-Array = NDArray[np.float64]
 
 
 class _Law:

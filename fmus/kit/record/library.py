@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.build import UNIT, cached_library, load_library, toolchain
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
 from fmus.kit.record.linearisation import Ladder
 
-Array = NDArray[np.float64]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -105,7 +104,7 @@ class RecordLibrary:
         tolerance: float,
         effort: float,
         columns: Sequence[int],
-    ) -> tuple[Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Mask]:
         """Run over a record once for each row of parameters.
 
         Parameters

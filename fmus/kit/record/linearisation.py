@@ -22,11 +22,10 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.kit.symbolic import Graph
 
-Array = NDArray[np.float64]
 # The first four are products of the largest eigenvalue and a time.
 # Of the time between samples from which a component is stiff: below it, accuracy needs about as
 # many Runge-Kutta steps as stability does.

@@ -12,10 +12,10 @@ from collections.abc import Collection, Mapping
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
+
 _STILL = 1e-9  # of the range, below which an input did not move
 # Error with which a cubic through two neighbours on either side predicts a sample, over that of a
 # straight line through one on either side, below which a course is curved. Noise makes it 1.14,

@@ -13,10 +13,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import units
 from fmus.kit.arms import ARMS, lag_effect
+from fmus.kit.arrays import Array
 from fmus.kit.component import Component, Effect
 from fmus.kit.curves import SHAPES, EffectNames, curve, variable
 from fmus.kit.declare import ParameterDeclaration
@@ -24,7 +24,6 @@ from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_EFFECTS
 from fmus.kit.symbolic.tracing import trace
 
-Array = NDArray[np.float64]
 # Derived units as people write them; of units of one dimension the first is preferred.
 _PREFERRED_UNITS = (
     "1",

@@ -13,13 +13,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.symbolic.tracing import Graph, trace
 
-Array = NDArray[np.float64]
 _NUMBERS = ca.SX, float, int
 
 

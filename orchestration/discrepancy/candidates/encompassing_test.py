@@ -12,12 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Indices
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.identify.uncertainty import parameter_covariance
 
-Array = NDArray[np.float64]
 _ROUNDS = 8  # of amounts and the weights that depend on them
 
 
@@ -108,7 +107,7 @@ def _shifts(weighted: Array, slopes: Array, precision: Array) -> Array:
 
 def _whitened(
     model: FittedCandidate, others: Sequence[Mapping[str, Array]]
-) -> tuple[Array, Array, NDArray[np.intp]]:
+) -> tuple[Array, Array, Indices]:
     """Whiten a model and other simulations of it.
 
     Returns

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.identify.fitting import FitResult, Problem
 from orchestration.identify.noise import Noise, Whitening, white_noise
 from orchestration.identify.uncertainty import parameter_covariance
 
-Array = NDArray[np.float64]
 Gradient = Mapping[str, NDArray[Any]]
 _ROUNDS = 3  # of solving with a colour and estimating the colour from what remains
 # Relative to the curvature. Where a fit starts depends on it, and so does, where a model has

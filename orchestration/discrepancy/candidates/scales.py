@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import list_laws
 
-Array = NDArray[np.float64]
 _QUANTILE = 0.95  # of the modulus: the largest value may be a glitch
 
 

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit import Effect, UserError, transport_delay
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.identify.fitting import Problem
 
-Array = NDArray[np.float64]
 GRID = (0.2, 0.45, 1.0, 2.2, 5.0)  # times the default of a second parameter
 COARSE = (0.2, 1.0, 5.0)  # of two of them
 SWITCHED = (1.0, 4.0, 16.0)  # times the nominal value of a switch, where differences are taken

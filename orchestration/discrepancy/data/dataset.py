@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.fmu import Model
 from orchestration.records import MeasuredRun, Record, gaps, join_records, sampled_alike
 
-Array = NDArray[np.float64]
 # Samples between two runs at which nothing was measured: more than any filter remembers, and than
 # the lags at which a residual is compared with signals, so that neither reaches across.
 GAP = 32
@@ -112,7 +111,7 @@ class Dataset:
         return self.several or (MeasuredRun("", 0, len(self.time)),)
 
     @property
-    def within(self) -> NDArray[np.bool_]:
+    def within(self) -> Mask:
         """Mask (n,) of the samples that belong to a run."""
         result = np.zeros(len(self.time), dtype=bool)
         for run in self.runs:
@@ -150,7 +149,7 @@ class Dataset:
         """Return the samples from one to before another."""
         return self.where(slice(first, last))
 
-    def where(self, cut: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Dataset:
+    def where(self, cut: slice | Mask | Indices) -> Dataset:
         """Return some of the samples, in their order; runs that lose all samples are dropped."""
         kept = np.arange(len(self.time))[cut]
         several = []
@@ -186,7 +185,7 @@ def _consecutive_runs(
 
 
 def _select(
-    signals: Mapping[str, Array], cut: slice | NDArray[np.bool_] | NDArray[np.intp]
+    signals: Mapping[str, Array], cut: slice | Mask | Indices
 ) -> dict[str, Array]:
     return {name: values[cut] for name, values in signals.items()}
 

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.data.dataset import PIECE, Dataset
 from orchestration.identify import normalised_rms
 from orchestration.identify.noise import noise_std
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 HELD_OUT = 1.0 / 3.0  # of a record, its end
 # of a record of its own: there what is its own is estimated, and nothing is judged
 _RUN_IN = 1.0 / 6.0

@@ -10,11 +10,10 @@ from __future__ import annotations
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.identify.noise import noise_std
 
-Array = NDArray[np.float64]
 # of differences: noise shows in all, a smooth course less and less, steps in few of the first
 _ORDERS = range(1, 7)
 _IN_NOISE = 6.0  # deviations, beyond which no change of noise alone is seen

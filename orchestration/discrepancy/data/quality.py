@@ -14,15 +14,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.records import true_runs
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Span = tuple[int, int]  # first sample, and the one after the last
 _SAME = 1e-9  # of the range: what unit conversion may split one value into
 _RUN = 5  # equal samples that are looked at

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.data.quality import assess
@@ -16,7 +16,6 @@ from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.fitting import ModelOverRuns
 from orchestration.identify.noise import ORDER, noise_std, segments
 
-Array = NDArray[np.float64]
 _SHORTEST = 150  # samples to fit to
 _LASTING = 0.5  # of the record, before which an output ends too early
 _FEWEST = 20  # samples that an output must have

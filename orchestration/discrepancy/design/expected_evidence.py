@@ -11,15 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.identify.fitting import PRIOR_STD, minimise
 from orchestration.identify.noise import ORDER, Noise, yule_walker
 from orchestration.identify.uncertainty import parameter_covariance
 
-Array = NDArray[np.float64]
 _PASSES = 2  # of refitting and estimating the colour of the residual
 _MEMORY = 4000  # samples after which noise has forgotten
 _TRIALS = 12  # of a refit: it is an expectation to a factor, not an estimate

@@ -14,10 +14,10 @@ from itertools import permutations
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import HELD_OUT, Dataset
 from orchestration.discrepancy.design.expected_evidence import (
@@ -36,7 +36,6 @@ from orchestration.discrepancy.design.stimuli import (
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Selection
 
-Array = NDArray[np.float64]
 Experiment = dict[str, Stimulus]
 T = TypeVar("T")
 ENOUGH = 10.0  # fall of BIC below which an experiment is not worth its time

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.experiment import waveforms
 
-Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 # shortest stays, as parts of the duration: for responses at once, and for creep
 _STAYS = (600.0, 120.0, 25.0)

@@ -16,10 +16,10 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, UserError
 from fmus.kit import units as known_units
+from fmus.kit.arrays import Array
 from fmus.kit.storage import cache
 from orchestration.discrepancy.foreign.response import FmuResponse
 from orchestration.fmu import Model, Signal, load_class
@@ -237,7 +237,7 @@ def _response_lines(
     return lines
 
 
-def _products(amounts: NDArray[np.float64], states: Sequence[str]) -> list[str]:
+def _products(amounts: Array, states: Sequence[str]) -> list[str]:
     return [f"{float(k)!r} * self.{state}" for k, state in zip(amounts, states, strict=True) if k]
 
 

@@ -12,17 +12,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, logm
 from scipy.signal import cont2discrete, dlsim
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box import input_output_data, output_error
 from orchestration.identify.black_box.models import PolynomialModel
 from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.records import evenly_sampled
 
-Array = NDArray[np.float64]
 _CHANGE = 0.02  # of how much an input moves
 _DWELL = 20  # samples that the change stays at most
 _HIGHEST = 4  # order

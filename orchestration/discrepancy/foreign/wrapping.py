@@ -10,9 +10,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, Effect, UserError, stack, suggestion, unstack
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.data import Dataset, ValidationData, joined_dataset
 from orchestration.discrepancy.foreign.correction import (
     IN_FMU,
@@ -31,7 +31,6 @@ from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record
 from orchestration.system import Connection, Member, Port, System
 
-Array = NDArray[np.float64]
 _FAR = 0.01  # relative change of a parameter, from which on an FMU is linearised anew
 # members of the corrected system
 _FMU = "fmu"

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.data import ValidationData, is_at_rest
@@ -23,7 +23,6 @@ from orchestration.discrepancy.selection import FAILURES
 from orchestration.discrepancy.validation import Confirmation, Outcome, predict, score
 from orchestration.fmu import catalogue, families
 
-Array = NDArray[np.float64]
 # curves that are fitted to the end: by their first fits, and by the map
 _BEST = 6
 _MAPPED = 3

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fmus.kit import effect_family
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws.evidence import Basis, Curve
 from orchestration.discrepancy.laws.signals import LawSignal
 
-Array = NDArray[np.float64]
 # correlation of the effects of two corrections, above which they are one
 IDENTICAL = 1.0 - 1e-6
 # the same, above which a record cannot tell them apart

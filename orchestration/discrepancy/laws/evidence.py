@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from fmus.kit import slopes
+from fmus.kit.arrays import Array
 
-Array = NDArray[np.float64]
 KNOTS = 16  # of a curve of a signal as it is
 FEW = 6  # of a curve of what is remembered
 _NEAR = 0.005  # of the range, within which a curve may step at zero

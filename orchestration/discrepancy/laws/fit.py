@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Effect, UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import Candidate, FittedCandidate
 from orchestration.discrepancy.laws.evidence import Basis, Curve, RegressorColumns
 from orchestration.discrepancy.selection import Search
 from orchestration.identify.fitting import Problem, minimise
 from orchestration.identify.noise import Noise, Whitening
 
-Array = NDArray[np.float64]
 _SHARES = 1.0, 0.3, 0.0  # of the curve in the map, from which a fit may start
 # of choosing noise and roughness anew and fitting on, while the criterion falls by so much
 _ROUNDS = 8

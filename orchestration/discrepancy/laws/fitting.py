@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, Effect, SignalTerm, SmoothTable, UserError, correction
+from fmus.kit.arrays import Array
 from fmus.kit.symbolic import list_laws
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.laws.entry import Entry
@@ -20,7 +20,6 @@ from orchestration.discrepancy.laws.shapes import Likeness, likenesses, shape_na
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import FAILURES, Search
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 _MOST = 50.0  # fall of the criterion per sample
 _PATIENCE = 6.0  # internal steps, over those of other effects

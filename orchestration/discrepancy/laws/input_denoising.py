@@ -10,15 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_smoothing_spline
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.data import Dataset, IntersampleCourse, classify_course
 from orchestration.discrepancy.laws.base import search_of
 from orchestration.discrepancy.selection import noisy_inputs, unfollowed_noise
 
-Array = NDArray[np.float64]
 _STEP = 5.0  # deviations of a difference, beyond which it is a step
 _ALONE = 3.0  # times the difference next to it, which a step exceeds
 _FEWEST = 5  # samples, which a spline needs

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import MEMORIES, correction, effect_family
+from fmus.kit.arrays import Array
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.laws.entry import Entry
@@ -38,7 +38,6 @@ from orchestration.discrepancy.selection import Search
 from orchestration.identify.noise import Noise, estimate_noise
 from orchestration.records import MeasuredRun
 
-Array = NDArray[np.float64]
 # of signals, by kind of correction: a factor that leads is one that lags, and the signal as it is
 _MEMORIES = {"add": MEMORIES, "multiply": tuple(m for m in MEMORIES if m != "leading")}
 _QUANTILES = np.linspace(0.0, 1.0, 101)

@@ -7,12 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import SHAPES
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws.evidence import Basis, Curve
 
-Array = NDArray[np.float64]
 _WIDTHS = np.geomspace(0.01, 3.0, 12)  # of a bend, in sizes of the signal
 _ABRUPT = 0.05  # of the size of the signal, up to which a bend is a step
 # one formula, whose name depends on its width

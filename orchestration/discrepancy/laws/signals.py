@@ -6,13 +6,12 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from fmus.kit import SignalTerm
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws.linear import Sides, SimulatedCourse, continuous
 
-Array = NDArray[np.float64]
 LAGS = 4  # time constants that are tried, from a few samples to a fraction of the record
 _SHORTEST = 4.0  # samples
 _LONGEST = 0.25  # of the record

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import welch
 from scipy.stats import chi2, norm
 
 from fmus.kit import units
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.units import format_value, unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
@@ -27,7 +27,6 @@ from orchestration.identify import rms
 from orchestration.identify.noise import Noise
 from orchestration.reporting import MOST, Boundary, Markup, Panel, Trace, escaped, pictures, stacked
 
-Array = NDArray[np.float64]
 Simulated = Mapping[str, Mapping[str, Array]]  # outputs, SI, by label of the model and name
 NOMINAL, REFITTED, EXTENDED = "nominal", "refitted", "extended"
 COLOURS = {NOMINAL: "#7fb0d0", REFITTED: pictures.MODEL, EXTENDED: pictures.FITTED}
@@ -327,7 +326,7 @@ def plot_spectra(
 
 
 def plot_autocorrelations(
-    residuals: Sequence[ShownResidual], present: NDArray[np.bool_], noise: Noise
+    residuals: Sequence[ShownResidual], present: Mask, noise: Noise
 ) -> dict[str, Any]:
     """Draw autocorrelations of residuals, once the colour of the noise is taken off.
 

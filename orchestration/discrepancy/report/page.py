@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import figures, html_elements, sections, wording
@@ -116,7 +114,7 @@ def _division_of_records(result: Result) -> str:
     return f"{text}, and has {', '.join(own)} of its own." if own else f"{text}."
 
 
-def _format_duration(time: NDArray[np.float64]) -> str:
+def _format_duration(time: Array) -> str:
     values, unit = figures.readable_time(time)
     return f"{values[-1] - values[0]:.4g} {unit}"
 

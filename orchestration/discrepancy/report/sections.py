@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.units import format_difference, unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.changes import Change
@@ -44,7 +44,6 @@ from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, base_name, shown_name
 from orchestration.reporting import Markup, Page, escaped
 
-Array = NDArray[np.float64]
 _LISTED = 5  # lines, jumps, and what a residual correlates with
 
 
@@ -95,7 +94,7 @@ def _without_unmeasured(data: Dataset) -> Dataset:
     return replace(data, measured=measured)
 
 
-def measured_anywhere(data: Dataset) -> NDArray[np.bool_]:
+def measured_anywhere(data: Dataset) -> Mask:
     """Return the samples at which anything was measured, a mask of shape (n,)."""
     return np.any([np.isfinite(y) for y in data.measured.values()], axis=0)
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset, resolution_of
 from orchestration.discrepancy.note import Note, NoteCode
@@ -56,8 +56,6 @@ from orchestration.identify.noise import (
     whiteness,
 )
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 ALPHA = 1e-4  # probability of what counts as structure of a residual
 Structure = RandomWalkTest | ExcessVariance | ConditionalMean | CrossCorrelation
 _NOTED = 1.5  # times the level elsewhere, below which noise is as good as even

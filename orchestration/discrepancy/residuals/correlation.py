@@ -16,15 +16,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
 from orchestration.identify.noise import Noise, estimate_noise, segments
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 LAGS = 25  # samples, either way
 FEWEST = 20  # samples that say something
 SIGNIFICANCE = 0.01  # false alarms of all lags of all signals together
@@ -181,7 +179,7 @@ def _feedback(
     output: str,
     innovations: Innovations,
     inputs: Sequence[Regressor],
-    shifts: NDArray[np.intp],
+    shifts: Indices,
     step: float,
     *,
     within: Mask | None,
@@ -217,7 +215,7 @@ def _probability(normal: float, tried: int) -> float:
 
 
 def _correlate(
-    innovations: Innovations, signals: Sequence[Array], shifts: NDArray[np.intp]
+    innovations: Innovations, signals: Sequence[Array], shifts: Indices
 ) -> tuple[Array, Array]:
     """Correlate scores with white signals at some shifts.
 

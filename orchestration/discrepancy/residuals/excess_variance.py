@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f, norm, rankdata
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.residuals.innovations import Innovations
 from orchestration.records import input_steps
 
-Array = NDArray[np.float64]
 ALPHA = 1e-6  # probability in noise of one level
 _NOTABLE = 1.5  # ratio of variances
 _FEW = 10  # samples with steps of an input that it takes to judge them

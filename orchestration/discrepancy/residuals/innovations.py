@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter, lfiltic
 from scipy.stats import norm, rankdata
 
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.identify.noise import Noise, segments
 
-Array = NDArray[np.float64]
 _WINDOW = 80  # samples from which the level about one of them is estimated
 _WINDOWS = 40  # at most, in a record
 _BINS = 8  # of the signal that the level may depend on
@@ -46,7 +45,7 @@ class Innovations:
         Normal scores of the innovations over their level.
     """
 
-    at: NDArray[np.intp]
+    at: Indices
     raw: Array
     level: Array
     scores: Array
@@ -65,7 +64,7 @@ class Innovations:
         spread = float(np.median(np.abs(standard))) / float(norm.ppf(0.75))
         return int((np.abs(standard) > _FAR * spread).sum()) if spread > 0.0 else 0
 
-    def bounded(self, residual: Array, present: NDArray[np.bool_], noise: Noise) -> Array:
+    def bounded(self, residual: Array, present: Mask, noise: Noise) -> Array:
         """Return the residual as it would be if no single innovation were far out.
 
         Parameters
@@ -94,7 +93,7 @@ class Innovations:
 
 def score_innovations(
     residual: Array,
-    present: NDArray[np.bool_],
+    present: Mask,
     noise: Noise,
     size: Array | None = None,
     step: float = 0.0,

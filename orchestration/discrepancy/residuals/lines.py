@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
+
 ALPHA = 1e-9  # probability of seeing any of it in noise; a hum that matters is far beyond
 EDGE_BINS = 4
 _SHARE = 0.05  # of the power of the residual, below which a line is not what is wrong

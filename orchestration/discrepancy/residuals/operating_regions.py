@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc, fdtri
 from scipy.stats import chi2, norm, rankdata
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.residuals.correlation import (
     FEWEST,
     SIGNIFICANCE,
@@ -26,8 +26,6 @@ from orchestration.discrepancy.residuals.innovations import Innovations, normal_
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
 from orchestration.identify.noise import Noise
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 BINS = 8
 # probability in noise of one level of means as different; where the level jumps with the output,
 # colour is not taken off cleanly

@@ -12,14 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.stats import norm
 
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.innovations import local_level
 from orchestration.records import input_steps
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 SETTLING_SAMPLES = 4  # samples after a step of an input in which neither is seen
 
 # Outliers
@@ -157,7 +155,7 @@ def level_shifts(
 
 def _sudden_changes(
     difference: Array, time: Array, inputs: Mapping[str, Array], rounding: float
-) -> tuple[Mask, NDArray[np.intp]]:
+) -> tuple[Mask, Indices]:
     """Find differences (n - 1,) far beyond those about them.
 
     Returns

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array, Indices
+
 # probability in noise; where a random walk is as large as the noise it is smaller by many orders of
 # magnitude
 ALPHA = 1e-4
@@ -133,7 +134,7 @@ def _model_spectra(n: int) -> tuple[Array, Array]:
     return coloured, np.array([integrator ** (2 * k) for k in _INTEGRATIONS])
 
 
-def _groups(size: int) -> tuple[NDArray[np.intp], Array]:
+def _groups(size: int) -> tuple[Indices, Array]:
     """Group so many frequencies.
 
     Returns
@@ -148,7 +149,7 @@ def _groups(size: int) -> tuple[NDArray[np.intp], Array]:
     return edges, np.diff(edges).astype(float)
 
 
-def _averaged(values: Array, edges: NDArray[np.intp], count: Array) -> Array:
+def _averaged(values: Array, edges: Indices, count: Array) -> Array:
     return np.asarray(np.add.reduceat(values, edges[:-1]) / count)
 
 

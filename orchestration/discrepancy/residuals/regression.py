@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import t
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.residuals.correlation import SIGNIFICANCE
 from orchestration.discrepancy.residuals.regressors import Regressor
 from orchestration.identify.noise import Noise, estimate_noise
 from orchestration.identify.uncertainty import parameter_covariance
 
-Array = NDArray[np.float64]
 _DRAWS = 40  # of noise, to see what a regression explains of it
 _FEW_DRAWS = 8  # of a long record
 _EFFORT = 200_000  # samples in all draws, beyond the fewest
@@ -47,9 +46,7 @@ class ResidualRegression:
         return self.p_value < SIGNIFICANCE
 
 
-def regress(
-    residual: Array, present: NDArray[np.bool_], signals: Sequence[Regressor]
-) -> ResidualRegression:
+def regress(residual: Array, present: Mask, signals: Sequence[Regressor]) -> ResidualRegression:
     """Regress a residual on signals, their squares and cubes.
 
     Both are whitened by the colour of what the regression leaves unexplained: the colour of the
@@ -86,7 +83,7 @@ def regress(
     )
 
 
-def _scores_of_noise(noise: Noise, rows: Array, present: NDArray[np.bool_]) -> list[float]:
+def _scores_of_noise(noise: Noise, rows: Array, present: Mask) -> list[float]:
     """Draw noise of a colour some times and regress it; return the scores."""
     n = len(rows)
     random = np.random.default_rng(0)
@@ -98,9 +95,7 @@ def _scores_of_noise(noise: Noise, rows: Array, present: NDArray[np.bool_]) -> l
     return scores
 
 
-def _regress_whitened(
-    residual: Array, rows: Array, present: NDArray[np.bool_]
-) -> tuple[float, Array]:
+def _regress_whitened(residual: Array, rows: Array, present: Mask) -> tuple[float, Array]:
     """Regress a residual (m,) on rows (m, c), both whitened by the colour of what is unexplained.
 
     Returns

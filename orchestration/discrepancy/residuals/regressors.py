@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.records import join_records
 
-Array = NDArray[np.float64]
 _CONSTANT = 1e-9  # of a signal's size; what varies less does not vary
 
 

@@ -11,14 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, wilcoxon
 
+from fmus.kit.arrays import Array, Indices
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset, ValidationData
 from orchestration.discrepancy.selection.search import FAILURES, Search
 
-Array = NDArray[np.float64]
 _BLOCKS = 16
 _FOLDS = 4  # a candidate is fitted for each without every fourth block
 _LEVEL = 0.95
@@ -35,7 +34,7 @@ class Blocks:
     count : int
     """
 
-    number: NDArray[np.intp]
+    number: Indices
     count: int
 
     @classmethod

@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
 from orchestration.discrepancy.candidates import FittedCandidate, encompassing
@@ -21,7 +20,6 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.input_noise import simulated
 from orchestration.discrepancy.selection.search import Search
 
-Array = NDArray[np.float64]
 _LEAST = 1e-4  # of a step, deviation of stamps below which no simulation differs
 _FARTHEST = 0.5  # of a step, from where a stamp may be that of a neighbour
 

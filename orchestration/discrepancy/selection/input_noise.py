@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate, encompassing
 from orchestration.discrepancy.data import Dataset, IntersampleCourse, classify_course, white_noise
 from orchestration.discrepancy.selection.search import Search
 
-Array = NDArray[np.float64]
 _LEAST = 2e-4  # of the range, below which an input is as good as known
 # deviations of the noise, beyond which a second difference is a step or a bend
 _BENDS = 6.0 * np.sqrt(6.0)

@@ -7,19 +7,18 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import expit, ndtr
 from scipy.stats import norm
 
 from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import Amount, FittedCandidate, encompassing
 from orchestration.discrepancy.data import Dataset, IntersampleCourse, classify_course
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.input_noise import disturbances, noisy_inputs, simulated
 from orchestration.discrepancy.selection.search import Search
 
-Array = NDArray[np.float64]
 # fall of BIC that overrules the course of an input: very strong evidence (Kass and Raftery 1995)
 CLEAR = 10.0
 # Half a sample of an unknown lag looks a little like the other choice. Then a record asks for

@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Effect
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import (
     FittedCandidate,
     ScoredModel,
@@ -43,7 +43,6 @@ LIKELIEST = 3  # and the likeliest in noise of their own
 ALTERNATIVE = 6.0
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
-Array = NDArray[np.float64]
 _Fitted = dict[type[Effect], FittedCandidate]
 Row = tuple[FittedCandidate, float]
 

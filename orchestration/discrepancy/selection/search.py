@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, Effect, UserError, transport_delay
+from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import (
     Candidate,
@@ -37,7 +37,6 @@ from orchestration.identify.fitting import (
 from orchestration.identify.noise import Noise
 from orchestration.records import base_name, names_in
 
-Array = NDArray[np.float64]
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to start from once more
 # Errors that end one fit of many; the others stand.
 FAILURES = UserError, ArithmeticError, np.linalg.LinAlgError
@@ -336,7 +335,7 @@ class Search:
         """True if any start value is searched."""
         return any(name in self.base.layout.start_parameters for name in self.parameters)
 
-    def _has_prior(self, problem: Problem) -> NDArray[np.bool_]:
+    def _has_prior(self, problem: Problem) -> Mask:
         """Return for every searched parameter whether it has a prior, a mask of shape (p,)."""
         return np.array(
             [

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.systems.member import BudgetExceeded, MemberSimulation
 from orchestration.fmu import Signal, read_description, read_signal
 from orchestration.identify import rms
@@ -17,7 +17,6 @@ from orchestration.identify.fitting import Scale, minimise
 from orchestration.identify.noise import estimate_noise
 from orchestration.identify.uncertainty import parameter_covariance, sandwich_covariance
 
-Array = NDArray[np.float64]
 _BETTER = 0.98  # of the cost, for another view of what an input does between samples
 _DIFFERENCE_STEP = 1e-2  # of a searched coordinate, to see what it does
 # in searched coordinates, of what is assumed of a parameter before the record is seen

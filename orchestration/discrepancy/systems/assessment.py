@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.residuals import (
     CrossCorrelation,
     OperatingRegion,
@@ -19,7 +19,6 @@ from orchestration.identify import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, noise_std, whiteness
 from orchestration.system import interface
 
-Array = NDArray[np.float64]
 # of the variation of an output: if that much is uncertain, nothing can be said of it
 _NOT_ASSESSABLE = 0.5
 _MATTERS = 0.5  # noise widths that a fault must leave

@@ -8,12 +8,10 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.fmu import Signal
 from orchestration.system import Connection, Member, Port, System, interface
-
-Array = NDArray[np.float64]
 
 
 class ReasonCode(StrEnum):

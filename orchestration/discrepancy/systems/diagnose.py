@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.discrepancy.systems.cut import (
     IsolatedMember,
@@ -42,7 +42,6 @@ from orchestration.discrepancy.systems.verdict import (
 from orchestration.records import parse_mapping
 from orchestration.system import Port, System, check, interface, ssp
 
-Array = NDArray[np.float64]
 # communication steps of the system that are made at once while two members hold each other
 _LOOP_STEP = 5.0
 # at most: they take several times as long; a foot has 48 parameters to look at

@@ -13,15 +13,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.systems.member import MemberSimulation, thinned
 from orchestration.discrepancy.systems.verdict import MemberDiagnosis
 from orchestration.identify.noise import noise_std
 from orchestration.master import run
 from orchestration.system import Connection, Member, Port, System
-
-Array = NDArray[np.float64]
 
 
 @dataclass

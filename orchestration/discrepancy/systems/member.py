@@ -8,16 +8,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.discrepancy.systems.cut import InputSource, IsolatedMember
 from orchestration.fmu import Fmu, Value, simulate_instance, unpack
 from orchestration.identify.noise import noise_std
 from orchestration.system import interface
 
-Array = NDArray[np.float64]
 # steps between samples, so that an input can change linearly where the FMU cannot interpolate it
 PARTS = 4
 _DRAWS = 2  # of noise on the inputs

@@ -10,14 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.records import Record, read_record, split_header_cell
 from orchestration.system import Port, System, interface
-
-Array = NDArray[np.float64]
 
 
 def signal_names(system: System) -> dict[str, Port]:

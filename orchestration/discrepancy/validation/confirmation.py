@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Indices
 from orchestration.discrepancy.candidates import PairedInnovations, PairedScore, paired_score
 from orchestration.discrepancy.data import ValidationData, is_at_rest
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection import Selection
 from orchestration.discrepancy.validation.prediction import Prediction, judged_innovations, predict
 
-Array = NDArray[np.float64]
 _BLOCKS = 24  # that a standard error is estimated from
 _LEAST = 32  # samples in each: more than the memory of the noise
 _SURE = 2.0  # standard errors
@@ -142,7 +141,7 @@ def _weighted(
     return PairedInnovations(innovations * root, slopes * root[:, np.newaxis], covariance)
 
 
-def _blocks(samples: NDArray[np.intp]) -> NDArray[np.intp]:
+def _blocks(samples: Indices) -> Indices:
     """Assign samples (m,) to blocks that are contiguous in time and of equal length."""
     rank = np.unique(samples, return_inverse=True)[1]
     count = int(rank.max()) + 1

@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import ALPHA, ResidualAnalysis, analyse_residuals
@@ -31,7 +31,6 @@ from orchestration.discrepancy.selection import (
 )
 from orchestration.identify.uncertainty import parameter_covariance
 
-Array = NDArray[np.float64]
 # times the most evidence that noise makes by itself in any replica, which an effect must reach
 _BEYOND = 2.0
 _PASSES = 4  # of smoothing, after which next to nothing is left of noise from sample to sample

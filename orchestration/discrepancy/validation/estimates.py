@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import ResidualAnalysis
@@ -26,7 +27,6 @@ from orchestration.identify.uncertainty import (
 )
 from orchestration.records import base_name
 
-Array = NDArray[np.float64]
 # times nominal: no specimen is like that, but a wrong unit or a wrong column is
 _IMPLAUSIBLE = 30.0
 _STRETCHES = 12  # of a record, that may pull parameters each its own way

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset, ValidationData, white_noise
 from orchestration.discrepancy.note import Note, NoteCode
@@ -18,7 +18,6 @@ from orchestration.identify.noise import Noise
 from orchestration.identify.uncertainty import parameter_covariance
 from orchestration.records import MeasuredRun, base_name, names_in
 
-Array = NDArray[np.float64]
 Errors = dict[str, dict[str, float]]  # by model and output
 _BEYOND = 3.0  # times the error to expect, from which on an output is not predicted
 _SINGLE = 0.02  # share of the samples, those farthest off, that are no course of a signal

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, files
+from fmus.kit.arrays import Array
 from orchestration.fmu.kernel import Progress
 
-Array = NDArray[np.float64]
 # names of the files in the folder of a process
 _MEMORY = "progress"
 _LEGEND = "legend"

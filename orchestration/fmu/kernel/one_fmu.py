@@ -7,9 +7,9 @@ from time import monotonic
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.isolation import describe_rows
 from orchestration.fmu.kernel import library
@@ -24,8 +24,6 @@ from orchestration.fmu.kernel.program import (
 )
 from orchestration.fmu.signal import type_of
 from orchestration.fmu.stepping import Course, StepFailed, StepPart
-
-Array = NDArray[np.float64]
 
 
 class PreparedRun:

@@ -11,13 +11,12 @@ from threading import Event, Thread
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.fmu.isolation import shared_progress
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.library import Operation, Progress, ValueLink
 
-Array = NDArray[np.float64]
 DOUBLE = ctypes.sizeof(ctypes.c_double)
 PULSE_PERIOD = 0.1  # s
 # operations that set a number of a type other than real

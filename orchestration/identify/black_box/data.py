@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError, suggestion
-
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.gauss_newton import GaussNewtonMinimum, minimise
@@ -18,7 +18,6 @@ from orchestration.identify.black_box.start_values import least_squares, starts
 from orchestration.identify.noise import Noise, fit_autoregression
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
-Array = NDArray[np.float64]
 # If a linear estimate without the offset costs more than BIC grants an offset, times this factor,
 # no search without it is made.
 _HOPELESS = 10.0

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData
 
-Array = NDArray[np.float64]
 # Singular values, relative to the largest, that do not count: the cut-off of the thesis, section
 # 3.3.2, and what is zero but for rounding.
 CUTOFF = 0.01

@@ -9,11 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.polynomials import solved
 
-Array = NDArray[np.float64]
 _ITERATIONS = 100
 # share of the cost that a whole Gauss-Newton step promises, below which a search has converged
 _ENOUGH = 1e-9

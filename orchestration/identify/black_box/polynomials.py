@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
+
 Roots = NDArray[np.complex128]
 _INSIDE = 1.0 - 1e-7  # largest modulus of a pole that is called stable
 _AT_ORIGIN = 1e-9  # modulus of a root in z that is a delay, and has no place in the s-plane

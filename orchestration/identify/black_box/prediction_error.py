@@ -17,12 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import filtered, is_stable, monic
-
-Array = NDArray[np.float64]
 
 
 class Coefficients(NamedTuple):

@@ -11,9 +11,9 @@ from scipy.signal import correlate
 from scipy.stats import chi2, norm
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.noise import Whiteness, whiteness
 
-Array = NDArray[np.float64]
 # eigenvalue of a correlation matrix, relative to the largest, below which its direction is ignored
 _SINGULAR = 1e-9
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.models import LinearModel
 from orchestration.identify.black_box.residual_tests import ResidualTests, residual_tests
 
-Array = NDArray[np.float64]
 _LAGS = 25  # default of residual tests
 _LEAST = 1e-300  # smallest loss of which a logarithm is taken; data without noise have none
 

@@ -14,13 +14,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import filtered, monic, solved, stabilised
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 
-Array = NDArray[np.float64]
 _ONE = np.ones(1)
 _ROUNDS = 20  # of Steiglitz and McBride
 # order of a long model: at least, for each order of the model, and samples for each parameter

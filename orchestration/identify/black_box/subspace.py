@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.gauss_newton import minimise
@@ -28,7 +28,6 @@ from orchestration.identify.black_box.polynomials import solved
 from orchestration.identify.black_box.result import Identification
 from orchestration.identify.black_box.start_values import innovations
 
-Array = NDArray[np.float64]
 _HORIZONS = (10, 20, 40)  # block rows, of which the best are kept; at least two more than the order
 _COLUMNS = 4  # samples for each row of the data matrix, at least
 _WORK = 5e8  # samples times rows squared, about a second of work

@@ -19,14 +19,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import ParameterDeclaration, UserError
+from fmus.kit.arrays import Array
 from fmus.kit.record import Trajectory
 from orchestration.fmu import Model, RepeatedFmu, Signal, Value, read_description
 from orchestration.fmu.isolation import Ended, Limits, Pool, limits_of
 
-Array = NDArray[np.float64]
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
 _PATIENCE = 2.0  # s that a run may take in any case
 _STIFFER = 30.0  # times as long as the first run that others may take

@@ -12,12 +12,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, Effect, stack, transport_delay, unstack
+from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
 
-Array = NDArray[np.float64]
 _NEAR = 1e-3  # of a sample: step of the derivative by time
 
 
@@ -135,7 +134,7 @@ class DelayedModel:
         slopes = {o: self._complete(s, by_delay.get(o, {})) for o, s in shown.sensitivities.items()}
         return Trajectory(shown.signals, slopes)
 
-    def _line_before(self, output: str, before: NDArray[np.bool_], time: Array) -> dict[str, Array]:
+    def _line_before(self, output: str, before: Mask, time: Array) -> dict[str, Array]:
         """Return the derivatives of a delayed output by level and slope of its line beforehand.
 
         Parameters
@@ -260,7 +259,7 @@ class _Past(NamedTuple):
 
     then: Array
     near: Array
-    before: NDArray[np.bool_]
+    before: Mask
 
     def slope(self, at_then: Array, at_near: Array) -> Array:
         """Return the derivative (n,) of the delayed output by its delay."""
@@ -279,7 +278,7 @@ def _past(time: Array, delay: float) -> _Past:
     return _Past(then, np.where(before, then, near), before)
 
 
-def _picked(trajectory: Trajectory, at: slice | NDArray[np.intp]) -> Trajectory:
+def _picked(trajectory: Trajectory, at: slice | Indices) -> Trajectory:
     """Return a simulation at some of its instants."""
     return Trajectory(
         {name: values[at] for name, values in trajectory.signals.items()},

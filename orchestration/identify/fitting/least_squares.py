@@ -12,12 +12,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array, Mask
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 _NOWHERE = 1e-9  # length of a step, in searched coordinates, after which a search gives up
 _ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
@@ -106,7 +105,7 @@ class _Search:
         Coordinates that are searched.
     """
 
-    def __init__(self, residual: Function, jacobian: Function, q: Array, free: NDArray[np.bool_]):
+    def __init__(self, residual: Function, jacobian: Function, q: Array, free: Mask):
         self._residual = residual
         self._jacobian = jacobian
         self.free = free

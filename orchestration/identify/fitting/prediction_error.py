@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import (
@@ -31,7 +31,6 @@ from orchestration.identify.uncertainty import (
     sandwich_covariance,
 )
 
-Array = NDArray[np.float64]
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
 # keeps parameters that the record does not determine from running away, and weighs next to nothing
 # in others.
@@ -146,7 +145,7 @@ class _Prior:
     precision: Array  # zero where there is none
 
     @property
-    def _held(self) -> NDArray[np.intp]:
+    def _held(self) -> Indices:
         return np.flatnonzero(self.precision)
 
     def residual(self, q: Array) -> Array:
@@ -163,7 +162,7 @@ def fit_prediction_error(
     problem: Problem,
     start: Array,
     noise: Mapping[str, Noise] | None = None,
-    physical: NDArray[np.bool_] | None = None,
+    physical: Mask | None = None,
     prior_std: float = PRIOR_STD,
     method: Method = FULL,
     *,
@@ -239,7 +238,7 @@ def fit_prediction_error(
 def fit_free_run(
     problem: Problem,
     starts: Sequence[Array],
-    physical: NDArray[np.bool_] | None = None,
+    physical: Mask | None = None,
     prior_std: float = PRIOR_STD,
     method: Method = FULL,
 ) -> FitResult:
@@ -312,7 +311,7 @@ def _is_curved(observed: Array, expected: Array) -> bool:
     return least(observed) > _CURVED * least(expected)
 
 
-def _prior(problem: Problem, physical: NDArray[np.bool_] | None, prior_std: float) -> _Prior:
+def _prior(problem: Problem, physical: Mask | None, prior_std: float) -> _Prior:
     """Return the prior of physical parameters, about where the problem starts."""
     mean = problem.position(problem.start)
     held = np.isfinite(mean) & (False if physical is None else physical.astype(bool))

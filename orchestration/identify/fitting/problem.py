@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
 from fmus.kit.record import Trajectory
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.delay import DelayedModel
@@ -22,7 +22,6 @@ from orchestration.identify.fitting.least_squares import SearchEndedError
 from orchestration.identify.noise import ORDER, Noise, estimate_noise, noise_samples
 from orchestration.records import MeasuredRun, base_name, input_steps, join_records, sampled_alike
 
-Array = NDArray[np.float64]
 Subject = type[Component] | FmuWithDifferences
 # Internal steps of a simulation, per sample and in all: beyond both, a search has strayed to
 # parameters that make the model stiff.

@@ -10,16 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.noise import noise_std
 from orchestration.records import base_name
 
-Array = NDArray[np.float64]
 # spread of starting points about nominal, in searched coordinates: a decade either way
 _SPREAD = float(np.log(10.0))
 _STARTS = 4  # beside the nominal one

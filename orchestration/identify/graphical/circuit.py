@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import approx_fprime
 from scipy.stats import norm
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box import (
     Identification,
     InputOutputData,
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 UNITS = {"R1": "ohm", "R2": "ohm", "C": "F"}
 _UNEVEN = 0.01  # of a sample period, by which a sample may be off it
 _ROUNDING = 1e-6  # of a window: a sample so close beyond its end is in it

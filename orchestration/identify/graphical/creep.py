@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array, Mask
 from orchestration.identify.graphical.signals import over_time
 
-Array = NDArray[np.float64]
 _TAIL = 1.0 / 3.0  # last part of the record under load, that of the steady creep
 _ONCE = 0.01  # first part of it, that of the immediate elongation
 _FEWEST = 3  # samples that a line is drawn through
@@ -132,14 +132,14 @@ class _UnderLoad:
     step: str
 
     @property
-    def first(self) -> NDArray[np.bool_]:
+    def first(self) -> Mask:
         """The samples (n,) of the immediate elongation."""
         first = self.since <= _ONCE * float(self.since[-1])
         first[:_FEWEST] = True
         return first
 
     @property
-    def last(self) -> NDArray[np.bool_]:
+    def last(self) -> Mask:
         """The samples (n,) of the steady creep."""
         return np.asarray(self.since >= (1.0 - _TAIL) * float(self.since[-1]))
 

@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 
-Array = NDArray[np.float64]
 Conversion = Callable[[ArrayLike, float], Array]
 
 

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array, Indices
 from orchestration.identify.graphical.quantity import GraphicalEstimate, mean, quantity
 from orchestration.identify.graphical.signals import over_time
 from orchestration.identify.uncertainty import clustered_covariance, parameter_covariance
 
-Array = NDArray[np.float64]
 _ROUNDING = 1e-6  # of a cycle: a sample so close before a cycle's end is its end
 _FEWEST = 4  # samples of a cycle that can enclose an area
 
@@ -119,7 +119,7 @@ def read_loops(
     )
 
 
-def _cycles(t: Array, period: float, start: float) -> tuple[NDArray[np.intp], int]:
+def _cycles(t: Array, period: float, start: float) -> tuple[Indices, int]:
     """Return the number of the cycle that every sample is in, and how many cycles are complete.
 
     Parameters
@@ -189,7 +189,7 @@ class _Points(NamedTuple):
     x: Array
     y: Array
     t: Array
-    cycle: NDArray[np.intp]
+    cycle: Indices
 
 
 class _Line(NamedTuple):

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError
-
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
 
 
 def over_time(time: ArrayLike, **signals: ArrayLike) -> tuple[Array, ...]:

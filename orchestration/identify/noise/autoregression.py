@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array, Mask
+
 ORDER = 4  # highest order that is tried
 
 
-def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def segments(present: Mask) -> list[tuple[int, int]]:
     """Return the stretches of a record without a gap.
 
     Parameters
@@ -29,7 +29,7 @@ def segments(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(a, b) for a, b in pairwise(ends) if b > a]
 
 
-def estimate_colour(residual: Array, present: NDArray[np.bool_], order: int = ORDER) -> Array:
+def estimate_colour(residual: Array, present: Mask, order: int = ORDER) -> Array:
     """Return the coefficients of the autoregression of a residual, its order chosen by BIC.
 
     Parameters

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2, norm
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array, Mask
+
 WHITENESS_SAMPLES = 20  # for every lag of a test, and so the fewest that a test needs
 
 
@@ -106,9 +107,7 @@ def whiteness(
     )
 
 
-def _autocorrelations(
-    values: Array, present: NDArray[np.bool_], lags: int
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _autocorrelations(values: Array, present: Mask, lags: int) -> tuple[Array, Array, Mask]:
     """Return the autocorrelations of a residual with gaps, about its mean.
 
     Returns

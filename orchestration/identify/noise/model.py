@@ -13,16 +13,15 @@ from functools import cached_property
 from math import comb, inf
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov, solve_triangular
 from scipy.signal import lfilter
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.identify.noise.autoregression import ORDER, estimate_colour, segments
 from orchestration.identify.noise.tails import heavy_tails, weights
 
-Array = NDArray[np.float64]
 # least deviation, for records without noise: values over it must still have a fourth power
 _LEAST = 1e-30
 _STATIONARY = 1.0 - 1e-9  # largest modulus of a pole; beyond, a first sample would have no variance
@@ -62,7 +61,7 @@ class Noise:
         """
         return 1.0 if self.freedom == inf else (self.freedom + 1.0) / (self.freedom + 3.0)
 
-    def whiten(self, values: Array, present: NDArray[np.bool_]) -> Array:
+    def whiten(self, values: Array, present: Mask) -> Array:
         """Filter a residual, or the columns of its Jacobian, into innovations over their deviation.
 
         The likelihood is exact: the first samples after a gap are scaled by the covariance of the
@@ -85,7 +84,7 @@ class Noise:
             return values[:0]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
-    def whiten_from_rest(self, values: Array, present: NDArray[np.bool_]) -> Array:
+    def whiten_from_rest(self, values: Array, present: Mask) -> Array:
         """Filter like :meth:`whiten`, as if everything before the first sample had been zero.
 
         The error of a simulation grows from where it starts, so that the first samples are the most
@@ -112,7 +111,7 @@ class Noise:
         """
         return weights(innovation, self.freedom)
 
-    def deviance(self, innovation: Array, present: NDArray[np.bool_]) -> float:
+    def deviance(self, innovation: Array, present: Mask) -> float:
         """Return minus twice the log likelihood.
 
         It is relative to as many Gaussian samples of unit density at zero.
@@ -198,7 +197,7 @@ class Whitening:
     """
 
     noise: Mapping[str, Noise]
-    present: Mapping[str, NDArray[np.bool_]]
+    present: Mapping[str, Mask]
     weights: Mapping[str, Array]
 
     @classmethod
@@ -206,7 +205,7 @@ class Whitening:
         cls,
         noise: Mapping[str, Noise],
         residual: Mapping[str, Array],
-        present: Mapping[str, NDArray[np.bool_]],
+        present: Mapping[str, Mask],
     ) -> Whitening:
         """Make the filter, with weights for the innovations of a residual."""
         return cls(
@@ -237,9 +236,9 @@ def white_noise(residual: Mapping[str, Array]) -> dict[str, Noise]:
 
 def estimate_noise(
     residual: Array,
-    present: NDArray[np.bool_],
+    present: Mask,
     order: int = ORDER,
-    undisturbed: NDArray[np.bool_] | None = None,
+    undisturbed: Mask | None = None,
     freedom: float | None = None,
     colour: Array | None = None,
 ) -> Noise:
@@ -282,8 +281,8 @@ def estimate_noise(
 def _freedom(
     noise: Noise,
     residual: Array,
-    present: NDArray[np.bool_],
-    undisturbed: NDArray[np.bool_],
+    present: Mask,
+    undisturbed: Mask,
 ) -> float:
     """Return the degrees of freedom of innovations.
 
@@ -293,9 +292,7 @@ def _freedom(
     return max(heavy_tails(innovation)[0], heavy_tails(innovation[undisturbed])[0])
 
 
-def _gaussian(
-    residual: Array, present: NDArray[np.bool_], order: int, colour: Array | None
-) -> Noise:
+def _gaussian(residual: Array, present: Mask, order: int, colour: Array | None) -> Noise:
     """Estimate Gaussian noise."""
     coefficients = estimate_colour(residual, present, order) if colour is None else colour
     innovation = Noise(coefficients, 1.0).whiten(residual, present)
@@ -325,7 +322,7 @@ def noise_std(values: Array, differences: int = 2) -> float:
     return float(np.median(np.abs(steps)) / scale) if steps.size else 0.0
 
 
-def noise_samples(moved: NDArray[np.bool_], measured: Array) -> NDArray[np.bool_]:
+def noise_samples(moved: Mask, measured: Array) -> Mask:
     """Return the samples (n,) at which the noise dominates the error of an incomplete model.
 
     The output did not stand still, and no step of an input came close before. Where these are too

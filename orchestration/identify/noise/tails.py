@@ -9,11 +9,11 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import norm, t
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
+
 _FREEDOMS = (2.2, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 25.0)
 _FEW = 50  # samples below which noise is taken as Gaussian
 # standard errors of the kurtosis of Gaussian samples, below which tails are not tested

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.identify.noise import Noise
 
-Array = NDArray[np.float64]
 # eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding
 _SINGULAR = 1e-10
 # highest leverage that is granted: a sample that is fitted exactly says nothing of its noise
@@ -32,7 +32,7 @@ class Covariance:
     """
 
     matrix: Array
-    unidentifiable: NDArray[np.bool_]
+    unidentifiable: Mask
 
     @property
     def standard_errors(self) -> Array:
@@ -158,7 +158,7 @@ def heteroscedastic(
 
 
 def clustered_covariance(
-    bread: Covariance, jacobian: Array, residual: Array, stretches: NDArray[np.intp]
+    bread: Covariance, jacobian: Array, residual: Array, stretches: Indices
 ) -> Covariance:
     """Return the covariance of parameters from the influence of single stretches of a record.
 

@@ -8,13 +8,12 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array, Mask
 from orchestration.identify.metrics import finite_or_none
 
-Array = NDArray[np.float64]
 SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
 NOTICEABLE = 0.02  # relative difference below which a change is not reported
 # eigenvalue below zero of a matrix of correlations that may have been written with seven digits
@@ -72,7 +71,7 @@ class Distribution:
     """
 
     names: tuple[str, ...]
-    logarithmic: NDArray[np.bool_]
+    logarithmic: Mask
     centre: Array
     covariance: Array
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from fmus.kit.arrays import Array
 from fmus.kit.units import convert
 from orchestration.identify.uncertainty.profile import LEVEL, Profile
 from orchestration.reporting import pictures
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 _TOP = 2.2  # height of a picture, in levels of the interval
 _BEYOND = 0.15  # margin to either side of the widest interval, relative to it
 _WIDE = 30.0  # ratio of ends from which on an axis is logarithmic

@@ -17,15 +17,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from orchestration.master.reference.fused import fuse
 from orchestration.master.simulation import run
 from orchestration.system import Connection, System, interface
-
-Array = NDArray[np.float64]
 
 
 class Mechanical(NamedTuple):

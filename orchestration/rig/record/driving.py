@@ -14,14 +14,13 @@ from time import monotonic, perf_counter, sleep
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.rig_proxy import SAFE, Link, LinkError
 from orchestration.experiment import Moment
 from orchestration.master import Interrupt, Pacer, Pacing, RealTime
 from orchestration.rig.record.planning import RecordingPlan
 
-Array = NDArray[np.float64]
 Rows = Callable[[float, list[float]], None]
 _SILENCE = 1.0  # s without an answer, at least, after which the link is lost
 _LEAST_WAIT = 0.002  # s for an answer

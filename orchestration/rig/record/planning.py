@@ -8,14 +8,13 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus import COMPONENTS, component
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from fmus.rig_proxy import LOCKSTEP, SAFE
 from orchestration.experiment import Experiment, points, stimulus_values
 
-Array = NDArray[np.float64]
 _PER_WATCHDOG = 3  # exchanges in the time after which the rig stops without one
 # of the rig's period: a step that was written with three digits is meant to be the rig's
 _FASTER = 0.98

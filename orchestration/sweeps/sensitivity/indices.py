@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 from rich.table import Table
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.reporting import pictures, plain_table
 from orchestration.sweeps.sensitivity.numbers import (
     names_to_draw,
@@ -19,7 +19,6 @@ from orchestration.sweeps.sensitivity.numbers import (
     require_design,
 )
 
-Array = NDArray[np.float64]
 SOBOL_INDICES = "sobol-indices"
 ORDERS = ("first", "total")
 _RESAMPLES = 1000  # of the bootstrap

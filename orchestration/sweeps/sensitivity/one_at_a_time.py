@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 from rich.table import Table
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.reporting import pictures, plain_table
 from orchestration.sweeps.ranges import Range
 from orchestration.sweeps.sensitivity.numbers import (
@@ -22,7 +22,6 @@ from orchestration.sweeps.sensitivity.numbers import (
     require_design,
 )
 
-Array = NDArray[np.float64]
 TORNADO = "tornado"
 ENDS = ("from", "to")
 _WORDS = {"from": "low end of the range", "to": "high end"}

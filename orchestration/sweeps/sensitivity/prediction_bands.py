@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 from rich.table import Table
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.reporting import pictures, plain_table
 from orchestration.sweeps.sensitivity.numbers import names_to_draw, require_complete
 
-Array = NDArray[np.float64]
 BANDS = "draws"
 _EVEN = (BANDS, "latin-hypercube", "sobol")  # designs whose cases have equal weights
 _USUAL = (0.05, 0.5, 0.95)

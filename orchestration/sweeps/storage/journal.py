@@ -15,13 +15,12 @@ from typing import Any
 
 import numpy as np
 from filelock import FileLock, Timeout
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, files
+from fmus.kit.arrays import Array
 from orchestration.sweeps.storage.traces import TraceFile, opened, reserve
 from orchestration.sweeps.task import Outcomes, Task, failed
 
-Array = NDArray[np.float64]
 _ABOUT = "sweep.json"
 _DONE = "done.npy"
 _NUMBERS = "numbers.npy"

@@ -11,11 +11,11 @@ from typing import Any, Literal
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-Array = NDArray[np.float64]
+from fmus.kit.arrays import Array
+
 _AT_ONCE = 8_000_000  # bytes of a piece
 
 

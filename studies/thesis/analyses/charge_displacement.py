@@ -10,8 +10,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.ppy_actuator import PpyActuator
 from fmus.ppy_actuator.effects import StrainLag, StrainSaturation
 from orchestration.experiment import square_wave
@@ -24,7 +24,6 @@ from studies.thesis.claim import Claim, Entry, Erratum, Illustration
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 # those of fig. 3-4 are assumed
 AMPLITUDE = 0.9  # A
 DURATION = 60.0  # s

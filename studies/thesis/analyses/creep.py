@@ -7,8 +7,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from fmus.ppy_actuator import PpyActuator
 from orchestration.experiment import force_staircase
 from orchestration.identify import Fit, fit_grey_box
@@ -21,7 +21,6 @@ from studies.thesis.work_loops import DAMPING, STIFFNESS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 NAMES = ("k1", "b1", "k2", "b2")
 ACTUATOR_106 = {name: MODEL[name] for name in NAMES}  # fig. 3-9
 ACTUATOR_114 = {

@@ -7,8 +7,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.experiment import force_staircase, multilevel, square_wave
 from orchestration.identify.black_box import CUTOFF, autocovariance_matrix, pexcit
 from orchestration.reporting import pictures
@@ -17,7 +17,6 @@ from studies.thesis.claim import Claim, Entry, Erratum, Illustration
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 # assumed as in the experiment fig_3_12
 DURATION = 600.0  # s
 PERIOD = 0.1  # s

@@ -8,8 +8,8 @@ from math import exp, log, pi
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.experiment import square_wave
 from orchestration.identify.graphical import least_squares_windows, magnitude, tustin
 from orchestration.reporting import pictures
@@ -22,7 +22,6 @@ from studies.thesis.identification import MEANS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 RATE = 15.0  # Hz
 FREQUENCY = 0.1  # Hz
 AMPLITUDE = 0.6  # V: 1.2 V peak to peak

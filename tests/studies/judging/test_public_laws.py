@@ -12,14 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.api import LawsResult
 from orchestration.records import read_record
 from studies.judging import public_laws
 from studies.judging.public_laws import SYSTEMS, ask
-
-Array = NDArray[np.float64]
 
 
 def answer(name: str, public_data: Callable[[str], Path], folder: Path) -> LawsResult:

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.laws.evidence import Curve
 from orchestration.discrepancy.laws.linear.unknown_input import UnknownInput
 from orchestration.identify.noise import Noise, Whitening
 
-Array = NDArray[np.float64]
 # of noise, which show what the best of many entries gains by chance
 _DRAWS = 39
 _SEED = 14
@@ -38,7 +37,7 @@ class LinearisedRecord:
         self,
         course: UnknownInput,
         prior: Array,
-        present: Mapping[str, NDArray[np.bool_]],
+        present: Mapping[str, Mask],
         noise: Mapping[str, Noise],
         reach: tuple[Array, Array],
     ):

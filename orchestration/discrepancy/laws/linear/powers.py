@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.laws.linear.response import SimulatedCourse
 from orchestration.records import base_name
 
-Array = NDArray[np.float64]
 # change of the power of a parameter beside a correction, relative to it
 LEAST = -0.9
 MOST = 20.0
@@ -65,7 +64,7 @@ def affine_powers(
     return powers
 
 
-def moved(step: Array, power: Array, logarithmic: NDArray[np.bool_]) -> Array:
+def moved(step: Array, power: Array, logarithmic: Mask) -> Array:
     """Return the change of searched coordinates (p,) by a step, bounded by the powers of laws."""
     relative = np.clip(power * step, LEAST, MOST)
     straight = np.abs(power) < _NONE

@@ -11,13 +11,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from fmus.kit.arrays import Array
 from fmus.kit.symbolic import Jacobians, PerturbedLaws
 from orchestration.records import MeasuredRun
 
-Array = NDArray[np.float64]
 _SAME = 1e-12  # relative: steps and matrices that differ by less are the same
 
 

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws.linear.response import LinearResponse
 
-Array = NDArray[np.float64]
 # reach of a course over a record, in sizes that explain what is wrong
 _REACHES = np.geomspace(1e-3, 1e3, 7)
 _FARTHEST = 1.0  # that the model's own coordinates may move at once

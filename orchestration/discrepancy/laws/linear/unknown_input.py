@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from fmus.kit import Component, Effect, Input, UserError
+from fmus.kit.arrays import Array
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.laws.linear.response import (
@@ -29,7 +29,6 @@ from orchestration.discrepancy.selection import Search
 from orchestration.identify.noise import noise_std
 from orchestration.records import MeasuredRun
 
-Array = NDArray[np.float64]
 _ROUNDS = 6
 _SETTLED = 0.01  # fall of the cost, relative, that ends the rounds
 _HALVINGS = 5

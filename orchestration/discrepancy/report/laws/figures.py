@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws import Correction, Entry
 from orchestration.discrepancy.report.html_elements import format_quantities
 from orchestration.discrepancy.report.laws import wording
@@ -21,7 +21,6 @@ from orchestration.reporting import Markup, Panel, Trace, escaped, heat_map, pic
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 _POINTS = 300  # of a curve
 _HEIGHT = 360  # pixels
 _LARGEST_MAP = 24  # laws, and signals, that a map has room for

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import SHAPES, Component, Effect, SignalTerm, effect_name
+from fmus.kit.arrays import Array
 from fmus.kit.units import registry
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.law_corrections import LawSearch
@@ -20,7 +20,6 @@ from orchestration.discrepancy.report.laws.formula import parse_formula
 from orchestration.discrepancy.validation import Outcome, parameter_estimates
 from orchestration.identify.uncertainty import Estimate
 
-Array = NDArray[np.float64]
 _PLAIN_UNITS = ("N", "N*m", "V", "A", "W", "J", "Pa", "ohm", "C", "N/m")  # as engineers call them
 _SIGNAL_WORDS = {  # by what is remembered of a signal; takes its name and a time constant
     "": "{0}",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws import Correction, LawSignal, unit_of
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
@@ -29,7 +29,6 @@ from orchestration.discrepancy.report.wording import format_percent
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import Markup, escaped
 
-Array = NDArray[np.float64]
 _NOTHING = "No law is found to lack anything."
 _LETTERS = {"": "a", "_width": "w", "_beside": "b"}  # by what the name of a parameter ends with
 _SHAPES = {

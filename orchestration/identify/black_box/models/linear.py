@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData, input_index
 from orchestration.identify.black_box.orders import whole
 from orchestration.identify.black_box.polynomials import Roots, filtered, s_plane
 from orchestration.identify.metrics import fit_percent
 
-Array = NDArray[np.float64]
 _RUNS_AWAY = 1e100  # larger than any signal, but its square is still a number
 
 

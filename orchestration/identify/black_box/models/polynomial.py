@@ -9,17 +9,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.models.linear import LinearModel
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import Roots, filtered, roots
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 
-Array = NDArray[np.float64]
 # sum of the coefficients of a denominator, relative to that of their absolute values, below which
 # it has a root at one
 _INTEGRATES = 1e-9

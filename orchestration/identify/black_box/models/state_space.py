@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigvals, schur
 from scipy.signal import lfilter
 
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.models.linear import LinearModel
 from orchestration.identify.black_box.polynomials import Roots
 
-Array = NDArray[np.float64]
 _INFINITE = 1e8  # modulus of a generalised eigenvalue that is a zero at infinity
 _INTEGRATES = 1e-9  # distance from one at which a pole integrates
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
 from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
 from orchestration.records import TIME, Column, Table, numbers, read_record
@@ -146,7 +146,7 @@ def _is_time(column: Column) -> bool:
     return True
 
 
-def _period(path: Path, time: NDArray[np.float64]) -> float:
+def _period(path: Path, time: Array) -> float:
     """Return the sample period of a clock that keeps one; refuse one that does not."""
     steps = np.diff(time)
     period = float(np.median(steps))
