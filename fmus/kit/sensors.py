@@ -202,17 +202,18 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     def measured(self: Any) -> Any:
         # the present value less all that has changed in the time of the delay
         value = quantity.below(self)
-        back = getattr(self, delay)
+        delay_time = getattr(self, delay)
         # since the latest sample: straight from there to here, never in no time
         age = maximum(self.time - getattr(self, instant), 1e-9 * DELAY_PERIOD)
-        undone = minimum(back / age, 1.0) * change_since_sample(self, value)
+        undone = minimum(delay_time / age, 1.0) * change_since_sample(self, value)
         # and in the periods before it, straight from sample to sample
-        periods = (back - age) / DELAY_PERIOD
+        periods = (delay_time - age) / DELAY_PERIOD
         for k, change in enumerate(changes):
             undone = undone + clip(periods - k, 0.0, 1.0) * getattr(self, change)
-        # before the start the register is empty: the line is all there is
+        # the register holds no change from before the start: there the value was that at the start
+        # and the line's deviation from it
         elapsed = where(getattr(self, started), maximum(self.time - getattr(self, begin), 0.0), 0.0)
-        return value - undone + where(back > elapsed, getattr(self, history), 0.0)
+        return value - undone + where(delay_time > elapsed, getattr(self, history), 0.0)
 
     def sampled(about: str, **kind: Any) -> Any:
         return Discrete(period=DELAY_PERIOD, doc=about, **kind)

@@ -12,7 +12,6 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
-from typer.main import get_command
 
 from fmus.kit import UserError
 
@@ -129,11 +128,11 @@ class _Commands(TyperGroup):
             return TyperCommand(cmd_name, help=summary)
         loaded = load(cmd_name)
         if isinstance(loaded, typer.Typer):
-            return get_command(loaded)
+            return typer.main.get_command(loaded)
         alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
         _, _, details = (loaded.__doc__ or "").partition("\n\n")
         alone.command(cmd_name, help=f"{summary}\n\n{cleandoc(details)}")(loaded)
-        return get_command(alone)
+        return typer.main.get_command(alone)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         self._listing = True

@@ -394,43 +394,43 @@ def _claims(
 
 
 def _difference(
-    one: _JointFit, name: str, covariance: Covariance | None = None
+    joint: _JointFit, name: str, covariance: Covariance | None = None
 ) -> tuple[float, float]:
     """Return by how much a released parameter differs, and the standard error of that.
 
     Both are in its searched coordinate.
     """
-    i = one.problem.names.index(name)
-    j = one.problem.names.index(_later(name))
-    known = covariance or one.fit.covariance
-    difference = float(one.fit.q[j] - one.fit.q[i])
+    i = joint.problem.names.index(name)
+    j = joint.problem.names.index(_later(name))
+    known = covariance or joint.fit.covariance
+    difference = float(joint.fit.q[j] - joint.fit.q[i])
     if known.unidentifiable[[i, j]].any():
         return difference, np.inf
     variance = known.matrix[i, i] + known.matrix[j, j] - 2.0 * known.matrix[i, j]
     return difference, float(np.sqrt(max(variance, 0.0)))
 
 
-def _stretches_agree(one: _JointFit, name: str, tried: int) -> bool:
-    """Return whether the stretches of both records agree about a difference.
+def _stretches_agree(joint: _JointFit, name: str, tried: int) -> bool:
+    """Return whether a parameter's difference is beyond what the stretches of both records vary.
 
     Their number is small, so Student's distribution tells how far off chance takes them; the
     threshold is for all parameters together.
     """
-    difference, error = _difference(one, name, _between_stretches(one))
+    difference, error = _difference(joint, name, _between_stretches(joint))
     threshold = float(student.isf(ALPHA / (2.0 * tried), STRETCHES - 1))
     return abs(difference) > threshold * error
 
 
-def _between_stretches(one: _JointFit) -> Covariance:
+def _between_stretches(joint: _JointFit) -> Covariance:
     """Return the covariance of a fit by how much stretches of its records disagree."""
-    problem = one.problem
+    problem = joint.problem
     scales = error_scales(problem)
     # every run is cut into as many stretches, numbered through
     stretch_of = np.zeros(len(problem.time), dtype=np.intp)
     for k, run in enumerate(problem.runs):
         count = run.last - run.first
         stretch_of[run.samples] = k * STRETCHES + np.arange(count) * STRETCHES // count
-    residual, slopes = problem.evaluate(one.fit.q)
+    residual, slopes = problem.evaluate(joint.fit.q)
     jacobian = np.vstack([slopes[o] / scales[o] for o in slopes])
     errors = np.concatenate([residual[o] / scales[o] for o in slopes])
     stretches = np.concatenate([stretch_of[problem.present[o]] for o in slopes])
@@ -439,22 +439,22 @@ def _between_stretches(one: _JointFit) -> Covariance:
     )
 
 
-def _change(one: _JointFit, name: str) -> Change:
+def _change(joint: _JointFit, name: str) -> Change:
     """Return a parameter in both records as a fit has it, without a claim."""
     few = float(student.ppf(0.975, STRETCHES - 1) / norm.ppf(0.975))
     errors = np.maximum(
-        one.fit.covariance.standard_errors, few * _between_stretches(one).standard_errors
+        joint.fit.covariance.standard_errors, few * _between_stretches(joint).standard_errors
     )
-    intervals = one.problem.intervals(one.fit.q, errors)
+    intervals = joint.problem.intervals(joint.fit.q, errors)
     later = _later(name)
     return Change(
         name=name,
-        before=one.fit.values[name],
-        after=one.fit.values[later],
+        before=joint.fit.values[name],
+        after=joint.fit.values[later],
         before_interval=intervals[name],
         after_interval=intervals[later],
         changed=False,
         uncertain=False,
         gain=None,
-        declaration=one.problem.declared[name],
+        declaration=joint.problem.declared[name],
     )

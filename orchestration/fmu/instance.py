@@ -416,6 +416,7 @@ class Fmu:
         return write
 
     def _transfers(self, verb: str, names: Sequence[str]) -> list[ValueTransfer]:
+        """Prepare the calls that set or read variables, noted in the progress of the process."""
         variables = {name: self.variable(name) for name in names}
         transfers = prepare_transfers(self._slave.dll, verb, names, variables)
         request = f"{'setting' if verb == 'Set' else 'reading'} {', '.join(names)}"

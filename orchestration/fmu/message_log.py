@@ -41,7 +41,7 @@ class MessageLog:
         self.callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
         self.callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
         self.callbacks.componentEnvironment = number
-        # makes the receiver that of the proxy, also if another was set in the meantime
+        # fmpy's proxy passes messages on to one receiver, which may have been replaced since
         addLoggerProxy(ctypes.byref(self.callbacks))
         _logs[number] = self
 

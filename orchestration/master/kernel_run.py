@@ -182,6 +182,11 @@ class _Translation:
             self.program.add_python_call(handler)
 
     def _add_transfer(self, transfer: BufferTransfer, member: Instance, handler: Handler) -> None:
+        """Add the call of a transfer.
+
+        Reals lie one after the other from the first place on; integers and booleans are scattered
+        and are given with their places.
+        """
         is_setting = transfer.verb == "Set"
         kind = transfer.kind
         fmu = member.fmu

@@ -34,7 +34,7 @@ def run_cases(
         Rows to run.
     count : int
         Workers: processes besides this one, or its threads for compiled code; with one the cases
-        run here.
+        run here, unless an FMU has limits, which can be kept on another process only.
 
     Yields
     ------
@@ -47,7 +47,8 @@ def run_cases(
     UserError
         If the FMU cannot be opened.
     """
-    if task.limits is None or task.equations:
+    may_run_here = task.limits is None or task.equations
+    if may_run_here:
         with CaseRunner(task) as runner:  # raises here, in one line, if the FMU cannot be opened
             if count == 1 or len(which) < 2:
                 chunks = Chunks(task, which)

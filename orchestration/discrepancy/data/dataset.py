@@ -184,9 +184,7 @@ def _consecutive_runs(
     return runs
 
 
-def _select(
-    signals: Mapping[str, Array], cut: slice | Mask | Indices
-) -> dict[str, Array]:
+def _select(signals: Mapping[str, Array], cut: slice | Mask | Indices) -> dict[str, Array]:
     return {name: values[cut] for name, values in signals.items()}
 
 

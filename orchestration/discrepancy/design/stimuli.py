@@ -15,8 +15,8 @@ from orchestration.discrepancy.data import Dataset
 from orchestration.experiment import waveforms
 
 Limits = Mapping[str, tuple[float, float]]
-# shortest stays, as parts of the duration: for responses at once, and for creep
-_STAYS = (600.0, 120.0, 25.0)
+# of the shortest stays: for responses at once, and for creep
+_STAYS_PER_DURATION = (600.0, 120.0, 25.0)
 _SHAPES: dict[str, Callable[..., Array]] = {
     "constant": lambda time, value: np.full(time.size, value),
     "multilevel": lambda time, levels, dwell, seed: waveforms.multilevel(time, levels, dwell, seed),
@@ -122,7 +122,7 @@ def shapes_between(
     def grid(shares: Array) -> list[float]:
         return [round(float(round(share * duration / step) * step), 9) for share in shares]
 
-    stays = [round(max(shortest, duration / share), 6) for share in _STAYS]
+    stays = [round(max(shortest, duration / number), 6) for number in _STAYS_PER_DURATION]
     ramp_times = grid(np.linspace(0.0, 1.0, 9))
     ramp_levels = [(resting, high, resting, low)[k % 4] for k in range(len(ramp_times))]
     pulse_times = grid(np.linspace(0.02, 0.98, 17)[:-1])

@@ -119,7 +119,7 @@ class CurveFit:
         error, _ = problem.evaluate(nearest)
         whitening = Whitening.of(floor, error, problem.present)
         fitted = self._fitted(nearest, whitening, curve, _ROUGHLY)
-        problem.forget()
+        problem.forget_simulation()
         return fitted
 
     def settled(self, fitted: FittedCurve) -> FittedCurve:
@@ -134,7 +134,7 @@ class CurveFit:
             if fitted.criterion > before.criterion - _FALL:
                 fitted = min(fitted, before, key=lambda one: one.criterion)
                 break
-        self.problem.forget()
+        self.problem.forget_simulation()
         return fitted
 
     def _fitted(

@@ -83,7 +83,7 @@ class Fitting:
         time = search.data.time
         self._shortest = float(np.median(np.diff(time)))
         self._longest = float(time[-1] - time[0])
-        self._is_moving = any(
+        self._starts_unknown = any(
             name in search.base.layout.start_parameters for name in search.parameters
         )
 
@@ -232,15 +232,18 @@ class Fitting:
         return FittedEntry(fitted, curve, model.fit.bic, model.fit.values, straight=model)
 
     def _fitted(self, effect: type[Effect], start: dict[str, float]) -> FittedCandidate:
+        """Fit the base with one more effect, from the base's values and those given."""
         base = self._base
         candidate = base.candidate.with_effect(effect)
-        if self._is_moving and any(name.endswith("_memory_constant") for name in effect.declared):
+        if self._starts_unknown and any(
+            name.endswith("_memory_constant") for name in effect.declared
+        ):
             # where start values are unknown, so is what is remembered at the start
             starts = (*candidate.starts, *effect.layout.start_of.values())
             candidate = replace(candidate, starts=starts)
         values = {**self._search.fixed, **base.fit.values, **start}
         fitted = self._search.fit_from(candidate, base, values)
-        fitted.problem.forget()
+        fitted.problem.forget_simulation()
         return fitted
 
 

@@ -48,11 +48,17 @@ class Likeness:
 
 
 def zero_of(basis: Basis) -> float:
-    """Return the value a signal is counted from: zero, or about its middle if it is far from it."""
-    low, high = float(basis.knots[0]), float(basis.knots[-1])
-    if min(abs(low), abs(high)) <= _FAR * max(abs(low), abs(high)) or low * high <= 0.0:
+    """Return the origin of a signal: zero or, if its range is far from zero, the range's middle.
+
+    The middle is rounded to a tenth of the range's order of magnitude, so that it can be read.
+    """
+    low = float(basis.knots[0])
+    high = float(basis.knots[-1])
+    comes_near_zero = min(abs(low), abs(high)) <= _FAR * max(abs(low), abs(high))
+    if comes_near_zero or low * high <= 0.0:
         return 0.0
-    return float(np.round(0.5 * (low + high), 1 - math.floor(math.log10(high - low))))
+    digits = 1 - math.floor(math.log10(high - low))
+    return float(np.round(0.5 * (low + high), digits))
 
 
 def shape_name(shape: str, width: float, size: float) -> str:

@@ -144,17 +144,17 @@ class TriedEffect:
 
 
 def tried_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
-    """Return every effect that was fitted, once: those named, their alternatives, and others.
+    """Return every effect that was fitted, once: those selected, their alternatives, and others.
 
     Others are judged by the last step in which they were tried, and sorted by their gain.
     """
-    listed = _named_effects(diagnosis) + _alternative_effects(diagnosis)
+    listed = _selected_effects(diagnosis) + _alternative_effects(diagnosis)
     names = {row.candidate.effect_name for row in listed}
     rejected = _rejected_effects(diagnosis, names)
     return listed + sorted(rejected, key=lambda row: (-row.gain, row.candidate.candidate.name))
 
 
-def _named_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
+def _selected_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
     return [
         TriedEffect(
             step.chosen, step.gain, step.p_value, "named", _unseen_evidence(diagnosis, step.chosen)

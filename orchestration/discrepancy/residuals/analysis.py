@@ -398,7 +398,8 @@ def analyse_outputs(
     dict of str to SignalTests
         By measured output.
     """
-    signals = make_regressors(time, inputs, simulated, simulated, units)
+    # the states are not known: outputs stand in for them
+    signals = make_regressors(time, inputs, states=simulated, outputs=simulated, units=units)
     without_squares = [s for s in signals if s.kind is not RegressorKind.SQUARE]
     step = float(np.median(np.diff(time)))
     tests = {}
@@ -411,7 +412,7 @@ def analyse_outputs(
             output, innovations, noise, signals, step, inputs=list(inputs)
         )
         tests[output] = SignalTests(
-            regress(residual, present, without_squares),  # it takes powers itself
+            regress(residual, present, without_squares),  # it makes the powers itself
             random_walk_test(residual),
             correlations,
             find_operating_regions(output, residual, present, signals, bool(feedback)),

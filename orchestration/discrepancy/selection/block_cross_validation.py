@@ -86,7 +86,7 @@ def cv_errors(
         except FAILURES:
             return np.full(blocks.count, np.inf)
         finally:
-            fitted.problem.forget()
+            fitted.problem.forget_simulation()
         for output, e in residual.items():
             number = blocks.number[fitted.problem.present[output]]
             for block in range(fold, blocks.count, _FOLDS):

@@ -40,7 +40,7 @@ def score(search: Search, below: FittedCandidate, effects: Sequence[type[Effect]
             fixed = {**search.fixed, **below.fit.values}
             problem = search.problem(candidate, own_parameters(effect), fixed)
             directions[effect] = problem, score_directions(problem, effect)
-            problem.forget()
+            problem.forget_simulation()
         except FAILURES as error:
             name = label(effect)
             note = Note(NoteCode.NOT_SIMULATED, name, {"reason": str(error)})

@@ -327,7 +327,7 @@ class Search:
             self.method,
             farthest=self.farthest,
         )
-        problem.forget()  # of many candidates few are looked at again
+        problem.forget_simulation()  # of many candidates few are looked at again
         return fitted
 
     @property

@@ -74,7 +74,8 @@ class MemberInputs:
         Parameters
         ----------
         thinning : int
-            Of the samples of inputs that change between them, one in so many is used.
+            Of inputs that are linear between samples one sample in so many is kept, with straight
+            lines between: the difference shows what their course between samples can do.
         noise : Generator, optional
             Adds as much noise to continuous inputs as they seem to have.
 
@@ -179,7 +180,8 @@ class MemberSimulation:
         values : Mapping of str to float
             Parameters, besides those of the system.
         thinning : int
-            Of the samples of inputs that change between them, one in so many is used.
+            Of inputs that are linear between samples one sample in so many is kept, with straight
+            lines between: the difference shows what their course between samples can do.
         noise : Generator, optional
             Adds as much noise to the measured inputs as they seem to have.
 
@@ -208,15 +210,24 @@ class MemberSimulation:
     def _run(
         self, values: Mapping[str, float], thinning: int, noise: np.random.Generator | None
     ) -> dict[str, Array]:
-        """Return real outputs at the samples, (n,) each."""
+        """Return real outputs at the samples, (n,) each.
+
+        An FMU that cannot interpolate inputs takes several steps per sample, over which an input
+        that is linear between samples changes.
+        """
         columns = self.inputs.at_samples(thinning, noise).T
         inputs = dict(zip(self.inputs.names, columns, strict=True))
         linear = self.inputs.linear
         with Fmu(self.isolated.member.fmu, self.start_values(values), folder=self.folder) as fmu:
             fmu.start(float(self.time[0]), float(self.time[-1]))
-            exact = not linear or fmu.description.coSimulation.canInterpolateInputs
+            follows_slopes = not linear or fmu.description.coSimulation.canInterpolateInputs
             return simulate_instance(
-                fmu, self.time, inputs, self.outputs, linear=linear, parts=1 if exact else PARTS
+                fmu,
+                self.time,
+                inputs,
+                self.outputs,
+                linear=linear,
+                parts=1 if follows_slopes else PARTS,
             )
 
     def input_uncertainty(

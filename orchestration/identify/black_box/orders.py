@@ -10,7 +10,7 @@ from fmus.kit import UserError
 from orchestration.identify.black_box.data import InputOutputData
 
 Count = int | Sequence[int]
-_EQUATIONS = 2  # for every parameter, and so the fewest samples
+_SAMPLES_PER_PARAMETER = 2  # at least
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,9 @@ def orders(
         _each("nf", nf, inputs, 0),
         _each("nk", nk, inputs, 0),
     )
-    needed = made.first + _EQUATIONS * (made.parameters + sum(made.nf) + 1)
+    # with the free response of every F, and the offset
+    estimated = made.parameters + sum(made.nf) + 1
+    needed = made.first + _SAMPLES_PER_PARAMETER * estimated
     if len(data) < needed:
         raise UserError(
             f"{len(data)} samples of {data.output_name} are too few for {made} ({made.parameters}"

@@ -75,14 +75,16 @@ def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0
     check_varies(data)
     weak = check_excitation(data, (2 * order,) * len(delays))
     model, residual = _best_horizon(data, order, delays, first)
-    count = order * (2 + len(delays)) + delays.count(0) + 1
-    variance = float(residual @ residual) / max(len(residual) - count, 1)
+    # in a canonical form A and K have as many as there are states, B as many for every input, D one
+    # for every input without a delay; and there is the offset
+    parameter_count = order * (2 + len(delays)) + delays.count(0) + 1
+    variance = float(residual @ residual) / max(len(residual) - parameter_count, 1)
     return Identification(
         model=replace(model, noise_variance=variance),
         data=data,
         parameters=(),
         covariance=np.empty((0, 0)),
-        count=count,
+        count=parameter_count,
         residual=residual,
         converged=True,
         messages=_messages(model, weak),

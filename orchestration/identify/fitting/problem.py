@@ -352,7 +352,7 @@ class Problem:
             for o, e in residual.items()
         }
 
-    def forget(self) -> None:
+    def forget_simulation(self) -> None:
         """Free the memory of the last simulation."""
         self._at = None
 

@@ -132,15 +132,15 @@ class _UnderLoad:
     step: str
 
     @property
-    def first(self) -> Mask:
-        """The samples (n,) of the immediate elongation."""
-        first = self.since <= _ONCE * float(self.since[-1])
-        first[:_FEWEST] = True
-        return first
+    def is_immediate(self) -> Mask:
+        """True for the samples (n,) of the immediate elongation."""
+        chosen = self.since <= _ONCE * float(self.since[-1])
+        chosen[:_FEWEST] = True
+        return chosen
 
     @property
-    def last(self) -> Mask:
-        """The samples (n,) of the steady creep."""
+    def is_steady(self) -> Mask:
+        """True for the samples (n,) of the steady creep."""
         return np.asarray(self.since >= (1.0 - _TAIL) * float(self.since[-1]))
 
     def check_positive(self, length: float, fault: str) -> None:
@@ -161,7 +161,8 @@ def _under_load(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> _
         load=abs(load),
         step=f"{abs(load):g} N at {t[step]:g} s",
     )
-    if creep.first.sum() + creep.last.sum() > creep.since.size:
+    # no sample can be both
+    if creep.is_immediate.sum() + creep.is_steady.sum() > creep.since.size:
         raise UserError(
             f"record of {creep.since.size} samples under load: too few to tell creep from what is"
             " at once"
@@ -186,14 +187,14 @@ def _step(force: Array) -> tuple[int, float]:
 
 def _immediate_elongation(creep: _UnderLoad) -> float:
     """Return the elongation at the step (eq. 3.2), from a line through the first part."""
-    first = creep.first
-    return float(np.polyfit(creep.since[first], creep.elongation[first], 1)[1])
+    chosen = creep.is_immediate
+    return float(np.polyfit(creep.since[chosen], creep.elongation[chosen], 1)[1])
 
 
 def _steady_creep(creep: _UnderLoad) -> tuple[float, float]:
     """Return slope and intercept of a line through the last part (eq. 3.3)."""
-    last = creep.last
-    slope, intercept = np.polyfit(creep.since[last], creep.elongation[last], 1)
+    chosen = creep.is_steady
+    slope, intercept = np.polyfit(creep.since[chosen], creep.elongation[chosen], 1)
     return float(slope), float(intercept)
 
 

@@ -1,4 +1,4 @@
-"""Plan of a record: an experiment checked against a rig, before anything moves."""
+"""Plan of a recording: an experiment checked against a rig, before anything moves."""
 
 from __future__ import annotations
 

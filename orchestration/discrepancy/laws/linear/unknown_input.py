@@ -32,7 +32,7 @@ from orchestration.records import MeasuredRun
 _ROUNDS = 6
 _SETTLED = 0.01  # fall of the cost, relative, that ends the rounds
 _HALVINGS = 5
-_ORDERS = 2, 3  # of differences
+_DIFFERENCE_ORDERS = 2, 3
 _KNOWN = 0.01  # precision of a coordinate without a prior, in its sizes
 _LEAST = 1e-6  # of the residual of a model, which noise is taken to be at least
 _NEIGHBOURS = 5  # samples
@@ -171,7 +171,7 @@ class _DrivenModel:
         """Simulate with an input (n,), at coordinates (p,)."""
         problem = self._problem
         problem.inputs = {**self._data.inputs, self._name: course}
-        problem.forget()
+        problem.forget_simulation()
         error, slopes = problem.evaluate(q)
         cost = sum(float(np.sum((e / self.noise[o]) ** 2)) for o, e in error.items())
         values = problem.start | problem.values(q)
@@ -224,7 +224,7 @@ class _DrivenModel:
         present = self._problem.present
         shown = self._response(course, here)
         residual = {o: e + shown[o][present[o]] for o, e in here.error.items()}
-        self._problem.forget()
+        self._problem.forget_simulation()
         return UnknownInput(
             self._law, residual, here.error, here.slopes, here.parts, self._problem.values(here.q)
         )
@@ -251,9 +251,12 @@ def noise_floor(residual: Mapping[str, Array]) -> dict[str, float]:
     floor = {}
     for o, e in residual.items():
         rms = float(np.sqrt(np.mean(e**2)))
-        # what a model lacks is smoother than noise, and smoother than the record; its curvature
-        # must not count
-        floor[o] = max(min(rms, *(noise_std(e, order) for order in _ORDERS)), _LEAST * rms) or 1.0
+        # differences remove what a model lacks, for it is smooth; whatever is left of it only adds,
+        # so that the least estimate is the nearest to the noise
+        floor[o] = (
+            max(min(rms, *(noise_std(e, order) for order in _DIFFERENCE_ORDERS)), _LEAST * rms)
+            or 1.0
+        )
     return floor
 
 

@@ -63,7 +63,7 @@ class LawReport:
 
     @property
     def rounds(self) -> list[LawReport]:
-        """The report itself, and those of the model with the correction that was confirmed."""
+        """The report itself, and those of the searches after each correction that was confirmed."""
         beside = self.laws.beside if self.laws else None
         if beside is None:
             return [self]
