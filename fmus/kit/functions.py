@@ -130,6 +130,11 @@ def clip(x: Any, low: Any, high: Any) -> Any:
     return minimum(maximum(x, low), high)
 
 
+def _check_table(xs: Sequence[Any], ys: Sequence[Any]) -> None:
+    if not xs or len(xs) != len(ys):
+        raise ValueError(f"a table of {len(xs)} abscissae and {len(ys)} values")
+
+
 def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
     """Interpolate linearly in a table, and stay flat beyond its ends, as ``numpy.interp`` does.
 
@@ -154,8 +159,7 @@ def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
     ValueError
         If there are no points, or not as many values as abscissae.
     """
-    if not xs or len(xs) != len(ys):
-        raise ValueError(f"a table of {len(xs)} abscissae and {len(ys)} values")
+    _check_table(xs, ys)
     result = ys[0]
     for start, end, low, high in zip(xs, xs[1:], ys, ys[1:], strict=False):
         result = where(x > start, low + (high - low) / (end - start) * (x - start), result)
@@ -188,8 +192,7 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
     ValueError
         If there are no points, or not as many values as abscissae.
     """
-    if not xs or len(xs) != len(ys):
-        raise ValueError(f"a table of {len(xs)} abscissae and {len(ys)} values")
+    _check_table(xs, ys)
     if len(xs) == 1:
         return ys[0]
     ends = slopes(xs, ys)

@@ -52,6 +52,11 @@ class Layout:
     texts: tuple[TextDeclaration, ...] = ()
 
     @property
+    def parameter_index(self) -> dict[str, int]:
+        """Place of every parameter among the parameters."""
+        return {p.name: i for i, p in enumerate(self.parameters)}
+
+    @property
     def derivatives(self) -> list[tuple[str, str]]:
         """Name ``der(s)`` and unit of every state's derivative, last in memory."""
         return [(f"der({s.name})", f"{s.unit}/s") for s in self.states]

@@ -310,6 +310,15 @@ class Calibration:
     limits: dict[str, Limit]
     instruments: dict[str, Instrument] = field(default_factory=dict)
 
+    @property
+    def units(self) -> tuple[dict[str, str], dict[str, str]]:
+        """SI units of the inputs and of the outputs, by signal."""
+        inputs, outputs = (
+            {name: channel.unit for name, channel in channels.items()}
+            for channels in (self.inputs, self.outputs)
+        )
+        return inputs, outputs
+
 
 def presets() -> dict[str, Path]:
     """Return the calibrations that ship, by name."""

@@ -49,7 +49,7 @@ class Interpreted:
     def __init__(self, graph: Graph):
         self._lock = Lock()  # all simulations have the same memory
         layout = graph.layout
-        index = {p.name: i for i, p in enumerate(layout.parameters)}
+        index = layout.parameter_index
         self._groups = layout.inputs, (*layout.states, *layout.discretes), layout.outputs
         self._x_starts = [index[layout.start_of[state.name]] for state in layout.states]
         self._z_starts = [index[layout.start_of[discrete.name]] for discrete in layout.discretes]

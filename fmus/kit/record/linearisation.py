@@ -191,7 +191,7 @@ class Linearisation:
     ) -> list[Array | float]:
         """Return the arguments of the laws at the first step, after the first sampled updates."""
         layout = graph.layout
-        index = {p.name: i for i, p in enumerate(layout.parameters)}
+        index = layout.parameter_index
         x = parameters[[index[layout.start_of[v.name]] for v in layout.states]]
         z = parameters[[index[layout.start_of[v.name]] for v in layout.discretes]]
         arguments: list[Array | float] = [time, parameters[: len(index)], inputs, x, z]
@@ -202,7 +202,7 @@ class Linearisation:
     def _resampled(self, duration: float, parameters: Array) -> tuple[bool, ...]:
         """Return for each discrete state whether it is sampled again after the start."""
         layout = self._base.layout
-        index = {p.name: i for i, p in enumerate(layout.parameters)}
+        index = layout.parameter_index
         resampled = []
         for discrete in layout.discretes:
             period = discrete.period

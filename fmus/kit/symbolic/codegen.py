@@ -91,7 +91,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         "#define MODEL_H",
         *(f"#define MODEL_{name} {len(group)}" for name, group in sizes.items()),
     ]
-    index = {p.name: i for i, p in enumerate(layout.parameters)}
+    index = layout.parameter_index
     starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
     periods = [f"    {_period(period, index)}," for period, _ in layout.sampled]
     texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]

@@ -165,7 +165,7 @@ def least_lead(signal: Regressor, feedback: bool) -> int:
 
 def prewhiten(values: Array, noise: Noise, within: Mask | None = None) -> Array:
     """Filter a signal (n,) as whitens the residual, without its mean; zero until that has begun."""
-    whole = np.ones(values.size, dtype=bool) if within is None else within
+    whole = _all_unless(within, values)
     white = noise.whiten(values[whole] - values[whole].mean(), whole)
     begun = np.ones(white.size, dtype=bool)
     for first, _ in segments(whole):
@@ -173,6 +173,10 @@ def prewhiten(values: Array, noise: Noise, within: Mask | None = None) -> Array:
     result = np.zeros(values.size)
     result[whole] = np.where(begun, white - white[begun].mean(), 0.0) if begun.any() else 0.0
     return result
+
+
+def _all_unless(within: Mask | None, values: Array) -> Mask:
+    return np.ones(values.size, dtype=bool) if within is None else within
 
 
 def _feedback(
@@ -205,7 +209,7 @@ def _feedback(
 
 def _own_colour(values: Array, within: Mask | None) -> Noise:
     """Fit an autoregression to a signal (n,), whose innovations are in the unit of the signal."""
-    whole = np.ones(values.size, dtype=bool) if within is None else within
+    whole = _all_unless(within, values)
     return replace(estimate_noise(values[whole] - values[whole].mean(), whole), deviation=1.0)
 
 

@@ -298,11 +298,8 @@ def _model(
 
 
 def _describe_offset(model: PolynomialModel, estimated: bool) -> str:
-    """Describe the operating point about which the model is linear."""
-    at = ", ".join(
-        f"{name} = {x:.6g}" for name, x in zip(model.input_names, model.input_offsets, strict=True)
-    )
-    text = f"offset: the model is about {model.output_name} = {model.output_offset:.6g} at {at}"
+    """Describe the operating point about which the model is linear, and whence it is known."""
+    text = model.describe_operating_point()
     return text if estimated else f"{text}, and zero where all inputs are, as far as the data tell"
 
 

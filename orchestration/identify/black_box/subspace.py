@@ -93,13 +93,7 @@ def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0
 
 def _messages(model: StateSpaceModel, weak: tuple[str, ...]) -> tuple[str, ...]:
     """Return a line each on the operating point, weak excitation and instability."""
-    at = ", ".join(
-        f"{name} = {x:.6g}" for name, x in zip(model.input_names, model.input_offsets, strict=True)
-    )
-    messages = [
-        f"offset: the model is about {model.output_name} = {model.output_offset:.6g} at {at}",
-        *weak,
-    ]
+    messages = [model.describe_operating_point(), *weak]
     if not model.is_stable():
         messages.append("the model is unstable: a free run will not stay near the record")
     return tuple(messages)

@@ -67,6 +67,7 @@ def decode(path: Path, content: bytes) -> Lines:
         is_utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
         text = content.decode("utf-16" if is_utf16 else "utf-8-sig")
     except UnicodeDecodeError:
+        # a file with NUL is refused below, and a large one is decoded faster as Latin-1
         text = content.decode("latin-1" if b"\x00" in content else "cp1252", errors="replace")
         repairs.append(Repair("encoding", "the file is not UTF-8; it was read as Windows-1252"))
     if _CONTROL.search(text) or "\ufffd" in text:

@@ -83,8 +83,7 @@ class NiDaqmx(Backend):
         self._measured_channels = self._calibration.outputs
         self._timeout = seconds("timeout", timeout, 10.0)
         one_of("timing", timing, ("auto", "hardware", "software"))
-        self.inputs = {name: channel.unit for name, channel in self._command_channels.items()}
-        self.outputs = {name: channel.unit for name, channel in self._measured_channels.items()}
+        self.inputs, self.outputs = self._calibration.units
         self.limits: Mapping[str, Limit] = self._calibration.limits
         self._check(calibration, device)
         self._name = device

@@ -47,8 +47,7 @@ class Visa(Backend):
                 raise UserError(
                     f"{calibration}: {channel.name} is a channel of a device, not of an instrument"
                 )
-        self.inputs = {name: channel.unit for name, channel in self._ins.items()}
-        self.outputs = {name: channel.unit for name, channel in self._outs.items()}
+        self.inputs, self.outputs = self._calibration.units
         self.limits: Mapping[str, Limit] = self._calibration.limits
         self._sessions: dict[str, MessageBasedResource] = {}
         self._sent: dict[str, str] = {}  # signal -> message that the instrument took last

@@ -47,6 +47,14 @@ class LinearModel(ABC):
     output_offset: float
     noise_variance: float
 
+    def describe_operating_point(self) -> str:
+        """Describe in a line the operating point about which the model is linear."""
+        at = ", ".join(
+            f"{name} = {x:.6g}"
+            for name, x in zip(self.input_names, self.input_offsets, strict=True)
+        )
+        return f"offset: the model is about {self.output_name} = {self.output_offset:.6g} at {at}"
+
     @abstractmethod
     def _forced(self, deviations: Array) -> Array:
         """Return the response (n,) from rest to deviations of the inputs (n, m)."""
