@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault(
-    "OPENBLAS_NUM_THREADS", "1"
-)  # two workers on two cores; before numpy is loaded
+# two workers on two cores; before numpy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import gc
 import shutil
@@ -16,20 +15,23 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from fmus import COMPONENTS, component
 from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 
-pytest.register_assert_rewrite(
-    "tests.contract", "tests.support"
-)  # their assertions explain themselves, too
+# their assertions explain themselves, too
+pytest.register_assert_rewrite("tests.contract", "tests.support")
 
 from tests.support.punctual import Watch  # noqa: E402
 
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
+# an example may take long on a machine that does other work
+settings.register_profile("ppy", deadline=None)
+settings.load_profile("ppy")
 _watch = Watch()
 # where the suite was started in the background nobody hears Ctrl-C, nor does what tests start: they
 # send it themselves

@@ -21,7 +21,6 @@ MOVES = st.lists(
 )
 relaxed = settings(
     max_examples=40,
-    deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -4,7 +4,7 @@ eq. 4.10.
 
 import control
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fmus.degradation_estimator.model import DegradationEstimator
@@ -22,7 +22,6 @@ def converted(theta, held, period=PERIOD):
 positive = st.floats(-1.0, 1.0).map(lambda power: 10.0**power)
 
 
-@settings(deadline=None)
 @given(r1=positive, r2=positive, c=positive, period=st.floats(0.01, 0.2))
 def test_conversions_invert_the_discretisations_of_control(r1, r2, c, period):
     circuit = control.tf([r1 * r2 * c, r2], [(r1 + r2) * c, 1.0])  # eq. 4.1

@@ -80,7 +80,7 @@ def test_catalogue():
             assert v.min <= v.start <= v.max
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
     chosen=st.sampled_from([*((name,) for name in EFFECTS), tuple(EFFECTS)]),

@@ -36,7 +36,7 @@ def test_constant_current_gives_no_estimate(estimate, level):
     assert all(np.all(np.isfinite(values)) for values in found.values())
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-1.3, 1.3), min_size=2, max_size=60))
 def test_reversals_are_turning_points_beyond_the_swing(values):
     model = DegradationEstimator(minimum_swing=0.3)
@@ -59,7 +59,7 @@ def alternating(durations, amplitude=0.9):
     return np.concatenate([amplitude * (-1) ** k * np.ones(n) for k, n in enumerate(durations)])
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(durations=st.lists(st.integers(1, 150), min_size=5, max_size=40))
 def test_tracked_frequency_is_that_of_reversals_of_equal_sign(estimate, durations):
     """Against the switching times themselves; the first half period starts with the first movement

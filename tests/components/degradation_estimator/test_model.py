@@ -135,7 +135,7 @@ def test_the_limit_falls_in_steps_to_a_floor_and_never_rises(estimate):
     assert estimate(np.tile(current, 2), again, **options)["voltage_limit"][-1] == 0.8
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_any_parameters_and_inputs_leave_finite_numbers(compiled, data):
     parameters = {}

@@ -62,7 +62,7 @@ def test_catalogue():
             assert v.min <= v.start <= v.max
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), potentiostat=st.booleans())
 def test_neutral_is_bit_identical_on_floats(seed, potentiostat):
     values = random_values(Galvanostat, seed) | {"potentiostat": potentiostat}
@@ -145,7 +145,7 @@ def test_slope_at_neutral_is_that_of_the_limit():
 OTHERS = stack(Galvanostat, *(EFFECTS[name] for name in ("current_offset", "current_gain")))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), potentiostat=st.booleans())
 def test_offset_and_gain_are_nothing_at_zero(seed, potentiostat):
     values = random_values(Galvanostat, seed) | {"potentiostat": potentiostat}

@@ -117,7 +117,7 @@ def test_a_voltage_still_beyond_the_limit_begins_the_next_recovery():
     assert np.array_equal(found["current"], np.where(off, 0.0, 0.9))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     periods=st.integers(0, 300),
     period=st.sampled_from([0.01, 0.003, 0.1, 0.07]),
@@ -448,7 +448,7 @@ def test_errors_within_the_voltage_tolerance_are_left_alone():
 # --------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_any_parameters_and_inputs_give_a_current_within_the_limit(data):
     layout = Galvanostat.layout

@@ -177,7 +177,7 @@ def test_shapes_of_one_family_are_of_one_law_and_signal():
 @pytest.mark.parametrize(
     "chosen", [*((n,) for n in EFFECTS), tuple(EFFECTS), tuple(reversed(EFFECTS))], ids="+".join
 )
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=seeds)
 def test_neutral_is_bit_identical_on_floats(base, chosen, seed):
     cls = stack(base, *(EFFECTS[n] for n in chosen))

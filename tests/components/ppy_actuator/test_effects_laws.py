@@ -145,7 +145,7 @@ def check_against_paper(cls, values):
 
 @bases
 @effects
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_an_effect_is_what_the_readme_says(base, name, seed):
     cls = stack(base, EFFECTS[name])
@@ -153,7 +153,7 @@ def test_an_effect_is_what_the_readme_says(base, name, seed):
 
 
 @bases
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_all_effects_together_are_what_the_readme_says(base, seed):
     cls = stack(base, *EFFECTS.values())

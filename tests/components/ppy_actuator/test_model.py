@@ -63,7 +63,6 @@ def same_transfer_function(system, numerator, denominator):
 # -----------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(p=parameters)
 def test_electrochemical_transfer_function_is_eq_3_6(p):
     numerator = [p["alpha"] * p["R2"] * p["C"]]
@@ -74,7 +73,6 @@ def test_electrochemical_transfer_function_is_eq_3_6(p):
     same_transfer_function(state_space(FORCE, p, "displacement", "current"), numerator, denominator)
 
 
-@settings(deadline=None)
 @given(p=parameters)
 def test_mechanical_transfer_function_is_eq_3_7(p):
     k1, b1, k2, b2 = (p[n] for n in ("k1", "b1", "k2", "b2"))
@@ -86,7 +84,6 @@ def test_mechanical_transfer_function_is_eq_3_7(p):
     same_transfer_function(state_space(FORCE, p, "displacement", "force"), numerator, denominator)
 
 
-@settings(deadline=None)
 @given(p=parameters)
 def test_impedance_is_eq_3_9(p):
     numerator = [p["R1"] * p["R2"] * p["C"], p["R2"]]
@@ -95,7 +92,6 @@ def test_impedance_is_eq_3_9(p):
         same_transfer_function(state_space(graph, p, "voltage", "current"), numerator, denominator)
 
 
-@settings(deadline=None)
 @given(p=parameters)
 def test_coefficients_of_the_electrical_polynomials(p):
     """The same two functions by coefficient, from the one-state subsystem of the charge."""
@@ -116,7 +112,6 @@ def test_coefficients_of_the_electrical_polynomials(p):
         assert padded == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
-@settings(deadline=None)
 @given(p=parameters)
 def test_coefficients_of_the_mechanical_polynomial(p):
     k1, b1, k2, b2 = (p[n] for n in ("k1", "b1", "k2", "b2"))
@@ -134,7 +129,6 @@ def test_coefficients_of_the_mechanical_polynomial(p):
     assert b2 * numerator == pytest.approx(expected, rel=1e-8, abs=1e-14 * b2)
 
 
-@settings(deadline=None)
 @given(p=parameters)
 def test_current_and_force_do_not_cross(p):
     """Unidirectional and additive coupling: the load is not seen in the voltage, the charge not in
@@ -153,7 +147,6 @@ def test_current_and_force_do_not_cross(p):
     assert d[total] == pytest.approx(d[electrical] + d[mechanical])
 
 
-@settings(deadline=None)
 @given(p=parameters)
 def test_tension_is_the_inverse_of_eq_3_7(p):
     """Taut: F = (L - X_e) / H_m."""
@@ -292,7 +285,7 @@ def test_signals_have_their_fixed_names():
 # --------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(p=parameters, length=within(1e-5, 1e-2))
 def test_tension_relaxes_as_the_burgers_chain_does(p, length):
     k1, b1, k2, b2 = (p[n] for n in ("k1", "b1", "k2", "b2"))
@@ -310,7 +303,7 @@ def test_tension_relaxes_as_the_burgers_chain_does(p, length):
     assert tension == pytest.approx(k1 * (length - creep), rel=1e-6, abs=1e-10 * k1)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), step=st.sampled_from([0.1, 1.0, 30.0]))
 def test_slack_never_pushes(seed, step):
     rng = np.random.default_rng(seed)

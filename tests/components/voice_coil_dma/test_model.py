@@ -162,7 +162,7 @@ def test_any_communication_step_gives_the_same_loop(size):
     same(found, scipy_loop(times, lambda t: 2.0, actuator=True))
 
 
-@settings(deadline=None, max_examples=4, derandomize=True)
+@settings(max_examples=4, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_prescribed_tension_is_the_monolithic_solution(seed):
     rng = np.random.default_rng(seed)

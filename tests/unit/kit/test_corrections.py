@@ -329,7 +329,7 @@ def test_a_law_multiplied():
     assert found == pytest.approx((2.0 + WAVE) * (1.0 + 0.3 * WAVE**2))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=8, unique_by=lambda x: round(x, 3)),
     st.integers(0, 999),

@@ -214,7 +214,7 @@ def test_numpy_scalars_are_floats():
     assert maximum(np.float64(2.0), 1.0) == 2.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=9, unique_by=lambda x: round(x, 2)).map(
         sorted

@@ -3,7 +3,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -252,7 +252,6 @@ def instants(period, end):
     return -((-end) // period) if end > 0 else 0
 
 
-@settings(deadline=None)
 @given(
     period=st.integers(1, 100),
     step=st.integers(1, 150),

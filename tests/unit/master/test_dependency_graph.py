@@ -69,7 +69,7 @@ def knots(structure):
     return {group for group in groups if len(group) > 1}
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(structures())
 def test_every_value_is_there_when_it_is_needed(structure):
     found = order_exchange(structure, set(structure.wanted))
@@ -95,7 +95,7 @@ def test_every_value_is_there_when_it_is_needed(structure):
     assert sorted(order_steps(structure)) == sorted(structure.wanted)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(structures(), st.sets(st.sampled_from("abcde")))
 def test_who_does_not_take_part_is_not_asked(structure, due):
     found = order_exchange(structure, due)

@@ -15,9 +15,7 @@ from orchestration.records import Journal, read_record, write_record
 
 SIGNALS = {"u": "V", "y": "m"}
 finite = st.floats(-1e150, 1e150)
-QUICK = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+QUICK = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def attempt(path):

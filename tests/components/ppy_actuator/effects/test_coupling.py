@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
@@ -55,7 +55,6 @@ def test_quadratic_strain_follows_its_equation(base):
 
 
 @bases
-@settings(deadline=None)
 @given(charge=st.floats(-20, 20), saturation=st.floats(0.01, 1e3))
 def test_strain_saturation_follows_its_equation(base, charge, saturation):
     model = stack(base, EFFECTS["strain_saturation"])(

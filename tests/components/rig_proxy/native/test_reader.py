@@ -173,9 +173,7 @@ STYLES = st.fixed_dictionaries(
         "sort_keys": st.booleans(),
     }
 )
-often = settings(
-    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
-)
+often = settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
 
 
 @often

@@ -140,7 +140,7 @@ def test_by_length_it_is_the_component() -> None:
     assert (found["tension"] == 0).sum() > 5
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     current=st.floats(-1.3, 1.3),
     load=st.floats(0.0, 1.0),

@@ -264,7 +264,7 @@ def test_a_law_that_does_nothing_gains_nothing():
     assert not found.values.any()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(1e-6, 1e6), st.integers(0, 20))
 def test_units_do_not_matter(factor, seed):
     """Columns in another unit of the law, and a signal in another unit."""
@@ -301,7 +301,7 @@ def test_noise_hardly_ever_gains():
 # ------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=60, unique_by=lambda x: round(x, 3)),
     st.integers(0, 99),
@@ -319,7 +319,7 @@ def test_a_basis_is_that_of_the_table_in_a_model(values, seed):
     assert basis(basis.knots) == pytest.approx(np.eye(len(knots)), abs=1e-9)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=60))
 def test_knots_span_the_signal_and_rise(values):
     values = np.array(values)

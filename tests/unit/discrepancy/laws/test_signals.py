@@ -62,7 +62,7 @@ def test_a_step_over_uneven_steps_in_closed_form():
     assert found.begin == pytest.approx(3.0 - 2.0 * np.exp(-since / 0.9), rel=1e-10)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30),
     st.floats(1e-3, 1e3),
@@ -169,7 +169,7 @@ def test_what_moves_is_listed():
     assert [s.name for s in current_signals(course(), {}, ())][-1] == "time"
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e3), st.booleans(), st.integers(0, 99))
 def test_what_is_in_proportion_is_not_new(offset, factor, turned, seed):
     values = np.random.default_rng(seed).normal(size=50)

@@ -67,9 +67,7 @@ def test_elf_is_read_as_readelf_does(fmu, tmp_path):
 
 @on_linux
 @pytest.mark.parametrize("runtime", ["native", "python"])
-@settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_damaged_binary_never_breaks_the_reader(fmu, runtime, data):
     library = bytearray(contents(fmu("ppy_actuator", runtime))[LINUX_BINARY])

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fmus.kit.errors import UserError
@@ -48,7 +48,6 @@ def test_table_3_1_follows_from_its_coefficients(theta, expected):
     assert tustin([theta, theta], PERIOD)[1] == pytest.approx(expected, abs=2e-3)
 
 
-@settings(deadline=None)
 @given(r1=positive, r2=positive, c=positive, period=st.floats(0.01, 0.2))
 def test_conversions_invert_the_discretisations_of_control(r1, r2, c, period):
     circuit = control.tf([r1 * r2 * c, r2], [(r1 + r2) * c, 1.0])

@@ -88,7 +88,7 @@ def vectors(cls, values):
 
 
 @classes
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(seed=seeds)
 def test_the_graph_has_the_values_of_the_class(cls, seed):
     values, time = point(cls, seed)
@@ -115,7 +115,7 @@ def differences(cls, values, time, name, step):
 
 
 @pytest.mark.parametrize("cls", [Curved, *map(fmus.component, ACTUATORS)], ids=lambda cls: cls.name)
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=seeds)
 def test_linearisation_against_differences(cls, seed):
     values, _ = point(cls, seed)
@@ -167,7 +167,7 @@ def test_points_take_defaults_and_refuse_what_does_not_exist():
 
 
 @classes
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seed=seeds)
 def test_tangent_is_the_directional_derivative(cls, seed):
     values, time = point(cls, seed)

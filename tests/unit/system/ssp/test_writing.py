@@ -157,9 +157,7 @@ def random_systems(draw, fmu):
     )
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), connectors=st.booleans())
 def test_random_systems_there_and_back(tmp_path, data, connectors):
     fmu = tmp_path / "gain.fmu"
