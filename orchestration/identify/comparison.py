@@ -214,7 +214,7 @@ def compare(
         If the FMU fails, or a parameter cannot be fitted.
     """
     given = dict(parameters or {})
-    _check_names(model, names)
+    _check_names(model, names, "--fit: ")
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {model.path.name} over {record.time.size} samples")
@@ -259,7 +259,6 @@ def fit_model(
     UserError
         If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
     """
-    _check_names(model, names)
     constant = {
         name: np.full(time.size, value) for name, value in given.items() if name in model.inputs
     }
@@ -267,6 +266,7 @@ def fit_model(
     fixed = {name: value for name, value in given.items() if name in model.parameters}
     if model.cls is not None:
         return fit_grey_box(model.cls, time, fed, measured, names, numeric(fixed))
+    _check_names(model, names)
     others = {name: value for name, value in fixed.items() if name not in names}
     numbers = {
         name: value for name, value in fixed.items() if model.parameters[name].type != "string"
@@ -276,19 +276,19 @@ def fit_model(
         return replace(fit, evaluations=fmu.runs)
 
 
-def _check_names(model: Model, names: Sequence[str]) -> None:
+def _check_names(model: Model, names: Sequence[str], option: str = "") -> None:
     """Refuse parameters that cannot be fitted, before any work is done."""
     for k, name in enumerate(names):
         if name not in model.parameters:
             raise UserError(
-                f"--fit: {model.name} has no parameter named"
+                f"{option}{model.name} has no parameter named"
                 f" {name!r}{suggestion(name, model.parameters)}"
             )
         kind = model.parameters[name].type
         if kind != "real":
-            raise UserError(f"--fit: {name} is {kind}; only real parameters can be fitted")
+            raise UserError(f"{option}{name} is {kind}; only real parameters can be fitted")
         if name in names[:k]:
-            raise UserError(f"--fit: {name} is named twice in {','.join(names)}")
+            raise UserError(f"{option}{name} is named twice in {','.join(names)}")
 
 
 def _assess(

@@ -138,7 +138,7 @@ class LawMapResult:
 def discover(
     diagnosis: Diagnosis,
     progress: Callable[[str], None] = lambda text: None,
-    again: Entry | None = None,
+    only: Entry | None = None,
 ) -> LawMapResult:
     """Find corrections of every law of a diagnosed model, with the causes that were named.
 
@@ -147,16 +147,16 @@ def discover(
     diagnosis : Diagnosis
     progress : callable
         Told what is being done.
-    again : Entry, optional
+    only : Entry, optional
         A law over a signal and its memory; nothing else is tried then.
     """
     base = diagnosis.selection.best
     search = search_of(diagnosis, progress)
     progress("asking every law what it lacks")
     law_map = LawMap(search, base, _families(base.candidate.cls))
-    entries = [e for e in law_map.entries() if again is None or e.key == again.key]
+    entries = [e for e in law_map.entries() if only is None or e.key == only.key]
     telling = [e for e in entries if e.curve.gain > law_map.chance]
-    chosen = law_map.plausible.worth_a_fit(telling) if again is None else telling
+    chosen = law_map.plausible.worth_a_fit(telling) if only is None else telling
     progress(f"fitting {len(chosen)} corrections of laws")
     fitting = Fitting(search, base, law_map)
     below = base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))

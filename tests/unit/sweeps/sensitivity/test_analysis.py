@@ -68,7 +68,7 @@ def test_what_does_not_go_together_is_told_before_anything_runs(call, told):
 def test_another_sweep_has_neither():
     found = ppy.sweep(Laws, {"a": "1..2:3"}, time=TIME)
     for analyse in (ppy.sensitivity, ppy.tornado):
-        with pytest.raises(UserError, match="not grid"):
+        with pytest.raises(UserError, match="the dataset is of grid"):
             analyse(found)
     part = swept(Laws, {"a": "1..2", "b": "2..3"}).isel(case=slice(7))
     with pytest.raises(UserError, match="7 cases are not all"):

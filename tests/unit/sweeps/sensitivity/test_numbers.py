@@ -40,9 +40,11 @@ def test_the_numbers_of_each_case_are_neither_traces_nor_failures(swept):
 
 def test_another_design_is_refused_by_its_name(swept):
     require_design(swept, "tornado")
-    with pytest.raises(UserError, match="of the design sobol-indices, not tornado: sweep"):
+    with pytest.raises(
+        UserError, match="of the design sobol-indices, and the dataset is of tornado: sweep"
+    ):
         require_design(swept, "sobol-indices")
-    with pytest.raises(UserError, match="of the design tornado, not no sweep"):
+    with pytest.raises(UserError, match="of the design tornado, and the dataset is of no sweep"):
         require_design(xarray.Dataset(), "tornado")
 
 
