@@ -61,5 +61,5 @@ def test_a_comparison_tells_the_noise_of_a_right_model_and_more_of_a_wrong_one(r
 
 def test_a_parameter_that_is_not_there_is_refused(record, lag):
     for model in (lag, Lag):
-        with pytest.raises(UserError, match="has no parameter named 'tua'"):
+        with pytest.raises(UserError, match="no parameter named 'tua'"):
             ppy.fit(record, model, ["tua"])
