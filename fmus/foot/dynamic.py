@@ -1,6 +1,4 @@
-"""The foot that moves by itself: joint inertias under the torques of the statics, between soft
-stops.
-"""
+"""The dynamic foot: torques accelerate its joints, which end at soft stops."""
 
 from __future__ import annotations
 

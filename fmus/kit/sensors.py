@@ -94,6 +94,7 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
             )
         measured = declared[output]
 
+        # `effect` is bound below, before this is first called
         def below(self: Any) -> Any:
             return getattr(super(effect, self), output)()
 
@@ -103,6 +104,7 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
             "output": output,
             "__doc__": body.__doc__,
             "__module__": __name__,
+            # by which the effect can be made anew, in a package or a report
             "made_by": make,
             "made_with": {"output": output},
         }

@@ -32,7 +32,7 @@ _BASE = {
 }
 _LONGEST = 100  # characters of a unit
 # factors, or their powers, of which none has a power itself
-_WRITTEN = re.compile(
+_UNIT_SYNTAX = re.compile(
     r"\s*(?:1\s*(?=/)|[^\W\d]\w*|[°%Ω]\w*|[()*/·.]|\s"
     r"|(?:\^|\*\*)\s*\(?[+-]?\d{1,2}(?:\.\d{1,2})?\)?(?!\s*(?:\^|\*\*|\.?\d)))*"
 )
@@ -87,15 +87,15 @@ def parse(unit: str) -> pint.Unit:
     if unit.strip() in ("", "1", "-", "–"):
         return registry().dimensionless
     for spelt in (unit, from_modelica(unit[:_LONGEST])):
-        known = _known(spelt)
+        known = _parse_or_none(spelt)
         if known is not None:
             return known
     raise UserError(f"unknown unit {unit[:_LONGEST]!r}; write it like N, mm, N*s/m, ohm, degC")
 
 
-def _known(unit: str) -> pint.Unit | None:
+def _parse_or_none(unit: str) -> pint.Unit | None:
     """Read a unit as pint does; None if that cannot."""
-    if len(unit) > _LONGEST or not _WRITTEN.fullmatch(unit):
+    if len(unit) > _LONGEST or not _UNIT_SYNTAX.fullmatch(unit):
         return None  # pint computes any power, and 9**9**9**9 takes for ever
     try:
         return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
@@ -118,7 +118,7 @@ def to_familiar(unit: str) -> str:
         `unit` unchanged if pint does not know it: an FMU may name its units as it likes.
     """
     spelt = from_modelica(unit[:_LONGEST])
-    return spelt if _known(spelt) is not None else unit
+    return spelt if _parse_or_none(spelt) is not None else unit
 
 
 @lru_cache

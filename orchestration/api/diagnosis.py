@@ -68,33 +68,39 @@ def diagnose(
     progress = options["progress"]
     mapping = options["mapping"]
     given = values_of(subject, options["settings"])
-    measured, judged = held_out(record, options["holdout"], subject, mapping, options["runs"])
-    _refuse_unfit(subject, options)
-    judging = _pipeline_options(subject, given, options)
+    measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
+    _refuse_useless_options(subject, options)
+    diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, mapping)
     around = None
     try:
         if subject.cls is None:
             result, around = _from_outside(
-                subject, measured, judged, given, options["fit"], judging, progress=progress
+                subject,
+                measured,
+                unseen,
+                given,
+                options["fit"],
+                diagnosis_options,
+                progress=progress,
             )
         else:
-            result = pipeline.diagnose(measured, subject, judged, judging, progress)
+            result = pipeline.diagnose(measured, subject, unseen, diagnosis_options, progress)
     except UnusableRecordError as error:
         raise _unusable(measured, error) from error
     command = equivalent_command(
         "diagnose",
         model if isinstance(model, str) else subject.name,
         measured,
-        judged,
+        unseen,
         declared=DiagnoseOptions,
         options={**options, "compare": later},
     )
     if later is None:
         return DiagnosisResult(result, command=command, around=around)
     try:
-        compared = before_after.compare(result, later, judging, progress)
+        compared = before_after.compare(result, later, diagnosis_options, progress)
     except UnusableRecordError as error:
         raise _unusable([later], error) from error
     more = [note for note in compared.notes if note not in result.notes]
@@ -102,7 +108,7 @@ def diagnose(
     return DiagnosisResult(with_notes, compared.changes, compared.later, command)
 
 
-def _refuse_unfit(subject: Model, options: DiagnoseKeywords) -> None:
+def _refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """Refuse options that the model has no use for."""
     if subject.cls is None and options["compare"] is not None:
         raise UserError(
@@ -139,7 +145,7 @@ def _pipeline_options(
 def _from_outside(
     fmu: Model,
     measured: Sequence[Record],
-    judged: Sequence[Record],
+    unseen: Sequence[Record],
     given: Mapping[str, Value],
     fit: Sequence[str],
     options: pipeline.DiagnosisOptions,
@@ -150,14 +156,14 @@ def _from_outside(
 
     Where its parameters move beside a correction, it is linearised anew.
     """
-    around = wrap(fmu, measured, judged, given, fit, progress=progress)
+    around = wrap(fmu, measured, unseen, given, fit, progress=progress)
     for remaining in reversed(range(_LINEARISATIONS)):
         own = replace(options, hold=[*options.hold, *around.at_rest])
         result = pipeline.diagnose(around.records, around.model, around.holdouts, own, progress)
         moved = around.moved_to(result.diagnosis.estimates)
         if not moved or not remaining:
             break
-        around = wrap(fmu, measured, judged, given, fit, progress=progress, at=moved)
+        around = wrap(fmu, measured, unseen, given, fit, progress=progress, at=moved)
     return replace(result, notes=around.of_recorded(result.notes)), around
 
 
@@ -198,7 +204,7 @@ def laws(
     """
     subject = find_model(model) if isinstance(model, str) else model
     progress = options["progress"]
-    judging = pipeline.DiagnosisOptions(
+    diagnosis_options = pipeline.DiagnosisOptions(
         given=numeric(values_of(subject, options["settings"])),
         effects=options["effects"],
         hold=options["hold"],
@@ -206,11 +212,11 @@ def laws(
         interpolate=options["interpolate"],
         time=options["time"],
     )
-    measured, judged = held_out(
+    measured, unseen = held_out(
         record, options["holdout"], subject, options["mapping"], options["runs"]
     )
     try:
-        result = pipeline.diagnose_only(measured, subject, judged, judging, progress)
+        result = pipeline.diagnose_only(measured, subject, unseen, diagnosis_options, progress)
     except UnusableRecordError as error:
         raise _unusable(measured, error) from error
     inconclusive = result.diagnosis.inconclusive
@@ -219,7 +225,7 @@ def laws(
         "laws",
         model if isinstance(model, str) else subject.name,
         measured,
-        judged,
+        unseen,
         declared=LawsOptions,
         options=options,
     )
@@ -230,5 +236,5 @@ def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserErro
     """Return the error for records of which nothing can be judged."""
     reasons = "; ".join(wording.message(note) for note in error.notes)
     return UserError(
-        f"{pipeline.file_names(records)}: no output can be both fitted and judged: {reasons}"
+        f"{pipeline.file_names(records)}: no output can be both fitted and unseen: {reasons}"
     )

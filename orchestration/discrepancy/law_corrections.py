@@ -36,7 +36,7 @@ from orchestration.discrepancy.validation import (
 from orchestration.fmu import catalogue, families
 
 _RELAXATIONS = 3  # of one law and signal, one beside the other
-# of BIC, by which an effect of the catalogue may fit worse than the correction that it is
+# of BIC, by which a model may be worse and still count as fitting as well
 _AS_GOOD = 6.0
 # What a lag of a signal, added in proportion, is called among the arms of the kit.
 _ARMS = {"lagged": "lagging", "leading": "leading", "heat": "warming"}
@@ -286,8 +286,8 @@ def _place_correction(
 ) -> tuple[Selection, FittedCandidate]:
     """Return the selection that a correction is added to, and the model with it.
 
-    It comes after the causes named, or in place of the last ones if they are only another shape of
-    it and it is as good alone.
+    A correction is added after the causes named. If the last of these are only other shapes of it,
+    and it fits as well without them, it takes their place.
     """
     shortened = _without_interchangeable(selection, cause.effect)
     if len(shortened.steps) < len(selection.steps):

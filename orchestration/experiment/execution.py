@@ -172,6 +172,7 @@ def _dataset(
 def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:
     """Return the recorded outputs with the noise of their measurement."""
     measured = {}
+    # the run names signals `member.variable`, in the order of those wanted
     for name, array in zip(prepared.wanted, ran.signals.values(), strict=True):
         if name not in prepared.record:  # wanted for the energy of a coupling alone
             continue

@@ -127,7 +127,7 @@ def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
                 f"--over {one.name} names no count of values, as in 0.3..0.7:41, which a {kind}"
                 " needs"
             )
-    return _grid(ranges) if kind == "grid" else _list(ranges, kind)
+    return _grid(ranges) if kind == "grid" else _one_by_one(ranges, kind)
 
 
 def _grid(ranges: tuple[Range, ...]) -> Design:
@@ -142,7 +142,8 @@ def _grid(ranges: tuple[Range, ...]) -> Design:
     return Design("grid", ranges, np.column_stack([column.ravel() for column in grid]))
 
 
-def _list(ranges: tuple[Range, ...], kind: str) -> Design:
+def _one_by_one(ranges: tuple[Range, ...], kind: str) -> Design:
+    """Return the first values of all parameters as the first case, the second as the second, ..."""
     lengths = [len(one.values) for one in ranges]
     if len(set(lengths)) > 1:
         listed = ", ".join(f"{one.name} {len(one.values)}" for one in ranges)

@@ -102,22 +102,25 @@ class _Replacing:
                 registers[outputs[0]] = _Expression(constant, is_fixed=True)
             elif operation == ca.OP_OUTPUT:
                 result, element = outputs
-                results[result].nz[element] = self._in_varying_law(registers[inputs[0]])
+                results[result].nz[element] = self._symbol_if_fixed(registers[inputs[0]])
             else:
                 registers[outputs[0]] = self._applied(operation, [registers[i] for i in inputs])
         return results
 
     def _applied(self, operation: int, operands: list[_Expression]) -> _Expression:
-        """Apply an operation; its result is fixed if all operands are."""
+        """Apply an operation, whose result is fixed (of parameters only) if all operands are.
+
+        If not, operands that are fixed enter as their hoisted symbols.
+        """
         is_fixed = all(operand.is_fixed for operand in operands)
         if is_fixed:
             values = [operand.value for operand in operands]
         else:
-            values = [self._in_varying_law(operand) for operand in operands]
+            values = [self._symbol_if_fixed(operand) for operand in operands]
         apply = ca.SX.unary if len(values) == 1 else ca.SX.binary
         return _Expression(apply(operation, *values), is_fixed)
 
-    def _in_varying_law(self, expression: _Expression) -> ca.SX:
+    def _symbol_if_fixed(self, expression: _Expression) -> ca.SX:
         """Return what stands for an expression in a law that varies: a symbol if it is hoisted."""
         value = expression.value
         if not expression.is_fixed or value.is_constant() or value.is_symbolic():

@@ -50,19 +50,19 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     positions = _positions(graph, names)
     chosen = [layout.parameters[k] for k in positions]
     theta = ca.vertcat(ca.SX(0, 1), *(graph.parameters[k] for k in positions))
-    by_state = ca.SX.sym("S", graph.states.numel(), theta.numel())
-    by_discrete = ca.SX.sym("Z", graph.discretes.numel(), theta.numel())
+    state_sensitivities = ca.SX.sym("S", graph.states.numel(), theta.numel())
+    discrete_sensitivities = ca.SX.sym("Z", graph.discretes.numel(), theta.numel())
 
-    def total(expression: ca.SX) -> ca.SX:
+    def total_derivative(expression: ca.SX) -> ca.SX:
         """Return the total derivative with respect to theta."""
         return (
             ca.jacobian(expression, theta)
-            + ca.mtimes(ca.jacobian(expression, graph.states), by_state)
-            + ca.mtimes(ca.jacobian(expression, graph.discretes), by_discrete)
+            + ca.mtimes(ca.jacobian(expression, graph.states), state_sensitivities)
+            + ca.mtimes(ca.jacobian(expression, graph.discretes), discrete_sensitivities)
         )
 
-    def with_total(expression: ca.SX) -> ca.SX:
-        return _extended(expression, total(expression))
+    def with_derivative(expression: ca.SX) -> ca.SX:
+        return _extended(expression, total_derivative(expression))
 
     def declared(group: Sequence[Declaration]) -> list[Any]:
         return [_derivative(variable, parameter) for parameter in chosen for variable in group]
@@ -83,17 +83,17 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
             outputs=(*layout.outputs, *declared(layout.outputs)),
         ),
         parameters=ca.vertcat(graph.parameters, *(ca.SX.sym(p.name) for p in starts)),
-        states=_extended(graph.states, by_state),
-        discretes=_extended(graph.discretes, by_discrete),
-        rates=with_total(graph.rates),
-        outputs=with_total(graph.outputs),
-        updates=tuple(with_total(update) for update in graph.updates),
+        states=_extended(graph.states, state_sensitivities),
+        discretes=_extended(graph.discretes, discrete_sensitivities),
+        rates=with_derivative(graph.rates),
+        outputs=with_derivative(graph.outputs),
+        updates=tuple(with_derivative(update) for update in graph.updates),
     )
 
 
 def _positions(graph: Graph, names: Sequence[str]) -> list[int]:
     """Return the positions of parameters, which must not hold a sample period."""
-    index = {p.name: i for i, p in enumerate(graph.layout.parameters)}
+    index = graph.layout.parameter_index
     unknown = [name for name in names if name not in index]
     if unknown:
         raise UserError(

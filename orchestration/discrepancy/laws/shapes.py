@@ -89,19 +89,21 @@ def likenesses(
     """
     x = basis.knots - zero
     size = float(np.abs(x).max())
-    into = _whitening(curve)
-    if into is None:
+    whitening = _whitening(curve)
+    if whitening is None:  # the model's own parameters can make all of the curve
         return []
-    wanted = into @ curve.values
-    constant = into @ np.ones(len(x))
+    wanted = whitening @ curve.values
+    constant = whitening @ np.ones(len(x))
     nearest = []
     for name in names or SHAPES:
         shape = SHAPES[name]
         tried = []
         for width in _widths(name, size):
             values = [float(shape.form(float(one), width or 1.0, scale)) for one in x]
-            column = into @ np.array(values)
-            for columns in (column[:, None], np.column_stack([column, constant])):
+            column = whitening @ np.array(values)
+            alone = column[:, None]
+            beside_constant = np.column_stack([column, constant])
+            for columns in (alone, beside_constant):
                 likeness = _likeness(name, width, columns, wanted)
                 if likeness is not None:
                     tried.append(likeness)

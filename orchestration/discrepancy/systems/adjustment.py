@@ -92,7 +92,13 @@ def adjust(
 
 
 def _search_parameters(search: ParameterSearch, simulated: Mapping[str, Array], most: int) -> bool:
-    """Choose parameters and fit them; return False if the simulations did not suffice."""
+    """Choose parameters, fit them, and once more with new weights of the outputs.
+
+    Returns
+    -------
+    bool
+        False if the simulations did not suffice.
+    """
     try:
         search.choose(simulated, most)
         if search.names:
@@ -101,6 +107,7 @@ def _search_parameters(search: ParameterSearch, simulated: Mapping[str, Array], 
             search.fit(search.best.q)
     except BudgetExceeded:
         if not np.isfinite(search.best.cost) and search.names:
+            # parameters were chosen, and nothing is fitted: they have their start values
             search.best = Point(np.inf, search.start)
         return False
     return True

@@ -90,7 +90,7 @@ def diagnose_system(
                 f"{record_path}: {record.time.size} samples are too few; {_SHORTEST} are the least"
             )
         members = _Members(system, record.time, effort or Effort(), progress)
-        diagnosed = members.diagnosed(isolated_members(system, measured, given))
+        diagnosed = members.diagnose_all(isolated_members(system, measured, given))
         return SystemDiagnosis(system.name, record, diagnosed, columns_of(system, record, renamed))
 
 
@@ -136,11 +136,12 @@ class _Members:
     simulations: dict[str, MemberSimulation] = field(default_factory=dict)
     diagnoses: dict[str, MemberDiagnosis] = field(default_factory=dict)
 
-    def diagnosed(self, members: Sequence[IsolatedMember]) -> list[MemberDiagnosis]:
+    def diagnose_all(self, members: Sequence[IsolatedMember]) -> list[MemberDiagnosis]:
         """Judge every member by itself, and in its loop where that says nothing."""
         with ExitStack() as stack:
             for isolated in members:
                 self.diagnoses[isolated.member.name] = self._alone(isolated, stack)
+            # those that could be opened stay open until loops are judged
             for name in self.simulations:
                 if not self.diagnoses[name].assessable:
                     self.diagnoses[name] = self._in_loop(name)

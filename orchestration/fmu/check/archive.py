@@ -90,11 +90,14 @@ def _show_time(time: tuple[int, ...]) -> str:
     return "{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time)
 
 
-def _same_day(date: str, packed: tuple[int, ...]) -> bool:
-    """Return whether a date is that of an entry, up to the time zone: both are from the clock."""
+def _same_day(date: str, newest_entry: tuple[int, ...]) -> bool:
+    """Return whether two dates are at most a day apart, as those of one moment in time zones are.
+
+    Then the first was taken from the clock when the FMU was packed.
+    """
     try:
         day = datetime.date.fromisoformat(date.strip()[:10])
-        return abs((day - datetime.date(*packed[:3])).days) <= 1
+        return abs((day - datetime.date(*newest_entry[:3])).days) <= 1
     except ValueError:
         return False
 

@@ -67,7 +67,7 @@ class Process:
     def __init__(self, limits: Limits):
         self._limits = limits
         self._resources = ExitStack()
-        self._memory = 0  # largest number of bytes that was seen
+        self._largest_memory = 0  # bytes
         self._closed = False
         self.busy = False
 
@@ -219,7 +219,7 @@ class Process:
     def _look_at_memory(self) -> None:
         with suppress(OSError, ValueError, IndexError):  # where there is no /proc
             pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[5])
-            self._memory = max(self._memory, 4096 * pages)
+            self._largest_memory = max(self._largest_memory, 4096 * pages)
 
     def _describe_end(self) -> str:
         try:
@@ -234,12 +234,12 @@ class Process:
         return f"its process ended (exit status {status}{self._memory_remark()})"
 
     def _memory_remark(self) -> str:
+        """Return the end of "its process ended": that it was near its limit of memory, if so."""
         allowed = self._limits.bytes
-        if not allowed or self._memory < _MUCH_MEMORY * allowed:
+        if not allowed or self._largest_memory < _MUCH_MEMORY * allowed:
             return ""
-        return (
-            f", with {self._memory / 1e9:.2g} GB of memory, and {allowed / 1e9:.2g} GB are allowed"
-        )
+        taken = self._largest_memory / 1e9
+        return f", with {taken:.2g} GB of memory, and {allowed / 1e9:.2g} GB are allowed"
 
 
 class _Watch:

@@ -76,9 +76,10 @@ def error_at(problem: Problem, q: Array) -> float:
 
 
 def starting_points(problem: Problem) -> list[Array]:
-    """Return the nominal point, and others spread evenly within a decade.
+    """Return the nominal point, and others spread evenly within a decade on either side.
 
-    Start values of states, and values that are a run's own, stay nominal.
+    A decade is of parameters that are searched in their logarithm; others move by as much in units
+    of their size. Start values of states, and values that are a run's own, stay nominal.
     """
     nominal = problem.inside(problem.position(problem.start))
     moved = np.array(
@@ -86,6 +87,7 @@ def starting_points(problem: Problem) -> list[Array]:
     )
     if not moved.any():
         return [nominal]
+    # the first point of a Halton sequence is a corner
     points = 2.0 * qmc.Halton(int(moved.sum()), scramble=False).random(_STARTS + 1)[1:] - 1.0
     low, high = problem.bounds()
     others = []

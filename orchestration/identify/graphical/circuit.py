@@ -167,9 +167,9 @@ class CircuitReading:
 
         figure, axes = pictures.panels(len(UNITS), "circuit, with 95 % intervals")
         for axis, (name, unit) in zip(axes, UNITS.items(), strict=True):
-            self._draw(axis, name, "output error", "output error", pictures.MODEL, 0.45)
+            self._draw(axis, name, "output error", "output error", pictures.MODEL, share=0.45)
             label = "least squares, biased by noise"
-            self._draw(axis, name, "least squares", label, pictures.MEASURED, 0.55)
+            self._draw(axis, name, "least squares", label, pictures.MEASURED, share=0.55)
             pictures.label(axis, name, unit)
         axes[0].legend(
             loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
@@ -180,9 +180,9 @@ class CircuitReading:
         return figure
 
     def _draw(
-        self, axis: Axes, name: str, estimator: str, label: str, colour: str, share: float
+        self, axis: Axes, name: str, estimator: str, label: str, colour: str, *, share: float
     ) -> None:
-        """Draw one element by one estimator over the windows, at a share of each."""
+        """Draw one element by one estimator over the windows, at a share of the length of each."""
         estimates = [getattr(window.estimators[estimator], name) for window in self.windows]
         values = np.array([estimate.value for estimate in estimates])
         ends = np.array([estimate.interval for estimate in estimates]).T

@@ -17,10 +17,8 @@ from orchestration.records.table import Reader, Table
 # that a file may take at least: a busy machine with a cold disk is long at starting Python
 _SECONDS = 60.0
 _RATE = 1e7  # bytes that a reader gets through in a second
-_MEMORY, _GROWTH = (
-    2**30,
-    8,
-)  # bytes that a process needs at least, and besides for a byte of the file
+_MEMORY = 2**30  # bytes that a process needs at least
+_GROWTH = 8  # further bytes for every byte of the file
 
 
 def apart(reader: Reader) -> Reader:
@@ -48,9 +46,8 @@ def apart(reader: Reader) -> Reader:
             str(path),
         ]
         seconds = _SECONDS + len(content) / _RATE
-        environment = os.environ | {
-            "OPENBLAS_NUM_THREADS": "1"
-        }  # memory is reserved for each thread
+        # memory is reserved for each thread
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
         try:
             done = subprocess.run(
                 command, input=content, capture_output=True, timeout=seconds, env=environment
@@ -78,15 +75,16 @@ def _how(done: subprocess.CompletedProcess[bytes]) -> str:
     return f"with status {done.returncode}" + (f": {last[0]}" if last else "")
 
 
-def _bound_memory(size: int) -> None:
+def _bound_memory(file_size: int) -> None:
+    """Limit this process to the memory that a sound file of a size takes; a lower limit stays."""
     try:
         import resource
     except ImportError:  # Windows has no such limit
         return
-    most = _MEMORY + _GROWTH * size
+    allowed = _MEMORY + _GROWTH * file_size
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    if hard == resource.RLIM_INFINITY or hard > most:
-        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
+    if hard == resource.RLIM_INFINITY or hard > allowed:
+        resource.setrlimit(resource.RLIMIT_AS, (allowed, hard))
 
 
 def _main(module: str, name: str, path: str) -> None:

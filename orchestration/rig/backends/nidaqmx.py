@@ -192,7 +192,7 @@ class NiDaqmx(Backend):
         return task
 
     def read(self) -> Mapping[str, float]:
-        """Take the newest sample of every input channel; NaN where its volts make no sense.
+        """Take the newest sample of every measured channel; NaN where its volts make no sense.
 
         Returns
         -------
@@ -203,7 +203,7 @@ class NiDaqmx(Backend):
         UserError
             If the driver reports an error, or no sample within the timeout.
         """
-        if self._reader is None:
+        if self._reader is None:  # it is closed, or nothing is measured
             return dict.fromkeys(self.outputs, math.nan)
         with _errors_in_one_line(f"{self._name} cannot be read"):
             self._reader.read_one_sample(self._samples, self._timeout)

@@ -187,14 +187,14 @@ class RequestHandler:
         now = self._rig.clock()
         if self._reason:
             return ["the rig is in its safe state"]
-        late = stale(message["seen"], now, self._rig.watchdog) if self._rig.watchdog else ""
-        if late:
+        reason = stale(message["seen"], now, self._rig.watchdog) if self._rig.watchdog else ""
+        if reason:
             self.counts["stale"] += 1
-            refused = [late]
+            refused = [reason]
         else:
-            since = now - session.accepted if session.accepted is not None else inf
+            elapsed = now - session.accepted if session.accepted is not None else inf
             values = [message["values"][k] for k in session.commanded]
-            refused = self._filter.take(values, min(since, self._longest(message)))
+            refused = self._filter.take(values, min(elapsed, self._longest_rate_time(message)))
         self._refused = refused
         if refused:
             self.counts["refused"] += 1
@@ -204,7 +204,7 @@ class RequestHandler:
             self._rig.apply(self._filter.applied, now)
         return refused
 
-    def _longest(self, message: Mapping[str, Any]) -> float:
+    def _longest_rate_time(self, message: Mapping[str, Any]) -> float:
         """Return the longest time that the rate of a command is measured over.
 
         However long the rig rested before, a change counts as one within this time.

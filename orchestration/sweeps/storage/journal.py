@@ -144,7 +144,9 @@ class SweepJournal:
         mode = ""
         try:
             if (folder / _ABOUT).exists():
-                _check(folder, json.loads((folder / _ABOUT).read_text(encoding="utf-8")), about)
+                _refuse_other_sweep(
+                    folder, json.loads((folder / _ABOUT).read_text(encoding="utf-8")), about
+                )
                 mode = "r+"
             else:
                 (folder / _FAILURES).unlink(missing_ok=True)
@@ -252,11 +254,19 @@ def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
     }
 
 
-def _check(folder: Path, known: Any, about: Mapping[str, str]) -> None:
-    """Refuse the journal of another sweep, by its digests."""
-    if not isinstance(known, dict):
+def _refuse_other_sweep(folder: Path, stored: Any, digests: Mapping[str, str]) -> None:
+    """Refuse a folder whose stored digests are of another sweep.
+
+    Raises
+    ------
+    ValueError
+        If what is stored cannot be understood: the journal is damaged.
+    UserError
+        If it is of another sweep.
+    """
+    if not isinstance(stored, dict):
         raise ValueError(f"{_ABOUT} holds no table")
-    other = [part for part, digest in about.items() if known.get(part) != digest]
+    other = [part for part, digest in digests.items() if stored.get(part) != digest]
     if other:
         raise UserError(
             f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another"

@@ -48,21 +48,22 @@ class TraceFile:
             np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape)
             reserve(path)
         mapped = opened(path, "r", shape, "f8")
-        self._first = int(mapped.offset)  # byte of the first case
-        self._bytes = 8 * shape[1] * shape[2]  # of a case
+        self._first_byte = int(mapped.offset)  # of the first case
+        self._case_bytes = 8 * shape[1] * shape[2]
 
     def write(self, rows: Sequence[int], traces: Array) -> None:
         """Write the traces (k, points, m) of cases."""
         with self.path.open("r+b") as file:
             for row, trace in zip(rows, traces, strict=True):
-                file.seek(self._first + row * self._bytes)
+                file.seek(self._first_byte + row * self._case_bytes)
                 file.write(np.ascontiguousarray(trace.T).data)
 
-    def traces(self, output: int, shape: tuple[int, ...]) -> Any:
+    def traces(self, output: int, case_shape: tuple[int, ...]) -> Any:
         """Return the traces of one output, the cases in a shape, as an array read lazily."""
-        first = self._first + 8 * output * self.shape[2]
+        points = self.shape[2]
+        first = self._first_byte + 8 * output * points
         return indexing.LazilyIndexedArray(
-            _Traces(self.path, first, self._bytes, (*shape, self.shape[2]))
+            _Traces(self.path, first, self._case_bytes, (*case_shape, points))
         )
 
 
