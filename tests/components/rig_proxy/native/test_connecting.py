@@ -163,6 +163,7 @@ READY = b"\x05READY" + b"\x0bSocket-Type" + (6).to_bytes(4) + b"ROUTER"
 ACCEPTED = json.dumps(ScriptedRig(COUNT).accepted()).encode()
 
 
+@pytest.mark.real_time(limit=0.01)  # half of the time in which an answer must come
 def test_random_streams_are_survived(engine):
     """What a server could say, with a few bytes changed, cut or repeated: any end is right but a
     crash or a hang.
@@ -195,4 +196,4 @@ def test_random_streams_are_survived(engine):
         ends = [engine.initialize() for _ in range(150)]
     assert all(end.seconds < 0.02 + FAREWELL + LATE for end in ends)
     assert 3 < sum(end.ok for end in ends) < 147
-    assert len({end.message for end in ends}) > 3
+    assert len({end.message for end in ends}) > 2
