@@ -25,8 +25,9 @@ help:
 demo: $(VENV)/installed
 	$(BIN)/ppy demo --out demo-output
 
+# one worker more than the usual two cores: a fifth of the time is tests that wait
 test: $(VENV)/installed-dev check chromium
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 3 --dist loadfile
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-# two workers on two cores; before numpy is loaded
+# as many workers as cores and one more share them; before numpy is loaded
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import gc
