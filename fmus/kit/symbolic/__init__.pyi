@@ -1,6 +1,10 @@
 from . import codegen as codegen
 from .families import families_for as families_for
 from .families import list_laws as list_laws
+from .forcing import ComponentAlong as ComponentAlong
+from .forcing import EffectForcing as EffectForcing
+from .forcing import Forcing as Forcing
+from .forcing import Points as Points
 from .hoisting import hoist as hoist
 from .perturbed import Jacobians as Jacobians
 from .perturbed import PerturbedLaws as PerturbedLaws

@@ -9,8 +9,6 @@ from scipy.stats import chi2
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import Candidate, label, own_parameters
-from orchestration.discrepancy.candidates.linearised_model import PredictedImprovement
-from orchestration.discrepancy.candidates.score_test import ScoreDirection
 from orchestration.identify.fitting import FitResult, Problem
 
 
@@ -76,37 +74,3 @@ class FittedCandidate:
         ratio = base.fit.deviance - self.fit.deviance + beyond
         freedom = max(self.fit.parameters - base.fit.parameters, 1)
         return float(min(1.0, tried * chi2.sf(max(ratio, 0.0), freedom)))
-
-
-@dataclass(frozen=True)
-class ScoredModel:
-    """A fitted model with the directions in which effects would move it.
-
-    Attributes
-    ----------
-    model : FittedCandidate
-    directions : dict of type[Effect] to tuple of Problem and list of ScoreDirection
-    """
-
-    model: FittedCandidate
-    directions: dict[type[Effect], tuple[Problem, list[ScoreDirection]]]
-
-
-@dataclass(frozen=True)
-class ScreenedCandidate:
-    """An effect that may be worth a fit.
-
-    Attributes
-    ----------
-    below : FittedCandidate
-        The model that it is laid over, from which the fit starts.
-    effect : type[Effect]
-    start : dict of str to float
-        Its parameters where the fit starts, SI.
-    predicted : PredictedImprovement
-    """
-
-    below: FittedCandidate
-    effect: type[Effect]
-    start: dict[str, float]
-    predicted: PredictedImprovement

@@ -2,30 +2,34 @@
 
 The colour of the noise is estimated anew from what the change leaves, not from what the model
 without it does: a slow effect looks like noise with a long memory to a model that has no state for
-it.
+it. Products of residual, Jacobian and changes at the first few lags are all that this takes, in
+whatever colour (Box, Jenkins, Reinsel: Time Series Analysis, section 7.1).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.arrays import Array
-from orchestration.identify.fitting import FitResult, Problem
-from orchestration.identify.noise import Noise, Whitening, white_noise
+from fmus.kit import Effect
+from fmus.kit.arrays import Array, Mask
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.candidates.score_test import ScoreDirections
+from orchestration.identify.noise import ORDER, Noise, yule_walker
 from orchestration.identify.uncertainty import parameter_covariance
 
-Gradient = Mapping[str, NDArray[Any]]
 _ROUNDS = 3  # of solving with a colour and estimating the colour from what remains
 # Relative to the curvature. Where a fit starts depends on it, and so does, where a model has
 # several optima, in which of them it ends: with a third or three times as much, another of two
 # close alternatives is named first.
 _RIDGE = 1e-9
 _FLAT = 1e-10  # share of a change that the model could not make itself, below which there is none
+_OUTLYING = 0.1  # weight of an innovation in heavy tails, below which it is left out
 
 
 @dataclass(frozen=True)
@@ -40,14 +44,85 @@ class PredictedImprovement:
         Of the change that is put to use.
     step : ndarray, shape (p,)
         Of the searched coordinates of the model, beside it.
-    noise : dict of str to Noise
-        What then remains as noise, by output.
     """
 
     fall: float
     amount: float
     step: Array
-    noise: dict[str, Noise]
+
+
+@dataclass(frozen=True)
+class ScreenedCandidate:
+    """An effect that may be worth a fit.
+
+    Attributes
+    ----------
+    below : FittedCandidate
+        The model that it is laid over, from which the fit starts.
+    effect : type[Effect]
+    start : dict of str to float
+        Its parameters where the fit starts, SI.
+    predicted : PredictedImprovement
+    """
+
+    below: FittedCandidate
+    effect: type[Effect]
+    start: dict[str, float]
+    predicted: PredictedImprovement
+
+
+@dataclass(frozen=True)
+class _Products:
+    """Products of columns at lags, each the sum of both orders of the two.
+
+    Attributes
+    ----------
+    own : ndarray, shape (lags, 1 + p, 1 + p)
+        Of the residual, first, and the Jacobian.
+    cross : ndarray, shape (lags, 1 + p, k)
+        Of these with k changes.
+    changes : ndarray, shape (lags, k)
+        Of every change with itself.
+    """
+
+    own: Array
+    cross: Array
+    changes: Array
+
+    def whitened(self, noise: Noise) -> _Products:
+        """Return the products in units of innovations, in one lag."""
+        filtered = np.append(1.0, -noise.coefficients)
+        count = len(filtered)
+        weights = np.array([filtered[: count - lag] @ filtered[lag:] for lag in range(count)])
+        weights[0] *= 0.5
+        weights /= noise.deviation**2
+        own, cross, changes = (
+            np.tensordot(weights, part[:count], axes=1)[np.newaxis]
+            for part in (self.own, self.cross, self.changes)
+        )
+        return _Products(own, cross, changes)
+
+    def one(self, k: int) -> _Products:
+        """Return the products of one change."""
+        return replace(self, cross=self.cross[:, :, k : k + 1], changes=self.changes[:, k : k + 1])
+
+    def covariances(self, amount: float, step: Array) -> Array:
+        """Return sums of products (lags,) of the residual after a step and some of one change."""
+        v = np.append(1.0, step)
+        own = np.einsum("i,lij,j->l", v, self.own, v)
+        cross = self.cross[:, :, 0] @ v
+        return np.asarray(0.5 * own + amount * cross + 0.5 * amount**2 * self.changes[:, 0])
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Least squares for amounts of k changes, each by itself beside the model's own coordinates."""
+
+    gradient: Array  # (p,)
+    spread: Array  # (p, p)
+    along: Array  # (p, k): steps that make as much of the changes as the model can
+    power: Array  # (k,): of what it cannot
+    wanted: Array  # (k,): product of that with the residual
 
 
 class LinearisedModel:
@@ -55,129 +130,183 @@ class LinearisedModel:
 
     Parameters
     ----------
-    problem : Problem
-    fit : FitResult
+    model : FittedCandidate
     """
 
-    def __init__(self, problem: Problem, fit: FitResult):
-        error, jacobian = problem.evaluate(fit.q)
-        self._error = error
-        self._jacobian = jacobian
-        self._present = problem.present
+    def __init__(self, model: FittedCandidate):
+        problem = model.problem
+        fit = model.fit
+        self._problem = problem
         self._fit = fit
+        error, jacobian = problem.evaluate(fit.q)
+        self._size = {o: max(float(np.sqrt(np.mean(e**2))), 1e-30) for o, e in error.items()}
+        self._rows = {o: fit.weights[o] > _OUTLYING * fit.weights[o].max() for o in error}
+        self._columns = {
+            o: self._padded(o, np.column_stack([e, jacobian[o]])) for o, e in error.items()
+        }
+        self._own = {o: _lagged(x, x) for o, x in self._columns.items()}
         prior_mean = problem.position(problem.start)
         self._centre = np.where(fit.prior_precision > 0.0, prior_mean, fit.q)
         self._gradient_of_prior = fit.prior_precision * (fit.q - self._centre)
         low, high = problem.bounds()
         self._bounds = low - fit.q, high - fit.q
-        self._estimate = problem.noise
-        self._whitenings = [self._whitening(noise) for noise in (fit.noise, white_noise(error))]
+        self._white = {o: Noise(np.empty(0), size) for o, size in self._size.items()}
 
-    def _whitening(self, noise: Mapping[str, Noise]) -> tuple[Whitening, Array, Array, Array]:
-        """Return the whitening, whitened residual and Jacobian, and the coordinates' covariance."""
-        whitened = Whitening.of(noise, self._error, self._present)
-        slopes = whitened(self._jacobian)
-        return whitened, whitened(self._error), slopes, self._covariance(slopes)
+    def _padded(self, output: str, values: NDArray[Any]) -> Array:
+        """Return columns (n, k) over the whole record, zero where nothing counts."""
+        present: Mask = self._problem.present[output]
+        whole = np.zeros((len(present), values.shape[1]))
+        whole[present] = values * self._rows[output][:, np.newaxis]
+        return whole
 
-    def _covariance(self, slopes: Array) -> Array:
-        """Return the covariance of the coordinates, bounded where the record determines little."""
-        information = slopes.T @ slopes
+    def products(self, change: Mapping[str, NDArray[Any]]) -> dict[str, _Products]:
+        """Return the products with changes (m, k), by output."""
+        products = {}
+        for o, own in self._own.items():
+            columns = self._padded(o, change[o])
+            cross = _lagged(self._columns[o], columns)
+            squares = [2.0 * np.einsum("nk,nk->k", columns, columns)]
+            for lag in range(1, ORDER + 1):
+                squares.append(2.0 * np.einsum("nk,nk->k", columns[:-lag], columns[lag:]))
+            products[o] = _Products(own, cross, np.array(squares))
+        return products
+
+    def _solved(self, products: Mapping[str, _Products], noise: Mapping[str, Noise]) -> _Solution:
+        """Project changes away from the model's own coordinates, in one noise."""
+        white = [products[o].whitened(n) for o, n in noise.items()]
+        own = np.sum([w.own[0] for w in white], axis=0)
+        cross = np.sum([w.cross[0] for w in white], axis=0)
+        changes = np.sum([w.changes[0] for w in white], axis=0)
+        information = own[1:, 1:]
         ridge = _RIDGE * (np.diag(information) + self._fit.prior_precision)
-        return parameter_covariance(information, self._fit.prior_precision + ridge).matrix
+        spread = parameter_covariance(information, self._fit.prior_precision + ridge).matrix
+        along = spread @ cross[1:]
+        power = changes - 2.0 * np.sum(cross[1:] * along, axis=0)
+        power += np.sum(along * (information @ along), axis=0)
+        power = np.where(power > _FLAT * changes, power, 0.0)
+        return _Solution(own[1:, 0], spread, along, power, cross[0] - along.T @ own[1:, 0])
 
-    def score_statistics(self, change: Gradient, least: float, most: float) -> list[float]:
-        """Return the fall of the sum of squares with some of a change, in two kinds of noise.
-
-        Parameters
-        ----------
-        change : Mapping of str to ndarray, shape (m,)
-            What all of it adds to the residual, by output.
-        least, most : float
-            Bounds of the amount.
+    def score_statistics(self, directions: ScoreDirections) -> list[Array]:
+        """Return the fall of the sum of squares with some of each change, in two kinds of noise.
 
         Returns
         -------
-        list of float
+        list of ndarray, shape (k,)
             In the noise as estimated, and in white noise.
         """
+        products = self.products(directions.gradient)
+        least = np.array([one.least for one in directions.settings])
+        most = np.array([one.most for one in directions.settings])
         falls = []
-        for whitened, residual, slopes, spread in self._whitenings:
-            column = whitened(change)
-            orthogonal = column - slopes @ (spread @ (slopes.T @ column))
-            power = float(orthogonal @ orthogonal)
-            if power <= _FLAT * float(column @ column):
-                falls.append(0.0)
-                continue
-            amount = float(np.clip(-float(orthogonal @ residual) / power, least, most))
-            falls.append(-amount * (2.0 * float(orthogonal @ residual) + amount * power))
+        for noise in (self._fit.noise, self._white):
+            solved = self._solved(products, noise)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                amount = np.clip(np.nan_to_num(-solved.wanted / solved.power), least, most)
+            fall = -amount * (2.0 * solved.wanted + amount * solved.power)
+            falls.append(np.where(solved.power > 0.0, fall, 0.0))
         return falls
 
-    def identifiable_share(self, change: Gradient) -> float:
-        """Return the share of a change, in power, that the model's own coordinates cannot make."""
-        column, orthogonal = self._orthogonal_part(change)
-        power = float(column @ column)
-        return float(orthogonal @ orthogonal) / power if power > 0.0 else 0.0
+    def identifiable_shares(self, directions: ScoreDirections) -> Array:
+        """Return the share (k,) of changes, in power, that own coordinates cannot make."""
+        products = self.products(directions.gradient)
+        changes = sum(products[o].whitened(n).changes[0] for o, n in self._white.items())
+        power = self._solved(products, self._white).power
+        return np.asarray(np.divide(power, changes, out=np.zeros_like(power), where=changes > 0.0))
 
-    def confounded_share(self, change: Gradient) -> Callable[[Gradient], float]:
-        """Return a function of another change: the share of this change that it makes, in power.
+    def confounded_shares(self, one: ScoreDirections, k: int) -> Callable[[ScoreDirections], Array]:
+        """Return a function of other changes: the shares of one change that they make, in power.
 
-        Of both changes only what the model's own coordinates cannot make counts.
+        Of all changes only what the model's own coordinates cannot make counts.
         """
-        _, one = self._orthogonal_part(change)
+        mine = {o: g[:, k : k + 1] for o, g in one.gradient.items()}
+        own_products = self.products(mine)
+        own = self._solved(own_products, self._white)
+        columns = {o: self._padded(o, g)[:, 0] for o, g in mine.items()}
 
-        def share(other: Gradient) -> float:
-            _, orthogonal = self._orthogonal_part(other)
-            power = float(one @ one) * float(orthogonal @ orthogonal)
-            return float(one @ orthogonal) ** 2 / power if power > 0.0 else 0.0
+        def shares(other: ScoreDirections) -> Array:
+            products = self.products(other.gradient)
+            solved = self._solved(products, self._white)
+            common = np.zeros(len(other.settings))
+            for o, column in columns.items():
+                common += column @ self._padded(o, other.gradient[o]) / self._size[o] ** 2
+            cross = sum(own_products[o].whitened(n).cross[0] for o, n in self._white.items())
+            common -= np.asarray(cross)[1:, 0] @ solved.along
+            power = own.power[0] * solved.power
+            return np.asarray(
+                np.divide(common**2, power, out=np.zeros_like(power), where=power > 0.0)
+            )
 
-        return share
+        return shares
 
-    def _orthogonal_part(self, change: Gradient) -> tuple[Array, Array]:
-        """Return a change in units of white noise, and its part that no own coordinates make."""
-        whitened, _, slopes, spread = self._whitenings[1]
-        column = whitened(change)
-        return column, column - slopes @ (spread @ (slopes.T @ column))
-
-    def predicted_improvement(
-        self, change: Gradient, least: float, most: float
-    ) -> PredictedImprovement:
+    def predicted_improvement(self, directions: ScoreDirections, k: int) -> PredictedImprovement:
         """Solve for an amount of a change, within bounds, beside the model's own coordinates."""
-        whitened, *_ = self._whitenings[1]
+        change = {o: g[:, k : k + 1] for o, g in directions.gradient.items()}
+        setting = directions.settings[k]
+        products = self.products(change)
+        noise: Mapping[str, Noise] = self._white
         for _ in range(_ROUNDS):
-            amount, step = self._solved(whitened, change, least, most)
-            remaining = {
-                o: e + amount * change[o] + self._jacobian[o] @ step for o, e in self._error.items()
-            }
-            noise = self._estimate(remaining)
-            whitened = Whitening.of(noise, remaining, self._present)
-        return PredictedImprovement(self._fall(step, remaining, noise), amount, step, dict(noise))
+            solved = self._solved(products, noise)
+            total = solved.gradient + self._gradient_of_prior
+            wanted = solved.wanted[0] - solved.along[:, 0] @ self._gradient_of_prior
+            amount = -wanted / solved.power[0] if solved.power[0] > 0.0 else 0.0
+            amount = float(np.clip(amount, setting.least, setting.most))
+            step = np.clip(-solved.spread @ total - amount * solved.along[:, 0], *self._bounds)
+            noise = self._noise(products, amount, step)
+        criterion = self._criterion(noise, step)
+        return PredictedImprovement(self._present_criterion - criterion, amount, step)
 
-    def _solved(
-        self, whitened: Whitening, change: Gradient, least: float, most: float
-    ) -> tuple[float, Array]:
-        """Return the amount of a change and the step of the coordinates, the noise given."""
-        residual = whitened(self._error)
-        slopes = whitened(self._jacobian)
-        column = whitened(change)
-        spread = self._covariance(slopes)
-        along = spread @ (slopes.T @ column)
-        power = float(column @ column - (slopes.T @ column) @ along)
-        gradient = slopes.T @ residual + self._gradient_of_prior
-        wanted = -float(column @ residual - along @ gradient) / power if power > 0.0 else 0.0
-        amount = float(np.clip(wanted, least, most))
-        return amount, np.clip(-spread @ gradient - amount * along, *self._bounds)
+    def _noise(
+        self, products: Mapping[str, _Products], amount: float, step: Array
+    ) -> dict[str, Noise]:
+        """Return the noise that would remain."""
+        noise = {}
+        for o, own in products.items():
+            n = int(self._rows[o].sum())
+            covariance = own.covariances(amount, step) / max(n, 1)
+            known = self._problem.colour.get(o)
+            order = 0 if known is not None else min(self._problem.order, ORDER)
+            if known is not None:
+                one = _Products(covariance[:, np.newaxis, np.newaxis] * 2.0, *_NONE)
+                variance = float(one.whitened(Noise(known, 1.0)).own[0, 0, 0])
+                coefficients = known
+            else:
+                coefficients, variance = yule_walker(covariance[: order + 1], n)
+            noise[o] = Noise(coefficients, max(float(variance), 1e-60) ** 0.5)
+        return noise
 
-    def _fall(
-        self, step: Array, remaining: Mapping[str, Array], noise: Mapping[str, Noise]
-    ) -> float:
-        """Return the fall of BIC, the change costing nothing."""
+    @cached_property
+    def _present_criterion(self) -> float:
+        """Criterion of the model as it stands."""
+        nothing = np.zeros(len(self._fit.q))
+        own = {
+            o: _Products(x, np.zeros((*x.shape[:2], 1)), np.zeros((len(x), 1)))
+            for o, x in self._own.items()
+        }
+        return self._criterion(self._noise(own, 0.0, nothing), nothing)
+
+    def _criterion(self, noise: Mapping[str, Noise], step: Array) -> float:
+        """Return BIC, the change costing nothing, up to a constant."""
         fit = self._fit
         moved = fit.q + step - self._centre
-        order = sum(n.parameters for n in noise.values())
-        order -= sum(n.parameters for n in fit.noise.values())
+        order = sum(len(n.coefficients) for n in noise.values())
         deviance = sum(
-            n.deviance(n.whiten(remaining[o], self._present[o]), self._present[o])
-            for o, n in noise.items()
+            2.0 * float(self._rows[o].sum()) * float(np.log(n.deviation)) for o, n in noise.items()
         )
-        deviance += float(fit.prior_precision @ moved**2)
-        return float(fit.deviance - deviance - order * np.log(fit.samples))
+        penalty = float(fit.prior_precision @ moved**2) + order * float(np.log(fit.samples))
+        return deviance + penalty
+
+
+_NONE = (np.zeros((ORDER + 1, 1, 1)), np.zeros((ORDER + 1, 1)))
+
+
+def _lagged(one: Array, other: Array) -> Array:
+    """Return products (lags, k, m) of columns (n, k) and (n, m), both orders together."""
+    products = [2.0 * one.T @ other]
+    for lag in range(1, ORDER + 1):
+        products.append(one[:-lag].T @ other[lag:] + one[lag:].T @ other[:-lag])
+    return np.array(products)
+
+
+def strongest(statistics: Sequence[Array]) -> list[int]:
+    """Return the places of the largest score in every kind of noise, each once."""
+    return list(dict.fromkeys(int(np.argmax(one)) for one in statistics if len(one)))

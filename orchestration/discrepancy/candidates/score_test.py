@@ -1,14 +1,15 @@
-"""Score directions: how an effect would move the residual, without any fit (Rao's score test).
+"""Score directions: how effects would move the residual, without any fit (Rao's score test).
 
-At the fitted base model an effect is evaluated at its neutral value, where the simulation gives the
-exact derivative by its switch, and, because some do nothing until they are large, at a few other
-values, where it gives a difference. Second parameters, such as time constants, are taken on a
-small grid.
+At the fitted model an effect is evaluated at its neutral value, which gives the derivative by its
+switch, and, because some do nothing until they are large, at a few other values, which give a
+difference. Second parameters, such as time constants, are taken on a small grid. All effects
+together are evaluated along one simulation of the model, to first order in what they do to its
+states (`fmus.kit.symbolic.EffectForcing`); where the model or the effect samples, it is simulated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -16,10 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Effect, UserError, transport_delay
+from fmus.kit import Component, Effect, UserError, transport_delay
 from fmus.kit.arrays import Array
+from fmus.kit.symbolic import ComponentAlong, EffectForcing, Points
 from orchestration.discrepancy.candidates.candidate import own_parameters
-from orchestration.identify.fitting import Problem
+from orchestration.discrepancy.candidates.evidence import FittedCandidate
+from orchestration.discrepancy.candidates.linear_response import StepMatrices
+from orchestration.identify.fitting import Problem, Scale, scale_of
+from orchestration.records import MeasuredRun
 
 GRID = (0.2, 0.45, 1.0, 2.2, 5.0)  # times the default of a second parameter
 COARSE = (0.2, 1.0, 5.0)  # of two of them
@@ -32,28 +37,281 @@ _TRUST = 1.0 / 3.0, 3.0  # multiples of a difference that it still represents
 
 @dataclass(frozen=True)
 class ScoreDirection:
-    """Change of the residual of every output by an effect.
+    """A setting of an effect, in which it changes the residual.
 
     Attributes
     ----------
     values : dict of str to float
         Its parameters, SI; the switch is where the derivative was taken, or where the difference
         ends.
-    gradient : dict of str to ndarray of float32, shape (m,)
-        Derivative by the searched coordinate of the switch, or difference; where the output was
-        measured.
     least, most : float
         How much of it there may be: bounds of the searched coordinate, or how far a difference can
         be trusted.
     """
 
     values: dict[str, float]
-    gradient: dict[str, NDArray[np.float32]]
     least: float
     most: float
 
 
-def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirection]:
+@dataclass(frozen=True)
+class ScoreDirections:
+    """Changes of the residual by an effect in k settings.
+
+    Attributes
+    ----------
+    effect : type[Effect]
+    settings : list of ScoreDirection
+    gradient : dict of str to ndarray of float32, shape (m, k)
+        Derivatives by the searched coordinate of the switch, or differences, of every output where
+        it was measured.
+    """
+
+    effect: type[Effect]
+    settings: list[ScoreDirection]
+    gradient: dict[str, NDArray[np.float32]]
+
+    def start_values(self, k: int, amount: float) -> dict[str, float]:
+        """Return the parameters of the effect from which a fit starts, for an amount of one."""
+        setting = self.settings[k]
+        if setting.least > 0.0:
+            return setting.values
+        declared, scale = _switch(self.effect)
+        value = scale.value(scale.position(float(declared.start)) + amount)
+        limited = float(np.clip(value, declared.min, declared.max))
+        return setting.values | {self.effect.neutral: limited}
+
+
+@dataclass(frozen=True)
+class ScoredModel:
+    """A fitted model with the directions in which effects would move it.
+
+    Attributes
+    ----------
+    model : FittedCandidate
+    directions : dict of type[Effect] to ScoreDirections
+    """
+
+    model: FittedCandidate
+    directions: dict[type[Effect], ScoreDirections]
+
+
+def score_directions(
+    model: FittedCandidate, effects: Iterable[type[Effect]], linear: Iterable[str]
+) -> Iterator[tuple[type[Effect], ScoreDirections | None]]:
+    """Evaluate how effects would move the residual of a fitted model, to first order.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    effects : iterable of type[Effect]
+    linear : iterable of str
+        Inputs that are interpolated between samples instead of held.
+
+    Yields
+    ------
+    tuple of type[Effect] and ScoreDirections or None
+        None of an effect that has to be simulated; see `simulated_directions`.
+    """
+    try:
+        courses = _courses(model, frozenset(linear))
+    except UserError:
+        courses = []
+    for effect in effects:
+        directions = None
+        if courses:
+            try:
+                directions = _first_order(model.problem, courses, effect)
+            except UserError:
+                directions = None
+        yield effect, directions
+
+
+@dataclass(frozen=True)
+class _Course:
+    """A run of a record as the fitted model simulates it."""
+
+    run: MeasuredRun
+    component: ComponentAlong
+    matrices: StepMatrices
+    shown: Array  # (n, outputs, states)
+    rows: dict[str, int]  # outputs that are measured, by their place; states follow outputs
+
+
+def _courses(model: FittedCandidate, linear: frozenset[str]) -> list[_Course]:
+    """Linearise a fitted model along its simulation of every run."""
+    problem = model.problem
+    values = problem.start | problem.values(model.fit.q)
+    ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
+    courses = []
+    for run in problem.runs:
+        begin, end = points_of_run(
+            model.candidate.cls, problem.time, problem.inputs, ran.signals, run, linear
+        )
+        component = ComponentAlong(model.candidate.cls, run.values(values), begin, end)
+        courses.append(_linearised(run, component, list(problem.measured)))
+    return courses
+
+
+def _linearised(run: MeasuredRun, component: ComponentAlong, measured: Sequence[str]) -> _Course:
+    """Linearise a component along its trajectory over one run."""
+    at_begin = component.linearised(component.begin)
+    at_end = component.linearised(component.end)
+    steps = np.diff(component.begin.time[0])
+    matrices = StepMatrices(at_begin.a, at_end.a, steps)
+    layout = component.cls.layout
+    states = np.eye(len(layout.states))
+    itself = np.broadcast_to(states, (len(steps) + 1, *states.shape))
+    names = [v.name for v in (*layout.outputs, *layout.states)]
+    rows = {o: names.index(o) for o in measured}
+    return _Course(run, component, matrices, np.concatenate([at_begin.c, itself], axis=1), rows)
+
+
+def points_of_run(
+    cls: type[Component],
+    time: Array,
+    inputs: Mapping[str, Any],
+    signals: Mapping[str, Array],
+    run: MeasuredRun,
+    linear: frozenset[str],
+) -> tuple[Points, Points]:
+    """Return the begin and the end of every step of a simulated run, on its own clock.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    time : ndarray, shape (n,)
+    inputs : Mapping of str to ndarray, shape (n,) or ()
+        SI; those that are not given have their start value.
+    signals : Mapping of str to ndarray, shape (n,)
+        States and discrete states, SI.
+    run : MeasuredRun
+    linear : frozenset of str
+        Inputs that are interpolated between samples instead of held.
+    """
+    layout = cls.layout
+    at = run.samples
+    count = len(time[at])
+
+    def rows(group: Sequence[Any], values: Mapping[str, Any]) -> Array:
+        full = [np.broadcast_to(values.get(v.name, v.start), len(time))[at] for v in group]
+        return np.array(full, dtype=float).reshape(len(group), count)
+
+    fed = rows(layout.inputs, inputs)
+    begin = Points(
+        time[at][np.newaxis] - run.ahead,
+        fed,
+        rows(layout.states, signals),
+        # sampled when a step begins, and shown from the next sample on
+        _following(rows(layout.discretes, signals)),
+    )
+    moves = np.array([v.name in linear for v in layout.inputs], dtype=bool)[:, np.newaxis]
+    end = Points(
+        _following(begin.time),
+        np.where(moves, _following(fed), fed),
+        _following(begin.states),
+        begin.discretes,
+    )
+    return begin, end
+
+
+def _following(values: Array) -> Array:
+    """Return the values (k, n) of the sample after each one; of the last, its own."""
+    return np.hstack([values[:, 1:], values[:, -1:]])
+
+
+def _first_order(
+    problem: Problem, courses: Sequence[_Course], effect: type[Effect]
+) -> ScoreDirections:
+    """Return the directions of one effect."""
+    settings = _settings(effect, problem.time)
+    if getattr(effect, "made_by", None) is transport_delay:
+        changes = [_delayed(course, effect, settings) for course in courses]
+        settings = settings[1:]
+    else:
+        changes = [_changes(course, effect, settings) for course in courses]
+    gradient: dict[str, Array] = {}
+    for output, present in problem.present.items():
+        whole = np.zeros((len(problem.time), len(settings)))
+        for course, change in zip(courses, changes, strict=True):
+            whole[course.run.samples] = change[output]
+        gradient[output] = -whole[present]
+    finite = np.all([np.isfinite(g).all(axis=0) for g in gradient.values()], axis=0)
+    seen = np.any([g.any(axis=0) for g in gradient.values()], axis=0)
+    kept = np.flatnonzero(finite & seen)
+    return ScoreDirections(
+        effect,
+        [settings[k] for k in kept],
+        {o: g[:, kept].astype(np.float32) for o, g in gradient.items()},
+    )
+
+
+def _changes(
+    course: _Course, effect: type[Effect], settings: Sequence[ScoreDirection]
+) -> dict[str, Array]:
+    """Return the changes (n, k) of measured outputs in k settings, by searched coordinates."""
+    declared, scale = _switch(effect)
+    forcing = EffectForcing(course.component, effect).of([one.values for one in settings])
+    acts = forcing.begin.any() or forcing.end.any()
+    moved = course.matrices.response(forcing.begin, forcing.end) if acts else None
+    slope = scale.slope(scale.position(float(declared.start)))
+    size = np.array([1.0 if one.least > 0.0 else slope for one in settings])
+    changes = {}
+    for output, row in course.rows.items():
+        change = np.zeros((len(forcing.begin), len(settings)))
+        if moved is not None:
+            change += np.einsum("ns,nsk->nk", course.shown[:, row], moved)
+        if row < forcing.shown.shape[1]:
+            change += forcing.shown[:, row]
+        changes[output] = change * size
+    return changes
+
+
+def _delayed(
+    course: _Course, effect: type[Effect], settings: Sequence[ScoreDirection]
+) -> dict[str, Array]:
+    """Return the changes (n, k) of measured outputs by delays of one of them."""
+    time = course.component.begin.time[0]
+    lengths = np.array([one.values[effect.neutral] for one in settings if one.least > 0.0])
+    changes = {o: np.zeros((len(time), len(lengths))) for o in course.rows}
+    output = effect.output
+    if output in course.rows:
+        begin, end = course.component.outputs(course.rows[output])
+        for k, length in enumerate(lengths):
+            then = np.maximum(time - length, time[0])
+            i = np.minimum(np.searchsorted(time, then, "right") - 1, len(time) - 2)
+            share = (then - time[i]) / (time[i + 1] - time[i])
+            changes[output][:, k] = begin[i] + share * (end[i] - begin[i]) - begin
+    return changes
+
+
+def _settings(effect: type[Effect], time: Array) -> list[ScoreDirection]:
+    """Return the settings of an effect: its derivative, and differences, on the grid."""
+    declared, scale = _switch(effect)
+    neutral = float(declared.start)
+    here = scale.position(neutral)
+    low = scale.position(float(declared.min)) - here
+    high = scale.position(float(declared.max)) - here
+    fixed = {p.name: float(p.start) for p in effect.layout.parameters if p.type != "string"}
+    own = own_parameters(effect)
+    settings = []
+    for second in _grid(own[1:], effect.declared):
+        values = {name: fixed[name] for name in own} | second
+        settings.append(ScoreDirection(values | {effect.neutral: neutral}, low, high))
+        settings += [
+            ScoreDirection(values | {effect.neutral: value}, *_TRUST)
+            for value in _trials(effect, declared, time)
+        ]
+    return settings
+
+
+def _switch(effect: type[Effect]) -> tuple[Any, Scale]:
+    """Return the declaration of an effect's switch, and the scale in which it is searched."""
+    declared: Any = effect.declared[effect.neutral]
+    return declared, scale_of(declared, float(declared.start))
+
+
+def simulated_directions(problem: Problem, effect: type[Effect]) -> ScoreDirections:
     """Simulate how an effect would move the residual.
 
     Parameters
@@ -63,51 +321,45 @@ def score_directions(problem: Problem, effect: type[Effect]) -> list[ScoreDirect
         brings.
     effect : type[Effect]
 
-    Returns
-    -------
-    list of ScoreDirection
-
     Raises
     ------
     UserError
         If it cannot be simulated, whatever its second parameters.
     """
-    switch, *others = own_parameters(effect)
-    directions: list[ScoreDirection] = []
+    settings: list[ScoreDirection] = []
+    columns: list[dict[str, Array]] = []
     failure = None
-    for second in _grid(others, problem.declared):
+    for setting in _settings(effect, problem.time):
         try:
-            directions += _directions_at(problem, effect, switch, second)
+            column = _simulated(problem, effect, setting)
         except UserError as error:  # with such a shape it cannot be simulated, with another perhaps
             failure = error
-    if failure is not None and not directions:
-        raise failure
-    return directions
-
-
-def _directions_at(
-    problem: Problem, effect: type[Effect], switch: str, second: dict[str, float]
-) -> list[ScoreDirection]:
-    """Return the derivative by the switch, and differences, at values of the second parameters."""
-    base, slopes = problem.evaluate(problem.position(problem.start | second))
-    directions = []
-    column = problem.names.index(switch)
-    local = {output: slope[:, column].astype(np.float32) for output, slope in slopes.items()}
-    if any(derivative.any() for derivative in local.values()):
-        neutral = problem.declared[switch].start
-        here = problem.scales[column].position(neutral)
-        low, high = (float(end[column]) for end in problem.bounds())
-        values = second | {switch: neutral}
-        directions.append(ScoreDirection(values, local, low - here, high - here))
-    for value in _trials(effect, problem.declared[switch], problem.time):
-        values = second | {switch: value}
-        try:
-            moved, _ = problem.evaluate(problem.position(problem.start | values))
-        except UserError:  # too much of it for a simulation
             continue
-        difference = {output: (moved[output] - base[output]).astype(np.float32) for output in base}
-        directions.append(ScoreDirection(values, difference, *_TRUST))
-    return directions
+        if any(values.any() for values in column.values()):
+            settings.append(setting)
+            columns.append(column)
+    problem.forget_simulation()
+    if failure is not None and not settings:
+        raise failure
+    gradient = {
+        o: np.column_stack([np.empty((int(p.sum()), 0)), *(c[o] for c in columns)]).astype(
+            np.float32
+        )
+        for o, p in problem.present.items()
+    }
+    return ScoreDirections(effect, settings, gradient)
+
+
+def _simulated(problem: Problem, effect: type[Effect], setting: ScoreDirection) -> dict[str, Array]:
+    """Return the derivative by the switch, or the difference that a value of it makes."""
+    neutral = {effect.neutral: float(_switch(effect)[0].start)}
+    second = problem.start | setting.values | neutral
+    base, slopes = problem.evaluate(problem.position(second))
+    if setting.least <= 0.0:
+        column = problem.names.index(effect.neutral)
+        return {output: slope[:, column] for output, slope in slopes.items()}
+    moved, _ = problem.evaluate(problem.position(problem.start | setting.values))
+    return {output: moved[output] - base[output] for output in base}
 
 
 def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
@@ -134,15 +386,3 @@ def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, f
         p = declared[name]
         choices.append(sorted({float(np.clip(p.start * f, p.min, p.max)) for f in factors}))
     return [dict(zip(names, point, strict=True)) for point in product(*choices)]
-
-
-def start_values(
-    direction: ScoreDirection, problem: Problem, switch: str, amount: float
-) -> dict[str, float]:
-    """Return the parameters of the effect from which a fit starts, for an amount of it."""
-    if direction.least > 0.0:
-        return direction.values
-    declared = problem.declared[switch]
-    scale = problem.scales[problem.names.index(switch)]
-    value = scale.value(scale.position(declared.start) + amount)
-    return direction.values | {switch: float(np.clip(value, declared.min, declared.max))}

@@ -381,8 +381,12 @@ def takes_enough(base: FittedCandidate, below: FittedCandidate, richer: FittedCa
 
 def _nearest(scored: Sequence[ScoredModel], chosen: FittedCandidate) -> ScoredModel:
     """Return the model nearest to a fitted one, of those that were scored with its effect."""
-    able = [model for model in scored if model.directions.get(chosen.effect, (None, []))[1]]
-    return min(able, key=lambda model: _distance(model.model, chosen))
+    able = [
+        one
+        for one in scored
+        if chosen.effect in one.directions and one.directions[chosen.effect].settings
+    ]
+    return min(able, key=lambda one: _distance(one.model, chosen))
 
 
 def interchangeable(one: type[Effect], other: type[Effect]) -> bool:

@@ -15,6 +15,7 @@ from .problem import ModelOverRuns as ModelOverRuns
 from .problem import Problem as Problem
 from .problem import Scale as Scale
 from .problem import Subject as Subject
+from .problem import scale_of as scale_of
 from .simulation_error import error_at as error_at
 from .simulation_error import error_scales as error_scales
 from .simulation_error import pooled_error as pooled_error

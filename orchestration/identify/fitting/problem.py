@@ -278,7 +278,7 @@ class Problem:
         self.noise_samples = {
             o: noise_samples(moved, y)[self.present[o]] for o, y in self.measured.items()
         }
-        self.scales = [_scale(self.declared[name], self.start[name]) for name in names]
+        self.scales = [scale_of(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self.effort = max(_STEPS_PER_SAMPLE, _STEPS / len(time))
         self._step = float(np.median(np.diff(time)))
@@ -441,7 +441,7 @@ class Problem:
         return np.where(np.isneginf(inner), _SMALLEST, inner)
 
 
-def _scale(declaration: Any, value: float) -> Scale:
+def scale_of(declaration: Any, value: float) -> Scale:
     """Choose the scale in which a parameter is searched that starts from a value."""
     positive = declaration.min >= 0.0 and value > 0.0
     if declaration.starts:
