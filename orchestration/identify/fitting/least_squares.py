@@ -1,6 +1,8 @@
 """Nonlinear least squares within bounds, stepping back where a model fails.
 
-The method is SciPy's trust-region reflective one.
+The method is SciPy's trust-region reflective one. It sees a residual of many rows only as a point
+has it after a QR decomposition, as one row more than there are coordinates: its steps depend on
+the products of residual and Jacobian alone.
 
 Sources: Branch, Coleman and Li, *SIAM Journal on Scientific Computing* 21 (1999); Bates and Watts,
 *Technometrics* 23 (1981); docs/decisions/0014-one-fit.md.
@@ -135,17 +137,17 @@ class _Search:
             Fall of the cost with another whole step, were the residual linear.
         """
         origin = self.best
-        begin = self._rows
         free = self.free
         # used once; a Jacobian may cost as many simulations as there are coordinates
-        at_origin = [self._jacobian(origin)[:, free]]
+        at_origin = [_triangle(self._jacobian(origin)[:, free], self._rows)]
         if not np.isfinite(at_origin[0]).all():
             raise UserError("the derivatives are not finite where the search starts")
         effect = np.linalg.norm(at_origin[0], axis=0)
         wrong = np.sqrt(self.least)
         size = wrong / np.maximum(effect, wrong)
         start = np.full(int(free.sum()), free.sum() ** -0.5)
-        known = True  # the residual at the first point, even if there is no time for any other
+        # the residual at the first point, even if there is no time for any other
+        known = [self._rows]
 
         def moved(steps: Array) -> Array:
             point = origin.copy()
@@ -153,14 +155,14 @@ class _Search:
             return point
 
         def rows(steps: Array) -> Array:
-            nonlocal known
-            if not known:
-                return self._at(moved(steps))
-            known = False
-            return begin
+            values = known.pop() if known else self._at(moved(steps))
+            self._last = values
+            return _as_one_row(values, len(start))
 
         def slopes(steps: Array) -> Array:
-            return (at_origin.pop() if at_origin else self._jacobian(moved(steps))[:, free]) * size
+            if at_origin:
+                return at_origin.pop() * size
+            return _triangle(self._jacobian(moved(steps))[:, free], self._last) * size
 
         bounds = (start + (low - origin)[free] / size, start + (high - origin)[free] / size)
         with np.errstate(over="ignore"):  # of a trust region that vanishes where nothing is to gain
@@ -174,12 +176,12 @@ class _Search:
                 gtol=_ROUNDING,
                 max_nfev=max(1, trials - self._tried),
             )
-        self.best = moved(solution.x)
-        self._rows = solution.fun
         # a coordinate at its bound is off it by a rounding error
         active = solution.active_mask
-        upper = np.where(active > 0, high[free], self.best[free])
-        self.best[free] = np.where(active < 0, low[free], upper)
+        end = moved(solution.x)
+        upper = np.where(active > 0, high[free], end[free])
+        end[free] = np.where(active < 0, low[free], upper)
+        self.best = end
         promised = _promised(np.asarray(solution.jac)[:, active == 0], solution.fun)
         return bool(solution.success), promised
 
@@ -195,6 +197,36 @@ class _Search:
             self.best = point
             self._rows = values
         return values
+
+
+def _as_one_row(values: Array, count: int) -> Array:
+    """Return a residual (m,) in coordinates in which only its first is not zero, (count + 1,)."""
+    row = np.zeros(count + 1)
+    # what is not finite stays so
+    row[0] = np.sqrt(values @ values)
+    return row
+
+
+def _triangle(slopes: Array, values: Array) -> Array:
+    """Return a Jacobian (m, p) in the coordinates of `_as_one_row`, (p + 1, p).
+
+    They are those of a QR decomposition of Jacobian and residual, reflected so that the residual
+    lies along the first (Golub and Van Loan: Matrix Computations, section 5.1).
+    """
+    count = slopes.shape[1]
+    whole = np.column_stack([slopes, values])
+    if not np.isfinite(whole).all():
+        return np.full((count + 1, count), np.nan)
+    triangle = np.zeros((count + 1, count + 1))
+    reduced = np.linalg.qr(whole, mode="r")
+    triangle[: len(reduced)] = reduced
+    residual = triangle[:, -1].copy()
+    residual[0] -= np.linalg.norm(residual)
+    square = float(residual @ residual)
+    reflected: Array = triangle[:, :-1]
+    if square > 0.0:
+        reflected = reflected - np.outer(residual, 2.0 / square * (residual @ reflected))
+    return reflected
 
 
 def _promised(jacobian: Array, residual: Array) -> float:
