@@ -39,7 +39,8 @@ class PredictedImprovement:
     Attributes
     ----------
     fall : float
-        Of the information criterion, the change costing nothing.
+        Of the information criterion, the change costing nothing, beyond what a further step of the
+        model itself would gain.
     amount : float
         Of the change that is put to use.
     step : ndarray, shape (p,)
@@ -242,18 +243,25 @@ class LinearisedModel:
         """Solve for an amount of a change, within bounds, beside the model's own coordinates."""
         change = {o: g[:, k : k + 1] for o, g in directions.gradient.items()}
         setting = directions.settings[k]
-        products = self.products(change)
+        criterion, amount, step = self._improved(
+            self.products(change), setting.least, setting.most
+        )
+        return PredictedImprovement(self._own_criterion - criterion, amount, step)
+
+    def _improved(
+        self, products: Mapping[str, _Products], least: float, most: float
+    ) -> tuple[float, float, Array]:
+        """Return the criterion with some of a change, its amount, and the step beside it."""
         noise: Mapping[str, Noise] = self._white
         for _ in range(_ROUNDS):
             solved = self._solved(products, noise)
             total = solved.gradient + self._gradient_of_prior
             wanted = solved.wanted[0] - solved.along[:, 0] @ self._gradient_of_prior
             amount = -wanted / solved.power[0] if solved.power[0] > 0.0 else 0.0
-            amount = float(np.clip(amount, setting.least, setting.most))
+            amount = float(np.clip(amount, least, most))
             step = np.clip(-solved.spread @ total - amount * solved.along[:, 0], *self._bounds)
             noise = self._noise(products, amount, step)
-        criterion = self._criterion(noise, step)
-        return PredictedImprovement(self._present_criterion - criterion, amount, step)
+        return self._criterion(noise, step), amount, step
 
     def _noise(
         self, products: Mapping[str, _Products], amount: float, step: Array
@@ -275,14 +283,15 @@ class LinearisedModel:
         return noise
 
     @cached_property
-    def _present_criterion(self) -> float:
-        """Criterion of the model as it stands."""
-        nothing = np.zeros(len(self._fit.q))
-        own = {
+    def _own_criterion(self) -> float:
+        """Criterion of the model without a change, which may be able to step on by itself."""
+        nothing = {
             o: _Products(x, np.zeros((*x.shape[:2], 1)), np.zeros((len(x), 1)))
             for o, x in self._own.items()
         }
-        return self._criterion(self._noise(own, 0.0, nothing), nothing)
+        stays = np.zeros(len(self._fit.q))
+        present = self._criterion(self._noise(nothing, 0.0, stays), stays)
+        return min(present, self._improved(nothing, 0.0, 0.0)[0])
 
     def _criterion(self, noise: Mapping[str, Noise], step: Array) -> float:
         """Return BIC, the change costing nothing, up to a constant."""

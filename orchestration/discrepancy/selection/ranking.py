@@ -29,7 +29,7 @@ from orchestration.discrepancy.selection.block_cross_validation import (
     cv_errors,
     predicts_better,
 )
-from orchestration.discrepancy.selection.scoring import PROMISING, WORTH, screen
+from orchestration.discrepancy.selection.scoring import COMPARABLE, PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.fitting import EVALUATE, FIXED_COLOUR
 
@@ -103,7 +103,7 @@ def ranked(
     effects: Sequence[type[Effect]],
     known: Mapping[type[Effect], FittedCandidate] | None = None,
 ) -> Ranking:
-    """Fit promising effects over a model, or all where a first one leaves structure, and rank them.
+    """Fit promising effects over a model, and more where these leave structure, and rank them.
 
     Parameters
     ----------
@@ -121,11 +121,11 @@ def ranked(
     plain, base = _in_white_noise(search, below)
     seen: _Fitted = dict(known or {})
     _fit_in_white_noise(plain, base, {e: starts[e] for e in promising}, seen)
-    others = {e: several for e, several in starts.items() if e not in promising}
+    others = [e for e in starts if e not in promising][:PROMISING]
     nearest, structured = _nearest(search, base, seen)
     # a further cause is no small one, so that its score shows it
     if others and structured and not below.candidate.effects:
-        _fit_in_white_noise(plain, base, others, seen)
+        _fit_in_white_noise(plain, base, {e: starts[e] for e in others}, seen)
         nearest, structured = _nearest(search, base, seen)
     if not seen:
         return Ranking()
@@ -235,7 +235,9 @@ def _starts(
 
 
 def _promising(starts: Mapping[type[Effect], Sequence[ScreenedCandidate]]) -> list[type[Effect]]:
-    return [e for e, several in starts.items() if several[0].predicted.fall > WORTH][:PROMISING]
+    best = max((several[0].predicted.fall for several in starts.values()), default=0.0)
+    worth = max(WORTH, COMPARABLE * best)
+    return [e for e, several in starts.items() if several[0].predicted.fall > worth][:PROMISING]
 
 
 def _in_white_noise(search: Search, below: FittedCandidate) -> tuple[Search, FittedCandidate]:

@@ -25,6 +25,8 @@ from orchestration.discrepancy.selection.search import FAILURES, Search
 
 PROMISING = 8  # effects that are fitted, if they are worth it
 WORTH = 5.0  # fall that is expected of a fit, below which it cannot come to what is accepted
+# of the largest fall that is expected of any, below which a fit cannot come near the best one
+COMPARABLE = 0.15
 _UNIDENTIFIABLE = 1e-6  # share of an effect, in power, below which other parameters do the same
 
 
