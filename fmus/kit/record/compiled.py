@@ -88,6 +88,7 @@ class CompiledModel:
         parameters: Mapping[str, float] | None = None,
         linear: bool | Collection[str] = False,
         effort: float = 1e6,
+        tolerance: float = 0.0,
     ) -> Trajectory:
         """Simulate a record.
 
@@ -104,6 +105,8 @@ class CompiledModel:
             those named.
         effort : float
             Internal steps per sample, on average, beyond which the simulation is abandoned.
+        tolerance : float
+            Accuracy of an internal step, if the component's own need not be reached.
 
         Returns
         -------
@@ -135,7 +138,7 @@ class CompiledModel:
             table,
             interpolated,
             everything,
-            tolerance=self._graph.tolerance,
+            tolerance=max(tolerance, self._graph.tolerance),
             effort=effort,
             ladder=ladder,
         )

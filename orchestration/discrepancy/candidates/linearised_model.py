@@ -243,9 +243,7 @@ class LinearisedModel:
         """Solve for an amount of a change, within bounds, beside the model's own coordinates."""
         change = {o: g[:, k : k + 1] for o, g in directions.gradient.items()}
         setting = directions.settings[k]
-        criterion, amount, step = self._improved(
-            self.products(change), setting.least, setting.most
-        )
+        criterion, amount, step = self._improved(self.products(change), setting.least, setting.most)
         return PredictedImprovement(self._own_criterion - criterion, amount, step)
 
     def _improved(

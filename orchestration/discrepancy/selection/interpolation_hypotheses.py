@@ -9,7 +9,7 @@ are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates import FittedCandidate, ScoredModel
@@ -20,7 +20,7 @@ from orchestration.discrepancy.selection.intersample import (
     Intersample,
     turned,
 )
-from orchestration.discrepancy.selection.ranking import few, nearest_bic
+from orchestration.discrepancy.selection.ranking import few, nearest
 from orchestration.discrepancy.selection.revision import explaining, revised
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
@@ -37,11 +37,14 @@ class Hypothesis:
     scored : ScoredModel
         The model, and where effects would move it.
     chosen : dict of str to Intersample
+    fitted : dict of type[Effect] to FittedCandidate
+        Promising effects over the model, in white noise.
     """
 
     search: Search
     scored: ScoredModel
     chosen: dict[str, Intersample]
+    fitted: dict[type[Effect], FittedCandidate] = field(default_factory=dict)
 
 
 def selected(
@@ -63,18 +66,16 @@ def selected(
         The catalogue.
     """
     hypothesis = Hypothesis(search, score(search, base, effects), chosen)
-    selection = _select_and_revise(hypothesis, effects)
     other = by_effects(hypothesis, effects)
-    if other is not hypothesis:
-        other_selection = _select_and_revise(other, effects)
-        if other_selection.steps:
-            return other, other_selection
-    return hypothesis, selection
+    selection = _select_and_revise(other, effects)
+    if other.search is search or selection.steps:
+        return other, selection
+    return hypothesis, _select_and_revise(hypothesis, effects)
 
 
 def _select_and_revise(hypothesis: Hypothesis, effects: Sequence[type[Effect]]) -> Selection:
     search = hypothesis.search
-    selection = select(search, effects, hypothesis.scored)
+    selection = select(search, effects, hypothesis.scored, hypothesis.fitted)
     return explaining(search, revised(search, selection, effects))
 
 
@@ -100,19 +101,19 @@ def by_effects(hypothesis: Hypothesis, effects: Sequence[type[Effect]]) -> Hypot
         return hypothesis
     search.progress("looking at inputs both ways")
     promising = few(hypothesis.scored, effects)
-    best = hypothesis
-    least = nearest_bic(search, hypothesis.scored, promising)
+    least, fitted = nearest(search, hypothesis.scored, promising)
+    best = replace(hypothesis, fitted=fitted)
     for name in names:
         other = turned(best.search, best.scored.model, [name])
         if other is None or search.budget.spent():
             continue
         scored = score(*other, promising)
-        bic = nearest_bic(other[0], scored, promising)
+        bic, other_fitted = nearest(other[0], scored, promising)
         if least - bic >= CLEAR:
             is_linear = not hypothesis.chosen[name].linear
             choice = Intersample(is_linear, InterpolationBasis.FIT, least - bic)
-            best = Hypothesis(other[0], scored, best.chosen | {name: choice})
+            best = Hypothesis(other[0], scored, best.chosen | {name: choice}, other_fitted)
             least = bic
-    if best is hypothesis:
-        return hypothesis
+    if best.search is search:
+        return best
     return replace(best, scored=score(best.search, best.scored.model, effects))

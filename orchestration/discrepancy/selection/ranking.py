@@ -41,6 +41,7 @@ FINALISTS = 5  # candidates that are cross-validated in blocks, the nearest firs
 LIKELIEST = 3  # and the likeliest in noise of their own
 # of BIC, within which another candidate counts as not told apart, if one of the models is right
 ALTERNATIVE = 6.0
+REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 _Fitted = dict[type[Effect], FittedCandidate]
@@ -120,7 +121,7 @@ def ranked(
     promising = _promising(starts)
     plain, base = _in_white_noise(search, below)
     seen: _Fitted = dict(known or {})
-    _fit_in_white_noise(plain, base, {e: starts[e] for e in promising}, seen)
+    _fit_in_white_noise(plain, base, {e: starts[e] for e in promising if e not in seen}, seen)
     others = [e for e in starts if e not in promising][:PROMISING]
     nearest, structured = _nearest(search, base, seen)
     # a further cause is no small one, so that its score shows it
@@ -216,11 +217,20 @@ def few(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[type[Effec
     return _promising(_starts([scored], effects))[:FEW]
 
 
-def nearest_bic(search: Search, scored: ScoredModel, effects: Sequence[type[Effect]]) -> float:
-    """Return the least BIC, in white noise after a few steps, of a model and effects over it."""
+def nearest(
+    search: Search, scored: ScoredModel, effects: Sequence[type[Effect]]
+) -> tuple[float, _Fitted]:
+    """Fit a model and effects over it in white noise, a few steps of each.
+
+    Returns
+    -------
+    bic : float
+        The least of any.
+    fitted : dict of type[Effect] to FittedCandidate
+    """
     plain, base = _in_white_noise(search, scored.model)
-    screened = _screened(plain, base, _starts([scored], effects))
-    return min(fitted.fit.bic for fitted in (base, *screened))
+    fitted = {f.effect: f for f in _screened(plain, base, _starts([scored], effects))}
+    return min(f.fit.bic for f in (base, *fitted.values())), fitted
 
 
 def _starts(
@@ -252,7 +262,7 @@ def _fit_in_white_noise(
     seen: _Fitted,
 ) -> None:
     """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end."""
-    screened = _screened(plain, below, starts)
+    screened = [*_screened(plain, below, starts), *seen.values()]
     to_the_end = replace(plain, method=FIXED_COLOUR)
     best = sorted(screened, key=_bic)[:PROMISING]
     ended = parallel_map(lambda f: _again(to_the_end, f), best)
@@ -303,6 +313,7 @@ def _in_one_noise(
         Effects that were looked at, which is the price of each.
     """
     counter = Counter(search.progress, "making sure of fits", len(contenders))
+    surest = sorted(contenders, key=lambda e: seen[e].fit.bic)[:REFINED]
     in_one_noise = search.in_noise_of(nearest)
     as_they_are = replace(in_one_noise, method=EVALUATE)
 
@@ -311,7 +322,7 @@ def _in_one_noise(
             return _again(as_they_are, seen[effect])
         fitted = _again(in_one_noise, seen[effect])
         counter.one_more()
-        return fitted and in_one_noise.refine(fitted)
+        return in_one_noise.refine(fitted) if fitted and effect in surest else fitted
 
     base = in_one_noise.fit_from(below.candidate, below)
     candidates = filter(None, parallel_map(fit_effect, list(seen)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fmus.kit import Effect
@@ -103,7 +103,10 @@ class Selection:
 
 
 def select(
-    search: Search, effects: Sequence[type[Effect]], known: ScoredModel | None = None
+    search: Search,
+    effects: Sequence[type[Effect]],
+    known: ScoredModel | None = None,
+    fitted: Mapping[type[Effect], FittedCandidate] | None = None,
 ) -> Selection:
     """Select effects, one at a time.
 
@@ -114,6 +117,8 @@ def select(
         The catalogue.
     known : ScoredModel, optional
         The model without effects, if it was scored already.
+    fitted : Mapping of type[Effect] to FittedCandidate, optional
+        Effects over that model which were fitted in white noise already.
 
     Returns
     -------
@@ -129,7 +134,8 @@ def select(
         if search.budget.spent():
             search.budget.leave(map(label, remaining))
             break
-        selection, result = _search_step(search, selection, scored, remaining)
+        known_fits = {} if selection.steps else dict(fitted or {})
+        selection, result = _search_step(search, selection, scored, remaining, known_fits)
         selection.unsure.update(result.unsure)
         if result.step is None:
             selection.rejected.extend(result.tried.rows)
@@ -140,8 +146,8 @@ def select(
         step = _completed(search, result.step, nearest, remaining)
         selection.steps.append(step)
         scored = [ScoredModel(step.chosen, nearest.directions)]
-    for fitted, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
-        search.not_assessed.pop(fitted.effect_name, None)  # from elsewhere it could be fitted
+    for one, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
+        search.not_assessed.pop(one.effect_name, None)  # from elsewhere it could be fitted
     return _without_named_alternatives(selection)
 
 
@@ -160,6 +166,7 @@ def _search_step(
     selection: Selection,
     scored: list[ScoredModel],
     remaining: Sequence[type[Effect]],
+    known: Mapping[type[Effect], FittedCandidate],
 ) -> tuple[Selection, _StepResult]:
     """Search for one more effect; again if a richer model has shown a better optimum below.
 
@@ -170,6 +177,8 @@ def _search_step(
     scored : list of ScoredModel
         Models with the effects so far, of which there is one more where the search is repeated.
     remaining : sequence of type[Effect]
+    known : Mapping of type[Effect] to FittedCandidate
+        Fitted in white noise already.
 
     Returns
     -------
@@ -177,7 +186,7 @@ def _search_step(
         The same, its best model fitted anew if there is a better optimum.
     result : _StepResult
     """
-    tried = ranked(search, selection.best, scored, remaining)
+    tried = ranked(search, selection.best, scored, remaining, known)
     result = _best_sure(search, selection, tried, len(remaining))
     lowered = selection.best.fit.bic - result.below.fit.bic
     improved = selection

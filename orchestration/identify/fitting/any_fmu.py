@@ -112,6 +112,7 @@ class FmuWithDifferences:
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
         effort: float = 0.0,
+        tolerance: float = 0.0,
     ) -> Trajectory:
         """Simulate like `CompiledModel.run`, with inputs held from sample to sample.
 
@@ -123,7 +124,7 @@ class FmuWithDifferences:
             In the FMU's units, as is everything else.
         parameters : Mapping of str to float
             Values of the parameters named at first; others are ignored.
-        effort : float
+        effort, tolerance : float
             Ignored: the integrator is the FMU's own.
 
         Returns

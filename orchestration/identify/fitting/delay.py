@@ -8,7 +8,7 @@ periods, and its dozens of discrete states, each with derivatives, cost many tim
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import lru_cache
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +58,10 @@ class DelayedModel:
         self._linear = linear
         self._names = list(sensitivities)
         names = tuple(n for n in sensitivities if n not in own)
-        # a class has a hash, which mypy does not see
-        self._model = _compiled(base, others, names)  # type: ignore[arg-type]
+        self._model = _compiled(base, others, names)
+        of_model = self._model.names
+        same = of_model == list(names)
+        self._columns = None if same else [of_model.index(name) for name in names]
         self._known = {p.name for p in self._model.layout.parameters}
 
     def run(
@@ -68,6 +70,7 @@ class DelayedModel:
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
         effort: float = 1e6,
+        tolerance: float = 0.0,
     ) -> Trajectory:
         """Simulate like `CompiledModel.run`.
 
@@ -81,6 +84,8 @@ class DelayedModel:
             SI.
         effort : float
             Internal steps per sample, beyond which the model has become too stiff.
+        tolerance : float
+            Accuracy of an internal step, if the component's own need not be reached.
 
         Returns
         -------
@@ -94,7 +99,7 @@ class DelayedModel:
         given = {name: value for name, value in parameters.items() if name in self._known}
         clock, fed, samples = with_knots(time, inputs, self._linear)
         if not self.delays:
-            trajectory = self._model.run(clock, fed, given, self._linear, effort)
+            trajectory = self._simulate(clock, fed, given, effort, tolerance)
             return trajectory if samples == slice(None) else _picked(trajectory, samples)
         pasts = {
             output: _past(time, parameters[name])
@@ -105,8 +110,23 @@ class DelayedModel:
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
         instants = np.unique(np.concatenate([time, *earlier, clock]))
         stimulus = self._resampled(clock, fed, instants)
-        trajectory = self._model.run(instants, stimulus, given, self._linear, effort)
+        trajectory = self._simulate(instants, stimulus, given, effort, tolerance)
         return self._with_delays(_Undelayed(instants, trajectory), pasts, time, parameters)
+
+    def _simulate(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float,
+        tolerance: float,
+    ) -> Trajectory:
+        """Simulate the model without delays, with the derivatives that are wanted."""
+        ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
+        if self._columns is None:
+            return ran
+        chosen = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
+        return Trajectory(ran.signals, chosen)
 
     def _with_delays(
         self,
@@ -286,9 +306,33 @@ def _picked(trajectory: Trajectory, at: slice | Indices) -> Trajectory:
     )
 
 
-@lru_cache(maxsize=64)
+_Key = tuple[type[Component], tuple[type[Effect], ...]]
+_KEPT = 64  # compiled models
+_MORE = 3  # derivatives that a model may have beyond those that are wanted, and serve as well
+_compiled_models: dict[_Key, list[CompiledModel]] = {}
+_compiling = Lock()
+
+
 def _compiled(
     base: type[Component], effects: tuple[type[Effect], ...], names: tuple[str, ...]
 ) -> CompiledModel:
-    """Compile a model, once for all fits of it: tracing one of many parameters takes seconds."""
-    return CompiledModel(stack(base, *effects) if effects else base, names)
+    """Compile a model, once for all fits of it; one with a few more derivatives does as well.
+
+    With the first of its parameters the start values of a short effect's states are compiled too,
+    which are searched in some of its fits.
+    """
+    key = (base, effects)
+    with _compiling:
+        for model in _compiled_models.get(key, []):
+            if set(names) <= set(model.names) and len(model.names) <= len(names) + _MORE:
+                return model
+    layout = stack(base, *effects).layout if effects else base.layout
+    starts = [layout.start_of[s.name] for e in effects for s in e.layout.states]
+    more = [name for name in starts if name not in names] if names else []
+    wanted = [*names, *more] if len(more) <= _MORE else list(names)
+    model = CompiledModel(stack(base, *effects) if effects else base, wanted)
+    with _compiling:
+        if sum(map(len, _compiled_models.values())) >= _KEPT:
+            del _compiled_models[next(iter(_compiled_models))]
+        _compiled_models.setdefault(key, []).append(model)
+    return model

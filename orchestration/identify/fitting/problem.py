@@ -106,6 +106,7 @@ class ModelOverRuns:
         parameters: Mapping[str, float],
         effort: float = 1e6,
         runs: Sequence[MeasuredRun] = (),
+        tolerance: float = 0.0,
     ) -> Trajectory:
         """Simulate one run after the other.
 
@@ -121,6 +122,8 @@ class ModelOverRuns:
             Internal steps per sample, beyond which the model has become too stiff.
         runs : sequence of MeasuredRun
             They may be others than those that were fitted, whose own values then have no effect.
+        tolerance : float
+            Accuracy of an internal step, if the model's own need not be reached.
 
         Returns
         -------
@@ -133,7 +136,15 @@ class ModelOverRuns:
             If the simulation fails.
         """
         chosen = runs or [MeasuredRun(self._runs[0].label, 0, len(time))]
-        done = [self._simulate(run, time, inputs, parameters, effort) for run in chosen]
+        done = []
+        for run in chosen:
+            clock = time[run.samples] - run.ahead
+            fed = {
+                name: np.broadcast_to(values, len(time))[run.samples]
+                for name, values in inputs.items()
+            }
+            values = run.values(parameters)
+            done.append(self._of_run(run, self._model.run(clock, fed, values, effort, tolerance)))
         if len(chosen) == 1 and chosen[0].last - chosen[0].first == len(time):
             return done[0]
         signals = {
@@ -147,20 +158,8 @@ class ModelOverRuns:
                 slopes[name][run.samples] = trajectory.sensitivities[name]
         return Trajectory(signals, slopes)
 
-    def _simulate(
-        self,
-        run: MeasuredRun,
-        time: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-        effort: float,
-    ) -> Trajectory:
-        """Simulate one run by its own clock."""
-        clock = time[run.samples] - run.ahead
-        fed = {
-            name: np.broadcast_to(values, len(time))[run.samples] for name, values in inputs.items()
-        }
-        trajectory = self._model.run(clock, fed, run.values(parameters), effort)
+    def _of_run(self, run: MeasuredRun, trajectory: Trajectory) -> Trajectory:
+        """Return the simulation of one run with derivatives by the parameters of all runs."""
         if self._names == self._plain:
             return trajectory
         places = [self._plain.index(base_name(name)) for name in self._names]
@@ -234,6 +233,10 @@ class Problem:
         Coefficients of the noise's autoregression, likewise.
     held : list of int
         Coordinates that are not searched.
+    tolerance : float
+        Accuracy of an internal step of simulations, if the model's own need not be reached.
+    error_scales : dict of str to float
+        Of outputs, once they are known; see `simulation_error.error_scales`.
 
     Raises
     ------
@@ -286,6 +289,8 @@ class Problem:
         self.freedom: Mapping[str, float] = {}
         self.colour: Mapping[str, Array] = {}
         self.held: list[int] = []
+        self.tolerance = 0.0
+        self.error_scales: dict[str, float] = {}
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -300,8 +305,9 @@ class Problem:
         """
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
+            values = self.start | self.values(q)
             trajectory = self.model.run(
-                self.time, self.inputs, self.start | self.values(q), self.effort, self.runs
+                self.time, self.inputs, values, self.effort, self.runs, self.tolerance
             )
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             residual = {}

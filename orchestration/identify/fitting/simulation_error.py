@@ -33,8 +33,11 @@ _FINE = 1e-4  # of the spread of an output: least noise that it is weighted by
 
 def error_scales(problem: Problem) -> dict[str, float]:
     """Return the size of the noise of every output, robustly from its third differences."""
-    spread = {o: float(np.nanstd(y)) for o, y in problem.measured.items()}
-    return {o: max(noise_std(y, 3), _FINE * spread[o]) or 1.0 for o, y in problem.measured.items()}
+    for o, y in problem.measured.items():
+        if o not in problem.error_scales:
+            fine = _FINE * float(np.nanstd(y))
+            problem.error_scales[o] = max(noise_std(y, 3), fine) or 1.0
+    return problem.error_scales
 
 
 def pooled_error(
