@@ -1,28 +1,39 @@
-"""The time budget of a diagnosis, and the note on what was not tried when it was spent."""
+"""The time budget of a diagnosis, and the note on what was not tried when it was spent.
+
+The time is that of the processor, of this process and of the compilers that it ran: work, which is
+the same on a machine that is busy with other things.
+"""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable
 from threading import Lock
-from time import monotonic
+from time import process_time
 
 from orchestration.discrepancy.note import Note, NoteCode
 
-DEFAULT_TIME = 60.0  # s, on two processors, of a record of ten minutes
+DEFAULT_TIME = 60.0  # s, of a record of ten minutes
 _SAMPLES = 60_000  # of ten minutes at 100 Hz; a longer record has as much more time
 
 
 def default_time(samples: int) -> float:
-    """Return the seconds that a diagnosis of so many samples may take by default.
+    """Return the seconds of processor time that a diagnosis of so many samples may take by default.
 
     That is a minute, and more in proportion for a record of more than ten minutes.
     """
     return DEFAULT_TIME * max(1.0, samples / _SAMPLES)
 
 
+def spent_time() -> float:
+    """Return the seconds of processor time of this process, and of others that it waited for."""
+    children = os.times()
+    return process_time() + children.children_user + children.children_system
+
+
 class Budget:
-    """A budget of time that is counted from its making on.
+    """A budget of processor time that is counted from its making on.
 
     A search asks whether the time is spent before it begins anything that the answer can do
     without. As long as it is not, no result depends on how fast the machine is; afterwards what was
@@ -36,14 +47,14 @@ class Budget:
 
     def __init__(self, seconds: float = math.inf):
         self.seconds = seconds
-        self._end = monotonic() + seconds
+        self._end = spent_time() + seconds
         self._lock = Lock()
         self._cut = False
         self._untried: dict[str, None] = {}
 
     def spent(self) -> bool:
         """Return whether there is no time for the next thing, which then counts as not done."""
-        if monotonic() < self._end:
+        if spent_time() < self._end:
             return False
         self._cut = True
         return True

@@ -61,8 +61,9 @@ class DiagnosisOptions:
     highest_frequency : float
         Hz, of the rig, above which nothing may be in a designed stimulus.
     time : float, optional
-        Seconds that the search for causes may take; `budget.default_time` unless given. When they
-        are spent, the best answer so far is returned and a note says what was not tried.
+        Seconds of processor time that the search for causes may take; `budget.default_time` unless
+        given. When they are spent, the best answer so far is returned and a note says what was not
+        tried.
     laws : bool
         Whether every law is searched for what it lacks, where something is left.
     """

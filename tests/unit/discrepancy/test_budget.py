@@ -32,7 +32,7 @@ def with_ticks(ticks):
     """Diagnose with a clock that ticks at every look."""
     clock = count()
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(budget_module, "monotonic", lambda: float(next(clock)))
+        patched.setattr(budget_module, "spent_time", lambda: float(next(clock)))
         return diagnose(PpyActuator, short_record(HIDDEN), EFFECTS, budget=Budget(ticks))
 
 
