@@ -109,15 +109,21 @@ class ResidualAnalysis:
     @property
     def structure(self) -> list[Structure]:
         """Significant tests beside lines and level shifts, the most telling first."""
-        means = [m for m in self.means if m.significant and abs(m.mean) > self.rounding]
-        if not self.even:
-            return [*means]
-        result: list[Structure] = []
-        if self.random_walk.significant and self.random_walk.rms > self.rounding:
-            result.append(self.random_walk)
-        if self.input_steps.significant:
-            result.append(self.input_steps)
-        return [*result, *means, *(c for c in self.correlations if c.p_value < ALPHA)]
+        tests: list[Structure] = [*self.means]
+        if self.even:
+            tests = [self.random_walk, self.input_steps, *self.means, *self.correlations]
+        return [test for test in tests if _telling(test, self.rounding)]
+
+
+def _telling(test: Structure, rounding: float) -> bool:
+    """Return True if a test shows structure that rounding cannot leave."""
+    if isinstance(test, CrossCorrelation):
+        return test.p_value < ALPHA
+    if isinstance(test, RandomWalkTest):
+        return test.significant and test.rms > rounding
+    if isinstance(test, ConditionalMean):
+        return test.significant and abs(test.mean) > rounding
+    return test.significant
 
 
 def analyse_residuals(model: FittedCandidate, data: Dataset) -> dict[str, ResidualAnalysis]:
@@ -150,9 +156,13 @@ def has_structure(model: FittedCandidate, data: Dataset) -> bool:
     model, data
         As in :func:`analyse_residuals`.
     """
-    return any(
-        analysis.structure or analysis.lines or analysis.level_shifts
-        for analysis in analyse_residuals(model, data).values()
+    signals = simulate_regressors(model, data)
+    noise = model.fit.noise
+    return _any_structure(
+        [
+            _Tests(output, residual, noise[output], data, signals, model.problem.even)
+            for output, residual in model.fit.residual.items()
+        ]
     )
 
 
@@ -184,63 +194,139 @@ def analyse(
     -------
     ResidualAnalysis
     """
-    measured = data.measured[output]
-    whole = _residual_of(measured, residual, noise)
-    inputs = {name: values[whole.present] for name, values in data.inputs.items()}
-    cleaned = whole
-    outliers = np.zeros(residual.size, dtype=bool)
-    if even:
-        outliers = find_outliers(residual, inputs, whole.resolution)
-    if outliers.any():  # they hide the colour of the noise
-        cleaned = _interpolated(whole, outliers)
-    lines: list[SpectralLine] = []
-    shifts: list[LevelShift] = []
-    step = float(np.median(np.diff(data.time)))
-    if even:  # else samples say nothing of frequencies, nor of what is sudden
-        lines = _lines(cleaned, measured, step)
-        shifts = level_shifts(
-            cleaned.values, data.time[cleaned.present], inputs, cleaned.resolution
-        )
-    correlations, feedback = cross_correlations(
-        output,
-        cleaned.innovations,
-        cleaned.noise,
-        signals,
-        step,
-        inputs=list(data.inputs),
-        within=data.within,
-    )
-    deviation = cleaned.noise.deviation
+    tests = _Tests(output, residual, noise, data, signals, even)
     return ResidualAnalysis(
-        lines=lines,
-        level_shifts=shifts,
-        whiteness=whiteness(whole.innovations.raw),
-        input_steps=excess_variance_at_input_steps(
-            [whole.innovations, _levelled_innovations(whole, even)],
-            data.inputs,
-            late=int(bool(feedback)),
-            rounding=cleaned.whitened_rounding,
-        ),
-        random_walk=_random_walk(cleaned, data),
+        lines=tests.lines,
+        level_shifts=tests.level_shifts,
+        whiteness=whiteness(tests.whole.innovations.raw),
+        input_steps=tests.input_steps([tests.whole.innovations, tests.levelled_innovations]),
+        random_walk=tests.random_walk,
         regions=find_operating_regions(
-            output, cleaned.values, cleaned.present, signals, bool(feedback)
+            output, tests.cleaned.values, tests.cleaned.present, signals, bool(tests.feedback)
         ),
-        correlations=[c for c in correlations if abs(c.strength) * deviation >= cleaned.rounding],
+        correlations=tests.correlations,
         even=even,
-        means=conditional_means(
-            output,
-            cleaned.values,
-            cleaned.innovations,
-            cleaned.noise,
-            signals,
-            feedback=bool(feedback),
-            within=data.within,
-        ),
-        feedback=feedback,
-        samples=cleaned.innovations.at.size,
-        outliers=int(outliers.sum()) + cleaned.innovations.outliers,
-        rounding=cleaned.rounding,
+        means=tests.means,
+        feedback=tests.feedback,
+        samples=tests.cleaned.innovations.at.size,
+        outliers=int(tests.outliers.sum()) + tests.cleaned.innovations.outliers,
+        rounding=tests.cleaned.rounding,
     )
+
+
+class _Tests:
+    """Tests of the residual of one output, as :func:`analyse` takes it, made as they are wanted."""
+
+    def __init__(
+        self,
+        output: str,
+        residual: Array,
+        noise: Noise,
+        data: Dataset,
+        signals: Sequence[Regressor],
+        even: bool,
+    ):
+        self.even = even
+        self._output = output
+        self._data = data
+        self._signals = signals
+        self._step = float(np.median(np.diff(data.time)))
+        self.whole = _residual_of(data.measured[output], residual, noise)
+        self._inputs = {name: values[self.whole.present] for name, values in data.inputs.items()}
+        self.outliers = np.zeros(residual.size, dtype=bool)
+        self.cleaned = self.whole
+        if even:
+            self.outliers = find_outliers(residual, self._inputs, self.whole.resolution)
+        if self.outliers.any():  # they hide the colour of the noise
+            self.cleaned = _interpolated(self.whole, self.outliers)
+
+    @property
+    def lines(self) -> list[SpectralLine]:
+        """None if samples are uneven: they say nothing of frequencies."""
+        if not self.even:
+            return []
+        return _lines(self.cleaned, self._data.measured[self._output], self._step)
+
+    @property
+    def level_shifts(self) -> list[LevelShift]:
+        """None if samples are uneven: they say nothing of what is sudden."""
+        if not self.even:
+            return []
+        time = self._data.time[self.cleaned.present]
+        return level_shifts(self.cleaned.values, time, self._inputs, self.cleaned.resolution)
+
+    @property
+    def random_walk(self) -> RandomWalkTest:
+        return _random_walk(self.cleaned, self._data)
+
+    @cached_property
+    def _correlated(self) -> tuple[list[CrossCorrelation], list[Feedback]]:
+        return cross_correlations(
+            self._output,
+            self.cleaned.innovations,
+            self.cleaned.noise,
+            self._signals,
+            self._step,
+            inputs=list(self._data.inputs),
+            within=self._data.within,
+        )
+
+    @property
+    def correlations(self) -> list[CrossCorrelation]:
+        """Those that are more than rounding leaves."""
+        deviation = self.cleaned.noise.deviation
+        least = self.cleaned.rounding
+        return [c for c in self._correlated[0] if abs(c.strength) * deviation >= least]
+
+    @property
+    def feedback(self) -> list[Feedback]:
+        return self._correlated[1]
+
+    @property
+    def means(self) -> list[ConditionalMean]:
+        return conditional_means(
+            self._output,
+            self.cleaned.values,
+            self.cleaned.innovations,
+            self.cleaned.noise,
+            self._signals,
+            feedback=bool(self.feedback),
+            within=self._data.within,
+        )
+
+    @property
+    def levelled_innovations(self) -> Innovations:
+        return _levelled_innovations(self.whole, self.even)
+
+    def input_steps(self, innovations: Sequence[Innovations]) -> ExcessVariance:
+        """Test the residual where inputs step, whitened in several ways."""
+        return excess_variance_at_input_steps(
+            innovations,
+            self._data.inputs,
+            late=int(bool(self.feedback)),
+            rounding=self.cleaned.whitened_rounding,
+        )
+
+
+def _any_structure(outputs: Sequence[_Tests]) -> bool:
+    """Return True if there is any structure; what takes longest is looked at last."""
+    even = [tests for tests in outputs if tests.even]
+    return (
+        any(tests.level_shifts for tests in even)
+        or any(_telling(tests.random_walk, tests.cleaned.rounding) for tests in even)
+        or any(tests.lines for tests in even)
+        or any(_telling(c, 0.0) for tests in even for c in tests.correlations)
+        or any(_telling(m, tests.cleaned.rounding) for tests in outputs for m in tests.means)
+        or any(_steps_show(tests) for tests in even)
+    )
+
+
+def _steps_show(tests: _Tests) -> bool:
+    """Return True if innovations are larger where an input steps, whichever way they are made."""
+    ways = [tests.whole.innovations]
+    if not tests.input_steps(ways).significant:
+        return False
+    return tests.input_steps([*ways, tests.levelled_innovations]).significant
 
 
 @dataclass(frozen=True)

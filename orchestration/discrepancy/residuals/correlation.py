@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtr
 from scipy.stats import norm
 
 from fmus.kit.arrays import Array, Indices, Mask
@@ -215,7 +216,7 @@ def _own_colour(values: Array, within: Mask | None) -> Noise:
 
 def _probability(normal: float, tried: int) -> float:
     """Return the probability of so large a normal variable, either way, among so many."""
-    return min(1.0, 2.0 * float(norm.sf(abs(normal))) * tried)
+    return min(1.0, 2.0 * float(ndtr(-abs(normal))) * tried)
 
 
 def _correlate(
@@ -231,23 +232,26 @@ def _correlate(
     n = signals[0].size
     scores = np.zeros(n)
     scores[innovations.at] = innovations.scores
-    seen = np.zeros(n)
-    seen[innovations.at] = 1.0
+    padded = np.pad(scores, shifts[-1])
+    first, last = _stretches(innovations.at)
     power = float(scores @ scores) / innovations.at.size
-    pairs = np.maximum([_overlap(seen, np.ones(n), int(k)) for k in shifts], 1.0)
+    starts = np.clip(first - shifts[:, np.newaxis], 0, n)
+    ends = np.clip(last - shifts[:, np.newaxis], 0, n)
+    pairs = np.maximum((ends - starts).sum(axis=1), 1.0)
     normal = np.zeros((len(signals), shifts.size))
     for row, white in enumerate(signals):
         # sums over the samples at which there are both, for every shift
-        together = np.array([_overlap(scores, white, int(k)) for k in shifts])
-        energy = np.array([_overlap(seen, white**2, int(k)) for k in shifts])
+        together = np.correlate(padded, white, "valid")
+        summed = np.concatenate([[0.0], np.cumsum(white**2)])
+        energy = (summed[ends] - summed[starts]).sum(axis=1)
         size = np.sqrt(power * energy)
         np.divide(together, size, out=normal[row], where=size > 0.0)
     return normal, normal / np.sqrt(pairs)
 
 
-def _overlap(residual: Array, signal: Array, shift: int) -> float:
-    """Return the sum of ``residual[k] * signal[k - shift]``."""
-    n = residual.size
-    return float(
-        residual[max(shift, 0) : n + min(shift, 0)] @ signal[max(-shift, 0) : n - max(shift, 0)]
-    )
+def _stretches(at: Indices) -> tuple[Indices, Indices]:
+    """Return the first of every stretch of neighbouring samples, and one past the last."""
+    breaks = np.flatnonzero(np.diff(at) > 1)
+    first = np.concatenate([at[:1], at[breaks + 1]])
+    last = np.concatenate([at[breaks], at[-1:]]) + 1
+    return first, last

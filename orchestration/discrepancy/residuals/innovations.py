@@ -8,11 +8,12 @@ the order in which innovations come, and structure is what shows in that order.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.signal import lfilter, lfiltic
+from scipy.special import ndtri
 from scipy.stats import norm, rankdata
 
 from fmus.kit.arrays import Array, Indices, Mask
@@ -142,10 +143,11 @@ def local_level(values: Array, size: Array | None = None) -> Array:
     """
     level = np.ones(values.size)
     modulus = np.abs(values)
+    bin_of = None if size is None or not np.ptp(size) > 0.0 else _bins(size)
     for _ in range(_PASSES):
         level *= _in_time(modulus / level)
-        if size is not None and np.ptp(size) > 0.0:
-            level *= _level_by_signal(modulus / level, size)
+        if bin_of is not None:
+            level *= _level_by_bin(modulus / level, bin_of)
     return level
 
 
@@ -154,7 +156,7 @@ def normal_scores(values: Array) -> Array:
 
     These are van der Waerden's scores; equal values share one.
     """
-    return np.asarray(norm.ppf(rankdata(values) / (values.size + 1.0)))
+    return np.asarray(ndtri(rankdata(values) / (values.size + 1.0)))
 
 
 def robust_power(values: Array) -> float:
@@ -169,34 +171,58 @@ def robust_power(values: Array) -> float:
 def _in_time(modulus: Array) -> Array:
     """Return the local mean of moduli, linear between the middles of windows."""
     count = int(np.clip(modulus.size // _WINDOW, 1, _WINDOWS))
-    edges = np.linspace(0, modulus.size, count + 1).astype(np.intp)
-    levels = np.array([_robust_mean(modulus[first:last]) for first, last in pairwise(edges)])
-    middles = 0.5 * (edges[:-1] + edges[1:] - 1)
-    return _positive(np.interp(np.arange(modulus.size), middles, levels))
+    return _positive(between_windows(modulus, count, _robust_means))
 
 
-def _level_by_signal(modulus: Array, signal: Array) -> Array:
-    """Return for every sample the robust mean of the moduli in its range of a signal.
+def between_windows(values: Array, count: int, summary: Callable[[Array], Array]) -> Array:
+    """Summarise values (n,) in windows, and go on straight lines between their middles.
 
-    The ranges hold equally many samples.
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    count : int
+        Windows, as long as each other to a sample.
+    summary : callable
+        Of the windows of one length (w, l); returns a figure of each (w,).
+
+    Returns
+    -------
+    ndarray, shape (n,)
     """
+    edges = np.linspace(0, values.size, count + 1).astype(np.intp)
+    lengths = np.diff(edges)
+    levels = np.zeros(count)
+    for length in np.unique(lengths):
+        alike = lengths == length
+        levels[alike] = summary(values[edges[:-1][alike, np.newaxis] + np.arange(length)])
+    middles = 0.5 * (edges[:-1] + edges[1:] - 1)
+    return np.interp(np.arange(values.size), middles, levels)
+
+
+def _bins(signal: Array) -> Indices:
+    """Return for every sample which range of a signal it is in; they hold equally many samples."""
     inner = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
-    bin_of = np.searchsorted(inner, signal, side="right")
-    counts = np.bincount(bin_of, minlength=inner.size + 1)
+    return np.searchsorted(inner, signal, side="right")
+
+
+def _level_by_bin(modulus: Array, bin_of: Indices) -> Array:
+    """Return for every sample the robust mean of the moduli in its bin."""
+    counts = np.bincount(bin_of)
     levels = np.full(counts.size, np.nan)
     for k in np.flatnonzero(counts >= _WINDOW // 2):
-        levels[k] = _robust_mean(modulus[bin_of == k])
+        levels[k] = _robust_means(modulus[np.newaxis, bin_of == k])[0]
     known = np.isfinite(levels)
     levels = np.where(known, levels, np.nanmean(levels) if known.any() else 1.0)
     return _positive(levels[bin_of])
 
 
-def _robust_mean(modulus: Array) -> float:
-    """Return the mean of moduli that a few large ones do not carry away."""
-    if not modulus.size:
-        return 0.0
-    middle = float(np.median(modulus))
-    return float(np.minimum(modulus, _BOUND * middle if middle > 0.0 else np.inf).mean())
+def _robust_means(moduli: Array) -> Array:
+    """Return the means (w,) of rows of moduli (w, l) that a few large ones do not carry away."""
+    if not moduli.size:
+        return np.zeros(len(moduli))
+    middle = np.median(moduli, axis=1, keepdims=True)
+    bound = np.where(middle > 0.0, _BOUND * middle, np.inf)
+    return np.asarray(np.minimum(moduli, bound).mean(axis=1))
 
 
 def _positive(level: Array) -> Array:

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtrc, fdtri
-from scipy.stats import chi2, norm, rankdata
+from numpy.typing import NDArray
+from scipy.special import chdtrc, fdtrc, fdtri, ndtri
+from scipy.stats import rankdata
 
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.correlation import (
     FEWEST,
     SIGNIFICANCE,
     least_lead,
-    prewhiten,
 )
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
@@ -33,8 +33,8 @@ ALPHA_OF_MEANS = 1e-5
 # of every range, on average: seen less often, a range is hardly more than a time, and noise may be
 # slow
 _VISITS = 3
-# of the largest singular value: together the ranges are everywhere, which says nothing
-_SINGULAR = 1e-8
+# of the largest eigenvalue: together the ranges are everywhere, which says nothing
+_SINGULAR = 1e-12
 
 
 @dataclass(frozen=True)
@@ -111,13 +111,21 @@ class ConditionalMean:
         return self.p_value < ALPHA_OF_MEANS
 
 
-@dataclass(frozen=True)
-class _Range:
-    """A range of a signal, and the samples (n,) at which the signal is in it."""
+class _Ranges(NamedTuple):
+    """Ranges of a signal, and which of them it is in.
 
-    low: float
-    high: float
-    inside: Mask
+    Attributes
+    ----------
+    signal : Regressor
+    ends : ndarray, shape (r + 1,)
+        Infinite where a range is open.
+    at : ndarray of int, shape (n,)
+        Range of every sample; r where it is in none.
+    """
+
+    signal: Regressor
+    ends: Array
+    at: NDArray[np.int8]
 
 
 def find_operating_regions(
@@ -154,45 +162,43 @@ def find_operating_regions(
     """
     if residual.size < 2 * FEWEST:
         return []
-    compared = [
-        (signal, part)
+    divided = [
+        _divided(signal, present, bins, least_lead(signal, feedback))
         for signal in _without_squares(signals)
-        for part in _ranges(signal, present, bins, least_lead(signal, feedback))
     ]
-    at = np.flatnonzero(present)
+    tried = sum(ranges.ends.size - 1 for ranges in divided)
     sizes = _Sizes(residual)
     result = []
-    for signal, part in compared:
-        inside = part.inside[at]
-        count = int(inside.sum())
-        if not FEWEST <= count <= residual.size - FEWEST:
-            continue
-        size = sizes.compare(inside, count, len(compared))
-        if size is not None:
+    for ranges in divided:
+        size = sizes.compare(ranges.at[present], ranges.ends.size - 1)
+        for k in np.flatnonzero(size.comparable):
             result.append(
                 OperatingRegion(
                     output,
-                    signal.name,
-                    part.low,
-                    part.high,
-                    signal.unit,
-                    samples=count,
-                    rms=size.rms,
-                    band=size.band,
-                    rms_ratio=size.ratio,
-                    p_value=size.p_value,
+                    ranges.signal.name,
+                    float(ranges.ends[k]),
+                    float(ranges.ends[k + 1]),
+                    ranges.signal.unit,
+                    samples=int(size.samples[k]),
+                    rms=float(size.rms[k]),
+                    band=(float(size.low[k]), float(size.high[k])),
+                    rms_ratio=float(size.ratio[k]),
+                    p_value=min(1.0, tried * float(size.probability[k])),
                 )
             )
     return sorted(result, key=lambda region: (region.p_value, -region.rms_ratio))
 
 
 class _Comparison(NamedTuple):
-    """Size of a residual at some samples, compared with the others; see `OperatingRegion`."""
+    """Sizes of a residual in ranges (r,), compared with the rest of it; see `OperatingRegion`."""
 
-    rms: float
-    band: tuple[float, float]
-    ratio: float
-    p_value: float
+    comparable: Mask
+    samples: Indices
+    rms: Array
+    low: Array
+    high: Array
+    ratio: Array
+    probability: Array
 
 
 class _Sizes:
@@ -200,28 +206,31 @@ class _Sizes:
 
     def __init__(self, residual: Array):
         self._square = residual**2
-        self._total = float(self._square.sum())
         # ranks scored to go like the squares of normal variables
         ranks = rankdata(np.abs(residual)) / (residual.size + 1.0)
-        self._scores = norm.ppf(0.5 + 0.5 * ranks) ** 2
+        self._scores = ndtri(0.5 + 0.5 * ranks) ** 2
         self._worth = 1.0 / _variance_inflation(normal_scores(residual))
 
-    def compare(self, inside: Mask, count: int, tried: int) -> _Comparison | None:
-        """Compare so many samples with the others, as one of so many comparisons.
-
-        None if the others are zero.
-        """
+    def compare(self, range_of: NDArray[np.int8], ranges: int) -> _Comparison:
+        """Compare the samples (m,) in each of so many ranges with all others."""
+        count = np.bincount(range_of, minlength=ranges)[:ranges]
         others = self._square.size - count
-        power = float(self._square[inside].sum())
-        elsewhere = (self._total - power) / others
-        if not elsewhere > 0.0:
-            return None
-        freedom = (max(count * self._worth, 1.0), max(others * self._worth, 1.0))
-        low, high = np.sqrt(elsewhere * fdtri(*freedom, [0.005, 0.995]))
-        score_ratio = float(self._scores[inside].mean() / self._scores[~inside].mean())
-        p_value = min(1.0, tried * float(fdtrc(*freedom, score_ratio)))
-        ratio = float(np.sqrt(power / count / elsewhere))
-        return _Comparison(float(np.sqrt(power / count)), (float(low), float(high)), ratio, p_value)
+        power = np.bincount(range_of, self._square, minlength=ranges)[:ranges]
+        score = np.bincount(range_of, self._scores, minlength=ranges)[:ranges]
+        freedom = (np.maximum(count * self._worth, 1.0), np.maximum(others * self._worth, 1.0))
+        with np.errstate(divide="ignore", invalid="ignore"):  # not comparable
+            rms = np.sqrt(power / count)
+            elsewhere = (self._square.sum() - power) / others
+            score_ratio = score / count / ((self._scores.sum() - score) / others)
+            return _Comparison(
+                (np.minimum(count, others) >= FEWEST) & (elsewhere > 0.0),
+                count,
+                rms,
+                low=np.sqrt(elsewhere * fdtri(*freedom, 0.005)),
+                high=np.sqrt(elsewhere * fdtri(*freedom, 0.995)),
+                ratio=rms / np.sqrt(elsewhere),
+                probability=fdtrc(*freedom, score_ratio),
+            )
 
 
 def conditional_means(
@@ -266,46 +275,76 @@ def conditional_means(
     """
     compared = _without_squares(signals)
     at = innovations.at
-    rms = float(np.sqrt(np.mean(residual**2))) if residual.size else 0.0
-    if at.size < 2 * FEWEST or not rms > 0.0:
+    if not compared or at.size < 2 * FEWEST or not np.mean(residual**2) > 0.0:
         return []
-    present = np.zeros(compared[0].values.size if compared else 0, dtype=bool)
+    present = np.zeros(compared[0].values.size, dtype=bool)
     present[at] = True
-    variance = _long_run_variance(innovations.scores)
+    if within is None:
+        within = np.ones(present.size, dtype=bool)
+    means = _Means(output, residual, innovations, noise, within)
     result = []
     for signal in compared:
-        ranges = [
-            part
-            for part in _ranges(signal, present, bins, least_lead(signal, feedback))
-            if FEWEST <= part.inside[at].sum() <= at.size - FEWEST
-        ]
-        if not ranges or not _often_visited([part.inside[at] for part in ranges]):
-            continue
-        indicators = [prewhiten(part.inside.astype(float), noise, within)[at] for part in ranges]
-        explained, freedom = _explained(innovations.scores, np.column_stack(indicators))
-        p_value = min(1.0, len(compared) * float(chi2.sf(explained / variance, freedom)))
-        means = [float(residual[part.inside[at]].mean()) for part in ranges]
-        k = int(np.argmax(np.abs(means)))
-        result.append(
-            ConditionalMean(
-                output,
-                signal.name,
-                ranges[k].low,
-                ranges[k].high,
-                signal.unit,
-                mean=means[k],
-                bias=means[k] / rms,
-                p_value=p_value,
-            )
-        )
+        ranges = _divided(signal, present, bins, least_lead(signal, feedback))
+        most = means.furthest(ranges, len(compared))
+        if most is not None:
+            result.append(most)
     return sorted(result, key=lambda one: (one.p_value, -abs(one.bias)))
+
+
+class _Means:
+    """The means of a residual in ranges of signals; see `conditional_means`."""
+
+    def __init__(
+        self,
+        output: str,
+        residual: Array,
+        innovations: Innovations,
+        noise: Noise,
+        within: Mask,
+    ):
+        self._output = output
+        self._residual = residual
+        self._at = innovations.at
+        self._noise = noise
+        self._within = within
+        self._present = np.zeros(within.size, dtype=bool)
+        self._present[self._at] = True
+        self._scores = np.zeros(within.size)
+        self._scores[self._at] = innovations.scores
+        self._rms = float(np.sqrt(np.mean(residual**2)))
+        self._variance = _long_run_variance(innovations.scores)
+
+    def furthest(self, ranges: _Ranges, tried: int) -> ConditionalMean | None:
+        """Return the mean that is furthest from zero; None if the ranges say nothing."""
+        range_of = ranges.at[self._at]
+        samples = np.bincount(range_of, minlength=ranges.ends.size)
+        judged = (samples >= FEWEST) & (samples <= self._at.size - FEWEST)
+        judged[-1] = False
+        kept = np.flatnonzero(judged)
+        if not kept.size or not _often_visited(range_of, judged):
+            return None
+        patterns = _whitened(ranges, self._noise, self._within)
+        explained, freedom = _explained(patterns, kept, self._scores, self._present)
+        sums = np.bincount(range_of, self._residual, minlength=ranges.ends.size)
+        means = sums[kept] / samples[kept]
+        k = int(np.argmax(np.abs(means)))
+        return ConditionalMean(
+            self._output,
+            ranges.signal.name,
+            float(ranges.ends[kept[k]]),
+            float(ranges.ends[kept[k] + 1]),
+            ranges.signal.unit,
+            mean=float(means[k]),
+            bias=float(means[k]) / self._rms,
+            p_value=min(1.0, tried * float(chdtrc(freedom, explained / self._variance))),
+        )
 
 
 def _without_squares(signals: Sequence[Regressor]) -> list[Regressor]:
     return [s for s in signals if s.kind is not RegressorKind.SQUARE]
 
 
-def _ranges(signal: Regressor, present: Mask, bins: int, late: int) -> list[_Range]:
+def _divided(signal: Regressor, present: Mask, bins: int, late: int) -> _Ranges:
     """Divide a signal into ranges of about equally many of the samples that are present.
 
     Parameters
@@ -318,42 +357,87 @@ def _ranges(signal: Regressor, present: Mask, bins: int, late: int) -> list[_Ran
         Samples by which the signal is delayed.
     """
     values = signal.values
-    inner = np.unique(np.quantile(values[present], np.linspace(0.0, 1.0, bins + 1)[1:-1]))
-    inner = inner[inner > values[present].min()]
-    range_of = np.searchsorted(inner, values, side="right")
-    ends = np.concatenate([[-np.inf], inner, [np.inf]])
-    return [
-        _Range(float(ends[k]), float(ends[k + 1]), _delayed(range_of == k, late))
-        for k in range(ends.size - 1)
-    ]
+    known = values[present]
+    inner = np.unique(np.quantile(known, np.linspace(0.0, 1.0, bins + 1)[1:-1]))
+    inner = inner[inner > known.min()]
+    at = np.full(values.size, inner.size + 1, dtype=np.int8)
+    at[late:] = np.searchsorted(inner, values[: values.size - late], side="right")
+    return _Ranges(signal, np.concatenate([[-np.inf], inner, [np.inf]]), at)
 
 
-def _delayed(inside: Mask, late: int) -> Mask:
-    return np.concatenate([np.zeros(late, dtype=bool), inside[: inside.size - late]])
-
-
-def _often_visited(inside: Sequence[Mask]) -> bool:
+def _often_visited(range_of: NDArray[np.int8], judged: Mask) -> bool:
     """Return True if a signal enters and leaves its ranges often enough to tell them from times."""
-    changes = np.count_nonzero(np.diff(np.array(inside, dtype=np.int8), axis=1))
-    return bool(changes >= 2 * _VISITS * len(inside))
+    moves = np.flatnonzero(np.diff(range_of))
+    changes = judged[range_of[moves]].sum() + judged[range_of[moves + 1]].sum()
+    return bool(changes >= 2 * _VISITS * judged.sum())
 
 
-def _explained(scores: Array, columns: Array) -> tuple[float, int]:
-    """Regress scores (k,) on columns (k, c).
+class _Patterns(NamedTuple):
+    """Whitened indicators of ranges, of which there are few different ones.
+
+    A signal mostly stays where it is, so that few patterns of ranges come one after the other.
+
+    Attributes
+    ----------
+    of_sample : ndarray of int, shape (k,)
+        Pattern that ends at each sample.
+    at : ndarray of int, shape (k,)
+        Those samples: where whitening has begun.
+    rows : ndarray, shape (q, r + 1)
+        Whitened indicators at the end of each pattern, without their means.
+    """
+
+    of_sample: Indices
+    at: Indices
+    rows: Array
+
+
+def _whitened(ranges: _Ranges, noise: Noise, within: Mask) -> _Patterns:
+    """Whiten the indicators of ranges as whitens the residual, without their means."""
+    lags = noise.coefficients.size
+    begun = within.copy()
+    for lag in range(1, lags + 1):
+        begun[lag:] &= within[:-lag]
+        begun[:lag] = False
+    at = np.flatnonzero(begun)
+    base = ranges.ends.size
+    code = np.zeros(at.size, dtype=np.intp)
+    for lag in range(lags + 1):
+        code += base**lag * ranges.at[at - lag].astype(np.intp)
+    count = np.bincount(code)
+    seen = np.flatnonzero(count)
+    rows = np.zeros((seen.size, base))
+    for lag, weight in enumerate([1.0, *-noise.coefficients]):
+        rows[np.arange(seen.size), seen // base**lag % base] += weight
+    rows -= count[seen] @ rows / max(at.size, 1)
+    number = np.zeros(count.size, dtype=np.intp)
+    number[seen] = np.arange(seen.size)
+    return _Patterns(number[code], at, rows)
+
+
+def _explained(
+    patterns: _Patterns, kept: Indices, scores: Array, present: Mask
+) -> tuple[float, int]:
+    """Regress scores (n,) where they are present on the whitened indicators of some ranges.
 
     Returns
     -------
     explained : float
-        Sum of squares that the columns explain.
+        Sum of squares that the indicators explain.
     rank : int
-        Columns that are independent.
+        Indicators that are independent.
     """
-    size = np.linalg.norm(columns, axis=0)
-    directions, singular, _ = np.linalg.svd(
-        columns[:, size > 0.0] / size[size > 0.0], full_matrices=False
-    )
-    rank = int((singular > _SINGULAR * singular.max(initial=0.0)).sum())
-    return float(np.sum((directions[:, :rank].T @ scores) ** 2)), rank
+    rows = patterns.rows[:, kept]
+    of_sample = patterns.of_sample
+    count = np.bincount(of_sample, present[patterns.at], minlength=len(rows))
+    total = np.bincount(of_sample, scores[patterns.at], minlength=len(rows))
+    weighted = rows * np.sqrt(count)[:, np.newaxis]
+    size = np.linalg.norm(weighted, axis=0)
+    rows = rows[:, size > 0.0] / size[size > 0.0]
+    values, directions = np.linalg.eigh((rows * count[:, np.newaxis]).T @ rows)
+    independent = values > _SINGULAR * values.max(initial=0.0)
+    along = directions[:, independent].T @ (total @ rows)
+    return float(np.sum(along**2 / values[independent])), int(independent.sum())
 
 
 def _long_run_variance(scores: Array) -> float:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.special import ndtr
 from scipy.stats import norm
 
 from fmus.kit.arrays import Array, Indices, Mask
-from orchestration.discrepancy.residuals.innovations import local_level
+from orchestration.discrepancy.residuals.innovations import between_windows, local_level
 from orchestration.records import input_steps
 
 SETTLING_SAMPLES = 4  # samples after a step of an input in which neither is seen
@@ -176,7 +176,7 @@ def _sudden_changes(
     about = np.convolve(steps, np.ones(SETTLING_SAMPLES + 2), "full")
     moved = about[1 : len(difference) + 1] > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        sudden = 2.0 * len(difference) * norm.sf(np.abs(difference) / spread) < ALPHA
+        sudden = 2.0 * len(difference) * ndtr(-np.abs(difference) / spread) < ALPHA
     return sudden, np.flatnonzero(sudden & near & ~moved)
 
 
@@ -220,7 +220,5 @@ def _local_spread(values: Array, reach: int) -> Array:
     modulus = np.abs(values - np.median(values)) / float(norm.ppf(0.75))
     everywhere = float(np.median(modulus)) if modulus.size else 0.0
     pieces = max(1, modulus.size // (2 * reach))
-    edges = np.linspace(0, modulus.size, pieces + 1).astype(np.intp)
-    local = [float(np.median(modulus[first:last])) for first, last in pairwise(edges)]
-    middles = 0.5 * (edges[:-1] + edges[1:] - 1)
-    return np.maximum(np.interp(np.arange(modulus.size), middles, local), everywhere)
+    local = between_windows(modulus, pieces, lambda windows: np.median(windows, axis=1))
+    return np.maximum(local, everywhere)
