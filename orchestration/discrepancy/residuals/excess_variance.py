@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f, norm, rankdata
+from scipy.special import fdtrc, ndtri
 
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.residuals.innovations import Innovations
+from orchestration.identify import ranks
 from orchestration.records import input_steps
 
 ALPHA = 1e-6  # probability in noise of one level
@@ -83,7 +84,7 @@ def _klotz_test(
     size[at_step] *= discount
     # scores that go like the squares of normal variables: where noise is Gaussian, as sharp as a
     # ratio of variances
-    scores = norm.ppf(0.5 + 0.5 * rankdata(size) / (size.size + 1.0)) ** 2
+    scores = ndtri(0.5 + 0.5 * ranks(size) / (size.size + 1.0)) ** 2
     score_ratio = float(scores[at_step].mean()) / float(scores[~at_step].mean())
-    p_value = float(f.sf(score_ratio, at_step.sum(), (~at_step).sum()))
+    p_value = float(fdtrc(at_step.sum(), (~at_step).sum(), score_ratio))
     return ExcessVariance(ratio, p_value)

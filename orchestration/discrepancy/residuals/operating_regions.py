@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtrc, fdtri
-from scipy.stats import chi2, norm, rankdata
+from scipy.special import chdtrc, fdtrc, fdtri, ndtri
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.residuals.correlation import (
@@ -24,6 +23,7 @@ from orchestration.discrepancy.residuals.correlation import (
 )
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
+from orchestration.identify import ranks
 from orchestration.identify.noise import Noise
 
 BINS = 8
@@ -202,8 +202,8 @@ class _Sizes:
         self._square = residual**2
         self._total = float(self._square.sum())
         # ranks scored to go like the squares of normal variables
-        ranks = rankdata(np.abs(residual)) / (residual.size + 1.0)
-        self._scores = norm.ppf(0.5 + 0.5 * ranks) ** 2
+        shares = ranks(np.abs(residual)) / (residual.size + 1.0)
+        self._scores = ndtri(0.5 + 0.5 * shares) ** 2
         self._worth = 1.0 / _variance_inflation(normal_scores(residual))
 
     def compare(self, inside: Mask, count: int, tried: int) -> _Comparison | None:
@@ -283,7 +283,7 @@ def conditional_means(
             continue
         indicators = [prewhiten(part.inside.astype(float), noise, within)[at] for part in ranges]
         explained, freedom = _explained(innovations.scores, np.column_stack(indicators))
-        p_value = min(1.0, len(compared) * float(chi2.sf(explained / variance, freedom)))
+        p_value = min(1.0, len(compared) * float(chdtrc(freedom, explained / variance)))
         means = [float(residual[part.inside[at]].mean()) for part in ranges]
         k = int(np.argmax(np.abs(means)))
         result.append(
