@@ -16,8 +16,6 @@ from scipy.linalg import expm, logm
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.identify.black_box import input_output_data, output_error
-from orchestration.identify.black_box.models import PolynomialModel
 from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.records import evenly_sampled
 
@@ -121,7 +119,11 @@ def _models(change: Array, answer: Array, step: float, size: float) -> Iterator[
     size : float
         By which the input is divided.
     """
-    from scipy.signal import dlsim  # half a second to load, which few diagnoses need
+    # half a second to load, which few diagnoses need
+    from scipy.signal import dlsim
+
+    from orchestration.identify.black_box import input_output_data, output_error
+    from orchestration.identify.black_box.models import PolynomialModel
 
     half = len(change) // 2
     data = input_output_data(change[:half], answer[:half], step)
