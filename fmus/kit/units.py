@@ -30,6 +30,28 @@ _BASE = {
     "candela": "cd",
     "radian": "rad",
 }
+# names that are products of SI base units without a factor -> exponents of these
+_COHERENT: dict[str, dict[str, int]] = {
+    "kg": {"kg": 1},
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "A": {"A": 1},
+    "K": {"K": 1},
+    "mol": {"mol": 1},
+    "cd": {"cd": 1},
+    "rad": {"rad": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "V": {"A": -1, "kg": 1, "m": 2, "s": -3},
+    "ohm": {"A": -2, "kg": 1, "m": 2, "s": -3},
+    "C": {"A": 1, "s": 1},
+    "F": {"A": 2, "kg": -1, "m": -2, "s": 4},
+    "Hz": {"s": -1},
+}
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
+_PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz")
 _LONGEST = 100  # characters of a unit
 # factors, or their powers, of which none has a power itself
 _UNIT_SYNTAX = re.compile(
@@ -63,6 +85,33 @@ class BaseUnit:
     exponents: dict[str, int]
     factor: float
     offset: float
+
+
+@lru_cache
+def _without_pint(unit: str) -> BaseUnit | None:
+    """Express a unit of common SI units in base units; None for any other.
+
+    It is what pint says, of which the registry takes half a second to make.
+    """
+    if unit == "1":
+        return BaseUnit({}, 1.0, 0.0)
+    if unit[1:] in _PREFIXED and unit[0] in _PREFIXES and unit not in _COHERENT:
+        return BaseUnit(dict(_COHERENT[unit[1:]]), _PREFIXES[unit[0]], 0.0)
+    if not unit.isascii() or len(unit) > _LONGEST or not _UNIT_SYNTAX.fullmatch(unit):
+        return None
+    try:
+        powers = _powers(ast.parse(unit.strip().replace("^", "**"), mode="eval").body)
+    except (SyntaxError, ValueError):
+        return None
+    if not all(name in _COHERENT for name in powers):
+        return None
+    exponents: dict[str, int] = {}
+    for name, power in powers.items():
+        for base, exponent in _COHERENT[name].items():
+            exponents[base] = exponents.get(base, 0) + power * exponent
+    return BaseUnit(
+        {base: exponents[base] for base in _BASE.values() if exponents.get(base)}, 1.0, 0.0
+    )
 
 
 def parse(unit: str) -> pint.Unit:
@@ -118,6 +167,8 @@ def to_familiar(unit: str) -> str:
         `unit` unchanged if pint does not know it: an FMU may name its units as it likes.
     """
     spelt = from_modelica(unit[:_LONGEST])
+    if _without_pint(spelt) is not None:
+        return spelt
     return spelt if _parse_or_none(spelt) is not None else unit
 
 
@@ -139,6 +190,9 @@ def base_unit(unit: str) -> BaseUnit:
     UserError
         If FMI cannot express it: a fractional power, or a base unit outside SI.
     """
+    common = _without_pint(unit)
+    if common is not None:
+        return common
     one = registry().Quantity(1.0, parse(unit)).to_base_units()
     zero = registry().Quantity(0.0, parse(unit)).to_base_units()
     powers = {str(name): float(str(power)) for name, power in one.unit_items()}
@@ -172,13 +226,56 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
     """
     if unit == to:
         return value
+    if not measure_alike(unit, to):
+        raise UserError(f"{what}: unit {unit!r} cannot be converted to {to!r}")
+    known = _without_pint(unit)
+    wanted = _without_pint(to)
+    if known is not None and wanted is not None and 1.0 in (known.factor, wanted.factor):
+        return value * (known.factor if wanted.factor == 1.0 else 1.0 / wanted.factor)
     source = parse(unit)
     target = parse(to)
-    if not convertible(source, target):
-        raise UserError(f"{what}: unit {unit!r} cannot be converted to {to!r}")
     if source == target:
         return value
     return registry().Quantity(value, source).to(target).magnitude
+
+
+def check(unit: str) -> None:
+    """Refuse what is no unit.
+
+    Parameters
+    ----------
+    unit : str
+
+    Raises
+    ------
+    UserError
+        As `parse` does.
+    """
+    if _without_pint(unit) is None:
+        parse(unit)
+
+
+def measure_alike(unit: str, other: str) -> bool:
+    """Return whether two units measure the same thing; see `convertible`.
+
+    Parameters
+    ----------
+    unit, other : str
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    UserError
+        If one of them is none.
+    """
+    one = _without_pint(unit)
+    another = _without_pint(other)
+    if one is not None and another is not None:
+        return one.exponents == another.exponents
+    return convertible(parse(unit), parse(other))
 
 
 def convertible(source: pint.Unit, target: pint.Unit) -> bool:

@@ -127,13 +127,12 @@ class SearchOptions(SettingsOption, total=False):
     time: Annotated[
         float | None,
         Option(
-            "Processor time of each search, e.g. 60s or inf; then the best answer so far. Default 60 s for"
-            " 60,000 samples or less, and in proportion beyond.",
-            "Time that the search may take, then the best answer so far is returned, with a note;"
-            " a minute for up to 60,000 samples and in proportion beyond, unless given. With"
-            " ``inf`` nothing hangs on how fast the machine is. It is processor time, so that a busy"
-            " machine gives the same answer. With a later record to compare"
-            " it holds for each of three searches.",
+            "Processor time of each search, e.g. 60s or inf; then the best answer so far. Default"
+            " 60 s for 60,000 samples or less, and in proportion beyond.",
+            "Processor time that the search may take, then the best answer so far is returned, with"
+            " a note; a minute for up to 60,000 samples and in proportion beyond, unless given. A"
+            " busy machine gives the same answer, and with ``inf`` nothing hangs on how fast the"
+            " machine is. With a later record to compare it holds for each of three searches.",
             unit="s",
             metavar="TIME",
             form=TIME,

@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2, norm
-from scipy.stats import t as student
+from scipy.special import chdtri, ndtri, stdtrit
 
 from fmus.kit import ParameterDeclaration
 from orchestration.discrepancy.budget import Budget
@@ -357,7 +356,7 @@ def _gain_by_chance(shared: _JointFit, parameters: int) -> float:
     The likelihood ratio is then distributed as chi-square (Wilks).
     """
     samples = sum(len(e) for e in shared.fit.residual.values())
-    return shared.error * float(chi2.isf(ALPHA, max(parameters, 1))) / samples
+    return shared.error * float(chdtri(max(parameters, 1), ALPHA)) / samples
 
 
 def _claims(
@@ -417,7 +416,7 @@ def _stretches_agree(joint: _JointFit, name: str, tried: int) -> bool:
     threshold is for all parameters together.
     """
     difference, error = _difference(joint, name, _between_stretches(joint))
-    threshold = float(student.isf(ALPHA / (2.0 * tried), STRETCHES - 1))
+    threshold = float(-stdtrit(STRETCHES - 1, ALPHA / (2.0 * tried)))
     return abs(difference) > threshold * error
 
 
@@ -441,7 +440,7 @@ def _between_stretches(joint: _JointFit) -> Covariance:
 
 def _change(joint: _JointFit, name: str) -> Change:
     """Return a parameter in both records as a fit has it, without a claim."""
-    few = float(student.ppf(0.975, STRETCHES - 1) / norm.ppf(0.975))
+    few = float(stdtrit(STRETCHES - 1, 0.975) / ndtri(0.975))
     errors = np.maximum(
         joint.fit.covariance.standard_errors, few * _between_stretches(joint).standard_errors
     )

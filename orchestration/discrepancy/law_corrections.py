@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from scipy.stats import chi2
+from scipy.special import chdtrc
 from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect, effect_name
@@ -330,7 +330,7 @@ def _p_value(law_map: LawMapResult, best: Correction) -> float:
     else:
         freedom = len(best.entry.basis.knots)
     ratio = law_map.base.fit.deviance - best.model.fit.deviance
-    return float(min(1.0, max(len(law_map.entries), 1) * chi2.sf(max(ratio, 0.0), freedom)))
+    return float(min(1.0, max(len(law_map.entries), 1) * chdtrc(freedom, max(ratio, 0.0))))
 
 
 def _conclude_anew(diagnosis: Diagnosis, search: Search, judged: ConfirmedSelection) -> Diagnosis:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 # The parameters have no prior, and their values are the result: search on to where rounding begins.
 _METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
 # standard error of a logarithm whose parameter is hardly determined
-_VAGUE = float(np.log(10.0) / norm.ppf(0.975))
+_VAGUE = float(np.log(10.0) / ndtri(0.975))
 _COUPLED = 0.9  # correlation beyond which an interval of one parameter alone is misleading
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 

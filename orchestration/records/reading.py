@@ -181,13 +181,13 @@ def _convert(
         If the unit is not known or of another dimension.
     """
     try:
-        source = units.parse(unit)
+        units.check(unit)
     except UserError as error:
         raise refuse(
             path,
             f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'",
         ) from error
-    if not units.convertible(source, units.parse(expected)):
+    if not units.measure_alike(unit, expected):
         raise refuse(
             path,
             f"column '{column}' is in {unit}, but {signal} is in {expected}, "

@@ -12,7 +12,6 @@ from collections.abc import Collection, Mapping
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from fmus.kit.arrays import Array
 
@@ -106,6 +105,8 @@ def _bend(time: bytes, values: bytes) -> Array | None:
     course = np.frombuffer(values)
     if not is_curved(instants, course):
         return None
+    from scipy.interpolate import CubicSpline
+
     slopes = CubicSpline(instants, course)(instants, 1)
     return np.asarray(-np.diff(instants) * np.diff(slopes) / 6.0)
 

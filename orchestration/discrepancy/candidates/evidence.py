@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates.candidate import Candidate, label, own_parameters
@@ -73,4 +73,4 @@ class FittedCandidate:
         """Return the p-value of the likelihood ratio, times the number of candidates tried."""
         ratio = base.fit.deviance - self.fit.deviance + beyond
         freedom = max(self.fit.parameters - base.fit.parameters, 1)
-        return float(min(1.0, tried * chi2.sf(max(ratio, 0.0), freedom)))
+        return float(min(1.0, tried * chdtrc(freedom, max(ratio, 0.0))))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
+from orchestration.identify import autoregression
 
 _SAME = 1e-12  # relative: steps and matrices that differ by less are the same
 _TERMS = 10  # of a Taylor series
@@ -82,7 +82,7 @@ def _response_of_modes(values: Array, vectors: Array, drive: Array) -> Array:
     into_modes = np.linalg.inv(vectors) @ drive
     moved = np.zeros((len(drive) + 1, *drive.shape[1:]), dtype=into_modes.dtype)
     for i, value in enumerate(values):
-        moved[1:, i] = lfilter([1.0], [1.0, -value], into_modes[:, i], axis=0)
+        moved[1:, i] = autoregression([1.0, -value], into_modes[:, i])
     return np.asarray((vectors @ moved).real)
 
 

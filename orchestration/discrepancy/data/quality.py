@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.data.dataset import Dataset
@@ -529,7 +529,7 @@ def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask])
     distance = y[1:-1] - 0.5 * (y[:-2] + y[2:])
     deviation = 0.0
     if (~bad).any():
-        deviation = float(np.median(np.abs(distance[~bad[1:-1]]))) / float(norm.ppf(0.75))
+        deviation = float(np.median(np.abs(distance[~bad[1:-1]]))) / float(ndtri(0.75))
     deviation = max(deviation, resolution)
     alone = (np.abs(distance) > _SPIKE * deviation) & (
         np.abs(y[2:] - y[:-2]) < 0.25 * np.abs(distance)

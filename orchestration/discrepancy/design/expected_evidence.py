@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.identify import autoregression
 from orchestration.identify.fitting import PRIOR_STD, minimise
 from orchestration.identify.noise import ORDER, Noise, yule_walker
 from orchestration.identify.uncertainty import parameter_covariance
@@ -247,7 +247,7 @@ def _covariance(noise: Noise) -> Array:
     """Return the covariance of an autoregression at the first lags."""
     impulse = np.zeros(_MEMORY)
     impulse[0] = noise.deviation
-    answer = np.asarray(lfilter([1.0], np.concatenate([[1.0], -noise.coefficients]), impulse))
+    answer = autoregression([1.0, *-noise.coefficients], impulse)
     return np.array([answer[: _MEMORY - k] @ answer[k:] for k in range(ORDER + 1)])
 
 

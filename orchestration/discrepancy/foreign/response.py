@@ -13,12 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm, logm
-from scipy.signal import cont2discrete, dlsim
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.identify.black_box import input_output_data, output_error
-from orchestration.identify.black_box.models import PolynomialModel
 from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.records import evenly_sampled
 
@@ -122,6 +119,12 @@ def _models(change: Array, answer: Array, step: float, size: float) -> Iterator[
     size : float
         By which the input is divided.
     """
+    # half a second to load, which few diagnoses need
+    from scipy.signal import dlsim
+
+    from orchestration.identify.black_box import input_output_data, output_error
+    from orchestration.identify.black_box.models import PolynomialModel
+
     half = len(change) // 2
     data = input_output_data(change[:half], answer[:half], step)
     for order in range(1, _HIGHEST + 1):
@@ -186,6 +189,8 @@ def _continuous(discrete: _StateSpace, step: float) -> _StateSpace | None:
 
 def _scaled(model: _StateSpace, fit: float, step: float, moved: Array) -> FmuResponse:
     """Return a model in coordinates of about unit size under an input (n,)."""
+    from scipy.signal import cont2discrete, dlsim
+
     n = len(model.a)
     held = cont2discrete((model.a, model.b, np.eye(n), np.zeros((n, 1))), step)
     states = dlsim((held[0], held[1], held[2], held[3], step), moved)[1]

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import make_smoothing_spline
 
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.conclude import Diagnosis
@@ -124,4 +123,6 @@ def _is_level(values: Array, level: float, deviation: float) -> bool:
 
 def _spline(time: Array, values: Array) -> Array:
     """Return a spline, smoothed by cross-validation (Craven, Wahba, Numer. Math. 31, 1978)."""
+    from scipy.interpolate import make_smoothing_spline
+
     return np.asarray(make_smoothing_spline(time - time[0], values)(time - time[0]))

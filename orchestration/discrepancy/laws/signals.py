@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fmus.kit import SignalTerm
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws.linear import Sides, SimulatedCourse, continuous
+from orchestration.identify import autoregression
 
 LAGS = 4  # time constants that are tried, from a few samples to a fraction of the record
 _SHORTEST = 4.0  # samples
@@ -196,7 +196,7 @@ def lagged(sides: Sides, steps: Array, constant: float, start: float | None = No
     late = 1.0 - settled / z  # weight of what the signal is at the end of a step
     drive = (settled - late) * sides.begin[:-1] + late * sides.end[:-1]
     if len(steps) and np.ptp(decay) < _EVEN:
-        return continuous(np.asarray(lfilter([1.0], [1.0, -decay[0]], np.append(first, drive))))
+        return continuous(autoregression([1.0, -decay[0]], np.append(first, drive)))
     values = np.empty(len(sides.begin))
     values[0] = first
     for k, (kept, more) in enumerate(zip(decay, drive, strict=True)):

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import welch
-from scipy.stats import chi2, norm
+from scipy.special import ndtri
 
 from fmus.kit import units
 from fmus.kit.arrays import Array, Mask
@@ -23,7 +22,7 @@ from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.report.html_elements import format_quantities
 from orchestration.discrepancy.residuals import flattening_gain, flattening_pole, spectral_level
 from orchestration.fmu import Model
-from orchestration.identify import rms
+from orchestration.identify import chi_squared_quantile, rms
 from orchestration.identify.noise import Noise
 from orchestration.reporting import MOST, Boundary, Markup, Panel, Trace, escaped, pictures, stacked
 
@@ -350,7 +349,7 @@ def plot_autocorrelations(
         traces.append(Trace(residual.label, lags, values, residual.line, dots))
     extremes = [1.1 * float(pick(trace.y)) for trace in traces for pick in (np.min, np.max)]
     span = (min(*extremes, -_LEAST_SPAN), max(*extremes, _LEAST_SPAN))
-    within = float(norm.ppf(1.0 - _TAIL)) / np.sqrt(count)
+    within = float(ndtri(1.0 - _TAIL)) / np.sqrt(count)
     panel = Panel(
         "autocorrelation, whitened", _NOISE_HEIGHT, traces, band=(-within, within), span=span
     )
@@ -373,6 +372,8 @@ def amplitude_spectrum(residual: Array, step: float) -> tuple[Array, Array]:
     density : ndarray, shape (m,)
         Unit of the residual per root Hz.
     """
+    from scipy.signal import welch  # half a second to load, which only a report takes
+
     frequency, power = welch(residual, 1.0 / step, nperseg=_piece_length(len(residual)))
     return frequency[1:-1], np.sqrt(power[1:-1])
 
@@ -406,7 +407,9 @@ def noise_band(
     half = _piece_length(len(residual)) // 2
     pieces = len(residual) // half - 1
     freedom = 2.0 * pieces / (1.0 + 2.0 * (1.0 - 1.0 / pieces) * _OVERLAP)
-    low, middle, high = (float(chi2.ppf(share, freedom)) for share in (_TAIL, 0.5, 1.0 - _TAIL))
+    low, middle, high = (
+        chi_squared_quantile(share, freedom) for share in (_TAIL, 0.5, 1.0 - _TAIL)
+    )
     level = spectral_level(density**2 * gain, _NEIGHBOURS) / gain
     return np.sqrt(level * low / middle), np.sqrt(level * high / middle)
 

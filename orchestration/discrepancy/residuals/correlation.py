@@ -16,8 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
@@ -148,7 +147,7 @@ def cross_correlations(
                 signal.name,
                 lags=np.asarray(shifts * step, dtype=np.float64),
                 correlation=r,
-                band=float(norm.ppf(0.995) / np.sqrt(count)),
+                band=float(ndtri(0.995) / np.sqrt(count)),
                 lag=float(shifts[at] * step),
                 strength=float(r[at]),
                 p_value=_probability(z[at], causal.size * len(signals)),

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import fdtrc, ndtri
-from scipy.stats import rankdata
 
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.residuals.innovations import Innovations
+from orchestration.identify import ranks
 from orchestration.records import input_steps
 
 ALPHA = 1e-6  # probability in noise of one level
@@ -84,7 +84,7 @@ def _klotz_test(
     size[at_step] *= discount
     # scores that go like the squares of normal variables: where noise is Gaussian, as sharp as a
     # ratio of variances
-    scores = ndtri(0.5 + 0.5 * rankdata(size) / (size.size + 1.0)) ** 2
+    scores = ndtri(0.5 + 0.5 * ranks(size) / (size.size + 1.0)) ** 2
     score_ratio = float(scores[at_step].mean()) / float(scores[~at_step].mean())
     p_value = float(fdtrc(at_step.sum(), (~at_step).sum(), score_ratio))
     return ExcessVariance(ratio, p_value)

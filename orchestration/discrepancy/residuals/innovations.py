@@ -12,11 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, lfiltic
 from scipy.special import ndtri
-from scipy.stats import norm, rankdata
 
 from fmus.kit.arrays import Array, Indices, Mask
+from orchestration.identify import autoregression, moving_average, ranks
 from orchestration.identify.noise import Noise, segments
 
 _WINDOW = 80  # samples from which the level about one of them is estimated
@@ -62,7 +61,7 @@ class Innovations:
         standard = self.standardised
         if not standard.size:
             return 0
-        spread = float(np.median(np.abs(standard))) / float(norm.ppf(0.75))
+        spread = float(np.median(np.abs(standard))) / float(ndtri(0.75))
         return int((np.abs(standard) > _FAR * spread).sum()) if spread > 0.0 else 0
 
     def bounded(self, residual: Array, present: Mask, noise: Noise) -> Array:
@@ -87,8 +86,9 @@ class Innovations:
         result = residual.copy()
         for start, end in segments(present):
             first = min(end, start + noise.coefficients.size)
-            state = lfiltic([1.0], poles, residual[start:first][::-1])
-            result[first:end] = lfilter([1.0], poles, driven[first:end], zi=state)[0]
+            # what makes the first samples what they are
+            driven[start:first] = moving_average(poles, residual[start:first])
+            result[first:end] = autoregression(poles, driven[start:end])[first - start :]
         return result
 
 
@@ -156,14 +156,14 @@ def normal_scores(values: Array) -> Array:
 
     These are van der Waerden's scores; equal values share one.
     """
-    return np.asarray(ndtri(rankdata(values) / (values.size + 1.0)))
+    return np.asarray(ndtri(ranks(values) / (values.size + 1.0)))
 
 
 def robust_power(values: Array) -> float:
     """Return the mean square of values (k,), of which single ones far out are bounded."""
     if not values.size:
         return 0.0
-    spread = float(np.median(np.abs(values - np.median(values)))) / float(norm.ppf(0.75))
+    spread = float(np.median(np.abs(values - np.median(values)))) / float(ndtri(0.75))
     bound = abs(float(np.median(values))) + (_BOUND * spread if spread > 0.0 else np.inf)
     return float(np.mean(np.minimum(np.abs(values), bound) ** 2))
 

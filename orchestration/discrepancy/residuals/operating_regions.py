@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, fdtri, ndtri
-from scipy.stats import rankdata
 
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.correlation import (
@@ -24,6 +23,7 @@ from orchestration.discrepancy.residuals.correlation import (
 )
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
+from orchestration.identify import ranks
 from orchestration.identify.noise import Noise
 
 BINS = 8
@@ -207,8 +207,8 @@ class _Sizes:
     def __init__(self, residual: Array):
         self._square = residual**2
         # ranks scored to go like the squares of normal variables
-        ranks = rankdata(np.abs(residual)) / (residual.size + 1.0)
-        self._scores = ndtri(0.5 + 0.5 * ranks) ** 2
+        shares = ranks(np.abs(residual)) / (residual.size + 1.0)
+        self._scores = ndtri(0.5 + 0.5 * shares) ** 2
         self._worth = 1.0 / _variance_inflation(normal_scores(residual))
 
     def compare(self, range_of: NDArray[np.int8], ranges: int) -> _Comparison:

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.special import ndtr
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.innovations import between_windows, local_level
@@ -84,7 +83,7 @@ def find_outliers(residual: Array, inputs: Mapping[str, Array], step: float = 0.
     level = local_level(distance)
     spread = 0.0
     if distance.size:
-        spread = float(np.median(distance / level)) / float(norm.ppf(0.75))
+        spread = float(np.median(distance / level)) / float(ndtri(0.75))
     if not spread > 0.0:
         return np.zeros(residual.size, dtype=bool)
     beside = np.maximum(np.roll(distance, 1), np.roll(distance, -1))
@@ -184,7 +183,7 @@ def _two_sided(size: float, deviation: float, tried: int) -> float:
     """Return the probability of so large a normal variable, either way, among so many."""
     if not deviation > 0.0:
         return 0.0
-    return min(1.0, 2.0 * tried * float(norm.sf(size / deviation)))
+    return min(1.0, 2.0 * tried * float(ndtr(-size / deviation)))
 
 
 def _memory(values: Array) -> int:
@@ -217,7 +216,7 @@ def _restlessness(values: Array, window: int) -> tuple[Array, Array]:
 
 def _local_spread(values: Array, reach: int) -> Array:
     """Return the robust standard deviation about each of values (n,), at least that of all."""
-    modulus = np.abs(values - np.median(values)) / float(norm.ppf(0.75))
+    modulus = np.abs(values - np.median(values)) / float(ndtri(0.75))
     everywhere = float(np.median(modulus)) if modulus.size else 0.0
     pieces = max(1, modulus.size // (2 * reach))
     local = between_windows(modulus, pieces, lambda windows: np.median(windows, axis=1))

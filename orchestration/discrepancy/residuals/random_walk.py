@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from fmus.kit.arrays import Array, Indices
 
@@ -81,7 +81,7 @@ def random_walk_test(residual: Array) -> RandomWalkTest:
     ratio, weights = _likelihood_ratio(transform, n, size, coloured, integrated)
     share = (weights[len(coloured) :] @ integrated) / (weights @ np.vstack([coloured, integrated]))
     trend = np.fft.irfft(transform * share, n)
-    p_value = float(chi2.sf(ratio, len(_INTEGRATIONS)))
+    p_value = float(chdtrc(len(_INTEGRATIONS), ratio))
     return RandomWalkTest(ratio, p_value, float(np.sqrt(np.mean(trend**2))), trend)
 
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import t
+from scipy.special import stdtr
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.residuals.correlation import SIGNIFICANCE
 from orchestration.discrepancy.residuals.regressors import Regressor
+from orchestration.identify import autoregression
 from orchestration.identify.noise import Noise, estimate_noise
 from orchestration.identify.uncertainty import parameter_covariance
 
@@ -78,7 +78,7 @@ def regress(residual: Array, present: Mask, signals: Sequence[Regressor]) -> Res
     explained = float(np.mean(residual**2) - np.mean((residual - fitted[present]) ** 2))
     return ResidualRegression(
         rms=float(np.sqrt(max(explained, 0.0))),
-        p_value=float(t.sf(t_statistic, len(drawn) - 1)),
+        p_value=float(stdtr(len(drawn) - 1, -t_statistic)),
         fitted=fitted,
     )
 
@@ -90,7 +90,7 @@ def _scores_of_noise(noise: Noise, rows: Array, present: Mask) -> list[float]:
     scores = []
     for _ in range(max(_FEW_DRAWS, min(_DRAWS, _EFFORT // n))):
         white = random.standard_normal(n + _LEAD)
-        coloured = lfilter([1.0], [1.0, *-noise.coefficients], white)[_LEAD:]
+        coloured = autoregression([1.0, *-noise.coefficients], white)[_LEAD:]
         scores.append(_regress_whitened(coloured, rows, present)[0])
     return scores
 

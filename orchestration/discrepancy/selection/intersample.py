@@ -8,8 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import expit, ndtr
-from scipy.stats import norm
+from scipy.special import expit, ndtr, ndtri
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
@@ -320,7 +319,7 @@ def _half_width(distance: float, weight: float) -> float:
     distance, weight : float
         Of the second of them; the first is about 0.
     """
-    plain = float(norm.ppf(0.975))
+    plain = float(ndtri(0.975))
 
     def outside(half: float) -> float:
         return float(

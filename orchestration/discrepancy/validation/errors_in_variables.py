@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -29,6 +28,7 @@ from orchestration.discrepancy.selection import (
     unfollowed_noise,
     with_more_noise,
 )
+from orchestration.identify import autoregression
 from orchestration.identify.uncertainty import parameter_covariance
 
 # times the most evidence that noise makes by itself in any replica, which an effect must reach
@@ -234,7 +234,7 @@ def _replica(
         by_inputs = np.var(disturbed[output] - truth[output]) / np.var(base.fit.residual[output])
         own = np.sqrt(max(_OWN, 1.0 - float(by_inputs)))
         white = own * model.deviation * random.standard_normal(len(search.data.time))
-        values = truth[output] + lfilter([1.0], [1.0, *-model.coefficients], white)
+        values = truth[output] + autoregression([1.0, *-model.coefficients], white)
         measured[output] = np.where(base.problem.present[output], values, np.nan)
     return replace(
         search, data=replace(noisy, measured=measured), not_assessed={}, progress=lambda text: None

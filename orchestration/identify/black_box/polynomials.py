@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
 
@@ -63,6 +62,8 @@ def stabilised(polynomial: Array, within: float = 0.995) -> Array:
 
 def filtered(numerator: Array, denominator: Array, values: Array) -> Array:
     """Filter values along the first axis, from rest."""
+    from scipy.signal import lfilter  # half a second to load, which only a black box needs
+
     if not values.size:
         return values  # SciPy refuses an empty array
     return np.asarray(lfilter(numerator, denominator, values, axis=0), dtype=np.float64)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import toeplitz
 from scipy.signal import correlate
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -121,7 +121,7 @@ def residual_tests(
     auto = _covariance(e, e, lags)[lags:]
     return ResidualTests(
         auto / auto[0],
-        float(norm.isf(significance / 2.0)) / np.sqrt(len(e)),
+        float(-ndtri(significance / 2.0)) / np.sqrt(len(e)),
         whiteness(e, lags, significance),
         tuple(_cross(e, column, auto, lags, significance) for column in u.T),
     )
@@ -151,8 +151,8 @@ def _cross(
         spread += auto[abs(s)] * own[np.abs(np.arange(lags + 1) + s)]
     statistic, freedom = _joint_statistic(values[lags:], spread / n)
     scale = np.sqrt(auto[0] * own[0])
-    limit = float(norm.isf(significance / 2.0)) * np.sqrt(max(spread[0], 0.0) / n) / scale
-    p_value = float(chi2.sf(statistic, freedom))
+    limit = float(-ndtri(significance / 2.0)) * np.sqrt(max(spread[0], 0.0) / n) / scale
+    p_value = float(chdtrc(freedom, statistic))
     return ResidualInputCorrelation(
         both_ways, values / scale, float(limit), statistic, p_value, significance
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
@@ -380,7 +380,7 @@ class Problem:
 
     def intervals(self, q: Array, standard_errors: Array) -> dict[str, tuple[float, float]]:
         """Return 95 % confidence intervals by name; infinite where a standard error is."""
-        half = float(norm.ppf(0.975)) * standard_errors
+        half = float(ndtri(0.975)) * standard_errors
         ends = zip(self.names, self.scales, q - half, q + half, strict=True)
         return {n: (s.value(low), s.value(high)) for n, s, low, high in ends}
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy.stats import qmc
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -90,8 +89,7 @@ def starting_points(problem: Problem) -> list[Array]:
     )
     if not moved.any():
         return [nominal]
-    # the first point of a Halton sequence is a corner
-    points = 2.0 * qmc.Halton(int(moved.sum()), scramble=False).random(_STARTS + 1)[1:] - 1.0
+    points = 2.0 * halton_points(_STARTS, int(moved.sum())) - 1.0
     low, high = problem.bounds()
     others = []
     for point in points:
@@ -99,6 +97,39 @@ def starting_points(problem: Problem) -> list[Array]:
         q[moved] += _SPREAD * point
         others.append(problem.inside(np.clip(q, low, high)))
     return [nominal, *others]
+
+
+def halton_points(count: int, dimensions: int) -> Array:
+    """Return the first points (count, dimensions) of a Halton sequence, without the corner.
+
+    Every coordinate is the number of the point with its digits behind the point, to the base of
+    another prime.
+
+    Parameters
+    ----------
+    count, dimensions : int
+    """
+    points = np.zeros((count, dimensions))
+    for column, prime in enumerate(_primes(dimensions)):
+        for row in range(count):
+            rest = row + 1
+            place = 1.0 / prime
+            while rest:
+                rest, digit = divmod(rest, prime)
+                points[row, column] += digit * place
+                place /= prime
+    return points
+
+
+def _primes(count: int) -> list[int]:
+    """Return the first primes."""
+    primes: list[int] = []
+    number = 2
+    while len(primes) < count:
+        if all(number % prime for prime in primes):
+            primes.append(number)
+        number += 1
+    return primes
 
 
 def fit_simulation_error(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import approx_fprime
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -310,7 +310,7 @@ def _circuit(
         return np.asarray(np.log(conversion(at, data.step)))
 
     slopes = approx_fprime(theta, logarithm, _STEP * np.abs(theta))
-    half = float(norm.ppf(0.975)) * np.sqrt(np.diag(slopes @ spread @ slopes.T))
+    half = float(ndtri(0.975)) * np.sqrt(np.diag(slopes @ spread @ slopes.T))
     lows = values * np.exp(-half)
     highs = values * np.exp(half)
     return Circuit(

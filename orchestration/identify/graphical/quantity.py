@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from orchestration.identify.metrics import finite_or_none
 
@@ -56,7 +56,7 @@ def quantity(value: float, standard_error: float, repetitions: int, unit: str) -
     """
     half = float("inf")
     if repetitions > 1:
-        half = float(student.ppf(_LEVEL, repetitions - 1)) * standard_error
+        half = float(stdtrit(repetitions - 1, _LEVEL)) * standard_error
     return GraphicalEstimate(value, (value - half, value + half), unit)
 
 

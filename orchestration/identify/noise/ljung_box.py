@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri
 
 from fmus.kit.arrays import Array, Mask
 
@@ -100,9 +100,9 @@ def whiteness(
         samples=n,
         lags=count,
         statistic=statistic,
-        p_value=float(chi2.sf(statistic, freedom)),
+        p_value=float(chdtrc(freedom, statistic)),
         lag_one=float(correlation[0]),
-        fraction_outside=float(np.mean(np.abs(score[tested]) > norm.ppf(0.995))),
+        fraction_outside=float(np.mean(np.abs(score[tested]) > ndtri(0.995))),
         significance=significance,
     )
 

@@ -14,13 +14,13 @@ from math import comb, inf
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov, solve_triangular
-from scipy.signal import lfilter
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri
 
 from fmus.kit.arrays import Array, Mask
+from orchestration.identify.filters import autoregression, moving_average
 from orchestration.identify.noise.autoregression import ORDER, estimate_colour, segments
 from orchestration.identify.noise.tails import heavy_tails, weights
+from orchestration.identify.probability import student_log_density
 
 # least deviation, for records without noise: values over it must still have a fourth power
 _LEAST = 1e-30
@@ -92,8 +92,7 @@ class Noise:
         """
         numerator = [1.0, *-self.coefficients]
         pieces = [
-            lfilter(numerator, [1.0], values[a:b], axis=0) / self.deviation
-            for a, b in segments(present)
+            moving_average(numerator, values[a:b]) / self.deviation for a, b in segments(present)
         ]
         return np.concatenate(pieces) if pieces else values[:0]
 
@@ -126,7 +125,7 @@ class Noise:
         if self.freedom == inf:
             shape = float(innovation @ innovation)
         else:
-            density = float(2.0 * student.logpdf(innovation, self.freedom).sum())
+            density = float(2.0 * student_log_density(innovation, self.freedom).sum())
             shape = -density - n * float(np.log(2.0 * np.pi))
         first = 0.0  # the first samples scatter more than innovations do
         p = len(self.coefficients)
@@ -149,9 +148,8 @@ class Noise:
         -------
         ndarray, shape (m, p)
         """
-        return np.asarray(
-            lfilter([self.deviation], [1.0, *-self.coefficients], values[::-1], axis=0)[::-1]
-        )
+        reversed_result = autoregression([1.0, *-self.coefficients], values[::-1])
+        return np.asarray(self.deviation * reversed_result[::-1])
 
     @cached_property
     def _start(self) -> Array:
@@ -271,7 +269,7 @@ def estimate_noise(
     if rough == inf:
         return gaussian
     # far samples make colour look weaker than it is
-    far = _FAR * float(np.median(np.abs(residual))) / float(norm.ppf(0.75))
+    far = _FAR * float(np.median(np.abs(residual))) / float(ndtri(0.75))
     clipped = _gaussian(np.clip(residual, -far, far), present, order, colour)
     final = freedom or _freedom(clipped, residual, present, undisturbed)
     heavy, scale = heavy_tails(clipped.whiten(residual, present)[undisturbed], final)
@@ -318,7 +316,7 @@ def noise_std(values: Array, differences: int = 2) -> float:
         In the unit of the signal; zero if there are too few samples.
     """
     steps = np.diff(values[np.isfinite(values)], differences)
-    scale = float(norm.ppf(0.75)) * np.sqrt(comb(2 * differences, differences))
+    scale = float(ndtri(0.75)) * np.sqrt(comb(2 * differences, differences))
     return float(np.median(np.abs(steps)) / scale) if steps.size else 0.0
 
 

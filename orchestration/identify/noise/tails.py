@@ -10,9 +10,10 @@ from math import inf
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.stats import norm, t
+from scipy.special import ndtri
 
 from fmus.kit.arrays import Array
+from orchestration.identify.probability import normal_log_density, student_log_density
 
 _FREEDOMS = (2.2, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 25.0)
 _FEW = 50  # samples below which noise is taken as Gaussian
@@ -110,7 +111,7 @@ def _estimate_freedom(innovation: Array) -> float:
     size = float(np.sqrt(np.mean(innovation**2)))
     likelihoods = [_fit_scale(innovation, freedom)[0] for freedom in _FREEDOMS]
     best = int(np.argmax(likelihoods))
-    gaussian = float(norm.logpdf(innovation / size).sum()) - n * float(np.log(size))
+    gaussian = float(normal_log_density(innovation / size).sum()) - n * float(np.log(size))
     if 2.0 * (likelihoods[best] - gaussian) < 2.0 * np.log(n):
         return inf
     return _FREEDOMS[best]
@@ -119,9 +120,9 @@ def _estimate_freedom(innovation: Array) -> float:
 def _fit_scale(innovation: Array, freedom: float) -> tuple[float, float]:
     """Return the highest log likelihood at so many degrees of freedom, and the scale there."""
     square = innovation**2
-    robust = float(np.median(np.abs(innovation))) / float(norm.ppf(0.75))
+    robust = float(np.median(np.abs(innovation))) / float(ndtri(0.75))
     scale = robust or float(np.sqrt(square.mean()))
     for _ in range(_ROUNDS):
         scale = float(np.sqrt(np.mean(weights(innovation / scale, freedom) * square)))
-    density = float(t.logpdf(innovation / scale, freedom).sum())
+    density = float(student_log_density(innovation / scale, freedom).sum())
     return density - len(square) * float(np.log(scale)), scale

@@ -8,7 +8,7 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Mask
@@ -162,7 +162,7 @@ def joint_distribution(
             "a parameter that was searched in its logarithm has no positive value and interval"
         )
     ends[log] = np.log(ends[log])
-    errors = (ends[:, 2] - ends[:, 0]) / (2.0 * norm.ppf(0.975))
+    errors = (ends[:, 2] - ends[:, 0]) / (2.0 * ndtri(0.975))
     matrix = np.eye(len(names))
     for (one, other), value in correlations.items():
         i = names.index(one)

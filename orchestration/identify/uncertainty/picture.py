@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from fmus.kit.arrays import Array
 from fmus.kit.units import convert
@@ -97,6 +96,8 @@ def _between(profile: Profile, values: Array) -> Array:
 
     Its square root is interpolated, which is nearly a straight line.
     """
+    from scipy.interpolate import PchipInterpolator
+
     signed = np.sign(profile.values - profile.estimate) * np.sqrt(np.maximum(profile.deviance, 0.0))
     if profile.logarithmic:
         curve = PchipInterpolator(np.log(profile.values), signed, extrapolate=False)

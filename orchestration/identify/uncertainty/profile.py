@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.units import Described, format_value
 from orchestration.identify.metrics import finite_or_none
+from orchestration.identify.probability import chi_squared_quantile
 
-LEVEL = float(chi2.ppf(0.95, 1))
+LEVEL = chi_squared_quantile(0.95, 1)
 Refit = Callable[[Array], tuple[Array, float]]
 # length of the first step, in halves of the ellipse's interval, or in units of the coordinate if
 # that is less

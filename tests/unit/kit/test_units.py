@@ -281,3 +281,38 @@ def test_units_of_our_models_come_back_as_they_were_declared(name):
     layout = component(name).layout
     declared = {unit for v in layout.variables for unit in (v.unit, v.display) if unit}
     assert {units.to_familiar(to_modelica(unit)) for unit in declared} == declared
+
+
+COMMON = [*units._COHERENT, *(p + name for p in units._PREFIXES for name in units._PREFIXED)]
+PRODUCTS = [
+    f"{a}{sign}{b}" for a in units._COHERENT for b in units._COHERENT for sign in ("*", "/")
+]
+
+
+@pytest.mark.parametrize("names", [COMMON, PRODUCTS, ["1", "N*s/m", "W/(m^2*K)", "V/A/s", "m**-2"]])
+def test_common_units_are_what_pint_says(names, monkeypatch):
+    known = {unit: units._without_pint(unit) for unit in names}
+    monkeypatch.setattr(units, "_without_pint", lambda unit: None)
+    assert known == {unit: base_unit.__wrapped__(unit) for unit in names}
+
+
+def test_common_units_are_converted_as_pint_does(monkeypatch):
+    values = np.random.default_rng(0).standard_normal(99) * 10.0 ** np.arange(-50, 49)
+    pairs = [(p + name, name) for p in units._PREFIXES for name in units._PREFIXED]
+    pairs = [(a, b) for a, b in pairs if a != "kg"]
+    pairs += [(b, a) for a, b in pairs]
+    converted = [convert(values, a, b) for a, b in pairs]
+    monkeypatch.setattr(units, "_without_pint", lambda unit: None)
+    np.testing.assert_array_equal(converted, [convert(values, a, b) for a, b in pairs])
+
+
+@pytest.mark.parametrize(
+    "unit", ["m^999", "m**2**3", "mm/s", "9", "in", "µm", "", "m s", "K\u212a"]
+)
+def test_other_units_are_left_to_pint(unit):
+    assert units._without_pint(unit) is None
+
+
+def test_an_angle_stays_one_without_pint():
+    with pytest.raises(UserError, match="'rad/s' cannot be converted to 'Hz'"):
+        convert(1.0, "rad/s", "Hz")

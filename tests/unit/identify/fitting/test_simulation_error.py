@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.stats import qmc
 
 from orchestration.discrepancy.diagnosis import searched_parameters
 from orchestration.fmu.model import find_model
@@ -16,6 +17,7 @@ from orchestration.identify.fitting.prediction_error import fit_free_run
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import (
     error_scales,
+    halton_points,
     pooled_error,
     starting_points,
 )
@@ -68,3 +70,9 @@ def test_a_search_ends_no_farther_off_than_least_squares_from_the_truth(case, be
     found = fit_free_run(problem, [starting_points(problem)[begin]], physical)
     assert found.converged
     assert pooled_error(found.residual, scales) < 1.001 * from_the_truth(drawn, scales)
+
+
+@pytest.mark.parametrize("dimensions", [1, 3, 40])
+def test_points_are_of_a_halton_sequence(dimensions):
+    expected = qmc.Halton(dimensions, scramble=False).random(5)[1:]
+    np.testing.assert_array_equal(halton_points(4, dimensions), expected)

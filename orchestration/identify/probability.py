@@ -1,0 +1,77 @@
+"""Distributions and ranks, from the special functions that `scipy.stats` is made of.
+
+Loading `scipy.stats` takes as long as all the rest that a diagnosis loads. Quantiles and tails that
+`scipy.special` has by themselves are taken from there.
+"""
+
+from __future__ import annotations
+
+from math import log, pi
+
+import numpy as np
+from scipy.special import gammaincinv, poch
+
+from fmus.kit.arrays import Array
+
+
+def normal_log_density(values: Array) -> Array:
+    """Return the logarithm of the density of the standard normal distribution.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    return -0.5 * values**2 - 0.5 * log(2.0 * pi)
+
+
+def student_log_density(values: Array, freedom: float) -> Array:
+    """Return the logarithm of the density of Student's t distribution of unit scale.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    freedom : float
+        Degrees of freedom, finite.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    at_zero = log(poch(0.5 * freedom, 0.5)) - 0.5 * log(pi * freedom)
+    return np.asarray(at_zero - 0.5 * (freedom + 1.0) * np.log1p(values**2 / freedom))
+
+
+def chi_squared_quantile(probability: float, freedom: float) -> float:
+    """Return the value below which a chi-squared variable is with a probability.
+
+    Parameters
+    ----------
+    probability, freedom : float
+
+    Returns
+    -------
+    float
+    """
+    return 2.0 * float(gammaincinv(0.5 * freedom, probability))
+
+
+def ranks(values: Array) -> Array:
+    """Return the ranks of values, from one; those that are equal share the mean of theirs.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Finite.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    ordered = np.sort(values)
+    below = np.searchsorted(ordered, values, side="left")
+    up_to = np.searchsorted(ordered, values, side="right")
+    return np.asarray(0.5 * (below + up_to + 1))
