@@ -105,7 +105,8 @@ class ComponentAlong:
         along = ca.Function("along", symbols, ca.cse(known)).map(n)
         a, c = (np.asarray(part) for part in along(*at.arguments))
         states = graph.states.numel()
-        return Linearisation(_by_point(a, n, states), _by_point(c, n, graph.outputs.numel()))
+        outputs = graph.outputs.numel()
+        return Linearisation(_by_point(a, (n, states, states)), _by_point(c, (n, outputs, states)))
 
     def outputs(self, place: int) -> tuple[Array, Array]:
         """Return an output, or a state after all outputs, at begin and end of every step, (n,)."""
@@ -261,11 +262,12 @@ class EffectForcing:
         """Return a step of the effect's own states, fed with the trajectory; see `_fed`."""
         known = {d.name for d in self._component.cls.layout.discretes}
         held = [i for i, d in enumerate(graph.layout.discretes) if d.name in known]
-        arguments = [graph.time, graph.inputs, graph.states[self._states], graph.discretes[held]]
+        states = _some(graph.states, self._states)
+        arguments = [graph.time, graph.inputs, states, _some(graph.discretes, held)]
         at_end = [ca.SX.sym("end", a.numel()) for a in arguments]
         h = ca.SX.sym("h")
-        states = graph.states[self._own_states]
-        rates = graph.rates[self._own_states]
+        states = _some(graph.states, self._own_states)
+        rates = _some(graph.rates, self._own_states)
         implicit = ca.SX.eye(states.numel()) - _GAMMA * h * ca.jacobian(rates, states)
         first = ca.solve(implicit, rates)
         moved = ca.substitute([rates], [states, *arguments], [states + h * first, *at_end])[0]
@@ -411,6 +413,11 @@ def _places(group: Sequence[Declaration], known: Sequence[Declaration]) -> list[
     return [place[variable.name] for variable in known]
 
 
+def _some(vector: ca.SX, places: Sequence[int]) -> ca.SX:
+    """Return some entries of a vector as a column, also none of a vector of one."""
+    return ca.vec(vector[places])
+
+
 def _others(count: int, places: Sequence[int]) -> list[int]:
     return [i for i in range(count) if i not in places]
 
@@ -435,10 +442,12 @@ def _with_numbers(graph: Graph, expressions: Sequence[ca.SX], values: Values) ->
     """Return expressions with numbers for the parameters, and for discrete states that have one."""
     places = [i for i, d in enumerate(graph.layout.discretes) if d.name in values]
     numbers = [float(values[graph.layout.discretes[i].name]) for i in places]
-    known = ca.substitute(list(expressions), [graph.discretes[places]], [ca.DM(numbers)])
+    held = _some(graph.discretes, places)
+    known = ca.substitute(list(expressions), [held], [ca.DM(numbers)])
     return _with_parameters(graph, known, values)
 
 
-def _by_point(side_by_side: Array, n: int, height: int) -> Array:
-    """Stack the matrices of n points, which CasADi lays side by side."""
-    return side_by_side.reshape(height, n, -1).transpose(1, 0, 2)
+def _by_point(side_by_side: Array, shape: tuple[int, int, int]) -> Array:
+    """Stack the matrices of n points, which CasADi lays side by side, to a given shape."""
+    n, height, width = shape
+    return side_by_side.reshape(height, n, width).transpose(1, 0, 2)
