@@ -247,10 +247,12 @@ class LinearisedModel:
         for _ in range(_ROUNDS):
             solved = self._solved(products, noise)
             total = solved.gradient + self._gradient_of_prior
-            wanted = solved.wanted[0] - solved.along[:, 0] @ self._gradient_of_prior
-            amount = -wanted / solved.power[0] if solved.power[0] > 0.0 else 0.0
+            along = solved.along[:, 0]
+            wanted = solved.wanted[0] - along @ self._gradient_of_prior
+            power = solved.power[0] + self._fit.prior_precision @ along**2
+            amount = -wanted / power if solved.power[0] > 0.0 else 0.0
             amount = float(np.clip(amount, setting.least, setting.most))
-            step = np.clip(-solved.spread @ total - amount * solved.along[:, 0], *self._bounds)
+            step = np.clip(-solved.spread @ total - amount * along, *self._bounds)
             noise = self._noise(products, amount, step)
         criterion = self._criterion(noise, step)
         return PredictedImprovement(self._present_criterion - criterion, amount, step)
