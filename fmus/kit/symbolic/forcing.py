@@ -23,7 +23,8 @@ from fmus.kit.symbolic.tracing import Graph, trace
 
 Values = Mapping[str, float]
 _Numbers = Mapping[str, Any]  # floats, or arrays of one in each setting
-_GAMMA = 1.0 - 0.5**0.5  # of the Rosenbrock method, which makes it L-stable
+_DOUBLINGS = 24  # of a step: the fastest time constant may be a millionth of it
+_TERMS = 8  # of a Taylor series, for what is left of a step
 _LITTLE = 1e-6  # of its nominal value, by which a switch is moved for a derivative
 
 
@@ -105,7 +106,8 @@ class ComponentAlong:
         along = ca.Function("along", symbols, ca.cse(known)).map(n)
         a, c = (np.asarray(part) for part in along(*at.arguments))
         states = graph.states.numel()
-        return Linearisation(_by_point(a, n, states), _by_point(c, n, graph.outputs.numel()))
+        outputs = graph.outputs.numel()
+        return Linearisation(_by_point(a, (n, states, states)), _by_point(c, (n, outputs, states)))
 
     def outputs(self, place: int) -> tuple[Array, Array]:
         """Return an output, or a state after all outputs, at begin and end of every step, (n,)."""
@@ -232,8 +234,10 @@ class EffectForcing:
     def _integrated(self, parameters: _Numbers, own: _OwnCourses, count: int) -> _OwnCourses:
         """Integrate the effect's own states in all settings.
 
-        By an L-stable Rosenbrock method of order 2, for which no time constant is too short
-        (Verwer and others: SIAM J. Sci. Comput. 20, 1999).
+        By an exponential Rosenbrock method of order 2, exact where the rates are linear and fed
+        with straight lines, so that no time constant is too short (Hochbruck, Ostermann: Acta
+        Numerica 19, 2010). Its Jacobian is of the end of a step: what begins to give within it has
+        followed by then.
         """
         graph = trace(self._cls)
         step = self._step(graph)
@@ -261,16 +265,15 @@ class EffectForcing:
         """Return a step of the effect's own states, fed with the trajectory; see `_fed`."""
         known = {d.name for d in self._component.cls.layout.discretes}
         held = [i for i, d in enumerate(graph.layout.discretes) if d.name in known]
-        arguments = [graph.time, graph.inputs, graph.states[self._states], graph.discretes[held]]
+        states = _some(graph.states, self._states)
+        arguments = [graph.time, graph.inputs, states, _some(graph.discretes, held)]
         at_end = [ca.SX.sym("end", a.numel()) for a in arguments]
         h = ca.SX.sym("h")
-        states = graph.states[self._own_states]
-        rates = graph.rates[self._own_states]
-        implicit = ca.SX.eye(states.numel()) - _GAMMA * h * ca.jacobian(rates, states)
-        first = ca.solve(implicit, rates)
-        moved = ca.substitute([rates], [states, *arguments], [states + h * first, *at_end])[0]
-        second = ca.solve(implicit, moved - 2.0 * first)
-        result = states + h * (1.5 * first + 0.5 * second)
+        states = _some(graph.states, self._own_states)
+        rates = _some(graph.rates, self._own_states)
+        moved = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
+        first, second = _phi(h * ca.jacobian(moved, states))
+        result = states + h * (first @ rates + second @ (moved - rates))
         return _Step(result, states, ca.vertcat(h, *arguments, *at_end))
 
     def _fed(self) -> Array:
@@ -300,6 +303,25 @@ class _OwnCourses:
     def at_end(self) -> _OwnCourses:
         """Return the same at the end of every step."""
         return _OwnCourses({n: np.hstack([v[:, 1:], v[:, -1:]]) for n, v in self.values.items()})
+
+
+def _phi(z: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return phi_1 and phi_2 of a matrix, by scaling and doubling.
+
+    Source: Higham, Functions of Matrices, section 10.7.4.
+    """
+    x = z / 2.0**_DOUBLINGS
+    one = ca.SX.eye(z.shape[0])
+    second = one / (_TERMS + 2)
+    for k in range(_TERMS + 1, 1, -1):
+        second = (one + x @ second) / k
+    first = one + x @ second
+    exponential = one + x @ first
+    for _ in range(_DOUBLINGS):
+        second = 0.25 * (first @ first + 2.0 * second)
+        first = 0.5 * (exponential + one) @ first
+        exponential = exponential @ exponential
+    return first, second
 
 
 def _with_defaults(cls: type[Component], parameters: _Numbers) -> dict[str, Any]:
@@ -411,6 +433,11 @@ def _places(group: Sequence[Declaration], known: Sequence[Declaration]) -> list[
     return [place[variable.name] for variable in known]
 
 
+def _some(vector: ca.SX, places: Sequence[int]) -> ca.SX:
+    """Return some entries of a vector as a column, also none of a vector of one."""
+    return ca.vec(vector[places])
+
+
 def _others(count: int, places: Sequence[int]) -> list[int]:
     return [i for i in range(count) if i not in places]
 
@@ -435,10 +462,12 @@ def _with_numbers(graph: Graph, expressions: Sequence[ca.SX], values: Values) ->
     """Return expressions with numbers for the parameters, and for discrete states that have one."""
     places = [i for i, d in enumerate(graph.layout.discretes) if d.name in values]
     numbers = [float(values[graph.layout.discretes[i].name]) for i in places]
-    known = ca.substitute(list(expressions), [graph.discretes[places]], [ca.DM(numbers)])
+    held = _some(graph.discretes, places)
+    known = ca.substitute(list(expressions), [held], [ca.DM(numbers)])
     return _with_parameters(graph, known, values)
 
 
-def _by_point(side_by_side: Array, n: int, height: int) -> Array:
-    """Stack the matrices of n points, which CasADi lays side by side."""
-    return side_by_side.reshape(height, n, -1).transpose(1, 0, 2)
+def _by_point(side_by_side: Array, shape: tuple[int, int, int]) -> Array:
+    """Stack the matrices of n points, which CasADi lays side by side, to a given shape."""
+    n, height, width = shape
+    return side_by_side.reshape(height, n, width).transpose(1, 0, 2)

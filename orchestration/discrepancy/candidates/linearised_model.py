@@ -2,8 +2,9 @@
 
 The colour of the noise is estimated anew from what the change leaves, not from what the model
 without it does: a slow effect looks like noise with a long memory to a model that has no state for
-it. Products of residual, Jacobian and changes at the first few lags are all that this takes, in
-whatever colour (Box, Jenkins, Reinsel: Time Series Analysis, section 7.1).
+it. Products of residual, Jacobian and changes at the first few lags, with those near the ends of a
+stretch apart, are all that the exact likelihood takes, in whatever colour (Box, Jenkins, Reinsel:
+Time Series Analysis, appendix A7.4).
 """
 
 from __future__ import annotations
@@ -74,15 +75,15 @@ class ScreenedCandidate:
 
 @dataclass(frozen=True)
 class _Products:
-    """Products of columns at lags, each the sum of both orders of the two.
+    """Products of columns at lags and depths, each the sum of both orders of the two.
 
     Attributes
     ----------
-    own : ndarray, shape (lags, 1 + p, 1 + p)
-        Of the residual, first, and the Jacobian.
-    cross : ndarray, shape (lags, 1 + p, k)
+    own : ndarray, shape (products, 1 + p, 1 + p)
+        Of the residual, first, and the Jacobian; see `_PLACES`.
+    cross : ndarray, shape (products, 1 + p, k)
         Of these with k changes.
-    changes : ndarray, shape (lags, k)
+    changes : ndarray, shape (products, k)
         Of every change with itself.
     """
 
@@ -92,13 +93,9 @@ class _Products:
 
     def whitened(self, noise: Noise) -> _Products:
         """Return the products in units of innovations, in one lag."""
-        filtered = np.append(1.0, -noise.coefficients)
-        count = len(filtered)
-        weights = np.array([filtered[: count - lag] @ filtered[lag:] for lag in range(count)])
-        weights[0] *= 0.5
-        weights /= noise.deviation**2
+        weights = _weights(noise.coefficients) / noise.deviation**2
         own, cross, changes = (
-            np.tensordot(weights, part[:count], axes=1)[np.newaxis]
+            np.tensordot(weights, part, axes=1)[np.newaxis]
             for part in (self.own, self.cross, self.changes)
         )
         return _Products(own, cross, changes)
@@ -107,12 +104,12 @@ class _Products:
         """Return the products of one change."""
         return replace(self, cross=self.cross[:, :, k : k + 1], changes=self.changes[:, k : k + 1])
 
-    def covariances(self, amount: float, step: Array) -> Array:
-        """Return sums of products (lags,) of the residual after a step and some of one change."""
+    def remaining(self, amount: float, step: Array) -> Array:
+        """Return the products (products,) of the residual after a step and some of one change."""
         v = np.append(1.0, step)
         own = np.einsum("i,lij,j->l", v, self.own, v)
         cross = self.cross[:, :, 0] @ v
-        return np.asarray(0.5 * own + amount * cross + 0.5 * amount**2 * self.changes[:, 0])
+        return np.asarray(own + 2.0 * amount * cross + amount**2 * self.changes[:, 0])
 
 
 @dataclass(frozen=True)
@@ -145,7 +142,8 @@ class LinearisedModel:
         self._columns = {
             o: self._padded(o, np.column_stack([e, jacobian[o]])) for o, e in error.items()
         }
-        self._own = {o: _lagged(x, x) for o, x in self._columns.items()}
+        self._pairs = {o: _pairs(self._padded(o, np.ones((e.size, 1)))) for o, e in error.items()}
+        self._own = {o: _lagged(x, x, self._pairs[o], _each) for o, x in self._columns.items()}
         prior_mean = problem.position(problem.start)
         self._centre = np.where(fit.prior_precision > 0.0, prior_mean, fit.q)
         self._gradient_of_prior = fit.prior_precision * (fit.q - self._centre)
@@ -165,11 +163,9 @@ class LinearisedModel:
         products = {}
         for o, own in self._own.items():
             columns = self._padded(o, change[o])
-            cross = _lagged(self._columns[o], columns)
-            squares = [2.0 * np.einsum("nk,nk->k", columns, columns)]
-            for lag in range(1, ORDER + 1):
-                squares.append(2.0 * np.einsum("nk,nk->k", columns[:-lag], columns[lag:]))
-            products[o] = _Products(own, cross, np.array(squares))
+            cross = _lagged(self._columns[o], columns, self._pairs[o], _each)
+            squares = _lagged(columns, columns, self._pairs[o], _itself)
+            products[o] = _Products(own, cross, squares)
         return products
 
     def _solved(self, products: Mapping[str, _Products], noise: Mapping[str, Noise]) -> _Solution:
@@ -254,10 +250,12 @@ class LinearisedModel:
         for _ in range(_ROUNDS):
             solved = self._solved(products, noise)
             total = solved.gradient + self._gradient_of_prior
-            wanted = solved.wanted[0] - solved.along[:, 0] @ self._gradient_of_prior
-            amount = -wanted / solved.power[0] if solved.power[0] > 0.0 else 0.0
+            along = solved.along[:, 0]
+            wanted = solved.wanted[0] - along @ self._gradient_of_prior
+            power = solved.power[0] + self._fit.prior_precision @ along**2
+            amount = -wanted / power if solved.power[0] > 0.0 else 0.0
             amount = float(np.clip(amount, least, most))
-            step = np.clip(-solved.spread @ total - amount * solved.along[:, 0], *self._bounds)
+            step = np.clip(-solved.spread @ total - amount * along, *self._bounds)
             noise = self._noise(products, amount, step)
         return self._criterion(noise, step), amount, step
 
@@ -268,16 +266,14 @@ class LinearisedModel:
         noise = {}
         for o, own in products.items():
             n = int(self._rows[o].sum())
-            covariance = own.covariances(amount, step) / max(n, 1)
-            known = self._problem.colour.get(o)
-            order = 0 if known is not None else min(self._problem.order, ORDER)
-            if known is not None:
-                one = _Products(covariance[:, np.newaxis, np.newaxis] * 2.0, *_NONE)
-                variance = float(one.whitened(Noise(known, 1.0)).own[0, 0, 0])
-                coefficients = known
-            else:
-                coefficients, variance = yule_walker(covariance[: order + 1], n)
-            noise[o] = Noise(coefficients, max(float(variance), 1e-60) ** 0.5)
+            remaining = own.remaining(amount, step) / max(n, 1)
+            coefficients = self._problem.colour.get(o)
+            if coefficients is None:
+                order = min(self._problem.order, ORDER)
+                covariance = 0.5 * np.add.reduceat(remaining, _FIRST)
+                coefficients, _ = yule_walker(covariance[: order + 1], n)
+            variance = float(_weights(coefficients) @ remaining)
+            noise[o] = Noise(coefficients, max(variance, 1e-60) ** 0.5)
         return noise
 
     @cached_property
@@ -303,15 +299,70 @@ class LinearisedModel:
         return deviance + penalty
 
 
-_NONE = (np.zeros((ORDER + 1, 1, 1)), np.zeros((ORDER + 1, 1)))
+# Lag and depth of every product: how far both samples are from the ends of their stretch, up to
+# where it makes no difference.
+_PLACES = [(lag, depth) for lag in range(ORDER + 1) for depth in range(ORDER - lag + 1)]
+_FIRST = [_PLACES.index((lag, 0)) for lag in range(ORDER + 1)]
 
 
-def _lagged(one: Array, other: Array) -> Array:
-    """Return products (lags, k, m) of columns (n, k) and (n, m), both orders together."""
-    products = [2.0 * one.T @ other]
-    for lag in range(1, ORDER + 1):
-        products.append(one[:-lag].T @ other[lag:] + one[lag:].T @ other[:-lag])
+def _weights(coefficients: Array) -> Array:
+    """Return the weight of every product in the sum of squares of innovations."""
+    filtered = np.zeros(ORDER + 1)
+    filtered[0] = 1.0
+    filtered[1 : len(coefficients) + 1] = -coefficients
+    weights = [filtered[: d + 1] @ filtered[lag : lag + d + 1] for lag, d in _PLACES]
+    weights[0 : ORDER + 1] = [0.5 * one for one in weights[0 : ORDER + 1]]
+    return np.array(weights)
+
+
+def _pairs(counts: Array) -> list[list[NDArray[np.intp]]]:
+    """Return by lag the first samples of pairs that are special: of two stretches, and by depth.
+
+    Parameters
+    ----------
+    counts : ndarray, shape (n, 1)
+        Zero where a sample counts for nothing.
+    """
+    present = counts[:, 0] > 0.0
+    n = len(present)
+    places = np.arange(n)
+    before = np.maximum.accumulate(np.where(present, -1, places))
+    after = np.minimum.accumulate(np.where(present, n, places)[::-1])[::-1]
+    pairs = []
+    for lag in range(ORDER + 1):
+        first = np.flatnonzero(present[: n - lag] & present[lag:])
+        depth = np.minimum(first - before[first] - 1, after[first + lag] - first - lag - 1)
+        apart = before[first] != before[first + lag]
+        groups = [first[apart]]
+        groups += [first[~apart & (depth == d)] for d in range(ORDER - lag)]
+        pairs.append(groups)
+    return pairs
+
+
+def _lagged(
+    one: Array,
+    other: Array,
+    pairs: list[list[NDArray[np.intp]]],
+    product: Callable[[Array, Array], Array],
+) -> Array:
+    """Return the products of columns (n, k) and (n, m), both orders together; see `_PLACES`."""
+    n = len(one)
+    products = []
+    for lag, groups in enumerate(pairs):
+        whole = product(one[: n - lag], other[lag:]) + product(one[lag:], other[: n - lag])
+        parts = [product(one[i], other[i + lag]) + product(one[i + lag], other[i]) for i in groups]
+        products += [*parts[1:], whole - np.sum(parts, axis=0)]
     return np.array(products)
+
+
+def _each(one: Array, other: Array) -> Array:
+    """Return the products (k, m) of every column with every other."""
+    return one.T @ other
+
+
+def _itself(one: Array, other: Array) -> Array:
+    """Return the products (k,) of every column with the same one."""
+    return np.asarray(np.einsum("nk,nk->k", one, other))
 
 
 def strongest(statistics: Sequence[Array]) -> list[int]:

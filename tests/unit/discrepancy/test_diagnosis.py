@@ -84,7 +84,11 @@ def test_an_effect_that_cannot_be_simulated_is_told(monkeypatch):
     def fails(problem, effect):
         raise UserError("no derivative there")
 
-    monkeypatch.setattr(scoring, "score_directions", fails)
+    def to_be_simulated(model, effects, linear):
+        return [(effect, None) for effect in effects]
+
+    monkeypatch.setattr(scoring, "score_directions", to_be_simulated)
+    monkeypatch.setattr(scoring, "simulated_directions", fails)
     diagnosis = diagnose(PpyActuator, short_record(), FEW[:1])
     assert diagnosis.notes == [
         Note(NoteCode.NOT_SIMULATED, "strain_saturation", {"reason": "no derivative there"})

@@ -349,7 +349,8 @@ def unidentifiable(monkeypatch):
 
 @makes(NoteCode.NOT_SIMULATED)
 def not_simulated(monkeypatch):
-    monkeypatch.setattr(scoring, "score_directions", fails)
+    monkeypatch.setattr(scoring, "score_directions", lambda _, effects, __: [(effects[0], None)])
+    monkeypatch.setattr(scoring, "simulated_directions", fails)
     return diagnose(PpyActuator, short_record(), [SATURATION]).notes
 
 
