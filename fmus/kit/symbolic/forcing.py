@@ -23,8 +23,8 @@ from fmus.kit.symbolic.tracing import Graph, trace
 
 Values = Mapping[str, float]
 _Numbers = Mapping[str, Any]  # floats, or arrays of one in each setting
-_DOUBLINGS = 24  # of a step: the fastest time constant may be a millionth of it
-_TERMS = 8  # of a Taylor series, for what is left of a step
+_GAMMA = 1.0 - 0.5**0.5  # of the Rosenbrock method of several states, which makes it L-stable
+_NEAR_ZERO = 1e-6  # which a rate of decay over a step stands for, where it is less
 _LITTLE = 1e-6  # of its nominal value, by which a switch is moved for a derivative
 
 
@@ -234,10 +234,11 @@ class EffectForcing:
     def _integrated(self, parameters: _Numbers, own: _OwnCourses, count: int) -> _OwnCourses:
         """Integrate the effect's own states in all settings.
 
-        By an exponential Rosenbrock method of order 2, exact where the rates are linear and fed
-        with straight lines, so that no time constant is too short (Hochbruck, Ostermann: Acta
-        Numerica 19, 2010). Its Jacobian is of the end of a step: what begins to give within it has
-        followed by then.
+        By a Rosenbrock method of order 2 for which no time constant is too short: a single state
+        by exponentials, exact where its rate is linear and fed with straight lines (Hochbruck,
+        Ostermann: Acta Numerica 19, 2010), several by an L-stable method (Verwer and others: SIAM
+        J. Sci. Comput. 20, 1999). The Jacobian is of the end of a step: what begins to give within
+        it has followed by then.
         """
         graph = trace(self._cls)
         step = self._step(graph)
@@ -272,8 +273,16 @@ class EffectForcing:
         states = _some(graph.states, self._own_states)
         rates = _some(graph.rates, self._own_states)
         moved = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
-        first, second = _phi(h * ca.jacobian(moved, states))
-        result = states + h * (first @ rates + second @ (moved - rates))
+        slope = ca.jacobian(moved, states)
+        if states.numel() == 1:
+            first, second = _phi(h * slope)
+            result = states + h * (first * rates + second * (moved - rates))
+        else:
+            implicit = ca.SX.eye(states.numel()) - _GAMMA * h * slope
+            stage = ca.solve(implicit, rates)
+            at_stage = ca.substitute([moved], [states], [states + h * stage])[0]
+            last = ca.solve(implicit, at_stage - 2.0 * stage)
+            result = states + h * (1.5 * stage + 0.5 * last)
         return _Step(result, states, ca.vertcat(h, *arguments, *at_end))
 
     def _fed(self) -> Array:
@@ -306,22 +315,10 @@ class _OwnCourses:
 
 
 def _phi(z: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return phi_1 and phi_2 of a matrix, by scaling and doubling.
-
-    Source: Higham, Functions of Matrices, section 10.7.4.
-    """
-    x = z / 2.0**_DOUBLINGS
-    one = ca.SX.eye(z.shape[0])
-    second = one / (_TERMS + 2)
-    for k in range(_TERMS + 1, 1, -1):
-        second = (one + x @ second) / k
-    first = one + x @ second
-    exponential = one + x @ first
-    for _ in range(_DOUBLINGS):
-        second = 0.25 * (first @ first + 2.0 * second)
-        first = 0.5 * (exponential + one) @ first
-        exponential = exponential @ exponential
-    return first, second
+    """Return phi_1 and phi_2 of a number, (exp(z) - 1) / z and (phi_1 - 1) / z."""
+    apart = ca.if_else(ca.fabs(z) < _NEAR_ZERO, _NEAR_ZERO, z)
+    first = ca.expm1(apart) / apart
+    return first, (first - 1.0) / apart
 
 
 def _with_defaults(cls: type[Component], parameters: _Numbers) -> dict[str, Any]:
