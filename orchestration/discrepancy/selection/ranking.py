@@ -37,10 +37,13 @@ FEW = PROMISING // 2  # effects by which hypotheses about inputs are judged
 # By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very
 # strong evidence.
 ACCEPT = 10.0
-FINALISTS = 5  # candidates that are cross-validated in blocks, the nearest first,
-LIKELIEST = 3  # and the likeliest in noise of their own
+FINALISTS = 4  # candidates that are cross-validated in blocks, the nearest first,
+LIKELIEST = 2  # and the likeliest in noise of their own
 # of BIC, within which another candidate counts as not told apart, if one of the models is right
 ALTERNATIVE = 6.0
+# of what the nearest gains in a few steps, which another must gain to be fitted to the end
+NEAR_ENOUGH = 0.25
+AS_PROMISING = 0.5  # of the best fall that is expected of an effect, for a fit from elsewhere too
 REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
@@ -264,7 +267,9 @@ def _fit_in_white_noise(
     """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end."""
     screened = [*_screened(plain, below, starts), *seen.values()]
     to_the_end = replace(plain, method=FIXED_COLOUR)
-    best = sorted(screened, key=_bic)[:PROMISING]
+    least = NEAR_ENOUGH * (below.fit.bic - min(map(_bic, screened), default=below.fit.bic))
+    near = [f for f in screened if below.fit.bic - f.fit.bic >= least]
+    best = sorted(near, key=_bic)[:PROMISING]
     ended = parallel_map(lambda f: _again(to_the_end, f), best)
     for fitted in (*screened, *filter(None, ended)):
         seen[fitted.effect] = min(fitted, seen.get(fitted.effect, fitted), key=_bic)
@@ -282,7 +287,9 @@ def _screened(
         if plain.budget.spent():
             plain.budget.leave([label(effect)])
             return []
-        fitted = [_tried(plain, below, start) for start in starts[effect]]
+        least = AS_PROMISING * starts[effect][0].predicted.fall
+        worth = [start for start in starts[effect] if start.predicted.fall >= least]
+        fitted = [_tried(plain, below, start) for start in worth]
         counter.one_more()
         return [f for f in fitted if f]
 

@@ -60,8 +60,10 @@ class DelayedModel:
         names = tuple(n for n in sensitivities if n not in own)
         self._model = _compiled(base, others, names)
         of_model = self._model.names
-        same = of_model == list(names)
-        self._columns = None if same else [of_model.index(name) for name in names]
+        places = [of_model.index(name) for name in names]
+        # the first of them, as they usually are, are not copied
+        in_order = places == list(range(len(places)))
+        self._columns: slice | list[int] = slice(len(places)) if in_order else places
         self._known = {p.name for p in self._model.layout.parameters}
 
     def run(
@@ -123,8 +125,6 @@ class DelayedModel:
     ) -> Trajectory:
         """Simulate the model without delays, with the derivatives that are wanted."""
         ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
-        if self._columns is None:
-            return ran
         chosen = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
         return Trajectory(ran.signals, chosen)
 

@@ -198,16 +198,16 @@ def fit_prediction_error(
     """
     prior = _prior(problem, physical, prior_std)
 
-    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = method.trials) -> FitResult:
+    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = method.trials) -> _Pass:
         end = _minimised(problem, q, noise, prior, method, trials)
-        return _assessed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
+        return _passed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
 
-    def iterate(first: FitResult) -> FitResult:
+    def iterate(first: _Pass) -> _Pass:
         """Fit in the noise that is estimated where the last pass ended, in turn."""
         fitted = first
         for _ in range(method.passes - 1):
             before = fitted
-            fitted = one_pass(before.q, before.noise)
+            fitted = one_pass(before.minimum.q, before.noise)
             if before.bic - fitted.bic < method.settled:
                 return min(before, fitted, key=lambda f: f.bic)
         return fitted
@@ -224,7 +224,7 @@ def fit_prediction_error(
             break
         # a noise model that explains what the model could explain keeps it from doing so: begin
         # again in white noise
-        again = one_pass(best.q, white_noise(best.residual), BRIEF)
+        again = one_pass(best.minimum.q, white_noise(best.residual), BRIEF)
         # from where the last pass in white noise ended, all would go as before
         same = in_white is not None and abs(in_white.bic - again.bic) < method.settled
         in_white = again
@@ -232,7 +232,7 @@ def fit_prediction_error(
         if best.bic - other.bic < method.settled:
             break
         best = other
-    return best
+    return _assessed(problem, best, prior)
 
 
 def fit_free_run(
@@ -269,7 +269,7 @@ def fit_free_run(
     minimum = fit_simulation_error(
         problem, starts, scales, method.tolerance / problem.samples, rows
     )
-    fitted = _assessed(problem, minimum, prior)
+    fitted = _assessed(problem, _passed(problem, minimum, prior), prior)
     slopes = problem.evaluate(minimum.q)[1]
     weighted = {o: j / scales[o] for o, j in slopes.items()}
     stacked = np.vstack(list(weighted.values()))
@@ -405,15 +405,50 @@ def _minimised(
     return best
 
 
-def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
-    """Assess a point in the noise that is estimated from its residual."""
+@dataclass(frozen=True)
+class _Pass:
+    """The end of a pass, and the noise that is estimated from the residual there."""
+
+    minimum: Minimum
+    residual: dict[str, Array]
+    noise: dict[str, Noise]
+    innovation: dict[str, Array]
+    deviance: float
+    parameters: int
+    samples: int
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion."""
+        return self.deviance + self.parameters * float(np.log(self.samples))
+
+
+def _passed(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:
+    """Estimate the noise at a point from its residual."""
     q = minimum.q
-    residual, slopes = problem.evaluate(q)
+    residual = problem.evaluate(q)[0]
     noise = problem.noise(residual)
     innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
+    deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
+    return _Pass(
+        minimum,
+        residual,
+        noise,
+        innovation,
+        deviance=float(deviance + (prior.residual(q) ** 2).sum()),
+        parameters=len(q) + sum(n.parameters for n in noise.values()),
+        samples=sum(map(len, innovation.values())),
+    )
+
+
+def _assessed(problem: Problem, end: _Pass, prior: _Prior) -> FitResult:
+    """Assess the end of a fit: what its parameters are known to."""
+    q = end.minimum.q
+    slopes = problem.evaluate(q)[1]
+    noise = end.noise
+    innovation = end.innovation
     weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
     jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
-    deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
     score = np.concatenate([weights[o] * innovation[o] for o in noise])
     curvature = _curvature(noise, innovation)
     information = (jacobian.T * curvature.expected) @ jacobian
@@ -422,15 +457,15 @@ def _assessed(problem: Problem, minimum: Minimum, prior: _Prior) -> FitResult:
         q,
         problem.values(q),
         noise,
-        residual,
+        end.residual,
         innovation,
         weights,
         information=information,
         prior_precision=prior.precision,
-        deviance=float(deviance + (prior.residual(q) ** 2).sum()),
-        parameters=len(q) + sum(n.parameters for n in noise.values()),
-        samples=len(score),
-        converged=minimum.converged,
+        deviance=end.deviance,
+        parameters=end.parameters,
+        samples=end.samples,
+        converged=end.minimum.converged,
         covariance=_covariance(plain, jacobian, score, curvature, information, prior),
         excess_variance=excess_variance(plain, jacobian, score, curvature.expected),
     )
