@@ -302,8 +302,8 @@ def test_in_a_known_colour_the_fall_is_of_whitened_squares():
 
 
 def autoregression(values):
-    """Yule and Walker's fit of the likeliest order by BIC, of at most four (Box and Jenkins), and the
-    criterion of its innovations.
+    """Yule and Walker's fit of the likeliest order by BIC, of at most four, behind the criterion
+    of its innovations.
     """
     n = len(values)
     covariance = np.array([values[: n - k] @ values[k:] for k in range(5)]) / n
