@@ -302,8 +302,8 @@ def test_in_a_known_colour_the_fall_is_of_whitened_squares():
 
 
 def autoregression(values):
-    """Yule and Walker's fit of the likeliest order by BIC, of at most four (Box and Jenkins), and the
-    criterion of its innovations.
+    """Yule and Walker's fit of the likeliest order by BIC, of at most four, behind the criterion
+    of its innovations.
     """
     n = len(values)
     covariance = np.array([values[: n - k] @ values[k:] for k in range(5)]) / n
@@ -318,19 +318,22 @@ def autoregression(values):
     return n * np.log(whitened @ whitened / n) + len(taps) * np.log(n), taps
 
 
-def test_the_colour_is_estimated_from_what_a_change_leaves():
+@pytest.mark.parametrize("coloured", [True, False])
+def test_the_colour_is_estimated_from_what_a_change_leaves(coloured):
     """A slow change that looks like noise with a long memory: three rounds of a weighted
-    regression, then the criterion before and after.
+    regression, then the criterion before and after. In white noise a colour is saved as well.
     """
+    residual = RESIDUAL if coloured else white_record()
     table = np.column_stack([JACOBIAN, CHANGES[:, 0]])
     taps = WHITE
     for _ in range(3):
         root = whitening(Noise(taps, 1.0))
-        exact = np.linalg.lstsq(root @ table, -root @ RESIDUAL)[0]
-        after, taps = autoregression(RESIDUAL + table @ exact)
-    before, _ = autoregression(RESIDUAL)
-    found = predicted(RESIDUAL)
-    assert len(taps) > 0
+        exact = np.linalg.lstsq(root @ table, -root @ residual)[0]
+        after, taps = autoregression(residual + table @ exact)
+    before, taps_before = autoregression(residual)
+    found = predicted(residual)
+    assert len(taps_before) > 0
+    assert (len(taps) > 0) == coloured
     assert found.amount == pytest.approx(exact[-1], rel=1e-4)
     assert found.step == pytest.approx(exact[:2], rel=1e-4)
     assert found.fall == pytest.approx(before - after, rel=1e-4)

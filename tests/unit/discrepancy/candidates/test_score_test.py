@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Input, Output, Parameter, State, stack, transport_delay
+from fmus.kit import Component, Effect, Input, Output, Parameter, State, stack, transport_delay
 from fmus.kit.arms import lag_effect
 from fmus.kit.curves import curve
 from fmus.kit.errors import UserError
@@ -74,6 +74,19 @@ class Oscillator(Component):
     def shown(self):
         """Of the spring, and some of the command."""
         return self.spring() + 0.1 * self.command
+
+
+class Growing(Effect):
+    """A current that grows with the time."""
+
+    id = "growing"
+    neutral = "growth"
+    assumption = "nothing grows"
+    growth = Parameter(0.0, "A/s^2", nominal=1.0)
+
+    def relaxed_rate(self):
+        """More of it."""
+        return super().relaxed_rate() + self.growth * self.time
 
 
 EFFECTS = {
@@ -200,23 +213,30 @@ def test_a_play_is_seen_in_steps_longer_than_it_follows_in():
 
 
 def test_every_run_starts_anew_from_its_own_state():
-    """Three runs, one after the other: each as if it were a record by itself."""
+    """Three runs, one after the other: each as if it were a record by itself, with its own time
+    constant.
+    """
     data = several("abc")
     effect = lag_effect(Cell, "voltage", "current", "lagging", 2.0, "V")
     values = -0.5, 1.0, 0.25
     names = [run.own("relaxed_start") for run in data.several]
     starts = dict(zip(names, values, strict=True))
+    times = {run.own("tau1"): 2.0 + k for k, run in enumerate(data.several)}
+    starts |= times
+    names += times
     joined = only(at(Cell, data, names, starts), effect)
     saturation = curve(Cell, "relaxed_rate", "relaxed", "cubic", "A/s", 1.0)
     bent = only(at(Cell, data, names, starts), saturation)
+    growing = only(at(Cell, data, names, starts), Growing)
+    assert data.several[2].ahead > 0.0
     for run in data.several:
         part = slice(run.first, run.last)
         clock = data.time[part] - run.ahead
         inputs = {"current": data.inputs["current"][part]}
         alone = Dataset(clock, inputs, {"voltage": data.measured["voltage"][part]})
-        own = {"relaxed_start": starts[run.own("relaxed_start")]}
+        own = {name: starts[run.own(name)] for name in ("relaxed_start", "tau1")}
         single = at(Cell, alone, (), own)
-        for whole, one in ((joined, effect), (bent, saturation)):
+        for whole, one in ((joined, effect), (bent, saturation), (growing, Growing)):
             expected = little_of(single, one, whole.settings[0], alone)["voltage"]
             largest = np.abs(expected).max()
             assert largest > 1e-3

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, State, sin
+from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, State, maximum, sin
 from fmus.kit.arms import lag_effect
 from fmus.kit.curves import curve
 from fmus.kit.errors import UserError
@@ -85,7 +85,7 @@ class Held(Component):
 
 
 class Drained(Effect):
-    """A share of gravity that is left: neutral is the most there can be."""
+    """A share of gravity that is left: neutral is the most there can be, beyond is nonsense."""
 
     id = "drained"
     neutral = "left"
@@ -93,7 +93,7 @@ class Drained(Effect):
     left = Parameter(1.0, "1", min=0.0, max=1.0)
 
     def gravity(self):
-        return self.left * self.left * super().gravity()
+        return (self.left * self.left + 1e3 * maximum(self.left - 1.0, 0.0)) * super().gravity()
 
 
 def points(inputs, states, discretes=None, step=STEP):
