@@ -30,7 +30,6 @@ _ROUNDS = 3  # of solving with a colour and estimating the colour from what rema
 # close alternatives is named first.
 _RIDGE = 1e-9
 _FLAT = 1e-10  # share of a change that the model could not make itself, below which there is none
-_OUTLYING = 0.1  # weight of an innovation in heavy tails, below which it is left out
 
 
 @dataclass(frozen=True)
@@ -40,8 +39,9 @@ class PredictedImprovement:
     Attributes
     ----------
     fall : float
-        Of the information criterion, the change costing nothing, beyond what a further step of the
-        model itself would gain.
+        Of the information criterion, the change costing nothing.
+    beyond : float
+        The same, beyond what a further step of the model itself would gain.
     amount : float
         Of the change that is put to use.
     step : ndarray, shape (p,)
@@ -49,6 +49,7 @@ class PredictedImprovement:
     """
 
     fall: float
+    beyond: float
     amount: float
     step: Array
 
@@ -138,7 +139,8 @@ class LinearisedModel:
         self._fit = fit
         error, jacobian = problem.evaluate(fit.q)
         self._size = {o: max(float(np.sqrt(np.mean(e**2))), 1e-30) for o, e in error.items()}
-        self._rows = {o: fit.weights[o] > _OUTLYING * fit.weights[o].max() for o in error}
+        # what is far out in heavy tails counts less, and an effect may show there alone
+        self._rows = {o: np.sqrt(fit.weights[o] / fit.weights[o].max()) for o in error}
         self._columns = {
             o: self._padded(o, np.column_stack([e, jacobian[o]])) for o, e in error.items()
         }
@@ -240,7 +242,10 @@ class LinearisedModel:
         change = {o: g[:, k : k + 1] for o, g in directions.gradient.items()}
         setting = directions.settings[k]
         criterion, amount, step = self._improved(self.products(change), setting.least, setting.most)
-        return PredictedImprovement(self._own_criterion - criterion, amount, step)
+        present, own = self._without_change
+        return PredictedImprovement(
+            present - criterion, min(present, own) - criterion, amount, step
+        )
 
     def _improved(
         self, products: Mapping[str, _Products], least: float, most: float
@@ -265,7 +270,7 @@ class LinearisedModel:
         """Return the noise that would remain."""
         noise = {}
         for o, own in products.items():
-            n = int(self._rows[o].sum())
+            n = len(self._rows[o])
             remaining = own.remaining(amount, step) / max(n, 1)
             coefficients = self._problem.colour.get(o)
             if coefficients is None:
@@ -277,15 +282,15 @@ class LinearisedModel:
         return noise
 
     @cached_property
-    def _own_criterion(self) -> float:
-        """Criterion of the model without a change, which may be able to step on by itself."""
+    def _without_change(self) -> tuple[float, float]:
+        """Criterion of the model as it stands, and after a further step by itself."""
         nothing = {
             o: _Products(x, np.zeros((*x.shape[:2], 1)), np.zeros((len(x), 1)))
             for o, x in self._own.items()
         }
         stays = np.zeros(len(self._fit.q))
         present = self._criterion(self._noise(nothing, 0.0, stays), stays)
-        return min(present, self._improved(nothing, 0.0, 0.0)[0])
+        return present, self._improved(nothing, 0.0, 0.0)[0]
 
     def _criterion(self, noise: Mapping[str, Noise], step: Array) -> float:
         """Return BIC, the change costing nothing, up to a constant."""
@@ -293,7 +298,7 @@ class LinearisedModel:
         moved = fit.q + step - self._centre
         order = sum(len(n.coefficients) for n in noise.values())
         deviance = sum(
-            2.0 * float(self._rows[o].sum()) * float(np.log(n.deviation)) for o, n in noise.items()
+            2.0 * len(self._rows[o]) * float(np.log(n.deviation)) for o, n in noise.items()
         )
         penalty = float(fit.prior_precision @ moved**2) + order * float(np.log(fit.samples))
         return deviance + penalty

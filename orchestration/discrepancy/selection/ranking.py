@@ -242,15 +242,15 @@ def _starts(
     """Return the starts of the fits of every effect, the most promising first."""
     candidates = [candidate for model in scored for candidate in screen(model, effects)]
     starts: dict[type[Effect], list[ScreenedCandidate]] = {}
-    for candidate in sorted(candidates, key=lambda c: -c.predicted.fall):
+    for candidate in sorted(candidates, key=lambda c: -c.predicted.beyond):
         starts.setdefault(candidate.effect, []).append(candidate)
     return starts
 
 
 def _promising(starts: Mapping[type[Effect], Sequence[ScreenedCandidate]]) -> list[type[Effect]]:
-    best = max((several[0].predicted.fall for several in starts.values()), default=0.0)
+    best = max((several[0].predicted.beyond for several in starts.values()), default=0.0)
     worth = max(WORTH, COMPARABLE * best)
-    return [e for e, several in starts.items() if several[0].predicted.fall > worth][:PROMISING]
+    return [e for e, several in starts.items() if several[0].predicted.beyond > worth][:PROMISING]
 
 
 def _in_white_noise(search: Search, below: FittedCandidate) -> tuple[Search, FittedCandidate]:
@@ -287,8 +287,8 @@ def _screened(
         if plain.budget.spent():
             plain.budget.leave([label(effect)])
             return []
-        least = AS_PROMISING * starts[effect][0].predicted.fall
-        worth = [start for start in starts[effect] if start.predicted.fall >= least]
+        least = AS_PROMISING * starts[effect][0].predicted.beyond
+        worth = [start for start in starts[effect] if start.predicted.beyond >= least]
         fitted = [_tried(plain, below, start) for start in worth]
         counter.one_more()
         return [f for f in fitted if f]
