@@ -21,6 +21,11 @@ _LINE = (
     "Drawn with the code `{}`;"
     " `tests/studies/judging/test_stamp.py` fails where the code has become another."
 )
+# beside a stamp, on a page that was not drawn anew when the code changed
+OUTDATED = (
+    "**Of former code:** the search was made another one since, and these figures are those of the"
+    " code stamped here."
+)
 _DOCUMENTED = ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef
 _OURS = "fmus", "orchestration"
 # loads FMUs and carries their numbers; its own tests hold it to the same bits whatever the way
@@ -67,6 +72,11 @@ def stamped(page: str) -> str:
     """Return the digest on a page; empty if there is none."""
     found = re.search(re.escape(_LINE).replace(r"\{\}", "([0-9a-f]{12})"), page)
     return found.group(1) if found else ""
+
+
+def is_outdated(page: str) -> bool:
+    """Return whether a page says that its figures are of former code."""
+    return OUTDATED in page
 
 
 def _modules(path: Path) -> list[Path]:

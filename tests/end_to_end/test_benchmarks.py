@@ -2,9 +2,12 @@
 
 import io
 import math
+import sys
 import zipfile
 from functools import partial
 from pathlib import Path
+from time import thread_time
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,7 @@ from benchmarks import (
     building,
     coupling,
     diagnosing,
+    diagnosing_split,
     importing,
     isolating,
     kernel,
@@ -219,6 +223,46 @@ def test_a_diagnosis_is_timed_over_the_length_of_the_record():
         row[1] > 0.0 and row[2] == pytest.approx(1e6 * row[1] / row[0]) for row in table.rows
     )
     assert {row[4] for row in table.rows} == {"strain_saturation"}
+
+
+def test_a_stopwatch_counts_a_function_less_what_it_calls_of_another_stage():
+    watch = diagnosing_split.Stopwatch()
+    module = ModuleType("stages")
+    sys.modules["stages"] = module
+    busy = SimpleNamespace(seconds=0.05)
+
+    def inner():
+        end = thread_time() + busy.seconds
+        while thread_time() < end:
+            pass
+
+    def outer():
+        inner_of_module = module.inner
+        inner_of_module()
+        end = thread_time() + busy.seconds
+        while thread_time() < end:
+            pass
+
+    module.inner = inner
+    module.outer = outer
+    try:
+        watch.attach("fit", "stages", "outer")
+        watch.attach("judge", "stages", "inner")
+        module.outer()
+    finally:
+        del sys.modules["stages"]
+    assert watch.seconds["fit"] == pytest.approx(busy.seconds, rel=0.2)
+    assert watch.seconds["judge"] == pytest.approx(busy.seconds, rel=0.2)
+
+
+@pytest.mark.slow
+def test_the_time_of_a_diagnosis_is_split():
+    (table,) = diagnosing_split.measure(quick=True).tables
+    assert [row[0] for row in table.rows] == ["median", "worst"]
+    for row in table.rows:
+        assert all(seconds >= 0.0 for seconds in row[1:-1])
+        assert row[-1] <= sum(row[1:-1]) * 1.5 + 0.5
+    assert table.rows[0][-1] <= table.rows[1][-1]
 
 
 @pytest.mark.slow
