@@ -186,7 +186,7 @@ def test_time_that_is_spent_asks_no_law(record, monkeypatch):
     )
 
     def much_later(diagnosis):
-        monkeypatch.setattr("orchestration.discrepancy.budget.monotonic", lambda: float("inf"))
+        monkeypatch.setattr("orchestration.discrepancy.budget.spent_time", lambda: float("inf"))
         return leaves_something(diagnosis)
 
     monkeypatch.setattr("orchestration.discrepancy.pipeline.leaves_something", much_later)

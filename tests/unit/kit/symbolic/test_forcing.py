@@ -350,8 +350,8 @@ def test_what_is_sampled_of_inputs_alone_counts_as_it_is():
     assert linear.c == pytest.approx(1.0)
     lag = curve(Held, "lagging_rate", "lagging", "cubic", "1/s", 1.0)
     found = EffectForcing(component, lag).of([{lag.neutral: 0.0}])
-    assert found.begin[:, 0, 0] == pytest.approx(component.begin.states[0] ** 3, rel=1e-6)
-    assert found.end[:, 0, 0] == pytest.approx(component.end.states[0] ** 3, rel=1e-6)
+    assert found.begin[:, 0, 0] == pytest.approx(component.begin.states[0] ** 3, rel=1e-6, abs=1e-9)
+    assert found.end[:, 0, 0] == pytest.approx(component.end.states[0] ** 3, rel=1e-6, abs=1e-9)
 
 
 def test_a_state_that_comes_back_through_a_sample_is_refused():
