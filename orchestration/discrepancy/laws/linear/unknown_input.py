@@ -24,7 +24,7 @@ from orchestration.discrepancy.laws.linear.response import (
     SimulatedCourse,
     responses_of_runs,
 )
-from orchestration.discrepancy.laws.linear.smoothing import TrackingTarget, smoothed, smoothest
+from orchestration.discrepancy.laws.linear.smoothing import Smoother, TrackingTarget
 from orchestration.discrepancy.selection import Search
 from orchestration.identify.noise import noise_std
 from orchestration.records import MeasuredRun
@@ -109,13 +109,11 @@ def estimate_unknown_input(
     here = plant.at(course, plant.q)
     if not any(r.moves(law) for _, _, r in here.parts):
         return plant.result(course, here)
-    targets = plant.targets(course, here)
-    reach = smoothest(targets, law, plant.noise, plant.precision)
+    smoother = plant.smoother(course, here)
+    reach = smoother.smoothest()
     for _ in range(_ROUNDS):
         target = np.zeros_like(course)
-        courses, step, _ = smoothed(
-            plant.targets(course, here), law, plant.noise, plant.precision, reach
-        )
+        courses, step, _ = smoother(reach)
         for (run, _, _), one in zip(here.parts, courses, strict=True):
             target[run.samples] = one
         q = plant.within(here.q + step)
@@ -126,6 +124,7 @@ def estimate_unknown_input(
         course, here = following
         if fallen < _SETTLED * here.cost:
             break
+        smoother = plant.smoother(course, here)
     return plant.result(course, here)
 
 
@@ -203,14 +202,14 @@ class _DrivenModel:
                 return tried, run
         return None
 
-    def targets(self, course: Array, here: _DrivenRun) -> list[TrackingTarget]:
-        """Return the residual of every run without the input; outliers are not known."""
+    def smoother(self, course: Array, here: _DrivenRun) -> Smoother:
+        """Return the smoother of the residual without the input; outliers are not known."""
         whole = {
             o: self._full(_without_outliers(e, self.noise[o]), o) for o, e in here.error.items()
         }
         shown = self._response(course, here)
         slopes = {o: self._full(j, o) for o, j in here.slopes.items()}
-        return [
+        targets = [
             TrackingTarget(
                 response,
                 {o: (whole[o] + shown[o])[run.samples] for o in whole},
@@ -218,6 +217,7 @@ class _DrivenModel:
             )
             for run, _, response in here.parts
         ]
+        return Smoother(targets, self._law, self.noise, self.precision)
 
     def result(self, course: Array, here: _DrivenRun) -> UnknownInput:
         """Return the residual with the input and without it."""
