@@ -255,6 +255,10 @@ class LawMap:
             float(np.sqrt(np.mean(e**2))) / self.floor[o].deviation for o, e in residual.items()
         )
 
+    def squares(self, residual: Mapping[str, Array]) -> float:
+        """Return the sum of squares of residuals, in units of the least noise."""
+        return sum(float(np.sum((e / self.floor[o].deviation) ** 2)) for o, e in residual.items())
+
     def begins(self, entry: Entry) -> float:
         """Return the start value of a lag: the signal at the start."""
         if entry.signal.memory not in ("lagged", "leading"):
@@ -326,7 +330,10 @@ class LawMap:
                 curve, direction, step = scored
                 values = np.concatenate([sides.begin for sides in signals[signal]])
                 visited = np.quantile(values, _QUANTILES)
-                yield Entry(course.law, law, signal, kind, basis, curve, direction, step, visited)
+                left = record.left(curve)
+                yield Entry(
+                    course.law, law, signal, kind, basis, curve, direction, step, left, visited
+                )
 
     def _responses(
         self,
