@@ -24,8 +24,6 @@ T = TypeVar("T")
 _MOST = 50.0  # fall of the criterion per sample
 _PATIENCE = 6.0  # internal steps, over those of other effects
 _SHAPES = 5  # that are fitted in the model
-# times what a curve gains, by which a shape that may stand for it is off the curve at most
-_HOPELESS = 10.0
 # memories that stay in proportion: what seems to bend there is another relaxation
 RELAXATIONS = ("lagged", "leading")
 
@@ -124,11 +122,10 @@ class Fitting:
         if one.straight is not None and one.entry.signal.memory in RELAXATIONS:
             return [("linear", one.straight)]
         signal = self.signal(one.entry, zero_of(one.entry.basis))
-        farthest = _HOPELESS * max(self._base.fit.bic - one.criterion, 0.0)
         near = [
             like
             for like in likenesses(one.entry.basis, one.curve, signal.scale, zero=signal.zero)
-            if like.shape not in known and like.distance <= farthest
+            if like.shape not in known
         ][:_SHAPES]
         tried = parallel_map(lambda like: _or_none(lambda: self._shaped(one, like)), near)
         fitted = [
