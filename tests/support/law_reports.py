@@ -25,7 +25,8 @@ def entry(law: str = "friction", signal: str = "omega", kind: str = "add", memor
     lag = 0.7 if memory == "lagged" else 0.0
     direction, step = np.ones(1), np.zeros(2)
     signal_with_memory = LawSignal(signal, memory, lag)
-    return Entry(law, law, signal_with_memory, kind, Basis(KNOTS), curve, direction, step, ENDS)
+    basis = Basis(KNOTS)
+    return Entry(law, law, signal_with_memory, kind, basis, curve, direction, step, 0.0, ENDS)
 
 
 def motor_report(shape: str, kind: str = "add", amount: float = 0.01, width: float = 2.0):

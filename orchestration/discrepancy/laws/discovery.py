@@ -23,10 +23,12 @@ from orchestration.discrepancy.selection import FAILURES
 from orchestration.discrepancy.validation import Confirmation, Outcome, predict, score
 from orchestration.fmu import catalogue, families
 
-# curves that are fitted to the end: by their first fits, and by the map
-_BEST = 6
-_MAPPED = 3
+_BEST = 6  # more entries with the effect of the best that are fitted
 _PLAIN = 40  # more signals as they are that are fitted, unlikely ones too
+_AT_ONCE = 6  # entries that are fitted before it is asked whether others can come as near
+# times the squares that the best fit leaves, which an entry may leave to first order
+_WITHIN_REACH = 1.2
+_ENDED = 2  # of those that are fitted to the end, by their first fits
 _FAR = 1.5  # widths of noise in the residual, above which they are
 _NEAR = 0.5  # of the fall of the best, which a correction must have
 _AS_GOOD = 6.0  # of the criterion, below which one correction is as good as another
@@ -160,17 +162,17 @@ def discover(
     progress(f"fitting {len(chosen)} corrections of laws")
     fitting = Fitting(search, base, law_map)
     below = base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
-    fitted = _fitted(fitting, chosen, below)
+    several = _fitted(fitting, law_map, chosen, [])
+    fitted = _telling(several, below)
     more = _second_look(law_map, base, fitted, chosen, telling)
     if more:
         progress(f"fitting {len(more)} more")
-        fitted = _telling([*fitted, *_fitted(fitting, more, below)], below)
+        fitted = _telling(_fitted(fitting, law_map, more, several), below)
     as_good = _as_good(law_map, fitted, below)
     corrections = _corrections(fitting, [*as_good, *fitted[len(as_good) :]], below)
     if corrections:
         best = corrections[0]
-        good = [one.entry for one in as_good]
-        others = _indistinguishable(law_map, best.entry, good, [*chosen, *more], entries)
+        others = _indistinguishable(law_map, best.entry, as_good, [*chosen, *more], entries)
         corrections[0] = _judged(replace(best, alike=others), base, diagnosis.validation)
     return LawMapResult(base, entries, law_map.chance, corrections)
 
@@ -205,17 +207,38 @@ def _families(cls: type[Component]) -> set[str]:
     return {effect.term.family for effect in known if effect.term.family}
 
 
-def _fitted(fitting: Fitting, chosen: Sequence[Entry], below: float) -> list[FittedEntry]:
-    """Return entries that make a record likelier, the best first and fitted to the end."""
-    first = sorted(filter(None, parallel_map(fitting.first, chosen)), key=lambda one: one.criterion)
-    curves = [one for one in first if one.table is not None]
-    # a fit from afar may need more than its first steps, and the map knows
-    mapped = sorted(curves[_BEST:], key=lambda one: -one.entry.curve.gain)[:_MAPPED]
-    ended = [
-        *(one for one in first if one.table is None),
-        *parallel_map(fitting.settled, [*curves[:_BEST], *mapped]),
-    ]
-    return _telling(ended, below)
+def _fitted(
+    fitting: Fitting, law_map: LawMap, chosen: Sequence[Entry], known: Sequence[FittedEntry]
+) -> list[FittedEntry]:
+    """Return fits that are known, and more of those that may come as near, fitted to the end.
+
+    What is left to first order along the course that an unknown input has is less than a fit leaves
+    where that does not run as near, so that the entries that leave least are fitted first, and
+    those that leave far more than the best fit does not at all.
+
+    Parameters
+    ----------
+    fitting : Fitting
+    law_map : LawMap
+    chosen : sequence of Entry
+        That may be fitted.
+    known : sequence of FittedEntry
+        Fitted before.
+    """
+    remaining = sorted(chosen, key=lambda entry: entry.left)
+    ended = list(known)
+    while remaining:
+        least = min((law_map.squares(one.residual) for one in ended), default=np.inf)
+        wave = [e for e in remaining[:_AT_ONCE] if e.left <= _WITHIN_REACH * least]
+        remaining = remaining[_AT_ONCE:] if wave else []
+        first = sorted(
+            filter(None, parallel_map(fitting.first, wave)), key=lambda one: one.criterion
+        )
+        # a fit from afar may need more than its first steps, and the map knows
+        mapped = sorted(first[_ENDED:], key=lambda one: one.entry.left)
+        ended += parallel_map(fitting.settled, [*first[:_ENDED], *mapped[:1]])
+        ended += mapped[1:]
+    return ended
 
 
 def _telling(fitted: Sequence[FittedEntry], below: float) -> list[FittedEntry]:
@@ -295,7 +318,7 @@ def _as_good(law_map: LawMap, fitted: Sequence[FittedEntry], below: float) -> li
 def _indistinguishable(
     law_map: LawMap,
     entry: Entry,
-    as_good: Sequence[Entry],
+    as_good: Sequence[FittedEntry],
     fitted: Sequence[Entry],
     entries: Sequence[Entry],
 ) -> tuple[Entry, ...]:
@@ -308,14 +331,15 @@ def _indistinguishable(
     ----------
     law_map : LawMap
     entry : Entry
-    as_good : sequence of Entry
+    as_good : sequence of FittedEntry
         Fitted about as well.
     fitted : sequence of Entry
-        All that were fitted.
+        All that were fitted, or leave too much to first order to be.
     entries : sequence of Entry
         All of the map.
     """
-    good_keys = {good.key for good in as_good}
+    good = [one.entry for one in as_good]
+    good_keys = {one.key for one in good}
     worse = [other for other in fitted if other.key not in good_keys]
     least = entry.curve.gain - max(_AS_GOOD, _ABOUT * entry.curve.gain)
     is_far = law_map.plausible.prior_rank(entry)[0]
@@ -327,7 +351,7 @@ def _indistinguishable(
         and law_map.plausible.prior_rank(e)[0] <= is_far
         and not any(_is_nearer(e, other, entry) for other in worse)
     ]
-    several = {e.key[:3]: e for e in (*same[::-1], *as_good[::-1])}
+    several = {e.key[:3]: e for e in (*same[::-1], *good[::-1])}
     several.pop(entry.key[:3], None)
     return tuple(list(several.values())[::-1])
 

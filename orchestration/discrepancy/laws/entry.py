@@ -32,6 +32,9 @@ class Entry:
         Its effect on the whitened outputs, of unit length.
     step : ndarray, shape (p,)
         Of the model's own searched coordinates, beside the unknown input.
+    left : float
+        Squares that it leaves to first order, in units of the noise; unlike gains, these compare
+        along different unknown inputs.
     visited : ndarray, shape (v,)
         Quantiles of the signal, evenly spaced: where the record has been.
     """
@@ -44,6 +47,7 @@ class Entry:
     curve: Curve
     direction: Array
     step: Array
+    left: float
     visited: Array
 
     @property

@@ -20,6 +20,7 @@ from orchestration.discrepancy.laws.linear import (
     SimulatedCourse,
     UnknownInput,
     affine_powers,
+    disturbed,
     estimate_unknown_input,
     moved,
     reach,
@@ -124,11 +125,20 @@ class LawMap:
         self.plausible = Plausibility(self.laws, self._constants, others, self._families)
         rates = {state.rate for state in self.laws.graph.layout.states}
         self._rates = rates | {s for s, names in others.items() if rates & {*names}}
+        self.courses = self._unknown_inputs(search)
+
+    def _unknown_inputs(self, search: Search) -> dict[str, UnknownInput]:
+        """Estimate the unknown input to every law."""
+        fitted = self._fitted
         laws = list(self.candidates)
-        unknown_inputs = parallel_map(
-            lambda law: estimate_unknown_input(search, fitted, self.laws, law), laws
-        )
-        self.courses = dict(zip(laws, unknown_inputs, strict=True))
+        driven = fitted.candidate.with_effect(disturbed(fitted.candidate.cls, laws))
+
+        def estimate(law: str) -> UnknownInput:
+            return estimate_unknown_input(search, fitted, self.laws, law, driven)
+
+        # the first one has the model compiled, for which the others would not wait
+        first = [estimate(law) for law in laws[:1]]
+        return dict(zip(laws, [*first, *parallel_map(estimate, laws[1:])], strict=True))
 
     def _different_laws(
         self, parts: Sequence[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]
@@ -255,6 +265,10 @@ class LawMap:
             float(np.sqrt(np.mean(e**2))) / self.floor[o].deviation for o, e in residual.items()
         )
 
+    def squares(self, residual: Mapping[str, Array]) -> float:
+        """Return the sum of squares of residuals, in units of the least noise."""
+        return sum(float(np.sum((e / self.floor[o].deviation) ** 2)) for o, e in residual.items())
+
     def begins(self, entry: Entry) -> float:
         """Return the start value of a lag: the signal at the start."""
         if entry.signal.memory not in ("lagged", "leading"):
@@ -326,7 +340,10 @@ class LawMap:
                 curve, direction, step = scored
                 values = np.concatenate([sides.begin for sides in signals[signal]])
                 visited = np.quantile(values, _QUANTILES)
-                yield Entry(course.law, law, signal, kind, basis, curve, direction, step, visited)
+                left = record.left(curve)
+                yield Entry(
+                    course.law, law, signal, kind, basis, curve, direction, step, left, visited
+                )
 
     def _responses(
         self,

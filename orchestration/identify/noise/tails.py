@@ -10,12 +10,12 @@ from math import inf
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.special import ndtri
+from scipy.special import gammaln, ndtri
 
 from fmus.kit.arrays import Array
-from orchestration.identify.probability import normal_log_density, student_log_density
 
-_FREEDOMS = (2.2, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 25.0)
+_FREEDOMS = np.array([2.2, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 25.0])
+_QUARTILE = float(ndtri(0.75))  # of Gaussian samples of unit variance
 _FEW = 50  # samples below which noise is taken as Gaussian
 # standard errors of the kurtosis of Gaussian samples, below which tails are not tested
 _SUSPECT = 3.0
@@ -42,14 +42,14 @@ def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float,
     """
     size = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 0.0
     if freedom is not None and freedom < inf and size > 0.0:
-        return freedom, _fit_scale(innovation, freedom)[1]
+        return freedom, float(_fit_scales(innovation, np.array([freedom]))[1][0])
     if freedom == inf or len(innovation) < _FEW or not size > 0.0 or not _suspect(innovation):
         return inf, size
     local = median_filter(np.abs(innovation), _NEIGHBOURS, mode="nearest")
     estimated = _estimate_freedom(innovation / np.maximum(local, 1e-3 * size))
     if estimated == inf:
         return inf, size
-    return estimated, _fit_scale(innovation, estimated)[1]
+    return estimated, float(_fit_scales(innovation, np.array([estimated]))[1][0])
 
 
 def weights(innovation: Array, freedom: float) -> Array:
@@ -108,21 +108,28 @@ def _estimate_freedom(innovation: Array) -> float:
     if not _suspect(innovation):
         return inf
     n = len(innovation)
-    size = float(np.sqrt(np.mean(innovation**2)))
-    likelihoods = [_fit_scale(innovation, freedom)[0] for freedom in _FREEDOMS]
+    power = float(np.mean(innovation**2))
+    likelihoods, _ = _fit_scales(innovation, _FREEDOMS)
     best = int(np.argmax(likelihoods))
-    gaussian = float(normal_log_density(innovation / size).sum()) - n * float(np.log(size))
+    gaussian = -0.5 * n * (1.0 + float(np.log(2.0 * np.pi * power)))
     if 2.0 * (likelihoods[best] - gaussian) < 2.0 * np.log(n):
         return inf
-    return _FREEDOMS[best]
+    return float(_FREEDOMS[best])
 
 
-def _fit_scale(innovation: Array, freedom: float) -> tuple[float, float]:
-    """Return the highest log likelihood at so many degrees of freedom, and the scale there."""
+def _fit_scales(innovation: Array, freedoms: Array) -> tuple[Array, Array]:
+    """Return the highest log likelihoods (f,) at degrees of freedom (f,), and the scales there."""
     square = innovation**2
-    robust = float(np.median(np.abs(innovation))) / float(ndtri(0.75))
-    scale = robust or float(np.sqrt(square.mean()))
+    robust = float(np.median(np.abs(innovation))) / _QUARTILE
+    start = robust**2 or float(square.mean())
+    # squares of scales; far fewer calls than one freedom after the other
+    scales = np.full((len(freedoms), 1), start)
+    wide = freedoms[:, np.newaxis]
     for _ in range(_ROUNDS):
-        scale = float(np.sqrt(np.mean(weights(innovation / scale, freedom) * square)))
-    density = float(student_log_density(innovation / scale, freedom).sum())
-    return density - len(square) * float(np.log(scale)), scale
+        shares = square / (wide * scales + square)
+        scales = (wide + 1.0) * scales * shares.mean(axis=1, keepdims=True)
+    spread = np.log1p(square / (wide * scales)).sum(axis=1)
+    constant = gammaln(0.5 * (freedoms + 1.0)) - gammaln(0.5 * freedoms)
+    constant = constant - 0.5 * np.log(np.pi * freedoms * scales[:, 0])
+    densities = len(square) * constant - 0.5 * (freedoms + 1.0) * spread
+    return densities, np.sqrt(scales[:, 0])

@@ -8,4 +8,5 @@ from .response import SimulatedCourse as SimulatedCourse
 from .response import continuous as continuous
 from .response import responses_of_runs as responses_of_runs
 from .unknown_input import UnknownInput as UnknownInput
+from .unknown_input import disturbed as disturbed
 from .unknown_input import estimate_unknown_input as estimate_unknown_input

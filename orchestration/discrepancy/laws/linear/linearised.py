@@ -85,6 +85,10 @@ class LinearisedRecord:
         gain = min(curve.gain, fall - curve.complexity)
         return replace(bounded_curve, gain=gain), step
 
+    def left(self, curve: Curve) -> float:
+        """Return the squares of what a curve leaves, with the price of its bends."""
+        return float(self.residual @ self.residual) - curve.gain
+
     def _bounded(self, curve: Curve, columns: Array) -> tuple[Curve, Array]:
         """Solve for curve and step together, the steps within their bounds."""
         values, axes = np.linalg.eigh(curve.prior)

@@ -1,8 +1,7 @@
 """Linear response of outputs to additions to a law, along a simulated trajectory.
 
 With w the addition, dS/dt = A S + b w and dy = C S + d w. Within a step between two samples A is
-constant, b and w are straight lines, and the step is exact (Van Loan, IEEE Trans. Automatic Control
-23, 1978): stiff parts do no harm.
+constant, and b and w are straight lines.
 """
 
 from __future__ import annotations
@@ -11,13 +10,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from fmus.kit.arrays import Array
 from fmus.kit.symbolic import Jacobians, PerturbedLaws
+from orchestration.discrepancy.candidates import StepMatrices
 from orchestration.records import MeasuredRun
-
-_SAME = 1e-12  # relative: steps and matrices that differ by less are the same
 
 
 @dataclass(frozen=True)
@@ -148,8 +145,7 @@ class LinearResponse:
         self._b = Sides(begin.b, end.b)
         self._read_by(begin)
         self.steps = np.diff(course.time)
-        a = 0.5 * (begin.a + end.a)[:-1]
-        self._matrices = _step_matrices(a, self.steps)
+        self._matrices = StepMatrices(begin.a, end.a, self.steps)
 
     def _read_by(self, at: Jacobians) -> None:
         """Keep the rows of the outputs that are wanted; a state is its own output."""
@@ -194,9 +190,12 @@ class LinearResponse:
             ``S[k + 1] = transition[k] @ S[k] + left[k] * w.begin[k] + right[k] * w.end[k]``.
         """
         i = self._laws.names.index(law)
-        transition, first, second = self._matrices
-        left = np.einsum("kij,kj->ki", first - second, self._b.begin[:-1, :, i])
-        return transition, left, np.einsum("kij,kj->ki", second, self._b.end[:-1, :, i])
+        matrices = self._matrices
+        at_begin = self._b.begin[:-1, :, i, np.newaxis]
+        at_end = self._b.end[:-1, :, i, np.newaxis]
+        left = (matrices.first - matrices.second) @ at_begin
+        right = matrices.second @ at_end
+        return matrices.transition, left[:, :, 0], right[:, :, 0]
 
     def row(self, law: str, output: str) -> Array:
         """Return how an output depends on states and addition, last, shape (n, states + 1)."""
@@ -232,42 +231,14 @@ class LinearResponse:
             Change of every output.
         """
         i = self._laws.names.index(law)
-        n = len(self._c)
-        states = self._c.shape[2]
-        moved = np.zeros((n, states, added.begin.shape[1]))
+        shown = self._d[:, :, i, np.newaxis] * added.begin[:, np.newaxis]
         if self.moves(law):
-            transition, left, right = self.step(law)
-            drive = (
-                left[:, :, None] * added.begin[:-1, None, :]
-                + right[:, :, None] * added.end[:-1, None, :]
+            forcing = (
+                b[:, :, i, np.newaxis] * w[:, np.newaxis]
+                for b, w in ((self._b.begin, added.begin), (self._b.end, added.end))
             )
-            for k in range(n - 1):
-                moved[k + 1] = transition[k] @ moved[k] + drive[k]
-        direct = self._d[:, :, i]
-        return {
-            o: np.einsum("ki,kim->km", self._c[:, row], moved) + direct[:, row, None] * added.begin
-            for row, o in enumerate(self._outputs)
-        }
-
-
-def _step_matrices(a: Array, steps: Array) -> tuple[Array, Array, Array]:
-    """Return exp(A h), h phi_1(A h) and h phi_2(A h) of every step, each (n, states, states)."""
-    n = len(steps)
-    states = a.shape[-1]
-    if not states or not n:
-        return a, a, a
-    is_constant = np.ptp(a, axis=0).max() <= _SAME * np.abs(a).max()
-    is_even = np.ptp(steps) <= 1e-9 * steps.max()
-    chosen, h = (a[:1], steps[:1]) if is_constant and is_even else (a, steps)
-    one = np.eye(states)
-    block = np.zeros((len(chosen), 3 * states, 3 * states))
-    block[:, :states, :states] = chosen * h[:, None, None]
-    block[:, :states, states : 2 * states] = one * h[:, None, None]
-    block[:, states : 2 * states, 2 * states :] = one
-    whole = expm(block)[:, :states]
-    parts = np.split(whole, 3, axis=2)
-    transition, first, second = (np.broadcast_to(part, (n, states, states)) for part in parts)
-    return transition, first, second
+            shown += self._c @ self._matrices.response(*forcing)
+        return {o: shown[:, row] for row, o in enumerate(self._outputs)}
 
 
 def responses_of_runs(

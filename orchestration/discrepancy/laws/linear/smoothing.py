@@ -1,7 +1,7 @@
 """Smoothing: the likeliest random walk, added to a law, with which a model follows a record.
 
 States are bound to the course exactly, and what is measured scatters about them; the normal
-equations with the multipliers of the bonds are sparse, so that a long record costs in proportion to
+equations with the multipliers of the bonds are a band, so that a long record costs in proportion to
 its length (Rauch, Tung, Striebel, AIAA Journal 3, 1965, solve the same by recursion; Bell, SIAM J.
 Optimization 4, 1994, as least squares).
 """
@@ -10,11 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.linalg import solve_banded
 
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws.linear.response import LinearResponse
@@ -44,10 +42,8 @@ class TrackingTarget:
     slopes: dict[str, Array]
 
 
-def smoothest(
-    runs: Sequence[TrackingTarget], law: str, noise: Mapping[str, float], precision: Array
-) -> float:
-    """Return the reach of the smoothest course that explains what any course can.
+class Smoother:
+    """Random walks of every run that are added to a law, with a step of the own coordinates.
 
     Parameters
     ----------
@@ -57,74 +53,76 @@ def smoothest(
         Its standard deviation by output.
     precision : ndarray, shape (p,)
         Of the model's own coordinates.
-
-    Returns
-    -------
-    float
-        In sizes that explain what is wrong.
     """
-    left = np.array([smoothed(runs, law, noise, precision, reach)[2] for reach in _REACHES])
-    return float(_REACHES[int(np.argmax(left <= _ENOUGH**2 * left.min()))])
 
+    def __init__(
+        self,
+        runs: Sequence[TrackingTarget],
+        law: str,
+        noise: Mapping[str, float],
+        precision: Array,
+    ):
+        self._runs = runs
+        self._law = law
+        self._noise = noise
+        self._precision = precision
+        self._equations = [_BandedEquations(run, law, noise) for run in runs]
+        strength = sum(
+            float(np.nansum((y / noise[o]) ** 2)) for run in runs for o, y in run.outputs.items()
+        )
+        unit = sum(run.response.size(law, noise) ** 2 for run in runs)
+        self._size = (strength / unit) ** 0.5 if unit and strength else 1.0
+        self._duration = sum(float(np.sum(run.response.steps)) for run in runs)
 
-def smoothed(
-    runs: Sequence[TrackingTarget],
-    law: str,
-    noise: Mapping[str, float],
-    precision: Array,
-    reach: float,
-) -> tuple[list[Array], Array, float]:
-    """Estimate the likeliest random walk of every run, and a step of the own coordinates.
+    def smoothest(self) -> float:
+        """Return the reach of the smoothest course that explains what any course can.
 
-    Parameters
-    ----------
-    runs, law, noise, precision
-        See `smoothest`.
-    reach : float
-        Of a course over all runs, in sizes that explain what is wrong.
+        Returns
+        -------
+        float
+            In sizes that explain what is wrong.
+        """
+        left = np.array([self(reach)[2] for reach in _REACHES])
+        return float(_REACHES[int(np.argmax(left <= _ENOUGH**2 * left.min()))])
 
-    Returns
-    -------
-    courses : list of ndarray, shape (n,)
-        In the unit of the law.
-    step : ndarray, shape (p,)
-        None of them more than one.
-    left : float
-        Squares of what they do not explain, in units of the noise; no less than noise leaves in any
-        output.
-    """
-    precision_of_walk = _precision_of_walk(runs, law, noise, reach)
-    solved = [_solved(run, law, noise, precision_of_walk) for run in runs]
-    # the coordinates are the border of a sparse matrix, which is eliminated last (Schur)
-    matrix = np.diag(precision) + sum(one.matrix for one in solved)
-    # the course makes up for what a coordinate may not do
-    unbounded, *_ = np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)
-    step = np.clip(unbounded, -_FARTHEST, _FARTHEST)
-    moved = [one.alone - one.beside @ step for one in solved]
-    left = 0.0
-    for o, deviation in noise.items():
-        errors = [
-            run.outputs[o] + run.slopes[o] @ step - np.sum(run.response.row(law, o) * z, axis=1)
-            for run, z in zip(runs, moved, strict=True)
-        ]
-        e = np.concatenate(errors) / deviation
-        # noise leaves that much, and a course that leaves less follows it
-        left += max(float(np.nansum(e**2)), float(np.isfinite(e).sum()))
-    return [z[:, -1] for z in moved], step, left
+    def __call__(self, reach: float) -> tuple[list[Array], Array, float]:
+        """Estimate the likeliest random walk of every run, and a step of the own coordinates.
 
+        Parameters
+        ----------
+        reach : float
+            Of a course over all runs, in sizes that explain what is wrong.
 
-def _precision_of_walk(
-    runs: Sequence[TrackingTarget], law: str, noise: Mapping[str, float], reach: float
-) -> float:
-    """Return the precision of a random walk over a second, by its reach over all runs."""
-    strength = (
-        sum(float(np.nansum((y / noise[o]) ** 2)) for run in runs for o, y in run.outputs.items())
-        ** 0.5
-    )
-    unit = sum(run.response.size(law, noise) ** 2 for run in runs) ** 0.5
-    size = reach * (strength / unit if unit and strength else 1.0)
-    duration = sum(float(np.sum(run.response.steps)) for run in runs)
-    return duration / size**2
+        Returns
+        -------
+        courses : list of ndarray, shape (n,)
+            In the unit of the law.
+        step : ndarray, shape (p,)
+            None of them more than one.
+        left : float
+            Squares of what they do not explain, in units of the noise; no less than noise leaves in
+            any output.
+        """
+        precision_of_walk = self._duration / (reach * self._size) ** 2
+        solved = [equations.solved(precision_of_walk) for equations in self._equations]
+        # the coordinates are the border of the band, which is eliminated last (Schur)
+        matrix = np.diag(self._precision) + sum(one.matrix for one in solved)
+        # the course makes up for what a coordinate may not do
+        unbounded, *_ = np.linalg.lstsq(matrix, sum(one.score for one in solved), rcond=None)
+        step = np.clip(unbounded, -_FARTHEST, _FARTHEST)
+        moved = [one.alone - one.beside @ step for one in solved]
+        left = 0.0
+        for o, deviation in self._noise.items():
+            errors = [
+                run.outputs[o]
+                + run.slopes[o] @ step
+                - np.sum(run.response.row(self._law, o) * z, axis=1)
+                for run, z in zip(self._runs, moved, strict=True)
+            ]
+            e = np.concatenate(errors) / deviation
+            # noise leaves that much, and a course that leaves less follows it
+            left += max(float(np.nansum(e**2)), float(np.isfinite(e).sum()))
+        return [z[:, -1] for z in moved], step, left
 
 
 @dataclass(frozen=True)
@@ -148,10 +146,10 @@ class _Solved:
     score: Array
 
 
-def _solved(
-    run: TrackingTarget, law: str, noise: Mapping[str, float], precision_of_walk: float
-) -> _Solved:
-    """Eliminate states and course of a run.
+class _BandedEquations:
+    """Equations of a run for the bonds' multipliers, the states and the course of every sample.
+
+    In this order the matrix is a band, in LAPACK's storage.
 
     Parameters
     ----------
@@ -159,29 +157,46 @@ def _solved(
     law : str
     noise : Mapping of str to float
         Its standard deviation by output.
-    precision_of_walk : float
-        Over a second.
     """
-    transition, before, after = run.response.step(law)
-    n = len(transition) + 1
-    size = transition.shape[1] + 1
-    equations = _normal_equations(run, law, noise, (n, size))
-    information = equations.information
-    walk = precision_of_walk / run.response.steps
-    information[:-1, -1, -1] += walk
-    information[1:, -1, -1] += walk
-    bonds = _bonds(transition, before, after)
-    normal = sparse.bmat([[_quadratic(information, walk), bonds.T], [bonds, None]], format="csc")
-    flat = equations.border.reshape(n * size, -1)
-    right = np.column_stack([equations.score.ravel(), flat])
-    no_bonds = np.zeros((bonds.shape[0], right.shape[1]))
-    solution = splu(normal).solve(np.vstack([right, no_bonds]))[: n * size]
-    return _Solved(
-        solution[:, 0].reshape(n, size),
-        solution[:, 1:].reshape(n, size, -1),
-        equations.matrix - flat.T @ solution[:, 1:],
-        equations.own - flat.T @ solution[:, 0],
-    )
+
+    def __init__(self, run: TrackingTarget, law: str, noise: Mapping[str, float]):
+        transition, before, after = run.response.step(law)
+        n = len(transition) + 1
+        self._states = transition.shape[1]
+        self._steps = run.response.steps
+        self._equations = _normal_equations(run, law, noise, (n, self._states + 1))
+        self._band = _band(self._equations.information, transition, before, after)
+
+    def solved(self, precision_of_walk: float) -> _Solved:
+        """Eliminate multipliers, states and course.
+
+        Parameters
+        ----------
+        precision_of_walk : float
+            Over a second.
+        """
+        equations = self._equations
+        n, size = equations.score.shape
+        block = size + self._states
+        walk = precision_of_walk / self._steps
+        band = self._band.copy()
+        course = band[:, block - 1 :: block]
+        course[block, :-1] += walk
+        course[block, 1:] += walk
+        course[0, 1:] -= walk
+        course[2 * block, :-1] -= walk
+        right = np.zeros((n, block, 1 + equations.border.shape[2]))
+        right[:, self._states :, 0] = equations.score
+        right[:, self._states :, 1:] = equations.border
+        flat = right.reshape(n * block, -1)
+        solution = solve_banded((block, block), band, flat, overwrite_ab=True, check_finite=False)
+        shaped = solution.reshape(n, block, -1)[:, self._states :]
+        return _Solved(
+            shaped[:, :, 0],
+            shaped[:, :, 1:],
+            equations.matrix - flat[:, 1:].T @ solution[:, 1:],
+            equations.own - flat[:, 1:].T @ solution[:, 0],
+        )
 
 
 @dataclass(frozen=True)
@@ -231,42 +246,39 @@ def _normal_equations(
     return _NormalEquations(information, score, border, matrix, own)
 
 
-def _quadratic(information: Array, walk: Array) -> Any:
-    """Return the matrix of the cost: blocks (n, k, k), and steps of a walk between their last."""
-    n, size = information.shape[:2]
-    k = np.arange(n)[:, None, None] * size
-    i, j = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
-    last = np.arange(n) * size + size - 1
-    return _sparse(
-        [(k + i, k + j, information), (last[:-1], last[1:], -walk), (last[1:], last[:-1], -walk)],
-        (n * size, n * size),
-    )
+def _band(information: Array, transition: Array, before: Array, after: Array) -> Array:
+    """Return the band of a run without the precision of its walk.
 
+    The states of every sample are bound to those before, and to the course; at first nothing has
+    moved.
 
-def _bonds(transition: Array, before: Array, after: Array) -> Any:
-    """Return the bonds of the states of every sample to those before, and to the course.
+    Parameters
+    ----------
+    information : ndarray, shape (n, states + 1, states + 1)
+    transition : ndarray, shape (n - 1, states, states)
+    before, after : ndarray, shape (n - 1, states)
 
-    At first nothing has moved.
+    Returns
+    -------
+    ndarray, shape (2 b + 1, n b)
+        Of blocks of b = 2 states + 1.
     """
-    n = len(transition) + 1
+    n = len(information)
     states = transition.shape[1]
-    size = states + 1
-    row = np.arange(n)[:, None] * states + np.arange(states)
-    column = np.arange(n)[:, None] * size
-    own = column + np.arange(states)
-    course = np.broadcast_to(column + states, (n, states))
-    return _sparse(
-        [
-            (row, own, np.ones((n, states))),
-            (row[1:, :, None], own[:-1, None, :], -transition),
-            (row[1:], course[:-1], -before),
-            (row[1:], course[1:], -after),
-        ],
-        (n * states, n * size),
-    )
-
-
-def _sparse(blocks: Sequence[tuple[Any, Any, Array]], shape: tuple[int, int]) -> Any:
-    parts = [np.broadcast_arrays(*block) for block in blocks]
-    row, column, value = (np.concatenate([part[i].ravel() for part in parts]) for i in range(3))
-    return sparse.coo_matrix((value, (row, column)), shape=shape).tocsc()
+    block = 2 * states + 1
+    here = np.zeros((n, block, block))
+    here[:, states:, states:] = information
+    here[:, :states, states:-1] = np.eye(states)
+    here[1:, :states, -1] = -after
+    here[:, states:, :states] = here[:, :states, states:].swapaxes(1, 2)
+    behind = np.concatenate([-transition, -before[:, :, np.newaxis]], axis=2)
+    band = np.zeros((2 * block + 1, n * block))
+    for column in range(block):
+        band[block - column : 2 * block - column, column::block] = here[:, :, column].T
+    for row in range(states):
+        for k in range(states + 1):
+            column = states + k
+            apart = block + row - column
+            band[block + apart, column : (n - 1) * block : block] = behind[:, row, k]
+            band[block - apart, block + row :: block] = behind[:, row, k]
+    return band

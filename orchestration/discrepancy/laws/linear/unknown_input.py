@@ -7,7 +7,7 @@ it there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,14 +17,14 @@ from scipy.ndimage import median_filter
 from fmus.kit import Component, Effect, Input, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.symbolic import PerturbedLaws
-from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.candidates import Candidate, FittedCandidate
 from orchestration.discrepancy.laws.linear.response import (
     LinearResponse,
     Sides,
     SimulatedCourse,
     responses_of_runs,
 )
-from orchestration.discrepancy.laws.linear.smoothing import TrackingTarget, smoothed, smoothest
+from orchestration.discrepancy.laws.linear.smoothing import Smoother, TrackingTarget
 from orchestration.discrepancy.selection import Search
 from orchestration.identify.noise import noise_std
 from orchestration.records import MeasuredRun
@@ -39,21 +39,25 @@ _NEIGHBOURS = 5  # samples
 _FAR = 6.0  # deviations from their median, beyond which one of them is an outlier
 
 
-def disturbed(cls: type[Component], law: str) -> type[Effect]:
-    """Return an effect that adds an input to a law."""
-    name = f"{law}_addition"
+def disturbed(cls: type[Component], laws: Iterable[str]) -> type[Effect]:
+    """Return an effect that adds an input to each of several laws."""
 
-    def more(self: Any, *arguments: Any) -> Any:
-        return getattr(super(effect, self), law)(*arguments) + getattr(self, name)
+    def with_addition(law: str) -> Callable[..., Any]:
+        def more(self: Any, *arguments: Any) -> Any:
+            return getattr(super(effect, self), law)(*arguments) + getattr(self, _input_of(law))
 
-    about = {
-        "id": "addition",
-        law: more,
-        name: Input("1", doc=f"added to {law}"),
-        "__module__": cls.__module__,
-    }
-    effect: type[Effect] = type(f"AdditionTo{law.title()}", (Effect,), about)
+        return more
+
+    about: dict[str, Any] = {"id": "addition", "__module__": cls.__module__}
+    for law in laws:
+        about[law] = with_addition(law)
+        about[_input_of(law)] = Input("1", doc=f"added to {law}")
+    effect: type[Effect] = type("Addition", (Effect,), about)
     return effect
+
+
+def _input_of(law: str) -> str:
+    return f"{law}_addition"
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ class UnknownInput:
 
 
 def estimate_unknown_input(
-    search: Search, base: FittedCandidate, laws: PerturbedLaws, law: str
+    search: Search, base: FittedCandidate, laws: PerturbedLaws, law: str, driven: Candidate
 ) -> UnknownInput:
     """Estimate the unknown input to one law with which a fitted model follows the record.
 
@@ -94,6 +98,8 @@ def estimate_unknown_input(
     laws : PerturbedLaws
         Of the model.
     law : str
+    driven : Candidate
+        The model with an input to every law (`disturbed`), which is compiled once for all.
 
     Returns
     -------
@@ -104,18 +110,16 @@ def estimate_unknown_input(
     UserError
         If the model cannot be simulated with it.
     """
-    plant = _DrivenModel(search, base, laws, law)
+    plant = _DrivenModel(search, base, laws, law, driven)
     course = np.zeros(len(search.data.time))
     here = plant.at(course, plant.q)
     if not any(r.moves(law) for _, _, r in here.parts):
         return plant.result(course, here)
-    targets = plant.targets(course, here)
-    reach = smoothest(targets, law, plant.noise, plant.precision)
+    smoother = plant.smoother(course, here)
+    reach = smoother.smoothest()
     for _ in range(_ROUNDS):
         target = np.zeros_like(course)
-        courses, step, _ = smoothed(
-            plant.targets(course, here), law, plant.noise, plant.precision, reach
-        )
+        courses, step, _ = smoother(reach)
         for (run, _, _), one in zip(here.parts, courses, strict=True):
             target[run.samples] = one
         q = plant.within(here.q + step)
@@ -126,6 +130,7 @@ def estimate_unknown_input(
         course, here = following
         if fallen < _SETTLED * here.cost:
             break
+        smoother = plant.smoother(course, here)
     return plant.result(course, here)
 
 
@@ -143,9 +148,16 @@ class _DrivenRun:
 class _DrivenModel:
     """Simulations of a model with an input added to one of its laws."""
 
-    def __init__(self, search: Search, base: FittedCandidate, laws: PerturbedLaws, law: str):
+    def __init__(
+        self,
+        search: Search,
+        base: FittedCandidate,
+        laws: PerturbedLaws,
+        law: str,
+        driven: Candidate,
+    ):
         data = search.data
-        name = f"{law}_addition"
+        name = _input_of(law)
         self._laws = laws
         self._law = law
         self._data = data
@@ -153,9 +165,8 @@ class _DrivenModel:
         moving = True if data.linear is True else {*(data.linear or ()), name}
         fed = {**data.inputs, name: np.zeros(len(data.time))}
         here = replace(search, data=replace(data, inputs=fed, linear=moving))
-        candidate = base.candidate.with_effect(disturbed(base.candidate.cls, law))
         names = [*search.parameters, *base.candidate.parameters, *base.candidate.starts]
-        self._problem = here.problem(candidate, names, {**search.fixed, **base.fit.values})
+        self._problem = here.problem(driven, names, {**search.fixed, **base.fit.values})
         self.q = self._problem.position(self._problem.start | base.fit.values)
         # a coordinate without a prior is known to some of its sizes
         self.precision = np.where(base.fit.prior_precision > 0.0, base.fit.prior_precision, _KNOWN)
@@ -203,14 +214,14 @@ class _DrivenModel:
                 return tried, run
         return None
 
-    def targets(self, course: Array, here: _DrivenRun) -> list[TrackingTarget]:
-        """Return the residual of every run without the input; outliers are not known."""
+    def smoother(self, course: Array, here: _DrivenRun) -> Smoother:
+        """Return the smoother of the residual without the input; outliers are not known."""
         whole = {
             o: self._full(_without_outliers(e, self.noise[o]), o) for o, e in here.error.items()
         }
         shown = self._response(course, here)
         slopes = {o: self._full(j, o) for o, j in here.slopes.items()}
-        return [
+        targets = [
             TrackingTarget(
                 response,
                 {o: (whole[o] + shown[o])[run.samples] for o in whole},
@@ -218,6 +229,7 @@ class _DrivenModel:
             )
             for run, _, response in here.parts
         ]
+        return Smoother(targets, self._law, self.noise, self.precision)
 
     def result(self, course: Array, here: _DrivenRun) -> UnknownInput:
         """Return the residual with the input and without it."""

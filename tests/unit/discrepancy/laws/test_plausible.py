@@ -36,6 +36,7 @@ def entry(law, signal, memory="", kind="add", gain=100.0, direction=0, driven="a
         curve,
         away,
         np.zeros(2),
+        0.0,
         np.zeros(2),
     )
 

@@ -34,3 +34,18 @@ def test_weights_are_those_of_the_score():
         student.logpdf(r + 1e-4, 4.0) - 2.0 * student.logpdf(r, 4.0) + student.logpdf(r - 1e-4, 4.0)
     ) / 1e-8
     np.testing.assert_allclose(tails.curvature(r, 4.0), -bend, atol=1e-6)
+
+
+def test_likelihoods_and_scales_are_those_of_scipy():
+    """The scale that is found has the highest likelihood of all near it, and SciPy's value."""
+    sample = student.rvs(4.0, scale=0.3, size=3000, random_state=11)
+    freedoms = np.array([3.0, 7.0])
+    likelihoods, scales = tails._fit_scales(sample, freedoms)
+    for freedom, likelihood, scale in zip(freedoms, likelihoods, scales, strict=True):
+        expected = student.logpdf(sample, freedom, scale=scale).sum()
+        np.testing.assert_allclose(likelihood, expected, rtol=1e-10)
+        around = [student.logpdf(sample, freedom, scale=scale * r).sum() for r in (0.95, 1.05)]
+        assert likelihood > max(around)
+    free = student.fit(sample, floc=0.0)
+    assert heavy_tails(sample)[0] in (4.0, 5.0, 3.0)
+    np.testing.assert_allclose(heavy_tails(sample, 4.0)[1], free[2], rtol=0.05)

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.laws.linear.response import LinearResponse, Sides, SimulatedCourse
-from orchestration.discrepancy.laws.linear.smoothing import TrackingTarget, smoothed, smoothest
+from orchestration.discrepancy.laws.linear.smoothing import Smoother, TrackingTarget
 
 N, STEP, LAG = 120, 0.1, 0.7
 
@@ -72,9 +72,9 @@ def test_it_is_what_a_dense_least_squares_problem_gives(response, stirred, gap):
     y[list(gap)] = np.nan
     slopes = 10.0 * np.column_stack([np.exp(-np.arange(N) / 20.0), np.ones(N)])
     precision = np.array([0.5, 2.0])
-    [found], step, left = smoothed(
-        [wanted(response, y, slopes)], "fed", {"shown": 0.05}, precision, stirred
-    )
+    [found], step, left = Smoother(
+        [wanted(response, y, slopes)], "fed", {"shown": 0.05}, precision
+    )(stirred)
     seen = np.isfinite(y)
     columns = np.column_stack([shown(e) for e in np.eye(N)])
     whole = np.linalg.norm(y[seen]) / 0.05
@@ -101,9 +101,9 @@ def test_the_course_makes_up_for_what_a_coordinate_may_not_do(response):
     """
     slope = 0.1 * np.cos(np.arange(N) / 30.0)[:, None]
     y = -5.0 * slope[:, 0]
-    found, step, left = smoothed(
-        [wanted(response, y, slope)], "fed", {"shown": 0.05}, np.array([1e-9]), 100.0
-    )
+    found, step, left = Smoother(
+        [wanted(response, y, slope)], "fed", {"shown": 0.05}, np.array([1e-9])
+    )(100.0)
     assert step == pytest.approx([1.0])
     assert left < 1.2 * N
     assert shown(found[0]) == pytest.approx(y + slope[:, 0], abs=0.1)
@@ -117,7 +117,7 @@ def test_runs_have_courses_of_their_own_and_one_step(response):
         wanted(response, shown(w) - 0.7 * slope[:, 0] + 0.001 * rng.normal(size=N), slope)
         for w in waves
     ]
-    courses, step, left = smoothed(runs, "fed", {"shown": 0.001}, np.array([0.01]), 1.0)
+    courses, step, left = Smoother(runs, "fed", {"shown": 0.001}, np.array([0.01]))(1.0)
     assert step == pytest.approx([0.7], abs=0.01)
     for course, w in zip(courses, waves, strict=True):
         assert course[5:-5] == pytest.approx(w[5:-5], abs=0.1)
@@ -132,14 +132,15 @@ def test_a_course_is_let_go_no_farther_than_it_has_to_be(response):
     noise = 0.05 * rng.normal(size=N)
     wave = shown(np.sin(np.arange(N) / 3.0)) + noise
     level = {"shown": 0.05}
-    calm, stirred = (smoothest([wanted(response, y)], "fed", level, NOTHING) for y in (noise, wave))
-    assert calm < stirred
-    [course], _, left = smoothed([wanted(response, wave)], "fed", level, NOTHING, stirred)
+    of_noise, of_wave = (
+        Smoother([wanted(response, y)], "fed", level, NOTHING) for y in (noise, wave)
+    )
+    stirred = of_wave.smoothest()
+    assert of_noise.smoothest() < stirred
+    [course], _, left = of_wave(stirred)
     assert left < 1.5 * N
     assert course[5:-5] == pytest.approx(np.sin(np.arange(N) / 3.0)[5:-5], abs=0.5)
-    assert (
-        smoothed([wanted(response, wave)], "fed", level, NOTHING, stirred / 10.0)[2] > 1.1**2 * left
-    )
+    assert of_wave(stirred / 10.0)[2] > 1.1**2 * left
 
 
 def test_the_same_as_the_response_has_it(response):

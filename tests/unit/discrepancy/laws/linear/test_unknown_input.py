@@ -27,7 +27,8 @@ def test_a_free_course_lets_a_model_follow_where_its_own_run_tells_nothing(sprin
     assert widths(drawn, base.fit.residual)["position"] > 20.0
     search = search_of(diagnosis)
     found = LawMap(search, base)
-    course = estimate_unknown_input(search, base, found.laws, "acceleration")
+    driven = base.candidate.with_effect(disturbed(base.candidate.cls, ["acceleration"]))
+    course = estimate_unknown_input(search, base, found.laws, "acceleration", driven)
     assert widths(drawn, course.unexplained)["position"] < 1.5
 
 
@@ -44,7 +45,7 @@ def test_a_course_is_what_the_plant_has_more(drag):
 
 
 def test_an_addition_is_added():
-    plain, more = Motor(), stack(Motor, disturbed(Motor, "friction"))()
+    plain, more = Motor(), stack(Motor, disturbed(Motor, ["friction"]))()
     plain.omega = more.omega = 3.0
     more.friction_addition = 0.25
     assert more.friction() == plain.friction() + 0.25
