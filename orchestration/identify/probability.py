@@ -14,20 +14,6 @@ from scipy.special import gammaincinv, poch
 from fmus.kit.arrays import Array
 
 
-def normal_log_density(values: Array) -> Array:
-    """Return the logarithm of the density of the standard normal distribution.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    return -0.5 * values**2 - 0.5 * log(2.0 * pi)
-
-
 def student_log_density(values: Array, freedom: float) -> Array:
     """Return the logarithm of the density of Student's t distribution of unit scale.
 

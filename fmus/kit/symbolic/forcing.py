@@ -266,23 +266,14 @@ class EffectForcing:
         """Return a step of the effect's own states, fed with the trajectory; see `_fed`."""
         known = {d.name for d in self._component.cls.layout.discretes}
         held = [i for i, d in enumerate(graph.layout.discretes) if d.name in known]
-        states = _some(graph.states, self._states)
-        arguments = [graph.time, graph.inputs, states, _some(graph.discretes, held)]
+        of_component = _some(graph.states, self._states)
+        arguments = [graph.time, graph.inputs, of_component, _some(graph.discretes, held)]
         at_end = [ca.SX.sym("end", a.numel()) for a in arguments]
         h = ca.SX.sym("h")
         states = _some(graph.states, self._own_states)
         rates = _some(graph.rates, self._own_states)
         moved = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
-        slope = ca.jacobian(moved, states)
-        if states.numel() == 1:
-            first, second = _phi(h * slope)
-            result = states + h * (first * rates + second * (moved - rates))
-        else:
-            implicit = ca.SX.eye(states.numel()) - _GAMMA * h * slope
-            stage = ca.solve(implicit, rates)
-            at_stage = ca.substitute([moved], [states], [states + h * stage])[0]
-            last = ca.solve(implicit, at_stage - 2.0 * stage)
-            result = states + h * (1.5 * stage + 0.5 * last)
+        result = _rosenbrock(states, rates, moved, h)
         return _Step(result, states, ca.vertcat(h, *arguments, *at_end))
 
     def _fed(self) -> Array:
@@ -312,6 +303,19 @@ class _OwnCourses:
     def at_end(self) -> _OwnCourses:
         """Return the same at the end of every step."""
         return _OwnCourses({n: np.hstack([v[:, 1:], v[:, -1:]]) for n, v in self.values.items()})
+
+
+def _rosenbrock(states: ca.SX, rates: ca.SX, at_end: ca.SX, h: ca.SX) -> ca.SX:
+    """Return states after a step h, from their rates with arguments of its begin and of its end."""
+    slope = ca.jacobian(at_end, states)
+    if states.numel() == 1:
+        first, second = _phi(h * slope)
+        return states + h * (first * rates + second * (at_end - rates))
+    implicit = ca.SX.eye(states.numel()) - _GAMMA * h * slope
+    stage = ca.solve(implicit, rates)
+    moved = ca.substitute([at_end], [states], [states + h * stage])[0]
+    last = ca.solve(implicit, moved - 2.0 * stage)
+    return states + h * (1.5 * stage + 0.5 * last)
 
 
 def _phi(z: ca.SX) -> tuple[ca.SX, ca.SX]:
