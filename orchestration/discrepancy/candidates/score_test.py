@@ -163,6 +163,9 @@ def _linearised(run: MeasuredRun, component: ComponentAlong, measured: Sequence[
     states = np.eye(len(layout.states))
     itself = np.broadcast_to(states, (len(steps) + 1, *states.shape))
     names = [v.name for v in (*layout.outputs, *layout.states)]
+    for output in measured:
+        if output not in names:
+            raise UserError(f"{output} is sampled: what an effect does to it is no linear response")
     rows = {o: names.index(o) for o in measured}
     return _Course(run, component, matrices, np.concatenate([at_begin.c, itself], axis=1), rows)
 

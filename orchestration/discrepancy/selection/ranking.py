@@ -41,8 +41,6 @@ FINALISTS = 4  # candidates that are cross-validated in blocks, the nearest firs
 LIKELIEST = 2  # and the likeliest in noise of their own
 # of BIC, within which another candidate counts as not told apart, if one of the models is right
 ALTERNATIVE = 6.0
-# of what the nearest gains in a few steps, which another must gain to be fitted to the end
-NEAR_ENOUGH = 0.25
 AS_PROMISING = 0.5  # of the best fall that is expected of an effect, for a fit from elsewhere too
 REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
@@ -267,9 +265,7 @@ def _fit_in_white_noise(
     """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end."""
     screened = [*_screened(plain, below, starts), *seen.values()]
     to_the_end = replace(plain, method=FIXED_COLOUR)
-    least = NEAR_ENOUGH * (below.fit.bic - min(map(_bic, screened), default=below.fit.bic))
-    near = [f for f in screened if below.fit.bic - f.fit.bic >= least]
-    best = sorted(near, key=_bic)[:PROMISING]
+    best = sorted(screened, key=_bic)[:PROMISING]
     ended = parallel_map(lambda f: _again(to_the_end, f), best)
     for fitted in (*screened, *filter(None, ended)):
         seen[fitted.effect] = min(fitted, seen.get(fitted.effect, fitted), key=_bic)
