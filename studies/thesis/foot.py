@@ -9,7 +9,6 @@ import numpy as np
 
 from fmus.foot import Foot
 from fmus.kit.arrays import Array
-from orchestration.reporting import pictures
 from studies.thesis import motor
 from studies.thesis.claim import Claim, Entry, Erratum, Illustration, number
 from studies.thesis.motor import DcMotor, Maxwell
@@ -39,9 +38,6 @@ TABLE = {
     "gamma_an": ("6.1", 6.126),
     "gamma_do": ("15.1", 15.064),
 }
-_BLUE = pictures.MODEL
-_RED = pictures.FITTED
-_GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:

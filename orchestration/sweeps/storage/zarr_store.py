@@ -16,7 +16,6 @@ import xarray
 
 from fmus.kit import UserError
 
-ENDING = ".zarr"
 _CHUNK = "8MiB"
 _OF_ZARR = re.compile(r"\.zgroup|\.zattrs|\.zmetadata|\.zarray|\d+(\.\d+)*")
 
