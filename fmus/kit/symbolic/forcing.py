@@ -56,8 +56,8 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Linearisation:
-    """A component along a trajectory: derivatives by its states, at n points.
+class StateJacobians:
+    """Derivatives of a component by its states, at n points of a trajectory.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class ComponentAlong:
         self.parameters = _with_defaults(cls, parameters)
         _refuse_feedback(cls, self.parameters, float(np.ptp(begin.time)))
 
-    def linearised(self, at: Points) -> Linearisation:
+    def linearised(self, at: Points) -> StateJacobians:
         """Return the derivatives at n points."""
         graph = trace(self.cls)
         jacobians = [ca.jacobian(e, graph.states) for e in (graph.rates, graph.outputs)]
@@ -107,7 +107,7 @@ class ComponentAlong:
         a, c = (np.asarray(part) for part in along(*at.arguments))
         states = graph.states.numel()
         outputs = graph.outputs.numel()
-        return Linearisation(_by_point(a, (n, states, states)), _by_point(c, (n, outputs, states)))
+        return StateJacobians(_by_point(a, (n, states, states)), _by_point(c, (n, outputs, states)))
 
     def outputs(self, place: int) -> tuple[Array, Array]:
         """Return an output, or a state after all outputs, at begin and end of every step, (n,)."""
@@ -123,20 +123,19 @@ class ComponentAlong:
 
 @dataclass(frozen=True)
 class Forcing:
-    """What an effect adds along a trajectory, in k settings of its parameters.
+    """Additions of an effect to rates and outputs along a trajectory, in k settings.
 
     Attributes
     ----------
     begin, end : ndarray, shape (n, states, k)
         Added to the rates at the begin of every step and at its end.
-    shown, shown_at_end : ndarray, shape (n, outputs, k)
-        Added to the outputs there.
+    shown : ndarray, shape (n, outputs, k)
+        Added to the outputs at the begin of every step.
     """
 
     begin: Array
     end: Array
     shown: Array
-    shown_at_end: Array
 
 
 class EffectForcing:
@@ -178,32 +177,43 @@ class EffectForcing:
         settings : sequence of Mapping of str to float
             Parameters of the effect, SI.
         """
-        switch = self._cls.layout.parameters[self._cls.layout.parameter_index[self._switch]]
-        neutral = float(switch.start)
-        amounts = np.array([values[self._switch] - neutral for values in settings])
-        little = _LITTLE * switch.nominal
-        little = little if neutral + little <= switch.max else -little
-        amounts[amounts == 0.0] = little
-        moved = [
-            {**values, self._switch: neutral + amount}
-            for values, amount in zip(settings, amounts, strict=True)
-        ]
-        per = np.array([little if v[self._switch] == neutral else 1.0 for v in settings])
-        columns = {n: np.array([[v[n]] for v in moved]) for n in moved[0]}
+        moved, per = self._moved(settings)
+        columns = {name: np.array([[one[name]] for one in moved]) for name in moved[0]}
         parameters = self._parameters | columns
         own = self._own_courses(parameters, len(settings))
         component = self._component
-        parts = []
-        for at, path in ((component.begin, own), (component.end, own.at_end())):
-            rates, outputs = self._evaluated(at, parameters, path)
-            base_rates, base_outputs = _evaluated(component.cls, at, component.parameters)
-            parts.append(_difference([rates[i] for i in self._states], base_rates, per, at))
-            parts.append(_difference([outputs[i] for i in self._outputs], base_outputs, per, at))
-        return Forcing(parts[0], parts[2], parts[1], parts[3])
+        begin, shown = self._additions(component.begin, parameters, own, per)
+        end, _ = self._additions(component.end, parameters, own.at_end(), per)
+        return Forcing(begin, end, shown)
 
-    def _evaluated(self, at: Points, parameters: _Numbers, own: _OwnCourses) -> tuple[Any, Any]:
-        """Return rates and outputs with the effect, each (n,) or (k, n)."""
-        return _evaluated(self._cls, at, parameters, self._component.cls, own.values)
+    def _moved(self, settings: Sequence[Values]) -> tuple[list[dict[str, float]], Array]:
+        """Return settings with neutral switches moved a little, and the divisors (k,) for that."""
+        layout = self._cls.layout
+        switch = layout.parameters[layout.parameter_index[self._switch]]
+        neutral = float(switch.start)
+        little = _LITTLE * switch.nominal
+        if neutral + little > switch.max:
+            little = -little
+        moved = []
+        per = np.ones(len(settings))
+        for k, values in enumerate(settings):
+            moved.append(dict(values))
+            if values[self._switch] == neutral:
+                moved[-1][self._switch] = neutral + little
+                per[k] = little
+        return moved, per
+
+    def _additions(
+        self, at: Points, parameters: _Numbers, own: _OwnCourses, per: Array
+    ) -> tuple[Array, Array]:
+        """Return additions to rates and outputs, over their divisors, each (n, rows, k)."""
+        known = self._component.cls
+        rates, outputs = _evaluated(self._cls, at, parameters, known, own.values)
+        base_rates, base_outputs = _evaluated(known, at, self._component.parameters)
+        return (
+            _difference([rates[i] for i in self._states], base_rates, per, at),
+            _difference([outputs[i] for i in self._outputs], base_outputs, per, at),
+        )
 
     def _own_courses(self, parameters: _Numbers, count: int) -> _OwnCourses:
         """Return the effect's own states and discrete states along the trajectory."""

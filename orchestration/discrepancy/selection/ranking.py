@@ -104,6 +104,7 @@ def ranked(
     scored: Sequence[ScoredModel],
     effects: Sequence[type[Effect]],
     known: Mapping[type[Effect], FittedCandidate] | None = None,
+    rough: Mapping[type[Effect], FittedCandidate] | None = None,
 ) -> Ranking:
     """Fit promising effects over a model, and more where these leave structure, and rank them.
 
@@ -117,17 +118,19 @@ def ranked(
     effects : sequence of type[Effect]
     known : Mapping of type[Effect] to FittedCandidate, optional
         Fitted in white noise from elsewhere.
+    rough : Mapping of type[Effect] to FittedCandidate, optional
+        Fitted in white noise from here, a few steps of each.
     """
     starts = _starts(scored, effects)
     promising = _promising(starts)
     plain, base = _in_white_noise(search, below)
     seen: _Fitted = dict(known or {})
-    _fit_in_white_noise(plain, base, {e: starts[e] for e in promising if e not in seen}, seen)
-    others = [e for e in starts if e not in promising][:PROMISING]
+    _fit_to_the_end(plain, base, {e: starts[e] for e in promising}, seen, rough)
+    others = _unpromising(starts, promising)
     nearest, structured = _nearest(search, base, seen)
     # a further cause is no small one, so that its score shows it
     if others and structured and not below.candidate.effects:
-        _fit_in_white_noise(plain, base, {e: starts[e] for e in others}, seen)
+        _fit_to_the_end(plain, base, others, seen)
         nearest, structured = _nearest(search, base, seen)
     if not seen:
         return Ranking()
@@ -251,19 +254,33 @@ def _promising(starts: Mapping[type[Effect], Sequence[ScreenedCandidate]]) -> li
     return [e for e, several in starts.items() if several[0].predicted.beyond > worth][:PROMISING]
 
 
+def _unpromising(
+    starts: Mapping[type[Effect], list[ScreenedCandidate]], promising: Sequence[type[Effect]]
+) -> dict[type[Effect], list[ScreenedCandidate]]:
+    """Return the next effects after the promising ones, with their starts."""
+    others = [effect for effect in starts if effect not in promising]
+    return {effect: starts[effect] for effect in others[:PROMISING]}
+
+
 def _in_white_noise(search: Search, below: FittedCandidate) -> tuple[Search, FittedCandidate]:
     plain = search.in_white_noise()
     return plain, plain.fit_from(below.candidate, below)
 
 
-def _fit_in_white_noise(
+def _fit_to_the_end(
     plain: Search,
     below: FittedCandidate,
     starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
     seen: _Fitted,
+    rough: Mapping[type[Effect], FittedCandidate] | None = None,
 ) -> None:
-    """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end."""
-    screened = [*_screened(plain, below, starts), *seen.values()]
+    """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end.
+
+    Fits in `rough` have taken their few steps.
+    """
+    begun = dict(rough or {})
+    new = {effect: several for effect, several in starts.items() if effect not in begun}
+    screened = [*begun.values(), *_screened(plain, below, new)]
     to_the_end = replace(plain, method=FIXED_COLOUR)
     best = sorted(screened, key=_bic)[:PROMISING]
     ended = parallel_map(lambda f: _again(to_the_end, f), best)

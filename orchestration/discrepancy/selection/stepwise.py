@@ -186,7 +186,7 @@ def _search_step(
         The same, its best model fitted anew if there is a better optimum.
     result : _StepResult
     """
-    tried = ranked(search, selection.best, scored, remaining, known)
+    tried = ranked(search, selection.best, scored, remaining, rough=known)
     result = _best_sure(search, selection, tried, len(remaining))
     lowered = selection.best.fit.bic - result.below.fit.bic
     improved = selection

@@ -245,10 +245,10 @@ def test_a_better_optimum_of_the_model_below_asks_for_a_second_look(
         once = 0.0 if seen[1:] else lowered
         return replace(found, fit=replace(found.fit, deviance=found.fit.deviance - once))
 
-    def looked(*given):
+    def looked(*given, **fits):
         seen.append(given)
         if len(seen) < 2:
-            return plain(*given)
+            return plain(*given, **fits)
         monkeypatch.setattr(search.budget, "spent", lambda: late)
         return Ranking()
 

@@ -175,7 +175,6 @@ def test_a_derivative_and_differences_of_a_law_at_both_sides_of_every_step():
             assert side[:, 1, k] == pytest.approx(-factor * at.states[0] ** 3, rel=1e-6, abs=1e-8)
         assert not side[:, 0].any()
     assert not found.shown.any()
-    assert not found.shown_at_end.any()
 
 
 def test_a_difference_is_that_of_all_of_the_effect():
@@ -214,7 +213,7 @@ def test_an_effect_of_an_input_comes_in_wherever_the_input_does():
 def test_sensors_show_what_they_add():
     begin, end = swinging()
     component = along(begin, end)
-    shown, shown_at_end = component.outputs(0)
+    shown, _ = component.outputs(0)
     elapsed = begin.time[0]
     for make, expected in (
         (sensor_gain, shown),
@@ -229,7 +228,7 @@ def test_sensors_show_what_they_add():
         assert not found.end.any()
     gain = sensor_gain(Pendulum, "shown")
     found = EffectForcing(component, gain).of([{gain.neutral: 1.5}])
-    assert found.shown_at_end[:, 0, 0] == pytest.approx(0.5 * shown_at_end, rel=1e-12)
+    assert found.shown[:, 0, 0] == pytest.approx(0.5 * shown, rel=1e-12)
 
 
 # --- effects with states
@@ -257,7 +256,6 @@ def test_a_lag_of_two_steps_is_the_one_on_paper_in_all_settings(step):
     rise, again = (1.0 - np.exp(-t[:, np.newaxis] / constants) for t in (time, since))
     exact = (rise + 2.0 * again) * np.array([1.0, 0.7, 1.0])
     assert found.shown[:, 0] == pytest.approx(exact, rel=1e-5, abs=1e-9)
-    assert found.shown_at_end[:-1, 0] == pytest.approx(exact[1:], rel=1e-5, abs=1e-9)
 
 
 @pytest.mark.parametrize("step", [0.02, 0.5])
