@@ -18,6 +18,7 @@ from orchestration.discrepancy.candidates import (
 )
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note
+from orchestration.discrepancy.selection.known_fits import KnownFits, fit_key
 from orchestration.identify.fitting import (
     FIXED_COLOUR,
     FULL,
@@ -87,6 +88,8 @@ class Search:
         Effort of the fits.
     patience : float
         Factor on the internal steps that a candidate with effects may take.
+    known : KnownFits
+        Fits made so far, over this record and over others.
     """
 
     data: Dataset
@@ -102,6 +105,7 @@ class Search:
     colour: Mapping[str, Array] = field(default_factory=dict)
     method: Method = FULL
     patience: float = 1.0
+    known: KnownFits = field(default_factory=KnownFits)
 
     def nominal(self) -> FittedCandidate:
         """Fit the model without effects, from several starts."""
@@ -110,7 +114,7 @@ class Search:
         free_run = fit_free_run(problem, starting_points(problem), self._has_prior(problem))
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
-        fit = self._fit(problem, free_run.q, free_run.noise)
+        fit = self._fit(candidate, problem, free_run.q, free_run.noise)
         return FittedCandidate(candidate, problem, fit, free_run)
 
     def drop_insensitive(self, base: FittedCandidate) -> tuple[Search, FittedCandidate]:
@@ -134,7 +138,7 @@ class Search:
         """Fit the model without effects, its physical parameters held close to nominal."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
-        fit = self._fit(problem, problem.position(problem.start), None, prior_std)
+        fit = self._fit(candidate, problem, problem.position(problem.start), None, prior_std)
         return FittedCandidate(candidate, problem, fit)
 
     def trusted(
@@ -190,7 +194,7 @@ class Search:
             for values in (predicted, at_rest.fit.values)
         ]
         nearest = min(starts, key=lambda q: error_at(problem, q))
-        return FittedCandidate(candidate, problem, self._fit(problem, nearest, None))
+        return FittedCandidate(candidate, problem, self._fit(candidate, problem, nearest, None))
 
     def refine(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit once more from beside the optimum, where there may be others, and not at rest."""
@@ -222,14 +226,15 @@ class Search:
         self.freedom = freedom
         if is_same:
             return fitted
-        return replace(fitted, fit=self._fit(problem, fitted.fit.q, None))
+        fit = self._fit(fitted.candidate, problem, fitted.fit.q, None)
+        return replace(fitted, fit=fit)
 
     def refit(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit a model that was selected on another part of the record to this one."""
         self.progress(f"fitting {fitted.candidate.name} to all of the record")
         problem = self._problem(fitted.candidate)
         q = problem.position(problem.start | fitted.fit.values)
-        fit = self._fit(problem, q, fitted.fit.noise)
+        fit = self._fit(fitted.candidate, problem, q, fitted.fit.noise)
         return FittedCandidate(fitted.candidate, problem, fit, fitted.free_run)
 
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
@@ -303,7 +308,7 @@ class Search:
         """Fit a candidate from another fit, or a start of its own, in the noise of the other."""
         problem = self._problem(candidate)
         q = problem.position(problem.start | dict(around.fit.values if start is None else start))
-        fit = self._fit(problem, q, None if self.colour else around.fit.noise)
+        fit = self._fit(candidate, problem, q, None if self.colour else around.fit.noise)
         return FittedCandidate(candidate, problem, fit)
 
     def _again(
@@ -317,22 +322,30 @@ class Search:
 
     def _fit(
         self,
+        candidate: Candidate,
         problem: Problem,
         q: Array,
         noise: Mapping[str, Noise] | None,
         prior_std: float = PRIOR_STD,
     ) -> FitResult:
-        fitted = fit_prediction_error(
-            problem,
-            q,
-            noise,
-            self._has_prior(problem),
-            prior_std,
-            self.method,
-            farthest=self.farthest,
-        )
-        problem.forget_simulation()  # of many candidates few are looked at again
-        return fitted
+        def made() -> FitResult:
+            fitted = fit_prediction_error(
+                problem,
+                q,
+                noise,
+                self._has_prior(problem),
+                prior_std,
+                self.method,
+                farthest=self.farthest,
+            )
+            problem.forget_simulation()  # of many candidates few are looked at again
+            return fitted
+
+        if self.budget.spent():
+            return made()  # at its first point, which is none to be known by
+        own = (self.base, prior_std, self.method, self.farthest)
+        key = (fit_key(candidate, problem, q, noise), own)
+        return self.known.get(key, self.data, problem.samples, made)
 
     @property
     def _starts_unknown(self) -> bool:

@@ -6,6 +6,9 @@ The clock is replaced by one that ticks at every look, so that the time ends at 
 every machine.
 """
 
+import subprocess
+import sys
+import time
 from functools import cache
 from itertools import count
 
@@ -120,3 +123,20 @@ def test_one_fit_that_fails_is_told_and_the_others_stand(monkeypatch):
     monkeypatch.setattr(diagnosis_module.Search, "fit_extended", some)
     diagnosis = diagnose(PpyActuator, short_record(HIDDEN), EFFECTS)
     assert diagnosis.causes == [HIDDEN]
+
+
+def test_time_is_work_and_not_a_clock_on_the_wall():
+    budget = Budget(0.2)
+    time.sleep(0.4)
+    assert not budget.spent()
+    end = time.process_time() + 0.25
+    while time.process_time() < end:
+        pass
+    assert budget.spent()
+
+
+def test_the_work_of_compilers_that_were_waited_for_counts():
+    budget = Budget(0.3)
+    burn = "import time\nwhile time.process_time() < 0.35: pass"
+    subprocess.run([sys.executable, "-c", burn], check=True)
+    assert budget.spent()
