@@ -43,7 +43,6 @@ LIKELIEST = 2  # and the likeliest in noise of their own
 ALTERNATIVE = 6.0
 AS_PROMISING = 0.5  # of the best fall that is expected of an effect, for a fit from elsewhere too
 REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
-HOPEFUL = 0.25  # of what the best gains in a few steps, from which on a fit is ended
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 
 _Fitted = dict[type[Effect], FittedCandidate]
@@ -283,9 +282,7 @@ def _fit_to_the_end(
     new = {effect: several for effect, several in starts.items() if effect not in begun}
     screened = [*begun.values(), *_screened(plain, below, new)]
     to_the_end = replace(plain, method=FIXED_COLOUR)
-    gains = {f.effect: below.fit.bic - f.fit.bic for f in screened}
-    least = HOPEFUL * max(gains.values(), default=0.0)
-    best = sorted((f for f in screened if gains[f.effect] >= least), key=_bic)[:PROMISING]
+    best = sorted(screened, key=_bic)[:PROMISING]
     ended = parallel_map(lambda f: _again(to_the_end, f), best)
     for fitted in (*screened, *filter(None, ended)):
         seen[fitted.effect] = min(fitted, seen.get(fitted.effect, fitted), key=_bic)

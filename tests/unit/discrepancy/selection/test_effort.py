@@ -103,13 +103,6 @@ def test_an_effect_is_fitted_if_it_promises_a_sixth_of_the_best(wanted):
     assert fitted(wanted) == {"right", "other1"}
 
 
-def test_a_fit_is_ended_that_gains_a_quarter_of_the_best_in_its_first_steps(wanted):
-    shares = ranked_beside([0.21, 0.31])
-    assert shares["other0"] < 0.24
-    assert shares["other1"] > 0.27
-    assert fitted(wanted, FIXED_COLOUR) == {"right", "other1"}
-
-
 def test_a_contender_is_made_sure_of_that_gains_half_of_the_best(wanted):
     shares = ranked_beside([0.42, 0.60])
     assert shares["other0"] < 0.47
