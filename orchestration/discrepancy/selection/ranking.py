@@ -8,7 +8,7 @@ nearest (as an F test takes the variance of the larger model).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -126,7 +126,7 @@ def ranked(
     plain, base = _in_white_noise(search, below)
     seen: _Fitted = dict(known or {})
     _fit_to_the_end(plain, base, {e: starts[e] for e in promising}, seen, rough)
-    others = _unpromising(starts, promising)
+    others = _untried(starts, {*promising, *seen})
     nearest, structured = _nearest(search, base, seen)
     # a further cause is no small one, so that its score shows it
     if others and structured and not below.candidate.effects:
@@ -254,11 +254,11 @@ def _promising(starts: Mapping[type[Effect], Sequence[ScreenedCandidate]]) -> li
     return [e for e, several in starts.items() if several[0].predicted.beyond > worth][:PROMISING]
 
 
-def _unpromising(
-    starts: Mapping[type[Effect], list[ScreenedCandidate]], promising: Sequence[type[Effect]]
+def _untried(
+    starts: Mapping[type[Effect], list[ScreenedCandidate]], tried: Collection[type[Effect]]
 ) -> dict[type[Effect], list[ScreenedCandidate]]:
-    """Return the next effects after the promising ones, with their starts."""
-    others = [effect for effect in starts if effect not in promising]
+    """Return the most promising effects of those that were not tried, with their starts."""
+    others = [effect for effect in starts if effect not in tried]
     return {effect: starts[effect] for effect in others[:PROMISING]}
 
 
