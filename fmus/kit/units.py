@@ -50,7 +50,8 @@ _COHERENT: dict[str, dict[str, int]] = {
     "F": {"A": 2, "kg": -1, "m": -2, "s": 4},
     "Hz": {"s": -1},
 }
-_PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
+_PREFIXES = {"n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6}  # powers of ten
+_TENS = 300  # power of ten that a number may have
 _PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz")
 _LONGEST = 100  # characters of a unit
 # factors, or their powers, of which none has a power itself
@@ -95,23 +96,35 @@ def _without_pint(unit: str) -> BaseUnit | None:
     """
     if unit == "1":
         return BaseUnit({}, 1.0, 0.0)
-    if unit[1:] in _PREFIXED and unit[0] in _PREFIXES and unit not in _COHERENT:
-        return BaseUnit(dict(_COHERENT[unit[1:]]), _PREFIXES[unit[0]], 0.0)
     if not unit.isascii() or len(unit) > _LONGEST or not _UNIT_SYNTAX.fullmatch(unit):
         return None
     try:
         powers = _powers(ast.parse(unit.strip().replace("^", "**"), mode="eval").body)
     except (SyntaxError, ValueError):
         return None
-    if not all(name in _COHERENT for name in powers):
-        return None
     exponents: dict[str, int] = {}
+    tens = 0
     for name, power in powers.items():
-        for base, exponent in _COHERENT[name].items():
+        prefix, coherent = _split(name)
+        if coherent not in _COHERENT:
+            return None
+        tens += power * _PREFIXES.get(prefix, 0)
+        for base, exponent in _COHERENT[coherent].items():
             exponents[base] = exponents.get(base, 0) + power * exponent
+    if abs(tens) > _TENS:
+        return None
     return BaseUnit(
-        {base: exponents[base] for base in _BASE.values() if exponents.get(base)}, 1.0, 0.0
+        {base: exponents[base] for base in _BASE.values() if exponents.get(base)},
+        float(f"1e{tens}"),
+        0.0,
     )
+
+
+def _split(name: str) -> tuple[str, str]:
+    """Split the prefix from a name, if it has one."""
+    if name not in _COHERENT and name[0] in _PREFIXES and name[1:] in _PREFIXED:
+        return name[0], name[1:]
+    return "", name
 
 
 def parse(unit: str) -> pint.Unit:

@@ -4,7 +4,7 @@ import numpy as np
 
 from fmus.kit import Component, Input, Output, Parameter, State, maximum
 from fmus.kit.record.linearisation import Linearisation
-from fmus.kit.symbolic.tracing import trace
+from fmus.kit.symbolic import trace, with_sensitivities
 
 
 class Drive(Component):
@@ -58,10 +58,11 @@ class Nonlinear(Drive):
 STEP = 0.05
 
 
-def ladder_of(time, cls=Drive, linear=False, inputs=1):
+def ladder_of(time, cls=Drive, linear=False, inputs=1, sensitivities=()):
     """What is prepared for a record, of which only the clock counts here."""
     graph = trace(cls)
-    parameters = np.array([float(p.start) for p in graph.layout.parameters])
-    return Linearisation(graph, graph).ladder(
+    extended = with_sensitivities(graph, sensitivities)
+    parameters = np.array([float(p.start) for p in extended.layout.parameters])
+    return Linearisation(graph, extended).ladder(
         time, np.ones((len(time), inputs)), linear, parameters
     )

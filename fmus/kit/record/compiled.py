@@ -20,6 +20,7 @@ from fmus.kit.build import record_sources, toolchain
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.interpreted import Interpreted
+from fmus.kit.record.law import Law
 from fmus.kit.record.library import RecordLibrary, compiled
 from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.symbolic import Graph, hoist, trace, with_sensitivities
@@ -68,11 +69,13 @@ class CompiledModel:
             self.layout = base.layout
             self._graph = with_sensitivities(base, self.names)
             self._linearisation = Linearisation(base, self._graph)
-            hoisted, self._hoisted = hoist(self._graph)
+            hoisted, values = hoist(self._graph)
+            self._own = np.zeros(len(self._graph.layout.parameters))
+            self._hoisted = Law(values, [self._own])
             layout = hoisted.layout
             states = len(base.layout.states)
             made = record_sources(hoisted, states) if _compiler() else Interpreted(hoisted)
-            del base, hoisted
+            del base, hoisted, values
         self._engine = (
             made if isinstance(made, Interpreted) else RecordLibrary.from_sources(layout, made)
         )
@@ -121,7 +124,6 @@ class CompiledModel:
         layout = self._graph.layout
         self._check_inputs(inputs)
         own = self._parameter_vector(parameters or {})
-        everything = np.concatenate([own, self._hoisted(own).full()[:, 0]])
         n = len(time)
         fed = [
             np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n)
@@ -131,7 +133,10 @@ class CompiledModel:
         times = np.ascontiguousarray(time, dtype=float)
         names = {v.name for v in layout.inputs} if linear is True else linear or ()
         interpolated = np.array([float(v.name in names) for v in layout.inputs])
-        with _EXPRESSIONS:  # some are made when they are needed first
+        # some expressions are made when they are needed first, and laws are of one thread at a time
+        with _EXPRESSIONS:
+            self._own[:] = own
+            everything = np.concatenate([own, self._hoisted()])
             ladder = self._linearisation.ladder(times, table, bool(interpolated.any()), own)
         outputs, states = self._engine.simulate(
             times,

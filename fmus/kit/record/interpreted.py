@@ -8,34 +8,16 @@ from __future__ import annotations
 
 import math
 from threading import Lock
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError
 from fmus.kit.integrate import MAX_STEPS, MIN_STEP, ROUNDING, SAME_INSTANT
 from fmus.kit.record.exponential import ExponentialIntegrator
+from fmus.kit.record.law import Law
 from fmus.kit.record.linearisation import Ladder
 from fmus.kit.symbolic import Graph
-
-
-class _Law:
-    """A CasADi function whose arguments and result are the same arrays in every call."""
-
-    def __init__(self, function: ca.Function, arguments: list[Array], size: int):
-        self.result = np.zeros(size)
-        buffer: Any  # CasADi's stubs want a size beside the memoryview, which has one
-        buffer, self._call = function.buffer()
-        for i, argument in enumerate(arguments):
-            buffer.set_arg(i, argument.data)
-        buffer.set_res(0, self.result.data)
-        self._kept = function, buffer, arguments  # the call borrows their memory
-
-    def __call__(self) -> Array:
-        self._call()
-        return self.result
 
 
 class Interpreted:
@@ -62,9 +44,9 @@ class Interpreted:
         self._z = np.zeros(len(layout.discretes))
         arguments = [self._now, self._parameters, self._fed, self._x, self._z]
         rates, outputs, *updates = graph.functions(tangent=False)[:-1]
-        self._rates = _Law(rates, arguments, len(layout.states))
-        self._outputs = _Law(outputs, arguments, len(layout.outputs))
-        self._updates = [_Law(update, arguments, len(layout.discretes)) for update in updates]
+        self._rates = Law(rates, arguments)
+        self._outputs = Law(outputs, arguments)
+        self._updates = [Law(update, arguments) for update in updates]
 
     def simulate(
         self,

@@ -18,12 +18,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.record.law import Law
 from fmus.kit.symbolic import Graph
 
 # The first four are products of the largest eigenvalue and a time.
@@ -42,7 +43,9 @@ WORTH = 100.0
 _SETTING_UP = 2000.0
 # product of the norm of A and the shortest step: one Runge-Kutta step covers any shorter time
 _SHORTEST = 0.02
-_TERMS = 8  # of the series; the first term after them is below rounding
+_TERMS = 8  # highest power in the series; the next term is below rounding
+_ORDERS = 4  # of the functions, phi_0 to phi_3
+_SERIES = np.array([[1 / math.factorial(j + k) for j in range(_TERMS + 1)] for k in range(_ORDERS)])
 # relative difference of intervals between samples that are equal but for the rounding of a clock
 ROUNDED = 1e-6
 _INSPECTED = 5  # samples with whose inputs the eigenvalues are computed
@@ -80,8 +83,48 @@ class Ladder:
         return len(self.phi) - 2
 
 
+@dataclass(frozen=True)
+class _Clock:
+    """What a ladder depends on of the instants of a record."""
+
+    samples: int  # but the first
+    duration: float  # s
+    usual_step: float  # s
+    largest: float  # s; the usual step, doubled until it reaches over any other
+    is_uneven: bool
+
+    @classmethod
+    def of(cls, time: Array) -> _Clock | None:
+        """Read the instants; None unless they increase."""
+        steps = np.diff(time)
+        if not (steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
+            return None
+        usual_step = float(np.median(steps))
+        doublings = math.ceil(math.log2(float(steps.max()) / usual_step) - ROUNDED)
+        others = np.abs(steps - usual_step) > ROUNDED * usual_step
+        return cls(
+            samples=len(steps),
+            duration=float(time[-1] - time[0]),
+            usual_step=usual_step,
+            largest=usual_step * 2.0 ** max(0, doublings),
+            is_uneven=float(np.mean(others)) >= 0.5,
+        )
+
+    def stiff(self, affine: bool) -> float:
+        """Return the eigenvalue, 1/s, above which a ladder costs less than short steps."""
+        if not affine:
+            return WORTH / self.usual_step
+        if self.is_uneven:
+            return _UNEVEN / self.usual_step
+        if self.samples >= _SETTING_UP:
+            return 0.0
+        return min(_STIFF, _ACCURATE * _SETTING_UP / self.samples) / self.usual_step
+
+
 class Linearisation:
     """The Jacobians of a component and of its sensitivities, as functions of the parameters.
+
+    Two threads must not use it at once.
 
     Parameters
     ----------
@@ -94,8 +137,15 @@ class Linearisation:
     def __init__(self, base: Graph, extended: Graph):
         self._base = base
         self._extended = extended
-        self._nominal = np.array([state.nominal for state in base.layout.states])
+        nominal = np.array([state.nominal for state in base.layout.states])
+        self._to_nominal = nominal / nominal[:, None]
         self._known_affine: dict[tuple[bool, tuple[bool, ...]], bool] = {}  # see `_affine`
+        self._clock: tuple[Array, _Clock | None] = np.empty(0), None  # of the last record
+        # arguments of `_blocks`
+        self._start = np.zeros(1)
+        self._parameters = np.zeros(len(extended.layout.parameters))
+        self._first = np.zeros(len(base.layout.inputs))
+        self._fed = np.zeros(len(base.layout.inputs))
 
     def ladder(self, time: Array, table: Array, linear: bool, parameters: Array) -> Ladder | None:
         """Compute the matrix functions for a record over which the component is stiff.
@@ -115,89 +165,48 @@ class Linearisation:
         Ladder or None
             None where it is not stiff, so that the Runge-Kutta method costs least.
         """
-        steps = np.diff(time)
-        if not self._nominal.size or not steps.size:
+        clock = self._clock_of(time)
+        if not self._to_nominal.size or clock is None:
             return None
-        if not (np.isfinite(steps).all() and (steps > 0.0).all()):
+        affine = self._affine(linear, self._resampled(clock.duration, parameters))
+        matrices = self._matrices(float(time[0]), table, parameters)
+        norms = np.abs(matrices[:, 0] * self._to_nominal).sum(2).max(1)
+        # no eigenvalue is larger than a norm, which costs less
+        stiff = clock.stiff(affine)
+        candidates = np.flatnonzero(np.isfinite(norms) & (norms > stiff))
+        if not candidates.size:
             return None
-        start = float(time[0])
-        usual_step = float(np.median(steps))
-        affine = self._affine(linear, self._resampled(float(time[-1] - time[0]), parameters))
-        limit = self._stiffness_limit(steps, usual_step, affine)
-        fastest, inputs = self._stiffest(start, table, parameters, limit / usual_step)
-        if inputs is None:
+        speeds = np.abs(np.linalg.eigvals(matrices[candidates, 0])).max(1)
+        fastest = float(speeds.max())
+        chosen = candidates[speeds.argmax()]
+        matrix = matrices[chosen]
+        if not (fastest > stiff and np.isfinite(matrix).all()):
             return None
-        matrix = self._matrix(start, table[0], inputs, parameters)
-        if not np.isfinite(matrix).all():
-            return None
-        # the longest step is the usual one, doubled until it reaches over any other
-        doublings = math.ceil(math.log2(float(steps.max()) / usual_step) - ROUNDED)
-        largest = usual_step * 2.0 ** max(0, doublings)
-        halvings = max(2, math.ceil(math.log2(largest * self._norm(matrix[0]) / _SHORTEST)))
+        halvings = max(2, math.ceil(math.log2(clock.largest * norms[chosen] / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
-        phi = _phi(matrix * (largest * 0.5**halvings), halvings)
-        return Ladder(largest, affine, worth, matrix, phi)
+        phi = _phi(matrix * (clock.largest * 0.5**halvings), halvings)
+        return Ladder(clock.largest, affine, worth, matrix, phi)
 
-    def _matrix(self, time: float, first: Array, inputs: Array, parameters: Array) -> Array:
-        """Return the stack of J and all H with some inputs; sampled updates have the first ones."""
-        n = self._nominal.size
-        arguments = self._start(self._extended, time, first, parameters)
-        arguments[2] = inputs
-        matrix: Array = self._blocks(*arguments).full().reshape(-1, n, n)
-        return matrix
+    def _clock_of(self, time: Array) -> _Clock | None:
+        """Read the instants of a record, which in a fit are those of the last simulation."""
+        if not np.array_equal(time, self._clock[0]):
+            self._clock = time.copy(), _Clock.of(time)
+        return self._clock[1]
 
-    @staticmethod
-    def _stiffness_limit(steps: Array, usual_step: float, affine: bool) -> float:
-        """Return the eigenvalue times the time between samples above which a ladder costs less."""
-        if not affine:
-            return WORTH
-        is_uneven = np.abs(steps - usual_step) > ROUNDED * usual_step
-        if not np.mean(is_uneven) < 0.5:
-            return _UNEVEN
-        samples = len(steps)
-        return 0.0 if samples >= _SETTING_UP else min(_STIFF, _ACCURATE * _SETTING_UP / samples)
-
-    def _stiffest(
-        self, time: float, table: Array, parameters: Array, limit: float
-    ) -> tuple[float, Array | None]:
-        """Return the largest eigenvalue at the start over some samples, and the inputs of that one.
-
-        None in place of the inputs if all eigenvalues are below the limit.
-        """
-        jacobian, depends_on_inputs = self._jacobian
+    def _matrices(self, start: float, table: Array, parameters: Array) -> Array:
+        """Return the stacks (k, 1 + p, n, n) of J and all H with the inputs of k samples."""
+        blocks, depends_on_inputs = self._blocks
         samples = [0]
         if depends_on_inputs:
             samples = np.linspace(0, len(table) - 1, _INSPECTED).astype(int).tolist()
-        fastest = limit
-        inputs = None
-        start = self._start(self._base, time, table[0], parameters)
-        for k in samples:
-            start[2] = table[k]
-            matrix = jacobian(*start).full()
-            # no eigenvalue is larger than a norm, which costs less
-            if np.isfinite(matrix).all() and self._norm(matrix) > fastest:
-                speed = float(np.abs(np.linalg.eigvals(matrix)).max())
-                if speed > fastest:
-                    fastest = speed
-                    inputs = table[k]
-        return fastest, inputs
-
-    def _norm(self, jacobian: Array) -> float:
-        """Return the row sum norm with every state in units of its nominal value."""
-        return float(np.abs(jacobian * self._nominal / self._nominal[:, None]).sum(1).max())
-
-    def _start(
-        self, graph: Graph, time: float, inputs: Array, parameters: Array
-    ) -> list[Array | float]:
-        """Return the arguments of the laws at the first step, after the first sampled updates."""
-        layout = graph.layout
-        index = layout.parameter_index
-        x = parameters[[index[layout.start_of[v.name]] for v in layout.states]]
-        z = parameters[[index[layout.start_of[v.name]] for v in layout.discretes]]
-        arguments: list[Array | float] = [time, parameters[: len(index)], inputs, x, z]
-        for update in self._updates[graph is self._extended]:
-            arguments[4] = update(*arguments).full()[:, 0]
-        return arguments
+        self._start[0] = start
+        self._parameters[:] = parameters
+        self._first[:] = table[0]
+        matrices = np.empty((len(samples), blocks.result.size))
+        for matrix, sample in zip(matrices, samples, strict=True):
+            self._fed[:] = table[sample]
+            matrix[:] = blocks()
+        return matrices.reshape(len(samples), -1, *self._to_nominal.shape)
 
     def _resampled(self, duration: float, parameters: Array) -> tuple[bool, ...]:
         """Return for each discrete state whether it is sampled again after the start."""
@@ -211,30 +220,27 @@ class Linearisation:
         return tuple(resampled)
 
     @cached_property
-    def _updates(self) -> tuple[list[ca.Function], list[ca.Function]]:
-        """Sampled updates of the component and of the extended graph; none if J depends on none."""
-        base = self._base
-        jacobian = ca.jacobian(base.rates, base.states)
-        if not (base.discretes.numel() and ca.depends_on(jacobian, base.discretes)):
-            return [], []
-        return (
-            [_dense(base, update) for update in base.updates],
-            [_dense(self._extended, update) for update in self._extended.updates],
-        )
+    def _blocks(self) -> tuple[Law, bool]:
+        """J and all H at the first step, row by row, and whether J depends on its inputs.
 
-    @cached_property
-    def _jacobian(self) -> tuple[ca.Function, bool]:
-        """J, from the arguments of the component's laws, and whether it depends on the inputs."""
-        base = self._base
-        expression = ca.jacobian(base.rates, base.states)
-        depends_on_inputs = base.inputs.numel() and ca.depends_on(expression, base.inputs)
-        return _dense(base, expression), bool(depends_on_inputs)
-
-    @cached_property
-    def _blocks(self) -> ca.Function:
-        """J and all H below each other, from the arguments of the extended laws."""
-        own = self._extended.states[: self._nominal.size]
-        return _dense(self._extended, ca.jacobian(self._extended.rates, own))
+        The first sampled updates have happened by then, with the inputs of the first sample.
+        """
+        graph = self._extended
+        n = len(self._to_nominal)
+        blocks = ca.jacobian(graph.rates, graph.states[:n])
+        depends_on_inputs = graph.inputs.numel() and ca.depends_on(blocks[:n, :], graph.inputs)
+        first = ca.SX.sym("first", graph.inputs.numel())
+        symbols = ca.vertcat(graph.inputs, graph.states, graph.discretes)
+        states, discretes = graph.start
+        for update in graph.updates:
+            values = ca.vertcat(first, states, discretes)
+            discretes = ca.substitute(update, symbols, values)
+        values = ca.vertcat(graph.inputs, states, discretes)
+        rows = ca.densify(ca.substitute(blocks, symbols, values).T)  # CasADi's go down columns
+        arguments = [graph.time, graph.parameters, first, graph.inputs]
+        function = ca.Function("blocks", arguments, ca.cse([rows]))
+        law = Law(function, [self._start, self._parameters, self._first, self._fed])
+        return law, bool(depends_on_inputs)
 
     def _affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
         """Return whether the rates are affine in the states, with the same coefficients throughout.
@@ -264,33 +270,51 @@ class Linearisation:
         )
 
 
-def _dense(graph: Graph, expression: ca.SX) -> ca.Function:
-    """Make a function of a graph's arguments whose result is not sparse."""
-    return ca.Function("jacobian", graph.arguments, ca.cse([ca.densify(expression)]))
-
-
 def _times(a: Array, b: Array) -> Array:
-    """Return the product of two matrices, each stored as the stack of its blocks."""
+    """Return the products of one matrix and several, each stored as the stack of its blocks."""
     product: Array = a[0] @ b
-    product[1:] += a[1:] @ b[0]
+    product[:, 1:] += a[1:] @ b[:, :1]
     return product
 
 
+@cache
+def _shares(n: int) -> Array:
+    """Return what of phi_1 to phi_3 at z, of n rows, is in 2**k phi_k(2 z), by columns as these."""
+    shares = [
+        [1 / math.factorial(k - j) if k >= j else 0.0 for k in range(_ORDERS)]
+        for j in range(1, _ORDERS)
+    ]
+    return np.asarray(np.kron(shares, np.eye(n)), dtype=float)
+
+
 def _phi(z: Array, doublings: int) -> Array:
-    """Return phi_1, phi_2 and phi_3 at z and after doublings of z, the last first."""
-    one = np.zeros_like(z)
-    one[0] = np.eye(z.shape[-1])
-    third = one / math.factorial(_TERMS + 3)
-    for j in reversed(range(_TERMS)):  # Horner's scheme
-        third = _times(z, third) + one / math.factorial(j + 3)
-    second = _times(z, third) + 0.5 * one
-    first = _times(z, second) + one
-    exponential = _times(z, first) + one
-    ladder = [np.stack([first, second, third])]
-    for _ in range(doublings):
-        third = 0.125 * (_times(exponential, third) + 0.5 * first + second + third)
-        second = 0.25 * (_times(exponential, second) + first + second)
-        first = 0.5 * (_times(exponential, first) + first)
-        exponential = _times(exponential, exponential)
-        ladder.append(np.stack([first, second, third]))
-    return np.ascontiguousarray(ladder[::-1])
+    """Return phi_1, phi_2 and phi_3 at z and after doublings of z, the last first.
+
+    They stand beside each other, after phi_0 = exp:
+
+        2**k phi_k(2 z) = phi_0(z) phi_k(z) + sum of phi_j(z) / (k - j)!, j from 1 to k,
+
+    is then one product of the row (phi_0, ..., phi_3) with a matrix that begins with that row.
+    """
+    blocks, n, _ = z.shape
+    powers = np.zeros((_TERMS + 1, *z.shape))
+    powers[0, 0] = np.eye(n)
+    powers[1] = z
+    for m in (1, 2, 4):
+        powers[m + 1 : 2 * m + 1] = _times(powers[m], powers[1 : m + 1])
+    width = _ORDERS * n
+    rows = np.empty((doublings + 1, blocks, n, width))
+    series = np.einsum("kj,jbrc->brkc", _SERIES, powers)
+    rows[doublings] = series.reshape(blocks, n, width)
+    doubling = np.empty((width, width))
+    doubling[n:] = _shares(n)
+    halves = np.repeat(0.5 ** np.arange(_ORDERS), n)
+    for level in reversed(range(doublings)):
+        row = rows[level + 1]
+        doubling[:n] = row[0]
+        doubled = rows[level]
+        np.matmul(row.reshape(-1, width), doubling, out=doubled.reshape(-1, width))
+        doubled[1:] += row[0, :, :n] @ row[1:]  # the derivative of the matrix
+        doubled *= halves
+    by_order = rows.reshape(doublings + 1, blocks, n, _ORDERS, n)[..., 1:, :]
+    return np.ascontiguousarray(np.moveaxis(by_order, 3, 1))

@@ -49,7 +49,7 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
         outputs=outputs,
         updates=tuple(updates),
     )
-    values = ca.vertcat(ca.SX(0, 1), *expressions)
+    values = ca.densify(ca.vertcat(ca.SX(0, 1), *expressions))
     return extended, ca.Function("hoisted", [graph.parameters], [values], {"cse": True})
 
 

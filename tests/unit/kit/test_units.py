@@ -289,7 +289,10 @@ PRODUCTS = [
 ]
 
 
-@pytest.mark.parametrize("names", [COMMON, PRODUCTS, ["1", "N*s/m", "W/(m^2*K)", "V/A/s", "m**-2"]])
+OTHERS = ["1", "N*s/m", "W/(m^2*K)", "V/A/s", "m**-2", "mm/C^2", "kN/mm", "mV/mA", "1/ms", "us^2"]
+
+
+@pytest.mark.parametrize("names", [COMMON, PRODUCTS, OTHERS])
 def test_common_units_are_what_pint_says(names, monkeypatch):
     known = {unit: units._without_pint(unit) for unit in names}
     monkeypatch.setattr(units, "_without_pint", lambda unit: None)
@@ -300,6 +303,7 @@ def test_common_units_are_converted_as_pint_does(monkeypatch):
     values = np.random.default_rng(0).standard_normal(99) * 10.0 ** np.arange(-50, 49)
     pairs = [(p + name, name) for p in units._PREFIXES for name in units._PREFIXED]
     pairs = [(a, b) for a, b in pairs if a != "kg"]
+    pairs += [("mm/C", "m/C"), ("mV/N", "V/N"), ("km*s", "m*s"), ("kN/mm", "N/m")]
     pairs += [(b, a) for a, b in pairs]
     converted = [convert(values, a, b) for a, b in pairs]
     monkeypatch.setattr(units, "_without_pint", lambda unit: None)
@@ -307,7 +311,7 @@ def test_common_units_are_converted_as_pint_does(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "unit", ["m^999", "m**2**3", "mm/s", "9", "in", "µm", "", "m s", "K\u212a"]
+    "unit", ["m^999", "m**2**3", "mi/s", "Mm^99", "9", "in", "µm", "", "m s", "K\u212a"]
 )
 def test_other_units_are_left_to_pint(unit):
     assert units._without_pint(unit) is None

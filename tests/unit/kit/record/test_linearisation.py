@@ -27,15 +27,29 @@ def test_the_integrator_is_chosen_by_the_eigenvalues_and_the_clock():
 
 def test_matrix_functions_are_those_of_higher_precision():
     """phi_k as integrals, in the top right of the exponential of an augmented matrix (Saad)."""
-    ladder = ladder_of(STEP * np.arange(10))
-    n = len(ladder.matrix[0])
-    for level in (0, 3, ladder.levels):
-        h = ladder.largest / 2**level
-        for order in (1, 2, 3):
-            augmented = np.zeros((n * (order + 1),) * 2)
-            augmented[:n, :n] = h * ladder.matrix[0]
-            for k in range(order):
-                augmented[k * n : (k + 1) * n, (k + 1) * n : (k + 2) * n] = np.eye(n)
-            exact = expm(augmented)[:n, -n:]
-            found = ladder.phi[level, order - 1, 0]
-            np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12 * np.abs(exact).max())
+    ladder = ladder_of(STEP * np.arange(10), sensitivities=("R", "L", "m"))
+    jacobian, *derivatives = ladder.matrix
+    n = len(jacobian)
+    for block, derivative in enumerate(derivatives, 1):
+        matrix = np.block([[jacobian, np.zeros((n, n))], [derivative, jacobian]])
+        for level in (0, 3, ladder.levels):
+            h = ladder.largest / 2**level
+            for order in (1, 2, 3):
+                exact = _phi(h * matrix, order)
+                for i, rows in ((0, exact[:n, :n]), (block, exact[n:, :n])):
+                    np.testing.assert_allclose(
+                        ladder.phi[level, order - 1, i],
+                        rows,
+                        rtol=1e-9,
+                        atol=1e-11 * np.abs(rows).max(),
+                    )
+
+
+def _phi(z, order):
+    """phi_k of any matrix."""
+    n = len(z)
+    augmented = np.zeros((n * (order + 1),) * 2)
+    augmented[:n, :n] = z
+    for k in range(order):
+        augmented[k * n : (k + 1) * n, (k + 1) * n : (k + 2) * n] = np.eye(n)
+    return expm(augmented)[:n, -n:]
