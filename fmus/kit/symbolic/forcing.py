@@ -288,7 +288,8 @@ class EffectForcing:
         function = ca.Function("following", [ca.vec(states), given], following)
         names = [graph.layout.states[i].name for i in self._own_states]
         start = np.hstack([own.values[name] for name in names]).ravel()
-        courses = _path(function, start, fed).T.reshape(count, len(names), -1)
+        path = np.ascontiguousarray(_path(function, start, fed).T)
+        courses = path.reshape(count, len(names), -1)
         return _OwnCourses(own.values | {name: courses[:, i] for i, name in enumerate(names)})
 
     def _step(self, graph: Graph) -> ca.Function:
