@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -23,9 +24,12 @@ from fmus.kit.symbolic.tracing import Graph, trace
 
 Values = Mapping[str, float]
 _Numbers = Mapping[str, Any]  # floats, or arrays of one in each setting
+_Laws = tuple[list[Any], list[Any]]  # rates and outputs
 _GAMMA = 1.0 - 0.5**0.5  # of the Rosenbrock method of several states, which makes it L-stable
 _NEAR_ZERO = 1e-6  # which a rate of decay over a step stands for, where it is less
 _LITTLE = 1e-6  # of its nominal value, by which a switch is moved for a derivative
+_EVEN = 1e-9  # relative: steps that differ by less are of one length
+_AT_ONCE = 64  # steps that one call of a function takes
 
 
 @dataclass(frozen=True)
@@ -114,11 +118,25 @@ class ComponentAlong:
         count = len(self.cls.layout.outputs)
         if place >= count:
             return self.begin.states[place - count], self.end.states[place - count]
-        sides = []
-        for at in (self.begin, self.end):
-            _, outputs = _evaluated(self.cls, at, self.parameters)
-            sides.append(np.broadcast_to(outputs[place], at.time.shape[1]))
-        return sides[0], sides[1]
+        begin, end = (
+            np.broadcast_to(outputs[place], self.begin.time.shape[1]) for _, outputs in self.laws
+        )
+        return begin, end
+
+    @cached_property
+    def laws(self) -> tuple[_Laws, _Laws]:
+        """Rates and outputs at begin and end of every step, as arrays or numbers."""
+        begin, end = (_evaluated(self.cls, at, self.parameters) for at in (self.begin, self.end))
+        return begin, end
+
+    @cached_property
+    def steps(self) -> Array:
+        """Length, begin and end of every step, in a row each; all of one length if even."""
+        lengths = (self.end.time - self.begin.time)[:, :-1]
+        if np.ptp(lengths) <= _EVEN * lengths.max():
+            lengths = np.full_like(lengths, lengths.mean())
+        sides = [values[:, :-1] for at in (self.begin, self.end) for values in at.arguments]
+        return np.ascontiguousarray(np.vstack([lengths, *sides]).T)
 
 
 @dataclass(frozen=True)
@@ -182,8 +200,9 @@ class EffectForcing:
         parameters = self._parameters | columns
         own = self._own_courses(parameters, len(settings))
         component = self._component
-        begin, shown = self._additions(component.begin, parameters, own, per)
-        end, _ = self._additions(component.end, parameters, own.at_end(), per)
+        at_begin, at_end = component.laws
+        begin, shown = self._additions(component.begin, at_begin, parameters, own, per)
+        end, _ = self._additions(component.end, at_end, parameters, own.at_end(), per)
         return Forcing(begin, end, shown)
 
     def _moved(self, settings: Sequence[Values]) -> tuple[list[dict[str, float]], Array]:
@@ -204,12 +223,12 @@ class EffectForcing:
         return moved, per
 
     def _additions(
-        self, at: Points, parameters: _Numbers, own: _OwnCourses, per: Array
+        self, at: Points, base: _Laws, parameters: _Numbers, own: _OwnCourses, per: Array
     ) -> tuple[Array, Array]:
         """Return additions to rates and outputs, over their divisors, each (n, rows, k)."""
         known = self._component.cls
         rates, outputs = _evaluated(self._cls, at, parameters, known, own.values)
-        base_rates, base_outputs = _evaluated(known, at, self._component.parameters)
+        base_rates, base_outputs = base
         return (
             _difference([rates[i] for i in self._states], base_rates, per, at),
             _difference([outputs[i] for i in self._outputs], base_outputs, per, at),
@@ -225,7 +244,7 @@ class EffectForcing:
         own = _OwnCourses(starts)
         if self._own_discretes:
             own = self._sampled_at_start(parameters, own)
-        if self._own_states:
+        if self._own_states and self._component.begin.time.shape[1] > 1:
             own = self._integrated(parameters, own, count)
         return own
 
@@ -251,31 +270,38 @@ class EffectForcing:
         it has followed by then.
         """
         graph = trace(self._cls)
+        varied = [d.name for d in (*graph.layout.parameters, *self._own_discretes)]
+        values = {**parameters, **own.values}
+        numbers = np.hstack(
+            [np.broadcast_to(np.asarray(values[n], dtype=float), (count, 1)) for n in varied]
+        )
         step = self._step(graph)
-        copies = []
-        states = []
-        for k in range(count):
-            states.append(ca.SX.sym(f"z{k}", len(self._own_states)))
-            replaced = ca.substitute([step.result], [step.states], [states[-1]])
-            copies += _with_numbers(
-                graph, replaced, _setting({**parameters, **own.values}, k, count)
-            )
+        fed = self._component.steps
+        states = ca.SX.sym("states", len(self._own_states), count)
+        given = ca.SX.sym("given", fed.shape[1])
+        known = ca.SX(given)
+        # what is the same in all steps is a number, as their length is of an even record
+        for i in np.flatnonzero(np.ptp(fed, axis=0) == 0.0):
+            known[int(i)] = fed[0, i]
+        copies = [step(states[:, k], ca.DM(numbers[k]), known) for k in range(count)]
         following = ca.cse([ca.vertcat(*copies)])
-        function = ca.Function("step", [ca.vertcat(*states), step.fed], following)
+        function = ca.Function("following", [ca.vec(states), given], following)
         names = [graph.layout.states[i].name for i in self._own_states]
         start = np.hstack([own.values[name] for name in names]).ravel()
-        fed = self._fed()
-        path = np.empty((start.size, fed.shape[1] + 1))
-        path[:, 0] = start
-        if fed.shape[1]:
-            path[:, 1:] = np.asarray(function.mapaccum("path", fed.shape[1])(start, fed))
+        path = np.ascontiguousarray(_path(function, start, fed).T)
         courses = path.reshape(count, len(names), -1)
         return _OwnCourses(own.values | {name: courses[:, i] for i, name in enumerate(names)})
 
-    def _step(self, graph: Graph) -> _Step:
-        """Return a step of the effect's own states, fed with the trajectory; see `_fed`."""
+    def _step(self, graph: Graph) -> ca.Function:
+        """Return a step of the effect's own states.
+
+        It takes these, the parameters with the effect's own discrete states, and what a step is
+        fed with; see `ComponentAlong.steps`.
+        """
         known = {d.name for d in self._component.cls.layout.discretes}
-        held = [i for i, d in enumerate(graph.layout.discretes) if d.name in known]
+        discretes = graph.layout.discretes
+        held = [i for i, d in enumerate(discretes) if d.name in known]
+        own = _others(len(discretes), held)
         of_component = _some(graph.states, self._states)
         arguments = [graph.time, graph.inputs, of_component, _some(graph.discretes, held)]
         at_end = [ca.SX.sym("end", a.numel()) for a in arguments]
@@ -284,24 +310,8 @@ class EffectForcing:
         rates = _some(graph.rates, self._own_states)
         moved = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
         result = _rosenbrock(states, rates, moved, h)
-        return _Step(result, states, ca.vertcat(h, *arguments, *at_end))
-
-    def _fed(self) -> Array:
-        """Return length, begin and end of every step, each a column."""
-        begin = self._component.begin
-        end = self._component.end
-        steps = end.time[:, :-1] - begin.time[:, :-1]
-        sides = [values[:, :-1] for side in (begin, end) for values in side.arguments]
-        return np.vstack([steps, *sides])
-
-
-@dataclass(frozen=True)
-class _Step:
-    """One step of an integrator: states after it, states before it, and all else it depends on."""
-
-    result: ca.SX
-    states: ca.SX
-    fed: ca.SX
+        numbers = ca.vertcat(graph.parameters, _some(graph.discretes, own))
+        return ca.Function("step", [states, numbers, ca.vertcat(h, *arguments, *at_end)], [result])
 
 
 @dataclass(frozen=True)
@@ -313,6 +323,23 @@ class _OwnCourses:
     def at_end(self) -> _OwnCourses:
         """Return the same at the end of every step."""
         return _OwnCourses({n: np.hstack([v[:, 1:], v[:, -1:]]) for n, v in self.values.items()})
+
+
+def _path(function: ca.Function, start: Array, fed: Array) -> Array:
+    """Return states (n + 1, k) from a function of them and of what each of n steps is fed with."""
+    # a function of some steps at a time is built sooner than one of all, and works in place
+    several: Any = function.mapaccum("several", _AT_ONCE)
+    buffer, evaluate = several.buffer()
+    whole = np.pad(fed, ((0, -len(fed) % _AT_ONCE), (0, 0)), mode="edge")
+    path = np.empty((len(whole) + 1, start.size))
+    path[0] = start
+    for k in range(0, len(whole), _AT_ONCE):
+        following = slice(k + 1, k + 1 + _AT_ONCE)
+        buffer.set_arg(0, path[k].data)
+        buffer.set_arg(1, whole[k : k + _AT_ONCE].data)
+        buffer.set_res(0, path[following].data)
+        evaluate()
+    return path[: len(fed) + 1]
 
 
 def _rosenbrock(states: ca.SX, rates: ca.SX, at_end: ca.SX, h: ca.SX) -> ca.SX:
@@ -377,7 +404,7 @@ def _evaluated(
     parameters: _Numbers,
     known: type[Component] | None = None,
     own: Mapping[str, Array] | None = None,
-) -> tuple[list[Any], list[Any]]:
+) -> _Laws:
     """Return rates and outputs of a component; see `_instance`."""
     component = _instance(cls, at, parameters, known or cls, own or {})
     with np.errstate(all="ignore"):  # what is not finite is refused where it is used
@@ -390,7 +417,8 @@ def _difference(values: Sequence[Any], base: Sequence[Any], per: Array, at: Poin
     result = np.zeros((shape[1], len(values), shape[0]))
     for i, (one, other) in enumerate(zip(values, base, strict=True)):
         difference = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
-        result[:, i] = (np.broadcast_to(difference, shape) / per[:, np.newaxis]).T
+        if difference.any():
+            result[:, i] = (np.broadcast_to(difference, shape) / per[:, np.newaxis]).T
     return result
 
 
@@ -458,24 +486,10 @@ def _added(group: Sequence[Any], known: Sequence[Declaration]) -> list[Any]:
     return [variable for variable in group if variable.name not in names]
 
 
-def _setting(values: _Numbers, k: int, count: int) -> dict[str, float]:
-    """Return the numbers of one of several settings."""
-    return {name: float(np.broadcast_to(v, (count, 1))[k, 0]) for name, v in values.items()}
-
-
 def _with_parameters(graph: Graph, expressions: Sequence[ca.SX], values: Values) -> list[ca.SX]:
     """Return expressions with numbers for the parameters."""
     numbers = [float(values[p.name]) for p in graph.layout.parameters]
     return list(ca.substitute(list(expressions), [graph.parameters], [ca.DM(numbers)]))
-
-
-def _with_numbers(graph: Graph, expressions: Sequence[ca.SX], values: Values) -> list[ca.SX]:
-    """Return expressions with numbers for the parameters, and for discrete states that have one."""
-    places = [i for i, d in enumerate(graph.layout.discretes) if d.name in values]
-    numbers = [float(values[graph.layout.discretes[i].name]) for i in places]
-    held = _some(graph.discretes, places)
-    known = ca.substitute(list(expressions), [held], [ca.DM(numbers)])
-    return _with_parameters(graph, known, values)
 
 
 def _by_point(side_by_side: Array, shape: tuple[int, int, int]) -> Array:

@@ -6,7 +6,7 @@ from .encompassing_test import Amount as Amount
 from .encompassing_test import encompassing as encompassing
 from .evidence import FittedCandidate as FittedCandidate
 from .linear_response import StepMatrices as StepMatrices
-from .linearised_model import LinearisedModel as LinearisedModel
+from .linearised_model import ScoredModel as ScoredModel
 from .linearised_model import ScreenedCandidate as ScreenedCandidate
 from .linearised_model import strongest as strongest
 from .paired_scores import PairedInnovations as PairedInnovations
@@ -14,6 +14,5 @@ from .paired_scores import PairedScore as PairedScore
 from .paired_scores import paired_score as paired_score
 from .scales import signal_scales as signal_scales
 from .score_test import ScoreDirections as ScoreDirections
-from .score_test import ScoredModel as ScoredModel
 from .score_test import score_directions as score_directions
 from .score_test import simulated_directions as simulated_directions

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit import Effect
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.candidates.score_test import ScoreDirections
 from orchestration.identify.noise import ORDER, Noise, yule_walker
@@ -92,15 +92,6 @@ class _Products:
     cross: Array
     changes: Array
 
-    def whitened(self, noise: Noise) -> _Products:
-        """Return the products in units of innovations, in one lag."""
-        weights = _weights(noise.coefficients) / noise.deviation**2
-        own, cross, changes = (
-            np.tensordot(weights, part, axes=1)[np.newaxis]
-            for part in (self.own, self.cross, self.changes)
-        )
-        return _Products(own, cross, changes)
-
     def one(self, k: int) -> _Products:
         """Return the products of one change."""
         return replace(self, cross=self.cross[:, :, k : k + 1], changes=self.changes[:, k : k + 1])
@@ -108,17 +99,25 @@ class _Products:
     def remaining(self, amount: float, step: Array) -> Array:
         """Return the products (products,) of the residual after a step and some of one change."""
         v = np.append(1.0, step)
-        own = np.einsum("i,lij,j->l", v, self.own, v)
+        own = self.own @ v @ v
         cross = self.cross[:, :, 0] @ v
         return np.asarray(own + 2.0 * amount * cross + amount**2 * self.changes[:, 0])
+
+
+@dataclass(frozen=True)
+class _Coordinates:
+    """Least squares for the model's own coordinates, in one noise."""
+
+    weights: dict[str, Array]  # (products,), by output: they whiten
+    gradient: Array  # (p,)
+    information: Array  # (p, p)
+    spread: Array  # (p, p)
 
 
 @dataclass(frozen=True)
 class _Solution:
     """Least squares for amounts of k changes, each by itself beside the model's own coordinates."""
 
-    gradient: Array  # (p,)
-    spread: Array  # (p, p)
     along: Array  # (p, k): steps that make as much of the changes as the model can
     power: Array  # (k,): of what it cannot
     wanted: Array  # (k,): product of that with the residual
@@ -141,49 +140,58 @@ class LinearisedModel:
         self._size = {o: max(float(np.sqrt(np.mean(e**2))), 1e-30) for o, e in error.items()}
         # what is far out in heavy tails counts less, and an effect may show there alone
         self._rows = {o: np.sqrt(fit.weights[o] / fit.weights[o].max()) for o in error}
-        self._columns = {
-            o: self._padded(o, np.column_stack([e, jacobian[o]])) for o, e in error.items()
+        self._lagged = {
+            o: _Lagged(
+                self._padded(o, np.column_stack([e, jacobian[o]])),
+                self._padded(o, np.ones((e.size, 1)))[:, 0] > 0.0,
+            )
+            for o, e in error.items()
         }
-        self._pairs = {o: _pairs(self._padded(o, np.ones((e.size, 1)))) for o, e in error.items()}
-        self._own = {o: _lagged(x, x, self._pairs[o], _each) for o, x in self._columns.items()}
+        self._products: dict[ScoreDirections, dict[str, _Products]] = {}
         prior_mean = problem.position(problem.start)
         self._centre = np.where(fit.prior_precision > 0.0, prior_mean, fit.q)
         self._gradient_of_prior = fit.prior_precision * (fit.q - self._centre)
         low, high = problem.bounds()
         self._bounds = low - fit.q, high - fit.q
-        self._white = {o: Noise(np.empty(0), size) for o, size in self._size.items()}
+        white = {o: Noise(np.empty(0), size) for o, size in self._size.items()}
+        self._in_white = self._coordinates(white)
+        self._in_colour = self._coordinates(fit.noise)
 
     def _padded(self, output: str, values: NDArray[Any]) -> Array:
         """Return columns (n, k) over the whole record, zero where nothing counts."""
         present: Mask = self._problem.present[output]
-        whole = np.zeros((len(present), values.shape[1]))
+        # every column in one piece, as products with itself read it
+        whole = np.zeros((len(present), values.shape[1]), order="F")
         whole[present] = values * self._rows[output][:, np.newaxis]
         return whole
 
-    def products(self, change: Mapping[str, NDArray[Any]]) -> dict[str, _Products]:
-        """Return the products with changes (m, k), by output."""
-        products = {}
-        for o, own in self._own.items():
-            columns = self._padded(o, change[o])
-            cross = _lagged(self._columns[o], columns, self._pairs[o], _each)
-            squares = _lagged(columns, columns, self._pairs[o], _itself)
-            products[o] = _Products(own, cross, squares)
-        return products
+    def products(self, directions: ScoreDirections) -> dict[str, _Products]:
+        """Return the products with changes, by output; they are computed once."""
+        if directions not in self._products:
+            self._products[directions] = {
+                o: lagged.products(self._padded(o, directions.gradient[o]))
+                for o, lagged in self._lagged.items()
+            }
+        return self._products[directions]
 
-    def _solved(self, products: Mapping[str, _Products], noise: Mapping[str, Noise]) -> _Solution:
-        """Project changes away from the model's own coordinates, in one noise."""
-        white = [products[o].whitened(n) for o, n in noise.items()]
-        own = np.sum([w.own[0] for w in white], axis=0)
-        cross = np.sum([w.cross[0] for w in white], axis=0)
-        changes = np.sum([w.changes[0] for w in white], axis=0)
+    def _coordinates(self, noise: Mapping[str, Noise]) -> _Coordinates:
+        """Solve for the model's own coordinates, in one noise."""
+        weights = {o: _weights(n.coefficients) / n.deviation**2 for o, n in noise.items()}
+        own = _weighed(weights, {o: x.own for o, x in self._lagged.items()})
         information = own[1:, 1:]
         ridge = _RIDGE * (np.diag(information) + self._fit.prior_precision)
         spread = parameter_covariance(information, self._fit.prior_precision + ridge).matrix
-        along = spread @ cross[1:]
+        return _Coordinates(weights, own[1:, 0], information, spread)
+
+    def _solved(self, products: Mapping[str, _Products], own: _Coordinates) -> _Solution:
+        """Project changes away from the model's own coordinates, in one noise."""
+        cross = _weighed(own.weights, {o: x.cross for o, x in products.items()})
+        changes = _weighed(own.weights, {o: x.changes for o, x in products.items()})
+        along = own.spread @ cross[1:]
         power = changes - 2.0 * np.sum(cross[1:] * along, axis=0)
-        power += np.sum(along * (information @ along), axis=0)
+        power += np.sum(along * (own.information @ along), axis=0)
         power = np.where(power > _FLAT * changes, power, 0.0)
-        return _Solution(own[1:, 0], spread, along, power, cross[0] - along.T @ own[1:, 0])
+        return _Solution(along, power, cross[0] - along.T @ own.gradient)
 
     def score_statistics(self, directions: ScoreDirections) -> list[Array]:
         """Return the fall of the sum of squares with some of each change, in two kinds of noise.
@@ -193,12 +201,12 @@ class LinearisedModel:
         list of ndarray, shape (k,)
             In the noise as estimated, and in white noise.
         """
-        products = self.products(directions.gradient)
+        products = self.products(directions)
         least = np.array([one.least for one in directions.settings])
         most = np.array([one.most for one in directions.settings])
         falls = []
-        for noise in (self._fit.noise, self._white):
-            solved = self._solved(products, noise)
+        for own in (self._in_colour, self._in_white):
+            solved = self._solved(products, own)
             with np.errstate(divide="ignore", invalid="ignore"):
                 amount = np.clip(np.nan_to_num(-solved.wanted / solved.power), least, most)
             fall = -amount * (2.0 * solved.wanted + amount * solved.power)
@@ -207,9 +215,9 @@ class LinearisedModel:
 
     def identifiable_shares(self, directions: ScoreDirections) -> Array:
         """Return the share (k,) of changes, in power, that own coordinates cannot make."""
-        products = self.products(directions.gradient)
-        changes = sum(products[o].whitened(n).changes[0] for o, n in self._white.items())
-        power = self._solved(products, self._white).power
+        products = self.products(directions)
+        changes = _weighed(self._in_white.weights, {o: x.changes for o, x in products.items()})
+        power = self._solved(products, self._in_white).power
         return np.asarray(np.divide(power, changes, out=np.zeros_like(power), where=changes > 0.0))
 
     def confounded_shares(self, one: ScoreDirections, k: int) -> Callable[[ScoreDirections], Array]:
@@ -217,20 +225,18 @@ class LinearisedModel:
 
         Of all changes only what the model's own coordinates cannot make counts.
         """
-        mine = {o: g[:, k : k + 1] for o, g in one.gradient.items()}
-        own_products = self.products(mine)
-        own = self._solved(own_products, self._white)
-        columns = {o: self._padded(o, g)[:, 0] for o, g in mine.items()}
+        products = _of_one(self.products(one), k)
+        mine = self._solved(products, self._in_white)
+        cross = _weighed(self._in_white.weights, {o: x.cross for o, x in products.items()})[1:, 0]
+        columns = {
+            o: g[:, k] * (self._rows[o] / self._size[o]) ** 2 for o, g in one.gradient.items()
+        }
 
         def shares(other: ScoreDirections) -> Array:
-            products = self.products(other.gradient)
-            solved = self._solved(products, self._white)
-            common = np.zeros(len(other.settings))
-            for o, column in columns.items():
-                common += column @ self._padded(o, other.gradient[o]) / self._size[o] ** 2
-            cross = sum(own_products[o].whitened(n).cross[0] for o, n in self._white.items())
-            common -= np.asarray(cross)[1:, 0] @ solved.along
-            power = own.power[0] * solved.power
+            solved = self._solved(self.products(other), self._in_white)
+            common = sum(column @ other.gradient[o] for o, column in columns.items())
+            common = common - cross @ solved.along
+            power = mine.power[0] * solved.power
             return np.asarray(
                 np.divide(common**2, power, out=np.zeros_like(power), where=power > 0.0)
             )
@@ -239,9 +245,9 @@ class LinearisedModel:
 
     def predicted_improvement(self, directions: ScoreDirections, k: int) -> PredictedImprovement:
         """Solve for an amount of a change, within bounds, beside the model's own coordinates."""
-        change = {o: g[:, k : k + 1] for o, g in directions.gradient.items()}
         setting = directions.settings[k]
-        criterion, amount, step = self._improved(self.products(change), setting.least, setting.most)
+        products = _of_one(self.products(directions), k)
+        criterion, amount, step = self._improved(products, setting.least, setting.most)
         present, own = self._without_change
         return PredictedImprovement(
             present - criterion, min(present, own) - criterion, amount, step
@@ -251,17 +257,19 @@ class LinearisedModel:
         self, products: Mapping[str, _Products], least: float, most: float
     ) -> tuple[float, float, Array]:
         """Return the criterion with some of a change, its amount, and the step beside it."""
-        noise: Mapping[str, Noise] = self._white
-        for _ in range(_ROUNDS):
-            solved = self._solved(products, noise)
-            total = solved.gradient + self._gradient_of_prior
+        own = self._in_white
+        for left in reversed(range(_ROUNDS)):
+            solved = self._solved(products, own)
+            total = own.gradient + self._gradient_of_prior
             along = solved.along[:, 0]
             wanted = solved.wanted[0] - along @ self._gradient_of_prior
             power = solved.power[0] + self._fit.prior_precision @ along**2
             amount = -wanted / power if solved.power[0] > 0.0 else 0.0
             amount = float(np.clip(amount, least, most))
-            step = np.clip(-solved.spread @ total - amount * along, *self._bounds)
+            step = np.clip(-own.spread @ total - amount * along, *self._bounds)
             noise = self._noise(products, amount, step)
+            if left:
+                own = self._coordinates(noise)
         return self._criterion(noise, step), amount, step
 
     def _noise(
@@ -285,8 +293,8 @@ class LinearisedModel:
     def _without_change(self) -> tuple[float, float]:
         """Criterion of the model as it stands, and after a further step by itself."""
         nothing = {
-            o: _Products(x, np.zeros((*x.shape[:2], 1)), np.zeros((len(x), 1)))
-            for o, x in self._own.items()
+            o: _Products(x.own, np.zeros((*x.own.shape[:2], 1)), np.zeros((len(x.own), 1)))
+            for o, x in self._lagged.items()
         }
         stays = np.zeros(len(self._fit.q))
         present = self._criterion(self._noise(nothing, 0.0, stays), stays)
@@ -304,10 +312,33 @@ class LinearisedModel:
         return deviance + penalty
 
 
+@dataclass(frozen=True)
+class ScoredModel:
+    """A fitted model with the directions in which effects would move it.
+
+    Attributes
+    ----------
+    model : FittedCandidate
+    directions : dict of type[Effect] to ScoreDirections
+    """
+
+    model: FittedCandidate
+    directions: dict[type[Effect], ScoreDirections]
+
+    @cached_property
+    def linearised(self) -> LinearisedModel:
+        """The model, linear in its searched coordinates."""
+        return LinearisedModel(self.model)
+
+
 # Lag and depth of every product: how far both samples are from the ends of their stretch, up to
 # where it makes no difference.
 _PLACES = [(lag, depth) for lag in range(ORDER + 1) for depth in range(ORDER - lag + 1)]
 _FIRST = [_PLACES.index((lag, 0)) for lag in range(ORDER + 1)]
+# Lag and depth of the pairs that are apart: of two stretches (-1), and near an end of one.
+_GROUPS = [(lag, depth) for lag in range(ORDER + 1) for depth in range(-1, ORDER - lag)]
+_GROUP_OF_LAG = [_GROUPS.index((lag, -1)) for lag in range(ORDER + 1)]
+_NEAR = [place for place, (_, depth) in enumerate(_GROUPS) if depth >= 0]
 
 
 def _weights(coefficients: Array) -> Array:
@@ -320,54 +351,103 @@ def _weights(coefficients: Array) -> Array:
     return np.array(weights)
 
 
-def _pairs(counts: Array) -> list[list[NDArray[np.intp]]]:
-    """Return by lag the first samples of pairs that are special: of two stretches, and by depth.
+def _weighed(weights: Mapping[str, Array], products: Mapping[str, Array]) -> Array:
+    """Return the sum of products (products, ...) of all outputs by their weights."""
+    parts = [w @ products[o].reshape(len(w), -1) for o, w in weights.items()]
+    shape = next(iter(products.values())).shape
+    return np.asarray(np.sum(parts, axis=0)).reshape(shape[1:])
+
+
+def _of_one(products: Mapping[str, _Products], k: int) -> dict[str, _Products]:
+    """Return the products of one change, by output."""
+    return {o: of_output.one(k) for o, of_output in products.items()}
+
+
+class _Lagged:
+    """Columns to be multiplied with others at lags and depths; see `_PLACES`.
 
     Parameters
     ----------
-    counts : ndarray, shape (n, 1)
-        Zero where a sample counts for nothing.
+    columns : ndarray, shape (n, j)
+        Zero where nothing counts.
+    counts : ndarray of bool, shape (n,)
+        Where something does.
+
+    Attributes
+    ----------
+    own : ndarray, shape (products, j, j)
+        Products with each other, both orders together.
     """
-    present = counts[:, 0] > 0.0
-    n = len(present)
+
+    def __init__(self, columns: Array, counts: Mask):
+        n, self._width = columns.shape
+        groups = [_special_pairs(counts, lag) for lag in range(ORDER + 1)]
+        pairs = [(first, first + lag) for lag, firsts in enumerate(groups) for first in firsts]
+        self._first, self._second = (np.concatenate(side) for side in zip(*pairs, strict=True))
+        sizes = [len(first) for first, _ in pairs]
+        group = np.repeat(np.arange(len(_GROUPS)), sizes)
+        self._in_group = np.equal.outer(np.arange(len(_GROUPS)), group).astype(float)
+        self._rows = np.union1d(self._first, self._second)
+        # to every row those are added that it is paired with, so that all lags take one product
+        near = np.zeros((len(self._rows), len(_GROUPS), self._width))
+        for place, sides in enumerate(pairs):
+            one, other = np.searchsorted(self._rows, sides)
+            near[one, place] += columns[self._rows[other]]
+            near[other, place] += columns[self._rows[one]]
+        far = np.zeros((n, ORDER + 1, self._width))
+        for lag in range(ORDER + 1):
+            far[lag:, lag] += columns[: n - lag]
+            far[: n - lag, lag] += columns[lag:]
+        far[self._rows] -= np.add.reduceat(near, _GROUP_OF_LAG, axis=1)
+        self._near = near[:, _NEAR].reshape(len(self._rows), -1)
+        self._far = far.reshape(n, -1)
+        self.own = self._cross(columns)
+
+    def products(self, others: Array) -> _Products:
+        """Return the products with other columns (n, k)."""
+        return _Products(self.own, self._cross(others), self._squares(others))
+
+    def _cross(self, others: Array) -> Array:
+        """Return the products (products, j, k) with other columns."""
+        near = self._near.T @ others[self._rows]
+        far = self._far.T @ others
+        return _by_place(*(x.reshape(-1, self._width, others.shape[1]) for x in (near, far)))
+
+    def _squares(self, others: Array) -> Array:
+        """Return the products (products, k) of other columns with themselves."""
+        n = len(others)
+        near = self._in_group @ (others[self._first] * others[self._second])
+        whole = [np.einsum("nk,nk->k", others[: n - lag], others[lag:]) for lag in range(ORDER + 1)]
+        far = np.array(whole) - np.add.reduceat(near, _GROUP_OF_LAG, axis=0)
+        return _by_place(2.0 * near[_NEAR], 2.0 * far)
+
+
+def _by_place(near: Array, far: Array) -> Array:
+    """Return products in the order of `_PLACES`."""
+    products = np.empty((len(_PLACES), *far.shape[1:]))
+    is_far = np.array([depth == ORDER - lag for lag, depth in _PLACES])
+    products[is_far] = far
+    products[~is_far] = near
+    return products
+
+
+def _special_pairs(counts: Mask, lag: int) -> list[Indices]:
+    """Return the first samples of pairs of two stretches, and by depth of those near an end.
+
+    Parameters
+    ----------
+    counts : ndarray of bool, shape (n,)
+        False where a sample counts for nothing.
+    lag : int
+    """
+    n = len(counts)
     places = np.arange(n)
-    before = np.maximum.accumulate(np.where(present, -1, places))
-    after = np.minimum.accumulate(np.where(present, n, places)[::-1])[::-1]
-    pairs = []
-    for lag in range(ORDER + 1):
-        first = np.flatnonzero(present[: n - lag] & present[lag:])
-        depth = np.minimum(first - before[first] - 1, after[first + lag] - first - lag - 1)
-        apart = before[first] != before[first + lag]
-        groups = [first[apart]]
-        groups += [first[~apart & (depth == d)] for d in range(ORDER - lag)]
-        pairs.append(groups)
-    return pairs
-
-
-def _lagged(
-    one: Array,
-    other: Array,
-    pairs: list[list[NDArray[np.intp]]],
-    product: Callable[[Array, Array], Array],
-) -> Array:
-    """Return the products of columns (n, k) and (n, m), both orders together; see `_PLACES`."""
-    n = len(one)
-    products = []
-    for lag, groups in enumerate(pairs):
-        whole = product(one[: n - lag], other[lag:]) + product(one[lag:], other[: n - lag])
-        parts = [product(one[i], other[i + lag]) + product(one[i + lag], other[i]) for i in groups]
-        products += [*parts[1:], whole - np.sum(parts, axis=0)]
-    return np.array(products)
-
-
-def _each(one: Array, other: Array) -> Array:
-    """Return the products (k, m) of every column with every other."""
-    return one.T @ other
-
-
-def _itself(one: Array, other: Array) -> Array:
-    """Return the products (k,) of every column with the same one."""
-    return np.asarray(np.einsum("nk,nk->k", one, other))
+    before = np.maximum.accumulate(np.where(counts, -1, places))
+    after = np.minimum.accumulate(np.where(counts, n, places)[::-1])[::-1]
+    first = np.flatnonzero(counts[: n - lag] & counts[lag:])
+    depth = np.minimum(first - before[first] - 1, after[first + lag] - first - lag - 1)
+    apart = before[first] != before[first + lag]
+    return [first[apart], *(first[~apart & (depth == d)] for d in range(ORDER - lag))]
 
 
 def strongest(statistics: Sequence[Array]) -> list[int]:

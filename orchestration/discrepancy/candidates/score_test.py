@@ -54,7 +54,7 @@ class ScoreDirection:
     most: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # products of them are kept by identity
 class ScoreDirections:
     """Changes of the residual by an effect in k settings.
 
@@ -80,20 +80,6 @@ class ScoreDirections:
         value = scale.value(scale.position(float(declared.start)) + amount)
         limited = float(np.clip(value, declared.min, declared.max))
         return setting.values | {self.effect.neutral: limited}
-
-
-@dataclass(frozen=True)
-class ScoredModel:
-    """A fitted model with the directions in which effects would move it.
-
-    Attributes
-    ----------
-    model : FittedCandidate
-    directions : dict of type[Effect] to ScoreDirections
-    """
-
-    model: FittedCandidate
-    directions: dict[type[Effect], ScoreDirections]
 
 
 def score_directions(

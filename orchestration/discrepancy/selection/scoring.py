@@ -9,7 +9,6 @@ import numpy as np
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates import (
     FittedCandidate,
-    LinearisedModel,
     ScoreDirections,
     ScoredModel,
     ScreenedCandidate,
@@ -64,7 +63,7 @@ def score(search: Search, below: FittedCandidate, effects: Sequence[type[Effect]
 
 def unidentifiable(scored: ScoredModel) -> dict[str, Note]:
     """Return notes on effects of which a record says nothing, by their label."""
-    model = LinearisedModel(scored.model)
+    model = scored.linearised
     notes = {}
     for effect, directions in scored.directions.items():
         name = label(effect)
@@ -79,7 +78,7 @@ def confounding(
     scored: ScoredModel, effect: type[Effect], others: Sequence[type[Effect]]
 ) -> dict[str, float]:
     """Return by label the share of an effect, beyond its base model, that each other makes too."""
-    model = LinearisedModel(scored.model)
+    model = scored.linearised
     own = scored.directions[effect]
     _, in_white = model.score_statistics(own)
     shares = model.confounded_shares(own, int(np.argmax(in_white)))
@@ -96,7 +95,7 @@ def confounding(
 
 def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[ScreenedCandidate]:
     """Return starts for fits of effects, at the best score in coloured or white noise."""
-    model = LinearisedModel(scored.model)
+    model = scored.linearised
     starts = []
     for effect in effects:
         directions = scored.directions.get(effect)
