@@ -103,11 +103,15 @@ class Search:
     method: Method = FULL
     patience: float = 1.0
 
-    def nominal(self) -> FittedCandidate:
-        """Fit the model without effects, from several starts."""
+    def nominal(self, near: Mapping[str, float] | None = None) -> FittedCandidate:
+        """Fit the model without effects, from several starts, or from near where it should end."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
-        free_run = fit_free_run(problem, starting_points(problem), self._has_prior(problem))
+        if near is None:
+            starts = starting_points(problem)
+        else:
+            starts = [problem.inside(problem.position(problem.start | dict(near)))]
+        free_run = fit_free_run(problem, starts, self._has_prior(problem))
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         fit = self._fit(problem, free_run.q, free_run.noise)
