@@ -29,6 +29,7 @@ from orchestration.discrepancy.data import (
     stretch_notes,
 )
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.residuals import has_structure
 from orchestration.discrepancy.selection import (
     Intersample,
     Search,
@@ -189,6 +190,10 @@ def diagnose(
     search = Search(seen, cls, parameters, values, progress, budget or Budget(), each=each)
     fitted, whole = fit_all_samples(fit(search, record))
     selected = complete(select(fitted, effects), whole)
+    if _shows_more(selected, fitted):
+        longer = all_samples.over_longer(fitted.search, whole.search, whole.base)
+        further = replace(fitted, search=longer, base=longer.nominal())
+        selected = complete(select(further, effects), whole)
     judged = judge(selected)
     return conclude(selected.search, judged, selected.data)
 
@@ -356,6 +361,16 @@ def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:
         noise = errors_in_variables.no_input_noise(base)
     known = replace(data, input_noise=noise, notes=[*data.notes, *notes])
     return SelectedEffects(search, selection, known)
+
+
+def _shows_more(selected: SelectedEffects, fitted: BaseFit) -> bool:
+    """Return whether all of a record shows that a model is wrong, and a stretch of it no cause."""
+    search = selected.search
+    if not fitted.informative or len(search.data.time) == len(fitted.search.data.time):
+        return False
+    if selected.selection.steps or search.budget.spent():
+        return False
+    return has_structure(selected.selection.base, search.data)
 
 
 def judge(selected: SelectedEffects) -> ConfirmedSelection:

@@ -19,6 +19,7 @@ _SIZES = 8_000, 16_000, 32_000  # samples of it, the least that moves like the r
 _ALIKE = 0.5  # of how much an input moves in all of the record
 _USUAL = 0.98  # share of the samples whose errors count in full
 _WORSE = 1.5  # times the squared error of a stretch, from which on another is searched
+_LONGER = 4  # times a stretch, that is searched next
 _PLACES = 4  # for a stretch to begin, in its own length
 
 
@@ -61,7 +62,26 @@ def searched_stretch(data: Dataset) -> Dataset:
     return best
 
 
-def worst_stretch(data: Dataset, stretch: Dataset, errors: Array) -> tuple[Dataset, int]:
+def longer_stretch(data: Dataset, stretch: Dataset) -> Dataset:
+    """Return a stretch that begins where another does and is several times as long.
+
+    Parameters
+    ----------
+    data : Dataset
+    stretch : Dataset
+        The other one, a part of the data.
+
+    Returns
+    -------
+    Dataset
+        As far as the data reach.
+    """
+    size = min(_LONGER * len(stretch.time), len(data.time))
+    first = min(int(np.searchsorted(data.time, stretch.time[0])), len(data.time) - size)
+    return data.part(first, first + size)
+
+
+def worst_stretch(data: Dataset, stretch: Dataset, errors: Array) -> Dataset:
     """Return the stretch in which errors are largest, if they clearly are larger than in another.
 
     Parameters
@@ -74,9 +94,8 @@ def worst_stretch(data: Dataset, stretch: Dataset, errors: Array) -> tuple[Datas
 
     Returns
     -------
-    stretch : Dataset
-    first : int
-        The sample at which it begins.
+    Dataset
+        The other one, if none is clearly worse.
     """
     size = len(stretch.time)
     begin = int(np.searchsorted(data.time, stretch.time[0]))
@@ -91,8 +110,8 @@ def worst_stretch(data: Dataset, stretch: Dataset, errors: Array) -> tuple[Datas
         first = int(firsts[place])
         worse = data.part(first, first + size)
         if len(outputs_with_enough_samples(worse)) == len(data.measured):
-            return worse, first
-    return stretch, begin
+            return worse
+    return stretch
 
 
 def stretch_notes(data: Dataset, stretch: Dataset) -> list[Note]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from orchestration.discrepancy.candidates import FittedCandidate
-from orchestration.discrepancy.data import Dataset, worst_stretch
+from orchestration.discrepancy.data import Dataset, longer_stretch, worst_stretch
 from orchestration.discrepancy.selection.input_noise import simulated
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import (
@@ -77,7 +77,7 @@ def steps_over_all_samples(
     steps: list[Step] = []
     for step in selection.steps:
         try:
-            fitted = search.refit(step.chosen)
+            fitted = search.refit_over(step.chosen, below)
         except FAILURES:
             break
         evidence = fitted.delta_bic(below, selection.tried)
@@ -118,11 +118,23 @@ def at_worst(search: Search, whole: Search, base: FittedCandidate) -> Search:
     for output, noise in base.fit.noise.items():
         squares = (base.fit.residual[output] / noise.deviation) ** 2
         errors[base.problem.present[output]] += squares
-    stretch, first = worst_stretch(data, search.data, errors)
+    stretch = worst_stretch(data, search.data, errors)
     if stretch is search.data:
         return search
-    # what the model is there in the midst of, its fit to all of the record tells
-    states = simulated(whole, base, data)
-    layout = base.candidate.cls.layout
-    begun = {layout.start_of[s.name]: float(states[s.name][first]) for s in layout.states}
-    return replace(search, data=stretch, fixed={**search.fixed, **begun})
+    return _begun_at(search, stretch, whole, base)
+
+
+def over_longer(search: Search, whole: Search, base: FittedCandidate) -> Search:
+    """Return a search over a stretch several times as long; see `at_worst`."""
+    return _begun_at(search, longer_stretch(whole.data, search.data), whole, base)
+
+
+def _begun_at(search: Search, stretch: Dataset, whole: Search, base: FittedCandidate) -> Search:
+    """Return a search over a stretch, from the states that the model has where it begins."""
+    first = int(np.searchsorted(whole.data.time, stretch.time[0]))
+    fixed = dict(search.fixed)
+    if first > 0:
+        states = simulated(whole, base, whole.data)
+        layout = base.candidate.cls.layout
+        fixed |= {layout.start_of[s.name]: float(states[s.name][first]) for s in layout.states}
+    return replace(search, data=stretch, fixed=fixed)

@@ -236,6 +236,21 @@ class Search:
         fit = self._fit(problem, q, fitted.fit.noise)
         return FittedCandidate(fitted.candidate, problem, fit, fitted.free_run)
 
+    def refit_over(self, fitted: FittedCandidate, below: FittedCandidate) -> FittedCandidate:
+        """Fit a model that was selected on a part of the record to all of it.
+
+        The fit starts where that of the part ended, or with what the model below it has there
+        instead, which may be nearer: a part does not tell every parameter.
+        """
+        self.progress(f"fitting {fitted.candidate.name} to all of the record")
+        problem = self._problem(fitted.candidate)
+        starts = [
+            problem.inside(problem.position(problem.start | fitted.fit.values | dict(values)))
+            for values in ({}, below.fit.values)
+        ]
+        nearest = min(starts, key=lambda q: error_at(problem, q))
+        return FittedCandidate(fitted.candidate, problem, self._fit(problem, nearest, None))
+
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
         """Fit a model once more from one that contains it, and return the likelier of the two fits.
 
