@@ -165,6 +165,7 @@ class Search:
             if pooled_error(free_run.residual, scales) > error_below:
                 at_rest = problem.position(problem.start | below.fit.values)
                 free_run = fit_free_run(problem, [at_rest], self._has_prior(problem))
+        problem.forget_simulation()
         return replace(
             fitted, fit=choose_credible_fit(problem, fitted.fit, free_run), free_run=free_run
         )
