@@ -16,7 +16,7 @@ from orchestration.discrepancy.note import Note, NoteCode
 
 LONG = 20_000  # samples from which on a search sees a stretch only
 _SIZES = 8_000, 16_000, 32_000  # samples of it, the least that moves like the record
-_ALIKE = 0.5  # of how much an input moves in all of the record
+_ALIKE = 0.7  # of how much an input moves in all of the record
 _USUAL = 0.98  # share of the samples whose errors count in full
 _WORSE = 1.5  # times the squared error of a stretch, from which on another is searched
 _LONGER = 4  # times a stretch, that is searched next
@@ -26,7 +26,7 @@ _PLACES = 4  # for a stretch to begin, in its own length
 def searched_stretch(data: Dataset) -> Dataset:
     """Return the part of a record in which causes are searched for.
 
-    It is the earliest of the shortest stretches in which every input moves at least half as much as
+    It is the earliest of the shortest stretches in which every input moves nearly as much as
     in all of the record, or else the liveliest of the longest.
 
     Parameters

@@ -203,6 +203,7 @@ def _untouched(base: FittedCandidate) -> FittedCandidate | None:
         residual = problem.evaluate(q)[0]
     except UserError:
         return None
+    problem.forget_simulation()
     return replace(
         base, fit=replace(base.fit, q=q, values=problem.values(q), residual=dict(residual))
     )
