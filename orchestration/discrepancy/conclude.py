@@ -247,6 +247,7 @@ def conclude(
     final, refit_notes = _fit_to_all(search, selection.best, data)
     residuals = analyse_residuals(selection.best, data.estimation)
     parameters = _assess_parameters(search, final, selection, residuals, data)
+    final.problem.forget_simulation()
     of_input_noise = errors_in_variables.structure_of_input_noise(
         residuals, selection, search, data.input_noise
     )

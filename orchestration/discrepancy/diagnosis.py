@@ -1,8 +1,9 @@
-"""The diagnosis of a model on a record, from data to a verdict, in five steps.
+"""The diagnosis of a model on a record, from data to a verdict, in six steps.
 
 `screen` decides what of the data can be trusted, `fit` fits the model without effects, `select`
-looks for effects that explain what it gets wrong, `judge` holds them against unseen data, and
-`conclude` draws the conclusion.
+looks for effects that explain what it gets wrong, `complete` fits to every sample what was found
+in a stretch of a long record, `judge` holds it against unseen data, and `conclude` draws the
+conclusion.
 """
 
 from __future__ import annotations
@@ -19,12 +20,21 @@ from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis as Diagnosis
 from orchestration.discrepancy.conclude import DiagnosisData, conclude
 from orchestration.discrepancy.conclude import Verdict as Verdict
-from orchestration.discrepancy.data import Dataset, DividedData, is_excited, screen_and_divide
+from orchestration.discrepancy.data import (
+    Dataset,
+    DividedData,
+    is_excited,
+    screen_and_divide,
+    searched_stretch,
+    stretch_notes,
+)
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.residuals import has_structure
 from orchestration.discrepancy.selection import (
     Intersample,
     Search,
     Selection,
+    all_samples,
     clock,
     interpolation_hypotheses,
     intersample,
@@ -176,10 +186,14 @@ def diagnose(
     values = fixed or {}
     record = screen(cls, data, holdout, values, each)
     parameters = [name for name in searched_parameters(cls) if name not in held]
-    estimation = record.parts.estimation
-    search = Search(estimation, cls, parameters, values, progress, budget or Budget(), each=each)
-    fitted = fit(search, record)
-    selected = select(fitted, effects)
+    seen = searched_stretch(record.parts.estimation)
+    search = Search(seen, cls, parameters, values, progress, budget or Budget(), each=each)
+    fitted, whole = fit_all_samples(fit(search, record))
+    selected = complete(select(fitted, effects), whole)
+    if _shows_more(selected, fitted):
+        longer = all_samples.over_longer(fitted.search, whole.search, whole.base)
+        further = replace(fitted, search=longer, base=longer.nominal())
+        selected = complete(select(further, effects), whole)
     judged = judge(selected)
     return conclude(selected.search, judged, selected.data)
 
@@ -222,7 +236,8 @@ def fit(search: Search, record: ScreenedRecord) -> BaseFit:
     Parameters
     ----------
     search : Search
-        Of all parameters that may be searched, over the estimation data of the record.
+        Of all parameters that may be searched, over the estimation data of the record or a stretch
+        of them.
     record : ScreenedRecord
 
     Returns
@@ -250,6 +265,38 @@ def fit(search: Search, record: ScreenedRecord) -> BaseFit:
     )
 
 
+def fit_all_samples(fitted: BaseFit) -> tuple[BaseFit, BaseFit]:
+    """Fit the model without effects to every sample, where it was fitted to a stretch of them.
+
+    Parameters
+    ----------
+    fitted : BaseFit
+
+    Returns
+    -------
+    fitted : BaseFit
+        Over the stretch in which causes should be searched for: where the model is worst.
+    whole : BaseFit
+        Over every sample.
+
+    Raises
+    ------
+    UserError
+        If the model cannot be simulated over all of the record.
+    """
+    taken = _as_taken(fitted, fitted.record.parts.estimation)
+    if len(fitted.search.data.time) == len(taken.time):
+        return fitted, fitted
+    search, base = all_samples.base_over_all_samples(
+        fitted.search, fitted.base, taken, fitted.parameters
+    )
+    whole = replace(fitted, search=search, base=base)
+    worst = all_samples.at_worst(fitted.search, search, base)
+    if worst is fitted.search or not fitted.informative:
+        return fitted, whole
+    return replace(fitted, search=worst, base=worst.nominal()), whole
+
+
 def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
     """Select the effects that explain what the model gets wrong, and that noise on inputs does not.
 
@@ -275,6 +322,55 @@ def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
     taken = replace(fitted, record=replace(fitted.record, intersample=way.chosen))
     data = _conclusion_data(taken, candidates.base, noise, noise_notes)
     return SelectedEffects(way.search, selection, data)
+
+
+def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:
+    """Fit what was selected in a stretch of a long record to every sample.
+
+    Parameters
+    ----------
+    selected : SelectedEffects
+    whole : BaseFit
+        Over every sample.
+
+    Returns
+    -------
+    SelectedEffects
+        The same where the search saw every sample.
+
+    Raises
+    ------
+    UserError
+        If the model cannot be simulated over all of the record.
+    """
+    data = selected.data
+    notes = stretch_notes(data.estimation, selected.search.data)
+    if not notes:
+        return selected
+    search = whole.search
+    base = whole.base
+    if data.estimation.linear != search.data.linear:
+        search, base = all_samples.base_over_all_samples(
+            selected.search, selected.selection.base, data.estimation, whole.parameters
+        )
+    selection = all_samples.steps_over_all_samples(search, base, selected.selection)
+    noise = data.input_noise
+    if noise.deviation:
+        noise = errors_in_variables.estimate_input_noise(search, base)
+    else:
+        noise = errors_in_variables.no_input_noise(base)
+    known = replace(data, input_noise=noise, notes=[*data.notes, *notes])
+    return SelectedEffects(search, selection, known)
+
+
+def _shows_more(selected: SelectedEffects, fitted: BaseFit) -> bool:
+    """Return whether all of a record shows that a model is wrong, and a stretch of it no cause."""
+    search = selected.search
+    if not fitted.informative or len(search.data.time) == len(fitted.search.data.time):
+        return False
+    if selected.selection.steps or search.budget.spent():
+        return False
+    return has_structure(selected.selection.base, search.data)
 
 
 def judge(selected: SelectedEffects) -> ConfirmedSelection:
@@ -308,6 +404,11 @@ def _with_reported_fits(search: Search, selection: Selection) -> Selection:
     return replace(selection, base=base, steps=steps)
 
 
+def _as_taken(fitted: BaseFit, part: Dataset) -> Dataset:
+    """Return data by the clock and with inputs between samples as the fit wants them."""
+    return replace(clock.by(fitted.clock_notes, part), linear=fitted.record.linear)
+
+
 def _conclusion_data(
     fitted: BaseFit,
     base: FittedCandidate,
@@ -317,10 +418,7 @@ def _conclusion_data(
     """Gather the data as the fits want them taken, with the notes on them."""
     record = fitted.record
 
-    def as_taken(part: Dataset) -> Dataset:
-        return replace(clock.by(fitted.clock_notes, part), linear=record.linear)
-
-    parts = record.parts.taken(as_taken)
+    parts = record.parts.taken(lambda part: _as_taken(fitted, part))
     notes = [
         *_excitation_notes(fitted, parts.estimation),
         *intersample.remarks(record.intersample),

@@ -45,6 +45,7 @@ class NoteCode(StrEnum):
     TOO_FEW_SAMPLES = "too_few_samples"
     ENDS_EARLY = "ends_early"
     MANY_GAPS = "many_gaps"
+    SEARCHED_IN_PART = "searched_in_part"
     NOT_IN_VALIDATION_DATA = "not_in_validation_data"
     # effects
     NO_TRACE = "no_trace"

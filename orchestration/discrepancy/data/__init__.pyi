@@ -14,3 +14,7 @@ from .quality import resolution_of as resolution_of
 from .screening import DividedData as DividedData
 from .screening import is_excited as is_excited
 from .screening import screen_and_divide as screen_and_divide
+from .stretch import longer_stretch as longer_stretch
+from .stretch import searched_stretch as searched_stretch
+from .stretch import stretch_notes as stretch_notes
+from .stretch import worst_stretch as worst_stretch

@@ -198,7 +198,8 @@ def _rejected_effects(diagnosis: Diagnosis, listed: set[str]) -> list[TriedEffec
 def _models_by_step(diagnosis: Diagnosis) -> list[FittedCandidate]:
     """Return the models to which every step, and a last one in vain, tried to add an effect."""
     selection = diagnosis.selection
-    return [selection.base, *(step.chosen for step in selection.steps)]
+    models = [selection.base, *(step.chosen for step in selection.steps)]
+    return [*selection.compared[: len(models)]] or models
 
 
 def _unseen_evidence(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:

@@ -104,6 +104,11 @@ _NOTES = {
         "samples were taken evenly, as the outputs tell{margin}: times scatter by {jitter:.3g} s,"
         " which is left out"
     ),
+    NoteCode.SEARCHED_IN_PART: (
+        "causes were searched for in {samples} of {of} samples, from {first:.6g} s to {last:.6g} s;"
+        " the models with them are fitted to all samples and judged by all, and what acts elsewhere"
+        " only shows there as structure without a cause"
+    ),
     NoteCode.CONSTANT_INPUT: (
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and"
         " effects that need them cannot be told apart"

@@ -1,3 +1,4 @@
+from . import all_samples as all_samples
 from . import clock as clock
 from . import interpolation_hypotheses as interpolation_hypotheses
 from . import intersample as intersample

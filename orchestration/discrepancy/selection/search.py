@@ -107,11 +107,15 @@ class Search:
     patience: float = 1.0
     known: KnownFits = field(default_factory=KnownFits)
 
-    def nominal(self) -> FittedCandidate:
-        """Fit the model without effects, from several starts."""
+    def nominal(self, near: Mapping[str, float] | None = None) -> FittedCandidate:
+        """Fit the model without effects, from several starts, or from near where it should end."""
         candidate = Candidate((), self.base)
         problem = self._problem(candidate)
-        free_run = fit_free_run(problem, starting_points(problem), self._has_prior(problem))
+        if near is None:
+            starts = starting_points(problem)
+        else:
+            starts = [problem.inside(problem.position(problem.start | dict(near)))]
+        free_run = fit_free_run(problem, starts, self._has_prior(problem))
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         fit = self._fit(candidate, problem, free_run.q, free_run.noise)
@@ -165,6 +169,7 @@ class Search:
             if pooled_error(free_run.residual, scales) > error_below:
                 at_rest = problem.position(problem.start | below.fit.values)
                 free_run = fit_free_run(problem, [at_rest], self._has_prior(problem))
+        problem.forget_simulation()
         return replace(
             fitted, fit=choose_credible_fit(problem, fitted.fit, free_run), free_run=free_run
         )
@@ -236,6 +241,21 @@ class Search:
         q = problem.position(problem.start | fitted.fit.values)
         fit = self._fit(fitted.candidate, problem, q, fitted.fit.noise)
         return FittedCandidate(fitted.candidate, problem, fit, fitted.free_run)
+
+    def refit_over(self, fitted: FittedCandidate, below: FittedCandidate) -> FittedCandidate:
+        """Fit a model that was selected on a part of the record to all of it.
+
+        The fit starts where that of the part ended, or with what the model below it has there
+        instead, which may be nearer: a part does not tell every parameter.
+        """
+        self.progress(f"fitting {fitted.candidate.name} to all of the record")
+        problem = self._problem(fitted.candidate)
+        starts = [
+            problem.inside(problem.position(problem.start | fitted.fit.values | dict(values)))
+            for values in ({}, below.fit.values)
+        ]
+        nearest = min(starts, key=lambda q: error_at(problem, q))
+        return FittedCandidate(fitted.candidate, problem, self._fit(problem, nearest, None))
 
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
         """Fit a model once more from one that contains it, and return the likelier of the two fits.

@@ -77,6 +77,9 @@ class Selection:
     unsure : set of str
         Labels of effects whose evidence would do, were noise of the level and the colour that a
         likelihood takes it to be.
+    compared : tuple of FittedCandidate
+        Where the search saw a stretch of the record and the models are fitted to all of it: the
+        models in that stretch, of the base and of every step, to which effects were added there.
     """
 
     base: FittedCandidate
@@ -84,6 +87,7 @@ class Selection:
     rejected: list[tuple[FittedCandidate, float]] = field(default_factory=list)
     tried: int = 0
     unsure: set[str] = field(default_factory=set)
+    compared: tuple[FittedCandidate, ...] = ()
 
     @property
     def strong(self) -> list[Step]:

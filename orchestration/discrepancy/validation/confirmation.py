@@ -104,6 +104,8 @@ def confirm(selection: Selection, validation: ValidationData) -> ConfirmedSelect
             kept = replace(selection, steps=selection.steps[:k])
             refuted = Note(NoteCode.NOT_VALIDATED, names, gains)
             return ConfirmedSelection(kept, predictions, confirmations, [refuted])
+        # of a model before the best one none but its errors are asked for any more
+        predictions[-1] = replace(predictions[-1], sensitivities={})
         predictions.append(prediction)
         confirmations[step.chosen.effect_name] = confirmation
     return ConfirmedSelection(selection, predictions, confirmations, [])

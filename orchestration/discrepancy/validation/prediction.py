@@ -63,7 +63,8 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     slopes = np.array(
         [scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)]
     )
-    simulated = {o: ran.signals[o] for o in data.measured}
+    # copies, as a column of all signals and derivatives would keep all of them in memory
+    simulated = {o: ran.signals[o].copy() for o in data.measured}
     sensitivities = {o: ran.sensitivities[o] * slopes for o in simulated}
     return Prediction(model, simulated, sensitivities, validation.nrmse(simulated), values)
 
@@ -202,6 +203,7 @@ def _untouched(base: FittedCandidate) -> FittedCandidate | None:
         residual = problem.evaluate(q)[0]
     except UserError:
         return None
+    problem.forget_simulation()
     return replace(
         base, fit=replace(base.fit, q=q, values=problem.values(q), residual=dict(residual))
     )

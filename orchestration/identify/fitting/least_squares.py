@@ -24,6 +24,7 @@ _NOWHERE = 1e-9  # length of a step, in searched coordinates, after which a sear
 _ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
 # singular value, relative to the largest, below which no step goes in its direction
 _UNDETERMINED = 1e-10
+_BLOCK = 16_384  # rows of a Jacobian that are decomposed at once
 
 
 class SearchEndedError(UserError):
@@ -139,7 +140,7 @@ class _Search:
         origin = self.best
         free = self.free
         # used once; a Jacobian may cost as many simulations as there are coordinates
-        at_origin = [_triangle(self._jacobian(origin)[:, free], self._rows)]
+        at_origin = [_triangle(_columns(self._jacobian(origin), free), self._rows)]
         if not np.isfinite(at_origin[0]).all():
             raise UserError("the derivatives are not finite where the search starts")
         effect = np.linalg.norm(at_origin[0], axis=0)
@@ -162,7 +163,7 @@ class _Search:
         def slopes(steps: Array) -> Array:
             if at_origin:
                 return at_origin.pop() * size
-            return _triangle(self._jacobian(moved(steps))[:, free], self._last) * size
+            return _triangle(_columns(self._jacobian(moved(steps)), free), self._last) * size
 
         bounds = (start + (low - origin)[free] / size, start + (high - origin)[free] / size)
         with np.errstate(over="ignore"):  # of a trust region that vanishes where nothing is to gain
@@ -199,6 +200,11 @@ class _Search:
         return values
 
 
+def _columns(slopes: Array, free: Mask) -> Array:
+    """Return the free columns of a Jacobian, without a copy if all are."""
+    return slopes if free.all() else slopes[:, free]
+
+
 def _as_one_row(values: Array, count: int) -> Array:
     """Return a residual (m,) in coordinates in which only its first is not zero, (count + 1,)."""
     row = np.zeros(count + 1)
@@ -214,12 +220,15 @@ def _triangle(slopes: Array, values: Array) -> Array:
     lies along the first (Golub and Van Loan: Matrix Computations, section 5.1).
     """
     count = slopes.shape[1]
-    whole = np.column_stack([slopes, values])
-    if not np.isfinite(whole).all():
-        return np.full((count + 1, count), np.nan)
     triangle = np.zeros((count + 1, count + 1))
-    reduced = np.linalg.qr(whole, mode="r")
-    triangle[: len(reduced)] = reduced
+    # by blocks, as a copy of a long record's Jacobian would take as much memory again
+    for first in range(0, len(values), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        whole = np.column_stack([slopes[block], values[block]])
+        if not np.isfinite(whole).all():
+            return np.full((count + 1, count), np.nan)
+        reduced = np.linalg.qr(np.vstack([triangle, whole]), mode="r")
+        triangle[: len(reduced)] = reduced
     residual = triangle[:, -1].copy()
     residual[0] -= np.linalg.norm(residual)
     square = float(residual @ residual)

@@ -271,11 +271,11 @@ def fit_free_run(
     )
     fitted = _assessed(problem, _passed(problem, minimum, prior), prior)
     slopes = problem.evaluate(minimum.q)[1]
-    weighted = {o: j / scales[o] for o, j in slopes.items()}
-    stacked = np.vstack(list(weighted.values()))
+    information = sum(j.T @ j / scales[o] ** 2 for o, j in slopes.items())
+    weighted = (j / scales[o] for o, j in slopes.items())
     noise = [replace(n, deviation=n.deviation / scales[o]) for o, n in fitted.noise.items()]
-    bread = parameter_covariance(stacked.T @ stacked, prior.precision)
-    return replace(fitted, covariance=sandwich_covariance(bread, weighted.values(), noise))
+    bread = parameter_covariance(np.asarray(information), prior.precision)
+    return replace(fitted, covariance=sandwich_covariance(bread, weighted, noise))
 
 
 def choose_credible_fit(problem: Problem, likeliest: FitResult, free_run: FitResult) -> FitResult:

@@ -305,6 +305,7 @@ class Problem:
         """
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
+            self.forget_simulation()
             values = self.start | self.values(q)
             trajectory = self.model.run(
                 self.time, self.inputs, values, self.effort, self.runs, self.tolerance

@@ -111,9 +111,11 @@ def sandwich_covariance(
     -------
     Covariance
     """
-    scores = np.vstack([n.backwards(j) for n, j in zip(noise, jacobian, strict=True)])
-    halves = scores @ bread.matrix
-    return replace(bread, matrix=halves.T @ halves)
+    matrix = np.zeros_like(bread.matrix)
+    for model, slopes in zip(noise, jacobian, strict=True):
+        half = model.backwards(slopes) @ bread.matrix
+        matrix += half.T @ half
+    return replace(bread, matrix=matrix)
 
 
 def excess_variance(
@@ -142,8 +144,9 @@ def excess_variance(
         Ratio of variances, at least 1.
     """
     along = jacobian @ bread.matrix
-    leverage = np.clip(curvature * (along * jacobian).sum(axis=1), 0.0, _LEVERAGE)
-    robust = ((along * (score / (1.0 - leverage))[:, np.newaxis]) ** 2).sum(axis=0)
+    leverage = np.clip(curvature * np.einsum("ij,ij->i", along, jacobian), 0.0, _LEVERAGE)
+    along *= (score / (1.0 - leverage))[:, np.newaxis]
+    robust = np.einsum("ij,ij->j", along, along)
     plain = np.diag(bread.matrix)
     ratio = np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0)
     return np.asarray(np.maximum(ratio, 1.0))

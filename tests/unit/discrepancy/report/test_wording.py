@@ -21,6 +21,7 @@ from orchestration.discrepancy import conclude as conclusion
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.changes import Change
+from orchestration.discrepancy.data import stretch
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.quality import assess
@@ -315,6 +316,13 @@ def intersample_open(monkeypatch):
 @makes(NoteCode.INTERSAMPLE_CONTRADICTED)
 def intersample_contradicted(monkeypatch):
     return diagnose(PpyActuator, replace(short_record(), linear=True), []).notes
+
+
+@makes(NoteCode.SEARCHED_IN_PART)
+def searched_in_part(monkeypatch):
+    monkeypatch.setattr(stretch, "LONG", 500)
+    monkeypatch.setattr(stretch, "_SIZES", (400,))
+    return diagnose(PpyActuator, short_record(), []).notes
 
 
 @makes(NoteCode.EVEN_CLOCK)
