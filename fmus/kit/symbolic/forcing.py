@@ -278,14 +278,9 @@ class EffectForcing:
         step = self._step(graph)
         fed = self._component.steps
         states = ca.SX.sym("states", len(self._own_states), count)
-        given = ca.SX.sym("given", fed.shape[1])
-        known = ca.SX(given)
-        # what is the same in all steps is a number, as their length is of an even record
-        for i in np.flatnonzero(np.ptp(fed, axis=0) == 0.0):
-            known[int(i)] = fed[0, i]
+        given, known = _symbols(fed)
         copies = [step(states[:, k], ca.DM(numbers[k]), known) for k in range(count)]
-        following = ca.cse([ca.vertcat(*copies)])
-        function = ca.Function("following", [ca.vec(states), given], following)
+        function = ca.Function("all", [ca.vec(states), given], ca.cse([ca.vertcat(*copies)]))
         names = [graph.layout.states[i].name for i in self._own_states]
         start = np.hstack([own.values[name] for name in names]).ravel()
         path = np.ascontiguousarray(_path(function, start, fed).T)
@@ -323,6 +318,18 @@ class _OwnCourses:
     def at_end(self) -> _OwnCourses:
         """Return the same at the end of every step."""
         return _OwnCourses({n: np.hstack([v[:, 1:], v[:, -1:]]) for n, v in self.values.items()})
+
+
+def _symbols(fed: Array) -> tuple[ca.SX, ca.SX]:
+    """Return symbols for what n steps are fed with (n, m), and these with numbers that are known.
+
+    What is the same in all steps is a number, as their length is in an even record.
+    """
+    given = ca.SX.sym("given", fed.shape[1])
+    known = ca.SX(given)
+    for i in np.flatnonzero(np.ptp(fed, axis=0) == 0.0):
+        known[int(i)] = fed[0, i]
+    return given, known
 
 
 def _path(function: ca.Function, start: Array, fed: Array) -> Array:
