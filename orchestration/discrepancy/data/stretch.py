@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.screening import outputs_with_enough_samples
 from orchestration.discrepancy.note import Note, NoteCode
@@ -135,7 +135,7 @@ def stretch_notes(data: Dataset, stretch: Dataset) -> list[Note]:
     return [Note(NoteCode.SEARCHED_IN_PART, "", facts)]
 
 
-def _liveliness(data: Dataset, firsts: Array, size: int) -> Array:
+def _liveliness(data: Dataset, firsts: Indices, size: int) -> Array:
     """Return the deviation of the stillest input over that in all of the record, by stretch.
 
     Parameters
