@@ -255,7 +255,8 @@ class Search:
             for values in ({}, below.fit.values)
         ]
         nearest = min(starts, key=lambda q: error_at(problem, q))
-        return FittedCandidate(fitted.candidate, problem, self._fit(problem, nearest, None))
+        fit = self._fit(fitted.candidate, problem, nearest, None)
+        return FittedCandidate(fitted.candidate, problem, fit)
 
     def nested(self, below: FittedCandidate, richer: FittedCandidate) -> FittedCandidate:
         """Fit a model once more from one that contains it, and return the likelier of the two fits.
