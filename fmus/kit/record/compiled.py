@@ -19,8 +19,8 @@ from fmus.kit.arrays import Array
 from fmus.kit.build import record_sources, toolchain
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
+from fmus.kit.record.buffered_function import BufferedFunction
 from fmus.kit.record.interpreted import Interpreted
-from fmus.kit.record.law import Law
 from fmus.kit.record.library import RecordLibrary, compiled
 from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.symbolic import Graph, hoist, trace, with_sensitivities
@@ -71,7 +71,7 @@ class CompiledModel:
             self._linearisation = Linearisation(base, self._graph)
             hoisted, values = hoist(self._graph)
             self._own = np.zeros(len(self._graph.layout.parameters))
-            self._hoisted = Law(values, [self._own])
+            self._hoisted = BufferedFunction(values, [self._own])
             layout = hoisted.layout
             states = len(base.layout.states)
             made = record_sources(hoisted, states) if _compiler() else Interpreted(hoisted)

@@ -14,8 +14,8 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError
 from fmus.kit.integrate import MAX_STEPS, MIN_STEP, ROUNDING, SAME_INSTANT
+from fmus.kit.record.buffered_function import BufferedFunction
 from fmus.kit.record.exponential import ExponentialIntegrator
-from fmus.kit.record.law import Law
 from fmus.kit.record.linearisation import Ladder
 from fmus.kit.symbolic import Graph
 
@@ -44,9 +44,9 @@ class Interpreted:
         self._z = np.zeros(len(layout.discretes))
         arguments = [self._now, self._parameters, self._fed, self._x, self._z]
         rates, outputs, *updates = graph.functions(tangent=False)[:-1]
-        self._rates = Law(rates, arguments)
-        self._outputs = Law(outputs, arguments)
-        self._updates = [Law(update, arguments) for update in updates]
+        self._rates = BufferedFunction(rates, arguments)
+        self._outputs = BufferedFunction(outputs, arguments)
+        self._updates = [BufferedFunction(update, arguments) for update in updates]
 
     def simulate(
         self,

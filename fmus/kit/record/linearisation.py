@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.record.law import Law
+from fmus.kit.record.buffered_function import BufferedFunction
 from fmus.kit.symbolic import Graph
 
 # The first four are products of the largest eigenvalue and a time.
@@ -220,7 +220,7 @@ class Linearisation:
         return tuple(resampled)
 
     @cached_property
-    def _blocks(self) -> tuple[Law, bool]:
+    def _blocks(self) -> tuple[BufferedFunction, bool]:
         """J and all H at the first step, row by row, and whether J depends on its inputs.
 
         The first sampled updates have happened by then, with the inputs of the first sample.
@@ -239,7 +239,7 @@ class Linearisation:
         rows = ca.densify(ca.substitute(blocks, symbols, values).T)  # CasADi's go down columns
         arguments = [graph.time, graph.parameters, first, graph.inputs]
         function = ca.Function("blocks", arguments, ca.cse([rows]))
-        law = Law(function, [self._start, self._parameters, self._first, self._fed])
+        law = BufferedFunction(function, [self._start, self._parameters, self._first, self._fed])
         return law, bool(depends_on_inputs)
 
     def _affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:

@@ -1,18 +1,15 @@
-"""Which effects are fitted, to what end, and that none is fitted twice; oracle: regression, which
-tells what share of the best gain each effect has.
+"""Which effects are fitted, and to what end; oracle: regression, which tells what share of the best
+gain each effect has.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.selection import known_fits, search
 from orchestration.discrepancy.selection.ranking import ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
@@ -119,75 +116,3 @@ def test_the_nearest_three_are_fitted_from_beside_their_optima(monkeypatch):
     )
     ranked_beside([0.9, 0.7, 0.8, 0.6])
     assert sorted(refined) == ["other0", "other2", "right"]
-
-
-# --- no fit is made twice
-# --------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def fits(monkeypatch):
-    """Every fit that is made, and its method."""
-    made = []
-    original = search.fit_prediction_error
-
-    def noted(problem, q, noise, has_prior, std, method, **limits):
-        made.append(method)
-        return original(problem, q, noise, has_prior, std, method, **limits)
-
-    monkeypatch.setattr(search, "fit_prediction_error", noted)
-    return made
-
-
-def test_a_fit_from_the_same_place_is_made_once(fits):
-    begun = Search(record(), Amplifier, ["gain"])
-    base = begun.nominal()
-    first = begun.fit_from(base.candidate, base)
-    made = len(fits)
-    assert begun.fit_from(base.candidate, base).fit is first.fit
-    assert replace(begun, patience=2.0).fit_from(base.candidate, base).fit is first.fit
-    assert len(fits) == made
-
-
-def test_a_fit_in_other_noise_from_elsewhere_or_of_other_data_is_another(fits):
-    begun = Search(record(), Amplifier, ["gain"])
-    base = begun.nominal()
-    begun.fit_from(base.candidate, base)
-    made = len(fits)
-    other = Search(record(2), Amplifier, ["gain"], known=begun.known)
-    for changed in (
-        begun.in_white_noise(),
-        replace(begun, colour={"shown": np.array([0.5])}),
-        replace(begun, freedom={"shown": 4.0}),
-        replace(begun, method=FIXED_COLOUR),
-        replace(begun, farthest=1e9),
-        other,
-    ):
-        changed.fit_from(base.candidate, base)
-    begun.fit_from(base.candidate, base, {"gain": 1.1 * GAIN})
-    assert len(fits) == made + 7
-
-
-def test_a_fit_that_time_has_ended_is_none_that_is_known(fits):
-    begun = Search(record(), Amplifier, ["gain"])
-    base = begun.nominal()
-    late = replace(begun, budget=Budget(0.0))
-    late.fit_from(base.candidate, base)
-    made = len(fits)
-    begun.fit_from(base.candidate, base)
-    assert len(fits) == made + 1
-
-
-def test_the_latest_fits_are_kept_as_far_as_memory_allows(monkeypatch, fits):
-    monkeypatch.setattr(known_fits, "_KEPT", 2 * 4 * COUNT)
-    begun = Search(record(), Amplifier, ["gain"])
-    base = begun.nominal()
-    starts = [{"gain": factor * GAIN} for factor in (1.1, 1.2, 1.3)]
-    for start in starts:
-        begun.fit_from(base.candidate, base, start)
-    made = len(fits)
-    begun.fit_from(base.candidate, base, starts[2])
-    begun.fit_from(base.candidate, base, starts[1])
-    assert len(fits) == made
-    begun.fit_from(base.candidate, base, starts[0])
-    assert len(fits) == made + 1

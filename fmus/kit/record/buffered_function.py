@@ -11,10 +11,10 @@ import numpy as np
 from fmus.kit.arrays import Array
 
 
-class Law:
+class BufferedFunction:
     """A CasADi function whose arguments and result are the same arrays in every call.
 
-    Two threads must not use one law at once.
+    Two threads must not use one at once.
 
     Parameters
     ----------
