@@ -409,9 +409,10 @@ class _Lagged:
 
     def _cross(self, others: Array) -> Array:
         """Return the products (products, j, k) with other columns."""
-        near = self._near.T @ others[self._rows]
-        far = self._far.T @ others
-        return _by_place(*(x.reshape(-1, self._width, others.shape[1]) for x in (near, far)))
+        shape = (self._width, others.shape[1])
+        near = (self._near.T @ others[self._rows]).reshape(len(_NEAR), *shape)
+        far = (self._far.T @ others).reshape(ORDER + 1, *shape)
+        return _by_place(near, far)
 
     def _squares(self, others: Array) -> Array:
         """Return the products (products, k) of other columns with themselves."""

@@ -220,6 +220,14 @@ def test_a_model_without_coordinates_is_scored_alone():
     assert in_white == pytest.approx(expected, rel=1e-5)
 
 
+def test_an_effect_without_a_setting_has_no_scores():
+    model = LinearisedModel(at(Line, record(), NAMES))
+    nothing = directions({"y": np.empty((COUNT, 0))})
+    for one in model.score_statistics(nothing):
+        assert one.shape == (0,)
+    assert model.identifiable_shares(nothing).shape == (0,)
+
+
 def test_the_strongest_is_taken_once_in_every_kind_of_noise():
     assert strongest([np.array([1.0, 5.0, 2.0]), np.array([0.0, 7.0, 3.0])]) == [1]
     assert strongest([np.array([1.0, 5.0, 2.0]), np.array([9.0, 7.0, 3.0])]) == [1, 0]
