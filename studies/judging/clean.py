@@ -105,12 +105,12 @@ def diagnosed(
                 path, drawn.plant.model, settings=settings, hold=known, effects=effects, laws=False
             )
         except UserError as error:
-            told = {
+            refused = {
                 "verdict": "refused",
                 "why": [_without_figures(str(error))],
                 "seconds": _processor_time() - cpu,
             }
-            return None, told
+            return None, refused
     took = {"seconds": _processor_time() - cpu, "elapsed": clock.perf_counter() - began}
     physical = [n for n in drawn.plant.nominal if n in result.parameters]
     return result, took | {

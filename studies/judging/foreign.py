@@ -44,15 +44,15 @@ PAGE = ROOT / "docs" / "foreign-fmus.md"
 NONE = "nothing"
 _HALF = 0.5
 _HEAD = (
-    "# What is told of FMUs without equations\n"
+    "# What is said of FMUs without equations\n"
     "\n"
-    "Drawn by `python -m studies.judging.foreign {asked}`, a seed that was not looked at "
+    "Drawn by `python -m studies.judging.foreign {options}`, a seed that was not looked at "
     "before.\n"
     "The generators share no code with what they judge; the FMUs are native ones, given "
     "away without what tells of their\n"
     "classes. A third of every record is held out. What an effect inside an FMU is called "
     "cannot be known from outside: what\n"
-    "is told is a correction of an input, of an output or by a sensor, with its gain.\n"
+    "is named is a correction of an input, of an output or by a sensor, with its gain.\n"
     "\n"
     "{stamp}\n"
     "\n"
@@ -61,17 +61,17 @@ _HEAD = (
 
 def judge_clean(case: Case) -> Row:
     """Diagnose a record in which nothing is hidden."""
-    return asdict(case) | {"family": NONE} | _told(draw(case))
+    return asdict(case) | {"family": NONE} | _judged(draw(case))
 
 
 def judge_hidden(case: HiddenCase) -> Row:
     """Diagnose a record with an effect that leaves enough after a refit of the base."""
     drawn = draw_hidden(case)
     row = asdict(case) | {"family": case.variation.family, "widths": left(drawn)}
-    return row | (_told(drawn) if row["widths"] >= LEAST else {"verdict": ""})
+    return row | (_judged(drawn) if row["widths"] >= LEAST else {"verdict": ""})
 
 
-def _told(drawn: CleanRecord) -> Row:
+def _judged(drawn: CleanRecord) -> Row:
     model = replace(find_model(drawn.plant.model), cls=None)
     starts = [] if drawn.case.at_rest else [f"{state}_start" for state in drawn.plant.states]
     fit = [
@@ -128,8 +128,8 @@ def _naive(path: Path, model: Model, fit: Sequence[str], settings: Mapping[str, 
 def _said(row: Row) -> str:
     if not row["verdict"]:
         return f"not counted: {row['widths']:.1f} noise widths"
-    told = ", ".join(row["causes"]) or row.get("why", "nothing named")
-    return f"{row['verdict']}, {told}" + (
+    named_causes = ", ".join(row["causes"]) or row.get("why", "nothing named")
+    return f"{row['verdict']}, {named_causes}" + (
         f", error to {100 * row['left']:.0f} %" if "left" in row else ""
     )
 
@@ -142,7 +142,7 @@ def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
     rows = []
     for family, these in grouped([*answered, *counted], "family").items():
         lefts = [row["left"] for row in these if "left" in row]
-        told = sorted({cause for row in these for cause in row["causes"]})
+        named_causes = sorted({cause for row in these for cause in row["causes"]})
         rows.append(
             [
                 family,
@@ -150,7 +150,7 @@ def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
                 sum(bool(row["causes"]) for row in these),
                 sum(x < _HALF for x in lefts),
                 float(np.median(lefts)) if lefts else float("nan"),
-                ", ".join(told),
+                ", ".join(named_causes),
             ]
         )
     inside = [row for row in counted if "left" in row]
@@ -169,7 +169,7 @@ def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
             " all inputs and simulated outputs, which is what one would try first, halves it in"
             f" {share(sum(r['naive'] < _HALF for r in inside), len(inside))}."
         ),
-        Table(["hidden", "records", "with a cause", "halved", "error left, median", "told"], rows),
+        Table(["hidden", "records", "with a cause", "halved", "error left, median", "named"], rows),
     ]
     seconds = [row["seconds"] for row in (*clean, *inside) if "seconds" in row]
     if seconds:
@@ -209,14 +209,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     print("\n" + text)
     if chosen.out is not None:
-        asked = f"--records {chosen.records} --clean {chosen.clean} --seed {chosen.seed}"
-        asked += "".join(
+        options = f"--records {chosen.records} --clean {chosen.clean} --seed {chosen.seed}"
+        options += "".join(
             f" --{name} {' '.join(words)}"
             for name in ("only", "without")
             if (words := getattr(chosen, name))
         )
         chosen.out.write_text(
-            _HEAD.format(asked=asked, stamp=stamp(CODE)) + text + "\n", encoding="utf-8"
+            _HEAD.format(options=options, stamp=stamp(CODE)) + text + "\n", encoding="utf-8"
         )
 
 

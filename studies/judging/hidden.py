@@ -54,7 +54,7 @@ CODE = (
 _HEAD = (
     "# How often hidden effects are named, in models that nobody here prepared\n"
     "\n"
-    "Drawn by `python -m studies.judging.hidden {asked}`, a seed that was not looked at "
+    "Drawn by `python -m studies.judging.hidden {options}`, a seed that was not looked at "
     "before.\n"
     "Every family has several shapes, none of them the catalogue's formula, and the "
     "generators share no code with what they\n"
@@ -258,11 +258,11 @@ def _confusion(rows: Sequence[Row]) -> list[str | Table]:
     wrong = [row for row in rows if named(row) not in _GOOD or false_secondary(row)]
     return [
         "What was said of the others:",
-        Table(["record", "said"], [[title(row), told(row)] for row in wrong]),
+        Table(["record", "said"], [[title(row), answer_line(row)] for row in wrong]),
     ]
 
 
-def told(row: Row) -> str:
+def answer_line(row: Row) -> str:
     """Return the answer to a record as a line of text."""
     if excluded(row):
         of = f": {', '.join(row['alike'][:3])}" if row.get("alike") else ""
@@ -283,7 +283,7 @@ def run(
     progress: Callable[[str], None] = print,
 ) -> list[Row]:
     """Judge all cases that are not kept yet."""
-    return judged(wanted, kept, lambda case: judge(case, with_floor), told, progress)
+    return judged(wanted, kept, lambda case: judge(case, with_floor), answer_line, progress)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -312,19 +312,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if pairs:
         beside = kept.with_stem(f"{kept.stem}-two")
         topics.append(
-            hidden_two.report(judged(pairs, beside, hidden_two.judge, hidden_two.told, progress))
+            hidden_two.report(
+                judged(pairs, beside, hidden_two.judge, hidden_two.answer_line, progress)
+            )
         )
     text = "\n\n".join(map(str, topics))
     print("\n" + text)
     if chosen.out is not None:
-        asked = [f"--records {chosen.records} --seed {chosen.seed}"]
-        asked += [f"--two {chosen.two}"] if pairs else []
-        asked += [
+        options = [f"--records {chosen.records} --seed {chosen.seed}"]
+        options += [f"--two {chosen.two}"] if pairs else []
+        options += [
             f"--{name} {' '.join(words)}"
             for name in ("only", "without")
             if (words := getattr(chosen, name))
         ]
-        head = _HEAD.format(asked=" ".join(asked), least=LEAST, stamp=stamp(CODE))
+        head = _HEAD.format(options=" ".join(options), least=LEAST, stamp=stamp(CODE))
         chosen.out.write_text(head + text + "\n", encoding="utf-8")
 
 

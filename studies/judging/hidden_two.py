@@ -95,7 +95,7 @@ def false_causes(row: Row) -> list[str]:
     return [cause for cause in causes if cause not in row["related"]]
 
 
-def told(row: Row) -> str:
+def answer_line(row: Row) -> str:
     """Return the answer to a record as a line of text."""
     if why := left_out(row):
         names = ", ".join((row.get("alike") or row.get("alone") or [])[:3])
@@ -146,7 +146,7 @@ def report(rows: Sequence[Row]) -> Topic:
     wrong = [row for row in counted if named(row) != "both" or false_causes(row)]
     parts += [
         "What was said of the others:",
-        Table(["record", "said"], [[title(row), told(row)] for row in wrong]),
+        Table(["record", "said"], [[title(row), answer_line(row)] for row in wrong]),
     ]
     return Topic("Two at once", parts)
 

@@ -49,7 +49,7 @@ def judged(
 
 
 def add_options(parser: argparse.ArgumentParser, records: int, folder: str) -> None:
-    """Let a study be told which records to draw, and where to keep them."""
+    """Add options for the records that are drawn, and where they are kept."""
     parser.add_argument("--records", type=int, default=records)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", nargs="*", default=[], help="words that a case must contain")
@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser, records: int, folder: str) -> N
 
 
 def among(cases: Sequence[C], chosen: argparse.Namespace) -> list[C]:
-    """Leave out the cases that were not asked for."""
+    """Leave out the cases that were not chosen."""
     return [
         case
         for case in cases

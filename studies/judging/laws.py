@@ -53,7 +53,7 @@ from studies.judging.laws_answers import (
     rank,
     stands_still,
 )
-from studies.judging.laws_report import report, told
+from studies.judging.laws_report import answer_line, report
 from studies.judging.stamp import DIAGNOSIS, stamp
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ CODE = (
 _HEAD = (
     "# How often a law is found that lacks what no catalogue has\n"
     "\n"
-    "Drawn by `python -m studies.judging.laws {asked}`, a seed that was not looked at before.\n"
+    "Drawn by `python -m studies.judging.laws {options}`, a seed that was not looked at before.\n"
     "Every kind has three shapes, and the generators share no code with what they judge. "
     "Not counted are records in which\n"
     "what is hidden leaves less than {least:g} noise widths after a refit of the base, or "
@@ -117,12 +117,12 @@ def judge(case: LawCase) -> Row:
     row |= _naive(drawn, base, case, known)
     with tempfile.TemporaryDirectory() as folder:
         path = drawn.write(Path(folder) / "record.csv")
-        result, said = asked(path, drawn.plant.model, settings_of(drawn), drawn.plant.known)
+        result, said = searched_laws(path, drawn.plant.model, settings_of(drawn), drawn.plant.known)
     row |= said
     return row if result is None else row | _judged(result, drawn, case, known)
 
 
-def asked(
+def searched_laws(
     path: Path, model: str, settings: dict[str, float] | None = None, hold: Sequence[str] = ()
 ) -> tuple[LawsResult | None, Row]:
     """Search the laws of a model without a catalogue; return the result (None if refused), time."""
@@ -144,7 +144,7 @@ def _naive(drawn: CleanRecord, base: Base, case: LawCase, known: dict[str, Any])
     return {"naive": ranked[:3], "naive_right": right}
 
 
-def told_of(
+def judged_answers(
     result: LawsResult, right: frozenset[Answer], known: dict[str, Any], step: float
 ) -> Row:
     """Return the answers, each with whether it is right."""
@@ -175,7 +175,7 @@ def told_of(
 
 
 def _judged(result: LawsResult, drawn: CleanRecord, case: LawCase, known: dict[str, Any]) -> Row:
-    row = told_of(result, case.kind.right, known, drawn.step) | _held_out(result, drawn)
+    row = judged_answers(result, case.kind.right, known, drawn.step) | _held_out(result, drawn)
     if not row["said"] or not row["said"][0]["right"]:
         return row
     assert result.details is not None
@@ -244,7 +244,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for name in ("only", "without")
             if (words := getattr(chosen, name))
         ]
-        page = _HEAD.format(asked=" ".join(head), least=LEAST, stamp=stamp(CODE)) + text + "\n"
+        page = _HEAD.format(options=" ".join(head), least=LEAST, stamp=stamp(CODE)) + text + "\n"
         chosen.out.write_text(page, encoding="utf-8")
 
 
@@ -255,7 +255,11 @@ def _topics(chosen: argparse.Namespace, records: int, kept: Path) -> Sequence[To
     topics = []
     if records:
         topics.append(
-            report(judged(among(cases(records, chosen.seed), chosen), kept, judge, told, progress))
+            report(
+                judged(
+                    among(cases(records, chosen.seed), chosen), kept, judge, answer_line, progress
+                )
+            )
         )
     for name, count, study in (
         ("clean", chosen.clean, laws_clean.clean),

@@ -92,14 +92,14 @@ def actuator(seeds: int, chosen: argparse.Namespace, kept: Path, progress: Progr
 
 
 def _judge_clean(case: Case) -> Row:
-    from studies.judging.laws import asked, told_of
+    from studies.judging.laws import judged_answers, searched_laws
 
     drawn = draw(case)
     with tempfile.TemporaryDirectory() as folder:
         path = drawn.write(Path(folder) / "record.csv")
-        result, row = asked(path, drawn.plant.model, settings_of(drawn), drawn.plant.known)
+        result, row = searched_laws(path, drawn.plant.model, settings_of(drawn), drawn.plant.known)
     row = asdict(case) | row
-    return row if result is None else row | told_of(result, frozenset(), {}, drawn.step)
+    return row if result is None else row | judged_answers(result, frozenset(), {}, drawn.step)
 
 
 def _said_of_clean(row: Row) -> str:
@@ -145,7 +145,7 @@ def _judge_rig(case: RigCase) -> Row:
     from orchestration.rig import RIG_COMPONENT
     from studies.emulator import draw as draw_rig
     from studies.emulator import write
-    from studies.judging.laws import asked, told_of
+    from studies.judging.laws import judged_answers, searched_laws
 
     try:
         drawn = draw_rig(case.variation, case.seed, case.strength, duration=_DURATION)
@@ -153,13 +153,13 @@ def _judge_rig(case: RigCase) -> Row:
         return asdict(case) | {"impossible": str(error), "seconds": 0.0}
     with tempfile.TemporaryDirectory() as folder:
         write(drawn, Path(folder) / "record.csv")
-        result, row = asked(Path(folder) / "record.csv", RIG_COMPONENT)
+        result, row = searched_laws(Path(folder) / "record.csv", RIG_COMPONENT)
     row = asdict(case) | row | {"widths": drawn.truth.hidden[0].widths}
     step = float(drawn.time[1] - drawn.time[0])
     return (
         row
         if result is None
-        else row | told_of(result, right_of(case.variation), dict(drawn.inputs), step)
+        else row | judged_answers(result, right_of(case.variation), dict(drawn.inputs), step)
     )
 
 

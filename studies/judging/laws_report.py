@@ -29,7 +29,7 @@ def title(row: Row) -> str:
     return str(LawCase(**{n: row[n] for n in LawCase.__dataclass_fields__ if n in row}))
 
 
-def told(row: Row) -> str:
+def answer_line(row: Row) -> str:
     """Return the answer to a record as a line of text."""
     if excluded(row):
         reason = "it stands still" if row.get("still") else f"{row['widths']:.1f} widths"
@@ -184,7 +184,7 @@ def _wrong(rows: Sequence[Row]) -> list[str | Table]:
     table = [
         [
             title(row),
-            told(row),
+            answer_line(row),
             str(row.get("rank") or ""),
             str(row.get("in_map") or ""),
             f"{row.get('ratio', np.nan):.2f}",

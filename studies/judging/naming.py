@@ -414,8 +414,8 @@ def main() -> None:
         if all(word in f"{c.group} {c.hidden}" for word in chosen.only)
     ]
     folder = chosen.folder or ROOT / "build" / "naming" / digest(CODE)
-    asked = f" --seeds {chosen.seeds} --seed {chosen.seed}"
-    text = page(run(wanted, folder, chosen.workers, chosen.records), asked)
+    options = f" --seeds {chosen.seeds} --seed {chosen.seed}"
+    text = page(run(wanted, folder, chosen.workers, chosen.records), options)
     out = chosen.out or (None if chosen.only else PAGE)
     print(text)
     if out is not None:

@@ -226,11 +226,11 @@ class _Trial:
         return float(np.sqrt(np.mean(parts)))
 
 
-def report(asked: Sequence[Question], progress: Callable[[str], None] = print) -> Topic:
+def report(chosen_questions: Sequence[Question], progress: Callable[[str], None] = print) -> Topic:
     """Answer all questions that can be."""
     rows: list[list[Cell]] = []
     missing = []
-    for question in asked:
+    for question in chosen_questions:
         if question.absent():
             missing.append(f"{question.title}: {question.absent()} is not in {DATA}")
             continue
@@ -271,8 +271,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=[], help="words that a title must contain")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
-        asked = [q for q in questions(Path(folder)) if all(word in q.title for word in chosen.only)]
-        print("\n" + str(report(asked, lambda line: print(line, flush=True))))
+        chosen_questions = [
+            q for q in questions(Path(folder)) if all(word in q.title for word in chosen.only)
+        ]
+        print("\n" + str(report(chosen_questions, lambda line: print(line, flush=True))))
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ class System:
         That it needs, relative to the folder of public data.
     laws, signals : tuple of str
         Any of which is a right answer; the first are those that the page names.
-    asked : callable
+    options : callable
         Of a folder for files in between; gives the arguments of `orchestration.laws`.
     """
 
@@ -88,7 +88,7 @@ class System:
     files: tuple[str, ...]
     laws: tuple[str, ...]
     signals: tuple[str, ...]
-    asked: Callable[[Path], dict[str, Any]]
+    options: Callable[[Path], dict[str, Any]]
 
     def absent(self) -> str:
         """Return which files are missing, or nothing."""
@@ -205,7 +205,7 @@ def ask(system: System, folder: Path) -> LawsResult:
     """Search the laws of a system."""
     import orchestration as ppy
 
-    return ppy.laws(**system.asked(folder))
+    return ppy.laws(**system.options(folder))
 
 
 def section(system: System, result: LawsResult, seconds: float, pictures: Path) -> str:

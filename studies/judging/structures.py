@@ -158,7 +158,7 @@ def integrators(case: Case) -> list[Integrator]:
 def page(found: dict[Case, dict[str, Figures]], poles: list[Integrator]) -> str:
     """Return the page as Markdown."""
     tables = (line for part in (0, 1, 2) for line in _table(found, part))
-    return "\n".join([*_head(), *_told(found), *tables, *_poles(poles), ""])
+    return "\n".join([*_head(), *_summary(found), *tables, *_poles(poles), ""])
 
 
 _TITLES = ("Fit to identification data, %", "Fit to validation data, %", "Akaike's criterion")
@@ -209,7 +209,7 @@ def _table(found: dict[Case, dict[str, Figures]], part: int) -> Iterator[str]:
         )
 
 
-def _told(found: dict[Case, dict[str, Figures]]) -> Iterator[str]:
+def _summary(found: dict[Case, dict[str, Figures]]) -> Iterator[str]:
     """Return sentences that count what the tables show."""
 
     def cases(part: int, condition: Callable[[dict[str, float]], bool], chosen: str = "") -> str:

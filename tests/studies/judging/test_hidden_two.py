@@ -136,7 +136,7 @@ def test_records_that_do_not_count_are_not_diagnosed(monkeypatch):
     name, one_alone = "sensor_drift(voltage)", True  # although it is one of the two
     row = hidden_two.judge(_TWO)
     assert (hidden_two.left_out(row), row["alone"]) == ("one alone", [name])
-    assert "sensor_drift(voltage)" in hidden_two.told(row)
+    assert "sensor_drift(voltage)" in hidden_two.answer_line(row)
     monkeypatch.setattr(hidden_two, "left_beside", lambda drawn: [1.29, 9.0])
     assert hidden_two.left_out(hidden_two.judge(_TWO)) == "too little"
 
