@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit import Component, Effect, UserError, transport_delay
+from fmus.kit import Component, Effect, UserError
 from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import (
@@ -188,8 +188,7 @@ class Search:
         """
         below = screened.below
         candidate = at_rest.candidate.with_effect(screened.effect)
-        # a delay shows the time before the record
-        if self._starts_unknown and getattr(screened.effect, "made_by", None) is transport_delay:
+        if self._starts_unknown:  # where the model moves at the start, so does what it lacks
             candidate = _with_free_starts(candidate, screened.effect)
         problem = self._problem(candidate)
         step = np.clip(screened.predicted.step, -_STRIDE, _STRIDE)
@@ -202,7 +201,7 @@ class Search:
         return FittedCandidate(candidate, problem, self._fit(candidate, problem, nearest, None))
 
     def refine(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit once more from beside the optimum, where there may be others, and not at rest."""
+        """Fit once more from beside the optimum, where there may be others, and from rest."""
         candidate = fitted.candidate
         effect = fitted.effect
         best = fitted
@@ -216,8 +215,8 @@ class Search:
                 again = self._again(candidate, start, fitted)
                 best = min(best, again, key=lambda e: e.fit.bic)
         if effect.layout.states and self._starts_unknown:
-            moving = _with_free_starts(candidate, effect)
-            again = self._again(moving, best.problem.start | best.fit.values, best)
+            resting = _without_free_starts(candidate, effect)
+            again = self._again(resting, best.problem.start | best.fit.values, best)
             best = min(best, again, key=lambda e: e.fit.bic)
         return best
 
@@ -385,5 +384,15 @@ class Search:
 
 def _with_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidate:
     """Return a candidate in which the start values of an effect's states are searched, too."""
-    starts = (effect.layout.start_of[state.name] for state in effect.layout.states)
-    return replace(candidate, starts=tuple(dict.fromkeys((*candidate.starts, *starts))))
+    return replace(candidate, starts=tuple(dict.fromkeys((*candidate.starts, *_starts(effect)))))
+
+
+def _without_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidate:
+    """Return a candidate in which the states of an effect start at rest."""
+    own = _starts(effect)
+    return replace(candidate, starts=tuple(name for name in candidate.starts if name not in own))
+
+
+def _starts(effect: type[Effect]) -> list[str]:
+    """Return the start values of the states of an effect."""
+    return [effect.layout.start_of[state.name] for state in effect.layout.states]
