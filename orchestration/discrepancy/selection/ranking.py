@@ -31,7 +31,7 @@ from orchestration.discrepancy.selection.block_cross_validation import (
 )
 from orchestration.discrepancy.selection.scoring import COMPARABLE, PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
-from orchestration.identify.fitting import EVALUATE, FIXED_COLOUR
+from orchestration.identify.fitting import EVALUATE, FIXED_COLOUR, Method
 
 FEW = PROMISING // 2  # effects by which hypotheses about inputs are judged
 # By which BIC, less the price of looking, must fall for one more effect, whatever the noise: very
@@ -44,6 +44,8 @@ ALTERNATIVE = 6.0
 AS_PROMISING = 0.5  # of the best fall that is expected of an effect, for a fit from elsewhere too
 REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
+_STAGE = Method(passes=1, trials=25, restarts=0)  # of a fit to the end
+_HOPED = 5.0  # times what a stage gained, which the next ones may gain
 
 _Fitted = dict[type[Effect], FittedCandidate]
 Row = tuple[FittedCandidate, float]
@@ -281,11 +283,54 @@ def _fit_to_the_end(
     begun = dict(rough or {})
     new = {effect: several for effect, several in starts.items() if effect not in begun}
     screened = [*begun.values(), *_screened(plain, below, new)]
-    to_the_end = replace(plain, method=FIXED_COLOUR)
     best = sorted(screened, key=_bic)[:PROMISING]
-    ended = parallel_map(lambda f: _again(to_the_end, f), best)
-    for fitted in (*screened, *filter(None, ended)):
+    known = min([*seen.values(), below], key=_bic)
+    for fitted in (*screened, *_ended(plain, below, best, known)):
         seen[fitted.effect] = min(fitted, seen.get(fitted.effect, fitted), key=_bic)
+
+
+def _ended(
+    plain: Search,
+    below: FittedCandidate,
+    begun: Sequence[FittedCandidate],
+    known: FittedCandidate,
+) -> list[FittedCandidate]:
+    """Fit candidates on, in stages, to the end, or to where they can be no contenders.
+
+    Parameters
+    ----------
+    plain : Search
+        In white noise.
+    below : FittedCandidate
+        The model without their effects.
+    begun : sequence of FittedCandidate
+        After their first steps.
+    known : FittedCandidate
+        The best of others.
+
+    Returns
+    -------
+    list of FittedCandidate
+        Where each ended; contenders once more, in as many passes as their noise takes.
+    """
+    stage = replace(plain, method=_STAGE)
+    ended: list[FittedCandidate] = []
+    running = list(begun)
+    contends = below.fit.bic
+    while running:
+        further = parallel_map(lambda f: _again(stage, f), running)
+        pairs = [(before, after) for before, after in zip(running, further, strict=True) if after]
+        least = min(map(_bic, [known, *ended, *(after for _, after in pairs)]))
+        contends = below.fit.bic - CONTENDER * (below.fit.bic - least)
+        running = []
+        for before, after in pairs:
+            gained = before.fit.bic - after.fit.bic
+            is_hopeful = after.fit.bic - _HOPED * gained < contends
+            moves = gained > _STAGE.settled and not after.fit.converged
+            (running if is_hopeful and moves else ended).append(after)
+    to_the_end = replace(plain, method=FIXED_COLOUR)
+    sure = parallel_map(lambda f: _again(to_the_end, f), [f for f in ended if _bic(f) <= contends])
+    return [*ended, *filter(None, sure)]
 
 
 def _screened(

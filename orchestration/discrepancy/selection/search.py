@@ -52,6 +52,7 @@ _EASIER = 0.2
 # Accuracy of internal steps: a thousandth of the noise of a good record. It costs less than half of
 # what the accuracy of an FMU does where a model bends sharply.
 _TOLERANCE = 1e-6
+_BEHIND = 6.0  # of BIC, after its first steps, behind which a fit from beside an optimum ends
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -212,7 +213,10 @@ class Search:
                 start = fitted.problem.start | fitted.fit.values
                 declared = effect.declared[name]
                 start[name] = float(np.clip(start[name] * factor, declared.min, declared.max))
-                again = self._again(candidate, start, fitted)
+                begun = replace(self, method=SCREEN)._again(candidate, start, fitted)
+                if begun.fit.bic > best.fit.bic + _BEHIND:
+                    continue
+                again = self._again(candidate, begun.problem.start | begun.fit.values, begun)
                 best = min(best, again, key=lambda e: e.fit.bic)
         if effect.layout.states and self._starts_unknown:
             resting = _without_free_starts(candidate, effect)

@@ -114,6 +114,7 @@ class _Search:
         self.free = free
         self.best = q
         self._rows = residual(q)
+        self._last = self._rows
         self._tried = 0
         if not np.isfinite(self._rows).all():
             raise UserError("the simulation is not finite where the search starts")

@@ -407,7 +407,22 @@ def _minimised(
 
 @dataclass(frozen=True)
 class _Pass:
-    """The end of a pass, and the noise that is estimated from the residual there."""
+    """The end of a pass, and the noise that is estimated from the residual there.
+
+    Attributes
+    ----------
+    minimum : Minimum
+    residual : dict of str to ndarray, shape (n,)
+        Measured minus simulated, by output, SI.
+    noise : dict of str to Noise
+    innovation : dict of str to ndarray, shape (m,)
+        The residual whitened.
+    deviance : float
+        Twice the negative logarithm of the likelihood.
+    parameters : int
+        Of the model and of its noise.
+    samples : int
+    """
 
     minimum: Minimum
     residual: dict[str, Array]

@@ -5,15 +5,19 @@ gain each effect has.
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fmus.kit import Parameter
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.selection import ranking
 from orchestration.discrepancy.selection.ranking import ranked
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
-from orchestration.identify.fitting import FIXED_COLOUR
+from orchestration.identify.fitting import FIXED_COLOUR, FULL, SCREEN
 from tests.support.regression_model import GAIN, SPREAD, STEP, Amplifier, shaped
 
 COUNT = 6000
@@ -104,9 +108,76 @@ def test_a_contender_is_made_sure_of_that_gains_half_of_the_best(wanted):
     shares = ranked_beside([0.42, 0.60])
     assert shares["other0"] < 0.47
     assert shares["other1"] > 0.53
-    # once in white noise, and once in that of the nearest
-    assert fitted(wanted, FIXED_COLOUR) == {"right", "other0", "other1"}
+    # in white noise to the end, and in that of the nearest
+    assert fitted(wanted, FIXED_COLOUR) == {"right", "other1"}
     assert fitted(wanted, FIXED_COLOUR, times=2) == {"right", "other1"}
+
+
+class Course:
+    """A fit that falls by so much in every stage, until it has converged."""
+
+    def __init__(self, falls, bic=0.0):
+        self._falls = falls
+        self.fit = SimpleNamespace(bic=bic, converged=not falls)
+
+    def on(self):
+        first, *others = self._falls
+        return Course(others, self.fit.bic - first)
+
+
+def stages(monkeypatch, *courses, gained=50.0):
+    """Fit on along courses that begin where so much is gained; return how many stages each took."""
+    taken = Counter()
+    mine = [Course(falls, -gained) for falls in courses]
+    number = {id(course): k for k, course in enumerate(mine)}
+
+    def again(search, course):
+        if search.method is FIXED_COLOUR:
+            return course
+        after = course.on()
+        number[id(after)] = number[id(course)]
+        alive.append(after)
+        taken[number[id(after)]] += 1
+        return after
+
+    alive = []
+    monkeypatch.setattr(ranking, "_again", again)
+    monkeypatch.setattr(ranking, "parallel_map", lambda work, items: [work(i) for i in items])
+    below = Course([])
+    ranking._ended(Search(record(), Amplifier, ["gain"]), below, mine, below)
+    return [taken[k] for k in range(len(mine))]
+
+
+def test_a_fit_ends_that_can_be_no_contender(monkeypatch):
+    """The best gains 1000, a contender half of that."""
+    best = [500.0, 450.0]
+    slow = [80.0] * 6  # after two stages 210, and 400 more at that pace: it may come to 500
+    hopeless = [60.0] * 6  # 170, and 300 more
+    assert stages(monkeypatch, best, slow, hopeless) == [2, 6, 2]
+
+
+def test_a_fit_ends_that_gains_nothing(monkeypatch):
+    creeping = [900.0, 0.6, 0.4, 0.3, 0.3]
+    assert stages(monkeypatch, creeping) == [3]
+
+
+@pytest.mark.parametrize(("behind", "ended"), [(5.0, False), (7.0, True)])
+def test_a_fit_from_beside_ends_that_stays_behind_after_its_first_steps(monkeypatch, behind, ended):
+    data = record()
+    effect = shaped("right", hidden_shape)
+    wide = type("Wide", (effect,), {"right_width": Parameter(1.0, "1", min=0.1, max=9.0)})
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    best = search.fit_from(base.candidate.with_effect(wide), base)
+    methods = []
+
+    def scripted(self, candidate, around, start=None):
+        methods.append(self.method)
+        return replace(best, fit=replace(best.fit, deviance=best.fit.deviance + behind))
+
+    monkeypatch.setattr(Search, "fit_from", scripted)
+    search.refine(best)
+    assert methods == ([SCREEN] if ended else [SCREEN, FULL]) * 2
 
 
 def test_the_nearest_three_are_fitted_from_beside_their_optima(monkeypatch):

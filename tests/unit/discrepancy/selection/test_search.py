@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from fmus.kit import Output, Parameter
+from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.functions import minimum
+from fmus.kit.generic import extra_kelvin
 from fmus.kit.sensors import measurement_effects, sensor_lag, transport_delay
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
@@ -84,6 +85,55 @@ def test_a_delayed_sensor_shows_at_first_what_was_before_the_record():
     assert (
         np.abs(first.chosen.fit.residual["voltage"]).max() < 0.02
     )  # else the first half second is off by 0.8 V
+
+
+class Pair(Component):
+    """A resistance, and a lag behind another."""
+
+    name = "pair"
+    R0 = Parameter(0.03, "ohm", min=1e-6, max=10.0, nominal=0.01)
+    R1 = Parameter(0.02, "ohm", min=1e-6, max=10.0, nominal=0.01)
+    T1 = Parameter(20.0, "s", min=1e-3, max=1e6)
+    current = Input("A")
+    relaxed = State("A", rate="relaxing")
+
+    def relaxing(self):
+        """Go to the current."""
+        return (self.current - self.relaxed) / self.T1
+
+    def drop(self):
+        """Return the voltage of both."""
+        return self.R0 * self.current + self.R1 * self.relaxed
+
+    @Output("V")
+    def voltage(self):
+        """Return the voltage."""
+        return self.drop()
+
+
+def lagged(current, step, constant, start):
+    """The exact first-order lag of a current that is held within every step."""
+    values = [start]
+    for held in current[:-1]:
+        values.append(held + (values[-1] - held) * np.exp(-step / constant))
+    return np.array(values)
+
+
+@pytest.mark.parametrize(("start", "free"), [(4.0, True), (0.0, False)])
+def test_what_a_model_lacks_moves_at_the_start_of_a_record_where_the_model_does(start, free):
+    """A pair more, whose current at the start is what the other one had gone to, or nothing."""
+    random = np.random.default_rng(3)
+    step = 0.5
+    current = np.repeat(random.uniform(-3.0, 3.0, 100), 20)
+    clean = 0.03 * current + 0.02 * lagged(current, step, 25.0, 1.0)
+    clean += 0.01 * lagged(current, step, 2.0, start)
+    shown = clean + 1e-4 * random.standard_normal(len(clean))
+    data = Dataset(step * np.arange(len(clean)), {"current": current}, {"voltage": shown})
+    search = Search(data, Pair, ["R0", "R1", "T1", "relaxed_start"])
+    more = extra_kelvin(Pair, "drop", "current", "second", 3.0, unit="V", nominal=0.05)
+    (first,) = select(search, [more]).steps
+    assert bool(first.chosen.candidate.starts) is free
+    assert np.std(first.chosen.fit.residual["voltage"]) == pytest.approx(1e-4, rel=0.05)
 
 
 class Deaf(Gain):
