@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -315,6 +315,9 @@ class Search:
         problem.freedom = self.freedom
         problem.colour = self.colour
         problem.tolerance = _TOLERANCE
+        # a constant as long as the record makes an offset of any state that does not begin at rest
+        longest = float(data.time[-1] - data.time[0])
+        problem.largest = dict.fromkeys(_time_constants(candidate), longest)
         if candidate.effects:
             problem.effort = self.patience * max(_EFFORT, _EASIER * problem.effort)
         return problem
@@ -384,6 +387,12 @@ class Search:
                 for name in problem.names
             ]
         )
+
+
+def _time_constants(candidate: Candidate) -> Iterator[str]:
+    """Yield the time constants of a candidate's effects."""
+    for effect in candidate.effects:
+        yield from (n for n in own_parameters(effect) if effect.declared[n].unit == "s")
 
 
 def _with_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidate:

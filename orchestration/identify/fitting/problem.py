@@ -233,6 +233,8 @@ class Problem:
         Coefficients of the noise's autoregression, likewise.
     held : list of int
         Coordinates that are not searched.
+    largest : Mapping of str to float
+        Values of parameters, SI, beyond which they are not searched though they are declared wider.
     tolerance : float
         Accuracy of an internal step of simulations, if the model's own need not be reached.
     error_scales : dict of str to float
@@ -289,6 +291,7 @@ class Problem:
         self.freedom: Mapping[str, float] = {}
         self.colour: Mapping[str, Array] = {}
         self.held: list[int] = []
+        self.largest: Mapping[str, float] = {}
         self.tolerance = 0.0
         self.error_scales: dict[str, float] = {}
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
@@ -396,7 +399,8 @@ class Problem:
         ends = []
         for name, scale in zip(self.names, self.scales, strict=True):
             declared = self.declared[name]
-            ends.append((scale.position(declared.min), scale.position(declared.max)))
+            largest = min(declared.max, self.largest.get(name, np.inf))
+            ends.append((scale.position(declared.min), scale.position(largest)))
         low, high = np.array(ends, dtype=float).reshape(-1, 2).T
         return low, high
 

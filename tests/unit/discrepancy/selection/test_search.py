@@ -18,6 +18,7 @@ from fmus.kit.functions import minimum
 from fmus.kit.generic import extra_kelvin
 from fmus.kit.sensors import measurement_effects, sensor_lag, transport_delay
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy.candidates.candidate import Candidate
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
@@ -134,6 +135,19 @@ def test_what_a_model_lacks_moves_at_the_start_of_a_record_where_the_model_does(
     (first,) = select(search, [more]).steps
     assert bool(first.chosen.candidate.starts) is free
     assert np.std(first.chosen.fit.residual["voltage"]) == pytest.approx(1e-4, rel=0.05)
+
+
+def test_a_constant_of_an_effect_is_no_longer_than_the_record():
+    """A slow lag whose state may begin anywhere would be an offset."""
+    data = Dataset(0.5 * np.arange(401), {"current": np.ones(401)}, {"voltage": np.ones(401)})
+    search = Search(data, Pair, ["T1"])
+    candidate = Candidate((), Pair).with_effect(
+        extra_kelvin(Pair, "drop", "current", "second", 3.0, unit="V")
+    )
+    problem = search.problem(candidate, ["T1", "second_drop_time"], {})
+    most = problem.values(problem.bounds()[1])
+    assert most["second_drop_time"] == pytest.approx(200.0)
+    assert most["T1"] == pytest.approx(1e6)  # that of a model may be known
 
 
 class Deaf(Gain):
