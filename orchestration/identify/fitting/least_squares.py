@@ -40,10 +40,13 @@ class Minimum(NamedTuple):
         The best point.
     converged : bool
         True if the cost fell no more; else the trial points were used up.
+    promised : float
+        Fall of the cost with another whole step, were the residual linear; infinite if unknown.
     """
 
     q: Array
     converged: bool
+    promised: float = np.inf
 
 
 def minimise(
@@ -92,7 +95,7 @@ def minimise(
         except SearchEndedError:
             return Minimum(search.best, False)
         if not converged:
-            return Minimum(search.best, False)
+            return Minimum(search.best, False, promised)
         fallen = before - search.least if promised > tolerance * search.least else 0.0
     return Minimum(search.best, True)
 

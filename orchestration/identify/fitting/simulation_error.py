@@ -220,7 +220,11 @@ class _WeightedErrors:
         """Return the better of a minimum and the end of a search from another start."""
         try:
             tried = self.search(start, tolerance, _BRIEF)
-            if not tried.converged and self.cost(tried.q) < 4.0 * self.cost(best.q):
+            cost = self.cost(tried.q)
+            least = self.cost(best.q)
+            # what ends where the best did is no other optimum
+            is_other = cost - tried.promised < least * np.exp(-_CLEARLY / self._problem.samples)
+            if not tried.converged and is_other and cost < 4.0 * least:
                 tried = self.search(tried.q, tolerance)
         except UserError:  # it cannot be simulated there
             return best

@@ -6,6 +6,8 @@ exponentials.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -13,9 +15,11 @@ from scipy.stats import qmc
 
 from orchestration.discrepancy.diagnosis import searched_parameters
 from orchestration.fmu.model import find_model
+from orchestration.identify.fitting.least_squares import Minimum
 from orchestration.identify.fitting.prediction_error import fit_free_run
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import (
+    _WeightedErrors,
     error_scales,
     halton_points,
     pooled_error,
@@ -76,3 +80,24 @@ def test_a_search_ends_no_farther_off_than_least_squares_from_the_truth(case, be
 def test_points_are_of_a_halton_sequence(dimensions):
     expected = qmc.Halton(dimensions, scramble=False).random(5)[1:]
     np.testing.assert_array_equal(halton_points(4, dimensions), expected)
+
+
+@pytest.mark.parametrize(
+    ("cost", "promised", "goes_on"),
+    [(130.0, 30.0, False), (130.0, 45.0, True), (399.0, 350.0, True), (401.0, 350.0, False)],
+    ids=["ends where the best did", "ends below", "far off yet", "too far off"],
+)
+def test_a_search_from_elsewhere_goes_on_where_it_may_end_below_the_best(cost, promised, goes_on):
+    """The best has 100, and a fall of a tenth of that is clear, with 100 samples."""
+    errors = _WeightedErrors(SimpleNamespace(samples=100), {}, None)
+    costs = {"best": 100.0, "begun": cost, "ended": 60.0}
+    searched = []
+
+    def search(begin, tolerance, trials=200):
+        searched.append(begin)
+        return Minimum("ended", True) if begin == "begun" else Minimum("begun", False, promised)
+
+    errors.search, errors.cost = search, costs.get
+    end = errors.better(Minimum("best", True), "start", 1e-6)
+    assert searched == (["start", "begun"] if goes_on else ["start"])
+    assert end.q == ("ended" if goes_on else "best")
