@@ -104,6 +104,17 @@ def test_an_effect_is_fitted_if_it_promises_a_sixth_of_the_best(wanted):
     assert fitted(wanted) == {"right", "other1"}
 
 
+def test_an_effect_is_fitted_from_every_start_that_promises_half_of_its_best(monkeypatch):
+    tried = []
+    monkeypatch.setattr(
+        ranking, "_tried", lambda plain, below, start: tried.append(start.predicted.beyond)
+    )
+    effect = shaped("right", hidden_shape)
+    starts = [SimpleNamespace(predicted=SimpleNamespace(beyond=b)) for b in (100.0, 55.0, 45.0)]
+    ranking._screened(Search(record(), Amplifier, ["gain"]), None, {effect: starts})
+    assert tried == [100.0, 55.0]
+
+
 def test_a_contender_is_made_sure_of_that_gains_half_of_the_best(wanted):
     shares = ranked_beside([0.42, 0.60])
     assert shares["other0"] < 0.47
