@@ -392,7 +392,8 @@ class Search:
 def _time_constants(candidate: Candidate) -> Iterator[str]:
     """Yield the time constants of a candidate's effects."""
     for effect in candidate.effects:
-        yield from (n for n in own_parameters(effect) if effect.declared[n].unit == "s")
+        own = set(own_parameters(effect))
+        yield from (p.name for p in effect.layout.parameters if p.name in own and p.unit == "s")
 
 
 def _with_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidate:
