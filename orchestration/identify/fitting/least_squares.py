@@ -170,7 +170,8 @@ class _Search:
             return _triangle(_columns(self._jacobian(moved(steps)), free), self._last) * size
 
         bounds = (start + (low - origin)[free] / size, start + (high - origin)[free] / size)
-        with np.errstate(over="ignore"):  # of a trust region that vanishes where nothing is to gain
+        # of a trust region that vanishes where nothing is to gain
+        with np.errstate(over="ignore", divide="ignore"):
             solution = least_squares(
                 rows,
                 start,

@@ -212,7 +212,8 @@ def fit_prediction_error(
                 return min(before, fitted, key=lambda f: f.bic)
         return fitted
 
-    q = np.clip(problem.inside(start), *problem.bounds())
+    # what is not searched stays where it is
+    q = np.clip(problem.inside(start) if method.trials > 1 else start, *problem.bounds())
     residual = problem.evaluate(q)[0]
     begin = one_pass(
         q, noise or (problem.noise(residual) if problem.colour else white_noise(residual))

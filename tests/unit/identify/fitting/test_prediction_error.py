@@ -19,6 +19,7 @@ from fmus.kit import Component, Input, Output, Parameter, State, where
 from orchestration.identify.fitting import prediction_error
 from orchestration.identify.fitting.least_squares import minimise
 from orchestration.identify.fitting.prediction_error import (
+    EVALUATE,
     choose_credible_fit,
     fit_free_run,
     fit_prediction_error,
@@ -299,3 +300,11 @@ def test_no_pass_is_made_twice(monkeypatch):
     apart = [np.abs(a - b).max() for i, a in enumerate(coloured) for b in coloured[:i]]
     assert len(begun) > len(coloured) + 1, "it began again"
     assert min(apart, default=1.0) > 1e-2
+
+
+def test_an_evaluation_stays_where_it_is_however_near_a_bound():
+    u = np.repeat(np.random.default_rng(1).standard_normal(40), 10)
+    measured = {"y": relaxed(u, 1.0) + 0.001 * relaxed(u, 10.0)}
+    problem = Problem(Pair, STEP * np.arange(400), {"u": u}, measured, ["share"], {})
+    q = problem.position({"share": 0.001})
+    assert fit_prediction_error(problem, q, method=EVALUATE).values["share"] == pytest.approx(0.001)
