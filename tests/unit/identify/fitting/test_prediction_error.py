@@ -305,6 +305,7 @@ def test_no_pass_is_made_twice(monkeypatch):
 def test_an_evaluation_stays_where_it_is_however_near_a_bound():
     u = np.repeat(np.random.default_rng(1).standard_normal(40), 10)
     measured = {"y": relaxed(u, 1.0) + 0.001 * relaxed(u, 10.0)}
-    problem = Problem(Pair, STEP * np.arange(400), {"u": u}, measured, ["share"], {})
+    start = {"share": 0.0}  # so that it is not searched in its logarithm
+    problem = Problem(Pair, STEP * np.arange(400), {"u": u}, measured, ["share"], start)
     q = problem.position({"share": 0.001})
     assert fit_prediction_error(problem, q, method=EVALUATE).values["share"] == pytest.approx(0.001)
