@@ -408,5 +408,6 @@ def _without_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidat
 
 
 def _starts(effect: type[Effect]) -> list[str]:
-    """Return the start values of the states of an effect."""
-    return [effect.layout.start_of[state.name] for state in effect.layout.states]
+    """Return the start values of the states of an effect, but for clocks, which start with it."""
+    layout = effect.layout
+    return [layout.start_of[state.name] for state in layout.states if state.unit != "s"]

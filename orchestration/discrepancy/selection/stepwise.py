@@ -129,7 +129,7 @@ def select(
     Selection
     """
     first = known or score(search, search.nominal(), effects)
-    scored = [first, *_scored_near_nominal(search, first.model, effects)]
+    scored = [first, *_scored_elsewhere(search, first.model, effects)]
     silent = unidentifiable(first)
     search.not_assessed |= silent
     selection = Selection(first.model, tried=len(effects))
@@ -155,14 +155,24 @@ def select(
     return _without_named_alternatives(selection)
 
 
-def _scored_near_nominal(
+def _scored_elsewhere(
     search: Search, base: FittedCandidate, effects: Sequence[type[Effect]]
 ) -> list[ScoredModel]:
-    """Return the model near nominal, scored, if the base is fitted out of all reason."""
-    near = base if search.budget.spent() else search.near_nominal(NEAR_NOMINAL)
-    if near.fit.deviance - base.fit.deviance > OVERFITTED:
-        return [score(search, near, effects)]
-    return []
+    """Return the model near nominal, and that of its free run, scored, where these are far off.
+
+    A base that is fitted out of all reason, or in noise that has swallowed what it lacks, is too
+    far from the plant for what effects do to it to tell what they do to the plant.
+    """
+    if search.budget.spent():
+        return []
+    others = [search.near_nominal(NEAR_NOMINAL)]
+    if base.free_run is not None:
+        others.append(replace(base, fit=base.free_run))
+    return [
+        score(search, other, effects)
+        for other in others
+        if other.fit.deviance - base.fit.deviance > OVERFITTED
+    ]
 
 
 def _search_step(

@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.functions import minimum
 from fmus.kit.generic import extra_kelvin
-from fmus.kit.sensors import measurement_effects, sensor_lag, transport_delay
+from fmus.kit.sensors import measurement_effects, sensor_drift, sensor_lag, transport_delay
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidates.candidate import Candidate
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
@@ -135,6 +135,17 @@ def test_what_a_model_lacks_moves_at_the_start_of_a_record_where_the_model_does(
     (first,) = select(search, [more]).steps
     assert bool(first.chosen.candidate.starts) is free
     assert np.std(first.chosen.fit.residual["voltage"]) == pytest.approx(1e-4, rel=0.05)
+
+
+def test_a_clock_of_an_effect_starts_with_the_record():
+    """A drift that began before would be an offset as well."""
+    time = 0.5 * np.arange(600)
+    current = np.repeat(np.random.default_rng(3).uniform(-3.0, 3.0, 30), 20)
+    shown = 0.03 * current + 0.02 * lagged(current, 0.5, 20.0, 1.0) + 1e-4 * time
+    data = Dataset(time, {"current": current}, {"voltage": shown})
+    search = Search(data, Pair, ["R0", "R1", "T1", "relaxed_start"])
+    (first,) = select(search, [sensor_drift(Pair, "voltage")]).steps
+    assert first.chosen.candidate.starts == ()
 
 
 def test_a_constant_of_an_effect_is_no_longer_than_the_record():

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from orchestration.discrepancy.selection import stepwise
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
@@ -94,3 +95,21 @@ def test_another_effect_is_an_alternative_unless_there_is_strong_evidence_betwee
     (step,) = select(search, [OFFSET, ASYMMETRY]).steps
     assert step.chosen.effect_name == "force_offset"
     assert [other.effect_name for other in step.alternatives] == alternatives
+
+
+@pytest.mark.parametrize("near", [49.0, 51.0], ids=["nominal is near", "nominal is far"])
+@pytest.mark.parametrize("free", [49.0, 51.0], ids=["free run is near", "free run is far"])
+def test_effects_are_scored_wherever_the_model_is_that_much_less_likely(monkeypatch, near, free):
+    search = Search(offset_record(30.0, 1), Amplifier, ["gain"])
+    base = search.nominal()
+
+    def less_likely(fit, by):
+        return replace(fit, deviance=base.fit.deviance + by)
+
+    base = replace(base, free_run=less_likely(base.free_run, free))
+    nominal = replace(base, fit=less_likely(base.fit, near))
+    monkeypatch.setattr(Search, "near_nominal", lambda self, prior_std: nominal)
+    monkeypatch.setattr(stepwise, "score", lambda search, model, effects: model.fit)
+    scored = stepwise._scored_elsewhere(search, base, [OFFSET])
+    expected = [fit for fit, by in ((nominal.fit, near), (base.free_run, free)) if by > 50.0]
+    assert scored == expected
