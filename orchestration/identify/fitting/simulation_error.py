@@ -203,8 +203,17 @@ class _WeightedErrors:
 
     def slopes(self, q: Array) -> Array:
         """Return their derivatives (m, p)."""
-        parts = [j / self._scales[o] for o, j in self._problem.evaluate(q)[1].items()]
-        return np.vstack([*parts, self._prior[1]] if self._prior else parts)
+        jacobian = self._problem.evaluate(q)[1]
+        below = self._prior[1] if self._prior else np.empty((0, len(q)))
+        rows = sum(map(len, jacobian.values()))
+        stacked = np.empty((rows + len(below), len(q)))
+        first = 0
+        for o, slopes in jacobian.items():
+            last = first + len(slopes)
+            np.divide(slopes, self._scales[o], out=stacked[first:last])
+            first = last
+        stacked[rows:] = below
+        return stacked
 
     def cost(self, q: Array) -> float:
         """Return their sum of squares."""
