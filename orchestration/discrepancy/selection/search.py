@@ -160,6 +160,9 @@ class Search:
         """
         problem = fitted.problem
         scales = error_scales(problem)
+        if self.method.near and fitted.free_run and _are_of_one_record(fitted.free_run, fitted.fit):
+            chosen = choose_credible_fit(problem, fitted.fit, fitted.free_run)
+            return replace(fitted, fit=chosen)
         starts = [fitted.fit.q]
         if fitted.free_run:
             starts.append(problem.position(problem.start | fitted.free_run.values))
@@ -381,6 +384,11 @@ class Search:
                 for name in problem.names
             ]
         )
+
+
+def _are_of_one_record(one: FitResult, other: FitResult) -> bool:
+    """Return whether two fits of a model are to as many samples, and not to a part and to all."""
+    return one.samples == other.samples
 
 
 def _with_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidate:

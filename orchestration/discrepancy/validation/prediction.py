@@ -380,24 +380,19 @@ def _variance_of_estimates(
         slopes_in_run = _judged_slopes(validation, prediction, run)
         return {o: _variance(slopes_in_run[o], covariance) for o in sizes}
     slopes = _slopes_in_run(validation.data, prediction, run, list(sizes))
-    names = model.problem.names
-    shared = [names.index(n) for n in slopes.shared]
-    before = {
-        o: ~validation.judged[run.samples] & np.isfinite(validation.data.measured[o][run.samples])
-        for o in sizes
-    }
+    judged = validation.judged[run.samples]
+    before = {o: ~judged & np.isfinite(validation.data.measured[o][run.samples]) for o in sizes}
     own = np.vstack([slopes.by_own[o][before[o]] / size for o, size in sizes.items()])
     common = np.vstack([slopes.by_shared[o][before[o]] / size for o, size in sizes.items()])
     own_covariance = parameter_covariance(own.T @ own).matrix
     along = own_covariance @ own.T @ common
+    shared = [model.problem.names.index(n) for n in slopes.shared]
     shared_covariance = covariance[np.ix_(shared, shared)]
-    judged = validation.judged[run.samples]
-    variances = {}
-    for o in sizes:
-        by_own = slopes.by_own[o][judged]
-        beyond_own = slopes.by_shared[o][judged] - by_own @ along
-        variances[o] = _variance(beyond_own, shared_covariance) + _variance(by_own, own_covariance)
-    return variances
+    return {
+        o: _variance((slopes.by_shared[o] - slopes.by_own[o] @ along)[judged], shared_covariance)
+        + _variance(slopes.by_own[o][judged], own_covariance)
+        for o in sizes
+    }
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ def simulate_in_blocks(
     time: Array,
     inputs: Mapping[str, Array],
     parameters: Mapping[str, float],
+    *,
     linear: bool | Collection[str],
     effort: float,
     tolerance: float,

@@ -131,10 +131,10 @@ class DelayedModel:
                 time,
                 inputs,
                 parameters,
-                self._linear,
-                effort,
-                tolerance,
-                self._columns,
+                linear=self._linear,
+                effort=effort,
+                tolerance=tolerance,
+                columns=self._columns,
             )
         ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
         chosen = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}

@@ -63,6 +63,8 @@ class Method:
         Points that a pass may try.
     restarts : int
         Times that a fit is begun again in white noise, at most.
+    near : bool
+        Whether fits begin near where they end, so that no second start finds another end.
     """
 
     tolerance: float = 0.05
@@ -72,6 +74,7 @@ class Method:
     # One or two suffice where the model can follow the record; where it cannot, as with a wrong
     # unit, each gains a little and dozens would follow.
     restarts: int = 4
+    near: bool = False
 
 
 FULL = Method()
@@ -405,9 +408,7 @@ def _minimised(
     return best
 
 
-def _whitened_slopes(
-    problem: Problem, q: Array, noise: Mapping[str, Noise], below: Array
-) -> Array:
+def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise], below: Array) -> Array:
     """Return the whitened Jacobians of all outputs one below the other, and more rows below them.
 
     They are whitened one by one into their place: all of them twice are much memory.
