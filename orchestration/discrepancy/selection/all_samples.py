@@ -20,7 +20,7 @@ from orchestration.discrepancy.selection.stepwise import (
 from orchestration.identify.fitting import Method
 
 # The search has found the optimum of a stretch, which that of all samples is near.
-_NEARBY = Method(passes=2, restarts=0, near=True)
+_NEARBY = Method(tolerance=0.5, passes=2, restarts=0, near=True)
 
 
 def base_over_all_samples(
