@@ -115,7 +115,8 @@ class Search:
             starts = starting_points(problem)
         else:
             starts = [problem.inside(problem.position(problem.start | dict(near)))]
-        free_run = fit_free_run(problem, starts, self._has_prior(problem))
+        method = FULL if near is None else self.method
+        free_run = fit_free_run(problem, starts, self._has_prior(problem), method=method)
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         fit = self._fit(candidate, problem, free_run.q, free_run.noise)
