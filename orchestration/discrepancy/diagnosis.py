@@ -354,6 +354,7 @@ def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:
             selected.search, selected.selection.base, data.estimation, whole.parameters
         )
     selection = all_samples.steps_over_all_samples(search, base, selected.selection)
+    notes += all_samples.dropped_notes(selected.selection, selection)
     noise = data.input_noise
     if noise.deviation:
         noise = errors_in_variables.estimate_input_noise(search, base)

@@ -51,6 +51,7 @@ class NoteCode(StrEnum):
     NO_TRACE = "no_trace"
     UNIDENTIFIABLE = "unidentifiable"
     NOT_SIMULATED = "not_simulated"
+    NOT_IN_ALL_SAMPLES = "not_in_all_samples"
     NOT_VALIDATED = "not_validated"
     INPUT_NOISE_DOES_THE_SAME = "input_noise_does_the_same"
     CONFOUNDED = "confounded"

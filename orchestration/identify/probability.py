@@ -57,7 +57,10 @@ def ranks(values: Array) -> Array:
     -------
     ndarray, shape (n,)
     """
-    ordered = np.sort(values)
-    below = np.searchsorted(ordered, values, side="left")
-    up_to = np.searchsorted(ordered, values, side="right")
-    return np.asarray(0.5 * (below + up_to + 1))
+    order = np.argsort(values)
+    ordered = values[order]
+    begins = np.flatnonzero(np.diff(ordered, prepend=np.nan) != 0.0)
+    ends = np.append(begins[1:], len(values))
+    result = np.empty(len(values))
+    result[order] = np.repeat(0.5 * (begins + ends + 1), ends - begins)
+    return result

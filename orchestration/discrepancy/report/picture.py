@@ -18,7 +18,7 @@ from orchestration.discrepancy.report.figures import (
     in_display_unit,
 )
 from orchestration.discrepancy.report.wording import sentence
-from orchestration.discrepancy.validation import predict
+from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.fmu import Model
 from orchestration.reporting import pictures
 
@@ -58,7 +58,7 @@ def draw_diagnosis(diagnosis: Diagnosis, model: Model, path: Path | None = None)
         time, in_display_unit(measured, signal), color=pictures.MEASURED, lw=3, label="measured"
     )
     for name, fitted, errors in _models(diagnosis):
-        simulated = predict(validation, fitted).simulated[output][part]
+        simulated = simulated_outputs(validation, fitted)[output][part]
         within_runs = np.where(validation.data.within[part], simulated, np.nan)
         label = f"{name}: {100.0 * errors[output]:.1f} % error"
         above.plot(

@@ -38,7 +38,7 @@ from orchestration.discrepancy.report.tables import (
     tried_effects,
 )
 from orchestration.discrepancy.residuals import ResidualAnalysis
-from orchestration.discrepancy.validation import predict
+from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import rms
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, base_name, shown_name
@@ -55,7 +55,7 @@ def shown_models(result: Result) -> tuple[list[ShownModel], Simulated]:
     """
     validation = result.diagnosis.validation
     models, simulated = _simulate_each(
-        _models(result.diagnosis), lambda model: predict(validation, model).simulated
+        _models(result.diagnosis), lambda model: simulated_outputs(validation, model)
     )
     if result.gain:
         outputs_of_fmus = {REFITTED: result.gain.base, EXTENDED: result.gain.extended}

@@ -15,7 +15,7 @@ from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.validation import predict
+from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import finite_or_none, normalised_rms
 from orchestration.records import MeasuredRun
 
@@ -73,7 +73,7 @@ def run_errors(result: Result) -> list[RunError]:
     if not (estimation.several or validation.data.several):
         return []
     best = result.diagnosis.selection.best
-    simulated = result.gain.extended if result.gain else predict(validation, best).simulated
+    simulated = result.gain.extended if result.gain else simulated_outputs(validation, best)
     errors = []
     for run in estimation.runs:
         label = run.label or result.files

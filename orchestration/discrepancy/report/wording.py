@@ -139,6 +139,10 @@ _NOTES = {
         "{subject} was not judged: on this record other parameters do the same"
     ),
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
+    NoteCode.NOT_IN_ALL_SAMPLES: (
+        "fits the stretch of the record better in which causes were searched for, but not all of"
+        " its samples, and is not claimed"
+    ),
     NoteCode.NOT_VALIDATED: (
         "fits the estimation data better, but not the part held out (log-likelihood {score:+.3g}"
         " where {expected:+.3g} is expected of it), and is not claimed"

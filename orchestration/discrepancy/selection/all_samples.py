@@ -9,6 +9,7 @@ import numpy as np
 
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset, longer_stretch, worst_stretch
+from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.input_noise import simulated
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.stepwise import (
@@ -20,7 +21,7 @@ from orchestration.discrepancy.selection.stepwise import (
 from orchestration.identify.fitting import Method
 
 # The search has found the optimum of a stretch, which that of all samples is near.
-_NEARBY = Method(passes=2, restarts=0)
+_NEARBY = Method(tolerance=0.5, passes=2, restarts=0, near=True)
 
 
 def base_over_all_samples(
@@ -94,6 +95,21 @@ def steps_over_all_samples(
         unsure=selection.unsure | {step.chosen.effect_name for step in dropped},
         compared=(selection.base, *(step.chosen for step in selection.steps[: len(steps)])),
     )
+
+
+def dropped_notes(found: Selection, kept: Selection) -> list[Note]:
+    """Return the note on effects that a stretch asks for and all samples do not, if there are any.
+
+    Parameters
+    ----------
+    found : Selection
+        Made in the stretch.
+    kept : Selection
+        What is left of it over all samples.
+    """
+    dropped = found.steps[len(kept.steps) :]
+    names = ", ".join(step.chosen.effect_name for step in dropped)
+    return [Note(NoteCode.NOT_IN_ALL_SAMPLES, names)] if dropped else []
 
 
 def at_worst(search: Search, whole: Search, base: FittedCandidate) -> Search:

@@ -116,7 +116,8 @@ class Search:
             starts = starting_points(problem)
         else:
             starts = [problem.inside(problem.position(problem.start | dict(near)))]
-        free_run = fit_free_run(problem, starts, self._has_prior(problem))
+        method = FULL if near is None else self.method
+        free_run = fit_free_run(problem, starts, self._has_prior(problem), method=method)
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         fit = self._fit(candidate, problem, free_run.q, free_run.noise)
@@ -161,6 +162,9 @@ class Search:
         """
         problem = fitted.problem
         scales = error_scales(problem)
+        if self.method.near and fitted.free_run and _are_of_one_record(fitted.free_run, fitted.fit):
+            chosen = choose_credible_fit(problem, fitted.fit, fitted.free_run)
+            return replace(fitted, fit=chosen)
         starts = [fitted.fit.q]
         if fitted.free_run:
             starts.append(problem.position(problem.start | fitted.free_run.values))
@@ -394,6 +398,11 @@ def _time_constants(candidate: Candidate) -> Iterator[str]:
     for effect in candidate.effects:
         own = set(own_parameters(effect))
         yield from (p.name for p in effect.layout.parameters if p.name in own and p.unit == "s")
+
+
+def _are_of_one_record(one: FitResult, other: FitResult) -> bool:
+    """Return whether two fits of a model are to as many samples, and not to a part and to all."""
+    return one.samples == other.samples
 
 
 def _with_free_starts(candidate: Candidate, effect: type[Effect]) -> Candidate:

@@ -13,5 +13,6 @@ from .prediction import Errors as Errors
 from .prediction import Prediction as Prediction
 from .prediction import model_errors as model_errors
 from .prediction import predict as predict
+from .prediction import simulated_outputs as simulated_outputs
 from .prediction import unpredicted_output_notes as unpredicted_output_notes
 from .prediction import validation_parameters as validation_parameters

@@ -18,7 +18,7 @@ from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import ResidualAnalysis
 from orchestration.discrepancy.selection import Selection
-from orchestration.identify.fitting import error_scales
+from orchestration.identify.fitting import error_scales, weighted_slopes
 from orchestration.identify.uncertainty import (
     Estimate,
     clustered_covariance,
@@ -142,7 +142,7 @@ def misfit_spread(model: FittedCandidate) -> Array:
     problem = model.problem
     errors, slopes = problem.evaluate(model.fit.q)
     scales = error_scales(problem)
-    jacobian = np.vstack([slopes[o] / scales[o] for o in errors])
+    jacobian = weighted_slopes(slopes, scales, np.empty((0, len(model.fit.q))))
     residual = np.concatenate([errors[o] / scales[o] for o in errors])
     samples = np.concatenate([np.flatnonzero(problem.present[o]) for o in errors])
     stretches = samples * _STRETCHES // (int(samples.max()) + 1)

@@ -9,6 +9,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.record import Trajectory
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset, ValidationData, white_noise
 from orchestration.discrepancy.note import Note, NoteCode
@@ -33,8 +34,8 @@ class Prediction:
     model : FittedCandidate
     simulated : dict of str to ndarray, shape (n,)
         Outputs over the whole of the data, SI.
-    sensitivities : dict of str to ndarray, shape (n, p)
-        Their derivatives by the searched coordinates.
+    sensitivities : dict of str to ndarray, shape (j, p)
+        Their derivatives by the searched coordinates, at the samples that are judged.
     errors : dict of str to float
         Normalised RMS error of every output, where nothing was fitted.
     parameters : dict of str to float
@@ -63,10 +64,22 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     slopes = np.array(
         [scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)]
     )
-    # copies, as a column of all signals and derivatives would keep all of them in memory
-    simulated = {o: ran.signals[o].copy() for o in data.measured}
-    sensitivities = {o: ran.sensitivities[o] * slopes for o in simulated}
+    simulated = _outputs(ran, data)
+    sensitivities = {o: ran.sensitivities[o][validation.judged] * slopes for o in simulated}
     return Prediction(model, simulated, sensitivities, validation.nrmse(simulated), values)
+
+
+def simulated_outputs(validation: ValidationData, model: FittedCandidate) -> dict[str, Array]:
+    """Simulate a fitted model over validation data for its outputs (n,) alone; see `predict`."""
+    data = validation.data
+    values = validation_parameters(validation, model)
+    return _outputs(model.problem.model.run(data.time, data.inputs, values, runs=data.runs), data)
+
+
+def _outputs(ran: Trajectory, data: Dataset) -> dict[str, Array]:
+    """Return the measured outputs of a simulation."""
+    # copies, as a column of all signals and derivatives would keep all of them in memory
+    return {o: ran.signals[o].copy() for o in data.measured}
 
 
 def validation_parameters(validation: ValidationData, model: FittedCandidate) -> dict[str, float]:
@@ -151,7 +164,7 @@ def judged_innovations(
     for output, y in validation.data.measured.items():
         present = np.isfinite(y) & validation.judged
         residual = (y - prediction.simulated[output])[present]
-        slope = -prediction.sensitivities[output][present] * counted
+        slope = -prediction.sensitivities[output][present[validation.judged]] * counted
         residuals.append(noise[output].whiten(residual, present))
         slopes.append(noise[output].whiten(slope, present))
     return np.concatenate(residuals), np.concatenate(slopes)
@@ -184,7 +197,7 @@ def model_errors(
             continue
         fitted[name] = _fitted_errors(model)
         try:
-            judged[name] = predict(validation, model).errors
+            judged[name] = validation.nrmse(simulated_outputs(validation, model))
         except UserError:  # it stands for estimation data alone
             continue
     predicted = {"refitted": predictions[0]}
@@ -286,21 +299,32 @@ def _ratios_to_expected(
         Of the fit, by output.
     """
     sizes = {o: rms(_without_largest(e)) for o, e in residual.items()}
+    slopes_in_run = _judged_slopes(validation, prediction, run)
     variance = _variance_of_estimates(validation, prediction, run, sizes)
     ratios = {}
+    judged = validation.judged[run.samples]
     for output, size in sizes.items():
-        measured = validation.data.measured[output][run.samples]
-        judged = validation.judged[run.samples] & np.isfinite(measured)
-        if judged.sum() < _FEWEST:
+        measured = validation.data.measured[output][run.samples][judged]
+        present = np.isfinite(measured)
+        if present.sum() < _FEWEST:
             continue
-        simulated = prediction.simulated[output][run.samples][judged]
-        slopes = prediction.sensitivities[output][run.samples][judged]
-        errors = measured[judged] - simulated
+        simulated = prediction.simulated[output][run.samples][judged][present]
+        slopes = slopes_in_run[output][present]
+        errors = measured[present] - simulated
         modelled = np.column_stack([simulated, slopes])
         expected = size * _noise_growth(errors, modelled, residual[output])
-        uncertain = float(np.sqrt(variance[output][judged].mean()))
+        uncertain = float(np.sqrt(variance[output][present].mean()))
         ratios[output] = rms(_without_largest(errors)) / float(np.hypot(expected, uncertain))
     return ratios
+
+
+def _judged_slopes(
+    validation: ValidationData, prediction: Prediction, run: MeasuredRun
+) -> dict[str, Array]:
+    """Return the derivatives (j, p) of outputs at the samples of a run that are judged."""
+    inside = np.zeros(len(validation.judged), dtype=bool)
+    inside[run.samples] = True
+    return {o: s[inside[validation.judged]] for o, s in prediction.sensitivities.items()}
 
 
 def _without_largest(errors: Array) -> Array:
@@ -335,7 +359,9 @@ def _noise_growth(errors: Array, modelled: Array, fitted: Array) -> float:
 def _variance_of_estimates(
     validation: ValidationData, prediction: Prediction, run: MeasuredRun, sizes: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Return the variance (m,) of outputs in a run that uncertain estimates make, by output.
+    """Return the variance (j,) of outputs in a run that uncertain estimates make, by output.
+
+    It is at the samples that are judged.
 
     A record's own values were estimated on its first samples, given the shared parameters: an error
     of these comes with an error of the own values, which makes up for it there.
@@ -351,22 +377,20 @@ def _variance_of_estimates(
     model = prediction.model
     covariance = model.fit.covariance.matrix
     if validation.continued:
-        return {o: _variance(prediction.sensitivities[o][run.samples], covariance) for o in sizes}
+        slopes_in_run = _judged_slopes(validation, prediction, run)
+        return {o: _variance(slopes_in_run[o], covariance) for o in sizes}
     slopes = _slopes_in_run(validation.data, prediction, run, list(sizes))
-    names = model.problem.names
-    shared = [names.index(n) for n in slopes.shared]
-    before = {
-        o: ~validation.judged[run.samples] & np.isfinite(validation.data.measured[o][run.samples])
-        for o in sizes
-    }
+    judged = validation.judged[run.samples]
+    before = {o: ~judged & np.isfinite(validation.data.measured[o][run.samples]) for o in sizes}
     own = np.vstack([slopes.by_own[o][before[o]] / size for o, size in sizes.items()])
     common = np.vstack([slopes.by_shared[o][before[o]] / size for o, size in sizes.items()])
     own_covariance = parameter_covariance(own.T @ own).matrix
     along = own_covariance @ own.T @ common
+    shared = [model.problem.names.index(n) for n in slopes.shared]
     shared_covariance = covariance[np.ix_(shared, shared)]
     return {
-        o: _variance(slopes.by_shared[o] - slopes.by_own[o] @ along, shared_covariance)
-        + _variance(slopes.by_own[o], own_covariance)
+        o: _variance((slopes.by_shared[o] - slopes.by_own[o] @ along)[judged], shared_covariance)
+        + _variance(slopes.by_own[o][judged], own_covariance)
         for o in sizes
     }
 

@@ -16,6 +16,7 @@ import numpy as np
 from fmus.kit import Component, Effect, stack, transport_delay, unstack
 from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
+from orchestration.identify.fitting.block_simulation import LONGEST, simulate_in_blocks
 
 _NEAR = 1e-3  # of a sample: step of the derivative by time
 
@@ -124,6 +125,17 @@ class DelayedModel:
         tolerance: float,
     ) -> Trajectory:
         """Simulate the model without delays, with the derivatives that are wanted."""
+        if len(time) > LONGEST and not self._model.layout.discretes:
+            return simulate_in_blocks(
+                self._model,
+                time,
+                inputs,
+                parameters,
+                linear=self._linear,
+                effort=effort,
+                tolerance=tolerance,
+                columns=self._columns,
+            )
         ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
         chosen = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
         return Trajectory(ran.signals, chosen)

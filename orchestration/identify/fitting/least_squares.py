@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dgeqrf
 from scipy.optimize import least_squares
 
 from fmus.kit import UserError
@@ -24,7 +25,7 @@ _NOWHERE = 1e-9  # length of a step, in searched coordinates, after which a sear
 _ROUNDING = 1e-12  # relative change of the point, and size of the gradient, that ends a search
 # singular value, relative to the largest, below which no step goes in its direction
 _UNDETERMINED = 1e-10
-_BLOCK = 16_384  # rows of a Jacobian that are decomposed at once
+_BLOCK = 2_048  # rows of a Jacobian that are decomposed at once: as many as the cache holds
 
 
 class SearchEndedError(UserError):
@@ -226,14 +227,16 @@ def _triangle(slopes: Array, values: Array) -> Array:
     """
     count = slopes.shape[1]
     triangle = np.zeros((count + 1, count + 1))
-    # by blocks, as a copy of a long record's Jacobian would take as much memory again
     for first in range(0, len(values), _BLOCK):
         block = slice(first, first + _BLOCK)
-        whole = np.column_stack([slopes[block], values[block]])
+        whole = np.empty((count + 1 + len(values[block]), count + 1), order="F")
+        whole[: count + 1] = triangle
+        whole[count + 1 :, :-1] = slopes[block]
+        whole[count + 1 :, -1] = values[block]
         if not np.isfinite(whole).all():
             return np.full((count + 1, count), np.nan)
-        reduced = np.linalg.qr(np.vstack([triangle, whole]), mode="r")
-        triangle[: len(reduced)] = reduced
+        # in place, which NumPy's does not
+        triangle = np.triu(dgeqrf(whole, overwrite_a=True)[0][: count + 1])
     residual = triangle[:, -1].copy()
     residual[0] -= np.linalg.norm(residual)
     square = float(residual @ residual)

@@ -29,6 +29,7 @@ from orchestration.identify.uncertainty import (
     heteroscedastic,
     parameter_covariance,
     sandwich_covariance,
+    weighted_square,
 )
 
 # Standard deviation, in the logarithm, of the prior of a physical parameter: a factor of 2.7. It
@@ -62,6 +63,8 @@ class Method:
         Points that a pass may try.
     restarts : int
         Times that a fit is begun again in white noise, at most.
+    near : bool
+        Whether fits begin near where they end, so that no second start finds another end.
     """
 
     tolerance: float = 0.05
@@ -71,6 +74,7 @@ class Method:
     # One or two suffice where the model can follow the record; where it cannot, as with a wrong
     # unit, each gains a little and dozens would follow.
     restarts: int = 4
+    near: bool = False
 
 
 FULL = Method()
@@ -380,14 +384,13 @@ def _minimised(
         return np.concatenate([*(root for root, _ in rooted(q).values()), prior.residual(q)])
 
     def slopes(q: Array) -> Array:
-        jacobian = problem.evaluate(q)[1]
-        roots = rooted(q)
-        parts = []
-        for o, n in noise.items():
-            whitened = n.whiten(jacobian[o], problem.present[o])
-            heavy = n.freedom < np.inf
-            parts.append(roots[o][1][:, np.newaxis] * whitened if heavy else whitened)
-        return np.vstack([*parts, prior.jacobian])
+        stacked = _whitened_slopes(problem, q, noise, prior.jacobian)
+        first = 0
+        for o, (root, weight) in rooted(q).items():
+            if noise[o].freedom < np.inf:
+                stacked[first : first + len(root)] *= weight[:, np.newaxis]
+            first += len(root)
+        return stacked
 
     def search(begin: Array) -> Minimum:
         low, high = problem.smooth_bounds(begin)
@@ -404,6 +407,34 @@ def _minimised(
         best = tried
         other = problem.across_sample(best.q)
     return best
+
+
+def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise], below: Array) -> Array:
+    """Return the whitened Jacobians of all outputs one below the other, and more rows below them.
+
+    They are whitened one by one into their place: all of them twice are much memory.
+
+    Parameters
+    ----------
+    problem : Problem
+    q : ndarray, shape (p,)
+    noise : Mapping of str to Noise
+    below : ndarray, shape (r, p)
+
+    Returns
+    -------
+    ndarray, shape (m + r, p)
+    """
+    jacobian = problem.evaluate(q)[1]
+    rows = sum(len(jacobian[o]) for o in noise)
+    stacked = np.empty((rows + len(below), len(q)))
+    first = 0
+    for o, n in noise.items():
+        last = first + len(jacobian[o])
+        stacked[first:last] = n.whiten(jacobian[o], problem.present[o])
+        first = last
+    stacked[rows:] = below
+    return stacked
 
 
 @dataclass(frozen=True)
@@ -460,14 +491,13 @@ def _passed(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:
 def _assessed(problem: Problem, end: _Pass, prior: _Prior) -> FitResult:
     """Assess the end of a fit: what its parameters are known to."""
     q = end.minimum.q
-    slopes = problem.evaluate(q)[1]
     noise = end.noise
     innovation = end.innovation
     weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
-    jacobian = np.vstack([n.whiten(slopes[o], problem.present[o]) for o, n in noise.items()])
+    jacobian = _whitened_slopes(problem, q, noise, np.empty((0, len(q))))
     score = np.concatenate([weights[o] * innovation[o] for o in noise])
     curvature = _curvature(noise, innovation)
-    information = (jacobian.T * curvature.expected) @ jacobian
+    information = weighted_square(jacobian, curvature.expected)
     plain = parameter_covariance(information, prior.precision)
     return FitResult(
         q,
@@ -513,7 +543,7 @@ def _covariance(
 
     Of few samples in heavy tails the curvature may be anything.
     """
-    observed = (jacobian.T * curvature.observed) @ jacobian
+    observed = weighted_square(jacobian, curvature.observed)
     if not _is_curved(observed, information):
         return heteroscedastic(plain, jacobian, score, curvature.expected)
     bread = parameter_covariance(observed, prior.precision)

@@ -319,7 +319,8 @@ class Problem:
             for o, y in self.measured.items():
                 where = self._where[o]
                 residual[o] = (y - trajectory.signals[o])[where]
-                jacobian[o] = trajectory.sensitivities[o][where] * -slopes
+                # taken out, as both at once are much memory for a long record
+                jacobian[o] = trajectory.sensitivities.pop(o)[where] * -slopes
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
 

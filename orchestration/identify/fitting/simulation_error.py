@@ -62,6 +62,37 @@ def pooled_error(
     return float(np.sqrt((counted * scaled**2).sum() / counted.sum()))
 
 
+def weighted_slopes(
+    jacobian: Mapping[str, Array], scales: Mapping[str, float], below: Array
+) -> Array:
+    """Return the Jacobians of all outputs over their scales, and more rows below them.
+
+    They are divided into their place: all of them twice are much memory for a long record.
+
+    Parameters
+    ----------
+    jacobian : Mapping of str to ndarray, shape (m, p)
+        By output.
+    scales : Mapping of str to float
+        See `error_scales`.
+    below : ndarray, shape (r, p)
+
+    Returns
+    -------
+    ndarray, shape (m + r, p)
+        With m rows of all outputs together.
+    """
+    rows = sum(map(len, jacobian.values()))
+    stacked = np.empty((rows + len(below), below.shape[1]))
+    first = 0
+    for o, slopes in jacobian.items():
+        last = first + len(slopes)
+        np.divide(slopes, scales[o], out=stacked[first:last])
+        first = last
+    stacked[rows:] = below
+    return stacked
+
+
 def error_at(problem: Problem, q: Array) -> float:
     """Return the pooled error at a point; infinite where the model cannot be simulated.
 
@@ -203,8 +234,8 @@ class _WeightedErrors:
 
     def slopes(self, q: Array) -> Array:
         """Return their derivatives (m, p)."""
-        parts = [j / self._scales[o] for o, j in self._problem.evaluate(q)[1].items()]
-        return np.vstack([*parts, self._prior[1]] if self._prior else parts)
+        below = self._prior[1] if self._prior else np.empty((0, len(q)))
+        return weighted_slopes(self._problem.evaluate(q)[1], self._scales, below)
 
     def cost(self, q: Array) -> float:
         """Return their sum of squares."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ _SINGULAR = 1e-10
 _LEVERAGE = 0.9
 # share of a parameter in a singular direction, from which on it is not identifiable itself
 _INVOLVED = 1e-3
+_BLOCK = 65_536  # rows of a Jacobian of which a copy is made at once
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,31 @@ def parameter_covariance(information: Array, prior: ArrayLike = 0.0) -> Covarian
     return Covariance(matrix, unidentifiable)
 
 
+def weighted_square(jacobian: Array, weights: Array) -> Array:
+    """Return J'WJ, by blocks of rows where there are many.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (m, p)
+    weights : ndarray, shape (m,)
+        The diagonal of W.
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+    """
+    count = jacobian.shape[1]
+    square = np.zeros((count, count))
+    for block in _blocks(len(jacobian)):
+        square += (jacobian[block].T * weights[block]) @ jacobian[block]
+    return square
+
+
+def _blocks(rows: int) -> Iterator[slice]:
+    """Divide rows into blocks, as a copy of all would be much memory for a long record."""
+    return (slice(first, first + _BLOCK) for first in range(0, rows, _BLOCK))
+
+
 def sandwich_covariance(
     bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise]
 ) -> Covariance:
@@ -143,10 +169,14 @@ def excess_variance(
     ndarray, shape (p,)
         Ratio of variances, at least 1.
     """
-    along = jacobian @ bread.matrix
-    leverage = np.clip(curvature * np.einsum("ij,ij->i", along, jacobian), 0.0, _LEVERAGE)
-    along *= (score / (1.0 - leverage))[:, np.newaxis]
-    robust = np.einsum("ij,ij->j", along, along)
+    curved = np.broadcast_to(curvature, len(jacobian))
+    robust = np.zeros(jacobian.shape[1])
+    for block in _blocks(len(jacobian)):
+        slopes = jacobian[block]
+        along = slopes @ bread.matrix
+        leverage = np.clip(curved[block] * np.einsum("ij,ij->i", along, slopes), 0.0, _LEVERAGE)
+        along *= (score[block] / (1.0 - leverage))[:, np.newaxis]
+        robust += np.einsum("ij,ij->j", along, along)
     plain = np.diag(bread.matrix)
     ratio = np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0)
     return np.asarray(np.maximum(ratio, 1.0))

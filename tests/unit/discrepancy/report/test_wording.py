@@ -30,7 +30,7 @@ from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.residuals.analysis import residual_notes
-from orchestration.discrepancy.selection import scoring
+from orchestration.discrepancy.selection import all_samples, scoring
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.validation.confirmation import confirm
 from orchestration.discrepancy.validation.estimates import identifiability_notes
@@ -360,6 +360,12 @@ def not_simulated(monkeypatch):
     monkeypatch.setattr(scoring, "score_directions", lambda _, effects, __: [(effects[0], None)])
     monkeypatch.setattr(scoring, "simulated_directions", fails)
     return diagnose(PpyActuator, short_record(), [SATURATION]).notes
+
+
+@makes(NoteCode.NOT_IN_ALL_SAMPLES)
+def not_in_all_samples(monkeypatch):
+    found = diagnose(Product, with_offset(), [OFFSET]).selection
+    return all_samples.dropped_notes(found, replace(found, steps=[]))
 
 
 @makes(NoteCode.NOT_VALIDATED)

@@ -8,10 +8,12 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from fmus.kit import measurement_effects
+from orchestration.discrepancy import diagnosis as diagnosing
 from orchestration.discrepancy.candidates import label
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, diagnose
 from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.selection import all_samples
 from tests.support.several import STEP, TRUE, Cell
 
 NOISE = 1e-3  # V
@@ -55,6 +57,17 @@ def test_an_effect_is_named_as_in_a_short_record(lagging):
     assert lagging.causes == short.causes == ["sensor_lag(voltage)"]
     assert NoteCode.SEARCHED_IN_PART in notes(lagging)
     assert NoteCode.SEARCHED_IN_PART not in notes(short)
+
+
+def test_an_effect_for_which_all_samples_do_not_speak_is_noted_and_not_named(monkeypatch, lagging):
+    assert NoteCode.NOT_IN_ALL_SAMPLES not in notes(lagging)
+    monkeypatch.setattr(all_samples, "ACCEPT", np.inf)
+    monkeypatch.setattr(all_samples, "whitens_residual", lambda before, after: False)
+    monkeypatch.setattr(diagnosing, "_shows_more", lambda selected, fitted: False)
+    diagnosis = diagnose(Cell, long_record(lag=0.3).part(0, 33_000), EFFECTS)
+    assert diagnosis.causes == []
+    subjects = {note.code: note.subject for note in diagnosis.notes}
+    assert subjects[NoteCode.NOT_IN_ALL_SAMPLES] == "sensor_lag(voltage)"
 
 
 def test_every_sample_is_fitted_to_and_judged_by(lagging):

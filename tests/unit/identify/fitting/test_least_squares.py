@@ -71,6 +71,17 @@ def test_what_hardly_does_anything_stays_about_where_it_is():
     assert found.q == pytest.approx([3.0, 0.0], abs=1e-3)
 
 
+@pytest.mark.parametrize("rows", [2_048, 5_000])
+def test_many_rows_have_the_solution_of_linear_least_squares(rows):
+    """They are decomposed block by block, the last of which may be short."""
+    random = np.random.default_rng(6)
+    slope = random.standard_normal((rows, 3)) * np.linspace(0.1, 3.0, rows)[:, np.newaxis]
+    values = random.standard_normal(rows)
+    wide = np.full(3, 1e9)
+    found = minimise(lambda q: values + slope @ q, lambda q: slope, np.zeros(3), -wide, wide, 1e-12)
+    assert found.q == pytest.approx(np.linalg.lstsq(slope, -values)[0], abs=1e-7)
+
+
 def test_there_is_nothing_to_search_where_it_starts_without_error():
     rows, slopes = valley(10.0)
     assert minimise(rows, slopes, np.ones(2), -np.ones(2), 2.0 * np.ones(2))[:2] == (

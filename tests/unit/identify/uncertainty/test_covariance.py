@@ -14,8 +14,10 @@ from scipy.linalg import fractional_matrix_power, toeplitz
 from orchestration.identify.noise.model import Noise
 from orchestration.identify.uncertainty.covariance import (
     clustered_covariance,
+    excess_variance,
     parameter_covariance,
     sandwich_covariance,
+    weighted_square,
 )
 
 RANDOM = np.random.default_rng(3)
@@ -132,3 +134,18 @@ def test_an_error_that_lasts_over_a_stretch_counts_once():
     assert np.all(np.var(estimates, axis=0) > 20.0 * np.diag(bread.matrix)), (
         "50 samples of one error are not 50 errors"
     )
+
+
+def test_sums_over_blocks_of_many_rows_are_those_over_all():
+    random = np.random.default_rng(4)
+    columns = random.standard_normal((150_001, 3))  # three blocks, the last of them short
+    weights = random.uniform(0.5, 2.0, 150_001)
+    assert weighted_square(columns, weights) == pytest.approx(
+        np.einsum("ki,k,kj->ij", columns, weights, columns), rel=1e-9, abs=1e-6
+    )
+    errors = random.standard_normal(150_001) * (1.0 + 2.0 * np.abs(columns[:, 0]))
+    robust = sm.OLS(errors, columns).fit(cov_type="HC3").bse ** 2
+    bread = parameter_covariance(columns.T @ columns)
+    ratio = robust / np.diag(bread.matrix)
+    residual = errors - columns @ np.linalg.lstsq(columns, errors)[0]
+    assert excess_variance(bread, columns, residual) == pytest.approx(ratio, rel=1e-6)
