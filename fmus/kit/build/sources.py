@@ -26,6 +26,7 @@ _RECORD_MODEL = (
 _RECORD_ENGINE = (
     "contract.h",
     "any_model.h",
+    "any_model.c",
     "export.h",
     "native.h",
     "native.c",
@@ -134,7 +135,7 @@ def record_engine_sources() -> dict[str, bytes]:
         Name to contents, :data:`UNIT` among them.
     """
     sources = {name: (FOLDER / name).read_bytes() for name in _RECORD_ENGINE}
-    return sources | {UNIT: unit("record.c", "native.c")}
+    return sources | {UNIT: unit("record.c", "native.c", "any_model.c")}
 
 
 def record_model_sources(graph: Graph) -> dict[str, bytes]:

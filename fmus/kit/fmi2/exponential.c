@@ -50,9 +50,12 @@ static bool equip(Recorder *recorder, const Ladder *ladder) {
     return next != NULL;
 }
 
-/* Adds scale * M v; M is kept as the stack of its blocks. */
-static void add_product(const Recorder *recorder, double *sum, double scale, const double *m, const double *v) {
-    const int rows = recorder->ladder.states, blocks = model_of(&recorder->engine)->states / rows;
+static void clear(const Recorder *recorder, double *values) {
+    memset(values, 0, (size_t)model_of(&recorder->engine)->states * sizeof(double));
+}
+
+/* Adds scale * M v; M is kept as the stack of its blocks, of so many rows and columns each. */
+static inline void add_blocks(int rows, int blocks, double *sum, double scale, const double *m, const double *v) {
     for (int block = 0; block < blocks; block++) {
         const double *of_block = m + block * rows * rows, *vb = v + block * rows;
         for (int i = 0; i < rows; i++) {
@@ -64,6 +67,39 @@ static void add_product(const Recorder *recorder, double *sum, double scale, con
             sum[block * rows + i] += scale * product;
         }
     }
+}
+
+/* The same for blocks of one size, without loops over their rows and columns: half of the time. */
+typedef void Sum(int blocks, double *sum, double scale, const double *m, const double *v);
+#define BLOCKS_OF(rows)                                                                                                \
+    static void add_blocks_of_##rows(int blocks, double *sum, double scale, const double *m, const double *v) {        \
+        add_blocks(rows, blocks, sum, scale, m, v);                                                                    \
+    }
+BLOCKS_OF(1)
+BLOCKS_OF(2)
+BLOCKS_OF(3)
+BLOCKS_OF(4)
+BLOCKS_OF(5)
+BLOCKS_OF(6)
+BLOCKS_OF(7)
+BLOCKS_OF(8)
+#undef BLOCKS_OF
+static Sum *const usual[] = {NULL,
+                             add_blocks_of_1,
+                             add_blocks_of_2,
+                             add_blocks_of_3,
+                             add_blocks_of_4,
+                             add_blocks_of_5,
+                             add_blocks_of_6,
+                             add_blocks_of_7,
+                             add_blocks_of_8};
+
+static void add_product(const Recorder *recorder, double *sum, double scale, const double *m, const double *v) {
+    const int rows = recorder->ladder.states, blocks = model_of(&recorder->engine)->states / rows;
+    if ((size_t)rows < sizeof usual / sizeof *usual)
+        usual[rows](blocks, sum, scale, m, v);
+    else
+        add_blocks(rows, blocks, sum, scale, m, v);
 }
 
 static const double *phi(const Recorder *recorder, int level, int order) {
@@ -80,10 +116,6 @@ static void changed(Recorder *recorder, double time, const double *x, const doub
     for (int i = 0; i < states; i++)
         difference[i] -= recorder->rate[i];
     add_product(recorder, difference, -1.0, recorder->ladder.matrix, moved);
-}
-
-static void clear(const Recorder *recorder, double *values) {
-    memset(values, 0, (size_t)model_of(&recorder->engine)->states * sizeof(double));
 }
 
 /* One step of what is affine, from x; by how much the states move is in `moved`. */

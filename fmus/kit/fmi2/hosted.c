@@ -11,11 +11,6 @@ static const bool engine_interpolates = true;
 static const bool engine_exchanges = true;
 static const bool engine_differentiates = true;
 
-const Model *model_of(const Engine *engine) {
-    (void)engine;
-    return &this_model;
-}
-
 Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message) {
     Engine *engine = calloc(1, sizeof *engine);
     (void)texts;

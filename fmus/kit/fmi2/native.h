@@ -7,7 +7,7 @@
 enum { MAX_STEPS = 1000000 }; /* internal, in one communication step */
 
 struct Engine {
-    const Model *model; /* see model_of */
+    const Model *model; /* for model_of */
     double *memory;
     double origin; /* the time at which the inputs have the values in memory */
     bool sloped;   /* whether any input has a slope */
@@ -24,7 +24,8 @@ struct Engine {
     void *arrays; /* all of the above in one block */
 };
 
-/* The model of an engine: of an FMU always the same constant, so that the compiler knows every size. */
+/* The model of an engine. Where one is compiled with it, as in an FMU, that is a constant, so that the compiler knows
+   every size (this_model.c); else the one that it was given (any_model.c). */
 static inline const Model *model_of(const Engine *engine);
 
 /* Gives an engine its arrays, as large as the model needs them. False without memory. */

@@ -1,6 +1,6 @@
 /* Runs a whole record in one call, for fitting: the same engine as in the FMU, without the FMI around it, and with an
-   integrator of its own where a component is stiff. The model is handed over at run time, so that one library serves
-   all models: of a model itself only the laws are compiled (shared_model.c). */
+   integrator of its own where a component is stiff. With any_model.c it is a library that serves all models; each of them
+   is in a library of its own (shared_model.c). With shared_model.c it is a library of the one model that is in it. */
 #include "exponential.c"
 #include "export.h"
 #include "native.h"
@@ -9,8 +9,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-const Model *model_of(const Engine *engine) { return engine->model; }
 
 static int remembered(const Model *model) { return model->states + model->discretes; }
 
@@ -45,13 +43,17 @@ static bool step(Engine *engine, const double *time, const double *inputs, size_
 
 static bool all_finite_at(const Engine *engine, double time, Message message) {
     const Model *model = model_of(engine);
-    for (int i = model->first_input; i < model->first_derivative; i++)
-        if (!isfinite(engine->memory[i])) {
-            snprintf(message, MESSAGE_SIZE, "'%s' is not a finite number at t = %.10g s", model->variable[i].name,
-                     time);
-            return false;
-        }
-    return true;
+    const double *memory = engine->memory;
+    bool finite = true;
+    int i = model->first_input;
+    for (int k = i; k < model->first_derivative; k++)
+        finite &= isfinite(memory[k]) != 0;
+    if (finite)
+        return true;
+    while (isfinite(memory[i]))
+        i++;
+    snprintf(message, MESSAGE_SIZE, "'%s' is not a finite number at t = %.10g s", model->variable[i].name, time);
+    return false;
 }
 
 static bool run(Engine *engine, size_t n, const double *time, const double *inputs, const double *linear,

@@ -196,8 +196,8 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
     Returns
     -------
     path : Path
-        For a `RecordLibrary`, of which it is the engine and the model; its parameters are those of the component's layout, and it is run
-        without a ladder.
+        For a `RecordLibrary`, of which it is the engine and the model; its parameters are those of
+        the component's layout, and it is run without a ladder.
     tolerance : float
 
     Raises
