@@ -14,9 +14,8 @@ from fmus.kit.symbolic import Graph, codegen
 FOLDER = Path(__file__).parents[1] / "fmi2"
 UNIT = "all.c"  # includes every other
 _FRONT_END = ("instance.c", "evaluate.c", "lifecycle.c", "access.c", "snapshot.c", "step.c")
-_HEADERS = ("contract.h", "engine.h", "instance.h", "evaluate.h")
+_HEADERS = ("any_model.h", "engine.h", "instance.h", "evaluate.h")
 _RECORD_MODEL = (
-    "contract.h",
     "engine.h",
     "any_model.h",
     "export.h",
@@ -24,7 +23,6 @@ _RECORD_MODEL = (
     "shared_model.c",
 )
 _RECORD_ENGINE = (
-    "contract.h",
     "any_model.h",
     "any_model.c",
     "export.h",
@@ -63,7 +61,7 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
 
 
 _NATIVE = EngineSources(
-    tuple(FOLDER / name for name in ("any_model.h", "native.h", "this_model.c")),
+    tuple(FOLDER / name for name in ("native.h", "this_model.c")),
     tuple(FOLDER / name for name in ("native.c", "integrate.c", "hosted.c", "exchange.c")),
     ("laws.c",),
     _unix("m"),

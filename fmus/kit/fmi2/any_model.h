@@ -1,10 +1,42 @@
-/* A model as the native engine takes it: sizes, tables and laws, of the one model that an FMU is compiled for, or of any
-   that an engine for records is given. */
+/* What models have in common: the types of their tables and laws, and a model as the native engine takes it. */
 #ifndef ANY_MODEL_H
 #define ANY_MODEL_H
 
-#include "contract.h"
+#include <stdbool.h>
+#include <stddef.h>
 
+typedef enum { ROLE_PARAMETER, ROLE_INPUT, ROLE_STATE, ROLE_DISCRETE, ROLE_OUTPUT, ROLE_DERIVATIVE } Role;
+typedef enum { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN } Type;
+
+typedef struct {
+    const char *name;
+    const char *unit; /* "1" where there is none */
+    Role role;
+    Type type;
+    double start;            /* used for parameters and inputs; states and discretes start at a parameter */
+    double minimum, maximum; /* -INFINITY, INFINITY where open; both ends are allowed values */
+    double nominal;          /* > 0, in the unit of the variable */
+} Variable;
+
+typedef struct {
+    double period;        /* s, used when period_parameter is negative */
+    int period_parameter; /* index of the parameter that holds the period, or -1 */
+} Group;
+
+/* A parameter that is a text. */
+typedef struct {
+    const char *name, *start;
+} Text;
+
+/* CasADi's calling convention; `mem` is unused. */
+typedef int Law(const double **arg, double **res, long long *iw, double *w, int mem);
+
+enum { MESSAGE_SIZE = 1024 };
+typedef char Message[MESSAGE_SIZE]; /* one line, filled in by whoever returns NULL or false */
+
+typedef struct Engine Engine;
+
+/* One model. The native engine is compiled for one, as in an FMU, or for any, which it is given then. */
 typedef struct {
     /* how many there are */
     int parameters, inputs, states, discretes, outputs, groups;

@@ -2,7 +2,8 @@
  *
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
- *     engine      native.c integrate.c exchange.c,   python.c library.c interpreter.c resources.c,   or a component's own
+ *     engine      native.c integrate.c hosted.c exchange.c,
+ *                 or python.c library.c interpreter.c resources.c,   or a component's own
  *     model       model.h tables.h, and laws.c with the native engine   (generated)
  *
  * All of it is one translation unit, and all but the functions of FMI is static: FMUs compiled from source, each with an
@@ -24,7 +25,7 @@
  *     Text model_texts[]                 MODEL_TEXTS of them
  *     bool model_restorable              whether a copy of the memory is all there is to an instance
  *     An array without elements gets one unused element, for C has no empty arrays.
- * laws.c, from CasADi, with the signature `Law` below and the inputs
+ * laws.c, from CasADi, with the signature `Law` of any_model.h and the inputs
  *     time (1), parameters, inputs, states, discretes
  *     rates    -> the derivatives of the states
  *     outputs  -> the outputs
@@ -53,7 +54,12 @@
 #ifndef ENGINE_H
 #define ENGINE_H
 
-#include "contract.h"
+#include <math.h> /* INFINITY in the tables */
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "any_model.h"
 #include "model.h"
 
 enum {
@@ -74,5 +80,45 @@ enum {
 };
 
 #include "tables.h"
+
+/* ---- engine ------------------------------------------------------------------------------------ */
+
+/* An engine also defines the constants `static const bool engine_interpolates, engine_differentiates, engine_exchanges`:
+   whether inputs may have slopes, whether engine_tangent works, and whether it has the functions of model exchange. */
+
+enum { TEXT_SIZE = 512 }; /* with the terminating zero */
+typedef char TextValue[TEXT_SIZE];
+
+/* `memory` and `texts` outlive the engine. `resources` is the resource location as the host gave it, or NULL. */
+static Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message);
+static void engine_free(Engine *engine);
+
+/* The simulation has ended, or begins anew; for engines that hold something outside of the memory. */
+static void engine_terminate(Engine *engine);
+
+/* Called at the end of initialization: parameters are in range, states and discretes at their start values. */
+static bool engine_initialize(Engine *engine, Message message);
+
+/* Outputs, or derivatives, at `time` from all other variables. */
+static bool engine_evaluate(Engine *engine, double time, Message message);
+static bool engine_differentiate(Engine *engine, double time, Message message);
+
+/* States and discretes from `time` to `time + step`; outputs and derivatives need not be up to date after it. A message
+   beside success is a warning. */
+static bool engine_advance(Engine *engine, double time, double step, Message message);
+
+/* `seed` is a direction [parameters | inputs | states | discretes], `result` takes [derivatives | outputs]. */
+static bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message);
+
+/* ---- common ------------------------------------------------------------------------------------ */
+
+/* FNV-1a; start with HASH_START, or with the hash of what came before. */
+#define HASH_START UINT64_C(14695981039346656037)
+static inline uint64_t hash(uint64_t value, const void *data, size_t size) {
+    const unsigned char *bytes = data;
+    for (size_t i = 0; i < size; i++)
+        value = (value ^ bytes[i]) * UINT64_C(1099511628211);
+    return value;
+}
 
 #endif

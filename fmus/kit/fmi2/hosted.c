@@ -1,4 +1,5 @@
 /* The native engine in an FMU: of the one model that is compiled with it, and with what only a host asks for. */
+#include "engine.h"
 #include "native.h"
 #include "this_model.c"
 

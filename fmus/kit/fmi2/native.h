@@ -54,6 +54,9 @@ static inline bool call(Engine *engine, Law *law) {
 
 static bool law_failed(Message message, const char *law);
 
+static bool engine_evaluate(Engine *engine, double time, Message message);
+static bool engine_advance(Engine *engine, double time, double step, Message message);
+
 /* Makes the updates that are due and finds where the integration has to stop next: the next sample or `end`. */
 static bool sample(Engine *engine, double time, double end, double *target, Message message);
 
