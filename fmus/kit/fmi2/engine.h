@@ -6,6 +6,8 @@
  *                 or python.c library.c interpreter.c resources.c,   or a component's own
  *     model       model.h tables.h, and laws.c with the native engine   (generated)
  *
+ * any_model.h has what does not hang on the model. With it the native engine also runs records without FMI (record.c).
+ *
  * All of it is one translation unit, and all but the functions of FMI is static: FMUs compiled from source, each with an
  * FMI2_FUNCTION_PREFIX of its own, can be linked into one program. The engine comes first in the unit.
  *

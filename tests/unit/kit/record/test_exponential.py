@@ -294,8 +294,9 @@ def test_components_of_any_number_of_states_are_stiff(n):
     members = {"a": Parameter(300.0, "1/s", min=1e-6), "u": Input("1", start=1.0)}
     for k in range(n):
         members[f"x{k}"] = State("1", rate=f"rate{k}", start=0.1 * k)
-        members[f"rate{k}"] = lambda self, k=k: (
-            (k + 1) * self.a * ((getattr(self, f"x{k - 1}") if k else self.u) - getattr(self, f"x{k}"))
+        before = f"x{k - 1}" if k else "u"
+        members[f"rate{k}"] = lambda self, k=k, before=before: (
+            (k + 1) * self.a * (getattr(self, before) - getattr(self, f"x{k}"))
         )
     lags = type("Lags", (Component,), {"name": "lags", "__doc__": "Lags.", **members})
     matrix = np.diag(-300.0 * np.arange(1.0, n + 1)) + np.diag(300.0 * np.arange(2.0, n + 1), -1)

@@ -245,7 +245,7 @@ def test_a_law_that_cannot_be_evaluated_is_named(law, message):
 def test_a_step_of_too_many_internal_ones_is_given_up():
     library = separate(Lag)
     time = np.array([0.0, 1.0])
-    with pytest.raises(UserError, match="^more than 1000000 internal steps in one communication"):
+    with pytest.raises(UserError, match=r"^more than 1000000 internal steps in one communication"):
         library.simulate(
             time, np.ones((2, 1)), np.zeros(1), rows({"tau": 1e-9})[0], **LIMITS, ladder=None
         )
