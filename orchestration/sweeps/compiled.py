@@ -128,8 +128,9 @@ class CompiledCases:
         computed = (*equations.outputs, *equations.remembered)
         self._column = {name: k for k, name in enumerate(computed)}
         try:
+            library = equations.library
             self._library = RecordLibrary(
-                equations.library, len(equations.outputs), len(equations.remembered)
+                library, library, len(equations.outputs), len(equations.remembered)
             )
         except OSError as error:
             raise UserError(f"{equations.library}: cannot be loaded ({error})") from error

@@ -15,6 +15,8 @@ from .parameters import to_ssv as to_ssv
 from .provenance import Provenance as Provenance
 from .provenance import read_provenance as read_provenance
 from .sources import UNIT as UNIT
+from .sources import record_engine_sources as record_engine_sources
+from .sources import record_model_sources as record_model_sources
 from .sources import record_sources as record_sources
 from .toolchain import available_platforms as available_platforms
 from .toolchain import cached_library as cached_library

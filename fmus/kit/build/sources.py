@@ -14,7 +14,24 @@ from fmus.kit.symbolic import Graph, codegen
 FOLDER = Path(__file__).parents[1] / "fmi2"
 UNIT = "all.c"  # includes every other
 _FRONT_END = ("instance.c", "evaluate.c", "lifecycle.c", "access.c", "snapshot.c", "step.c")
-_HEADERS = ("engine.h", "instance.h", "evaluate.h")
+_HEADERS = ("any_model.h", "engine.h", "instance.h", "evaluate.h")
+_RECORD_MODEL = (
+    "engine.h",
+    "any_model.h",
+    "export.h",
+    "this_model.c",
+    "shared_model.c",
+)
+_RECORD_ENGINE = (
+    "any_model.h",
+    "any_model.c",
+    "export.h",
+    "native.h",
+    "native.c",
+    "integrate.c",
+    "exponential.c",
+    "record.c",
+)
 _FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 
@@ -25,6 +42,7 @@ class EngineSources:
     Attributes
     ----------
     headers, sources : tuple of Path
+        Files that are included, and files of which the unit consists.
     generated : tuple of str
         Generated files that the unit includes, beside the tables that ``engine.h`` includes.
     libraries : Mapping of str to tuple of str
@@ -43,8 +61,8 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
 
 
 _NATIVE = EngineSources(
-    (FOLDER / "native.h",),
-    tuple(FOLDER / name for name in ("native.c", "integrate.c", "exchange.c")),
+    tuple(FOLDER / name for name in ("native.h", "this_model.c")),
+    tuple(FOLDER / name for name in ("native.c", "integrate.c", "hosted.c", "exchange.c")),
     ("laws.c",),
     _unix("m"),
 )
@@ -106,28 +124,52 @@ def _fmi_headers() -> dict[str, bytes]:
     return {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
 
 
-def record_sources(graph: Graph, states: int) -> dict[str, bytes]:
-    """Write every C file of a library that runs a component over records (``fmi2/record.c``).
-
-    Parameters
-    ----------
-    graph : Graph
-        The traced component, possibly extended by sensitivities.
-    states : int
-        Number of its states that are those of the component, which come first.
+def record_engine_sources() -> dict[str, bytes]:
+    """Return every C file of the library that runs any model over records (``fmi2/record.c``).
 
     Returns
     -------
     dict of str to bytes
         Name to contents, :data:`UNIT` among them.
     """
-    sources = {path.name: path.read_bytes() for path in FOLDER.iterdir() if path.is_file()}
-    sources |= _fmi_headers()
+    sources = {name: (FOLDER / name).read_bytes() for name in _RECORD_ENGINE}
+    return sources | {UNIT: unit("record.c", "native.c", "any_model.c")}
+
+
+def record_model_sources(graph: Graph) -> dict[str, bytes]:
+    """Write every C file of a library of a model, which another runs over records.
+
+    Parameters
+    ----------
+    graph : Graph
+        The traced component, possibly extended by sensitivities.
+
+    Returns
+    -------
+    dict of str to bytes
+        Name to contents, :data:`UNIT` among them.
+    """
+    sources = {name: (FOLDER / name).read_bytes() for name in _RECORD_MODEL}
     for name, text in codegen.native_sources(graph, "", hosted=False).items():
         sources[name] = text.encode()
-    sources["record.h"] = f"#define RECORD_STATES {states}\n".encode()
-    sources[UNIT] = unit("record.c", "native.c", "laws.c")
-    return sources
+    return sources | {UNIT: unit("shared_model.c", "laws.c")}
+
+
+def record_sources(graph: Graph) -> dict[str, bytes]:
+    """Write every C file of a library that is both: it runs the one model that is in it.
+
+    Parameters
+    ----------
+    graph : Graph
+        See :func:`record_model_sources`.
+
+    Returns
+    -------
+    dict of str to bytes
+        Name to contents, :data:`UNIT` among them.
+    """
+    both = record_engine_sources() | record_model_sources(graph)
+    return both | {UNIT: unit("record.c", "native.c", "shared_model.c", "laws.c")}
 
 
 def unit(*names: str) -> bytes:

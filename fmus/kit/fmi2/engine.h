@@ -2,8 +2,11 @@
  *
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
- *     engine      native.c integrate.c exchange.c,   python.c library.c interpreter.c resources.c,   or a component's own
+ *     engine      native.c integrate.c hosted.c exchange.c,
+ *                 or python.c library.c interpreter.c resources.c,   or a component's own
  *     model       model.h tables.h, and laws.c with the native engine   (generated)
+ *
+ * any_model.h has what does not hang on the model. With it the native engine also runs records without FMI (record.c).
  *
  * All of it is one translation unit, and all but the functions of FMI is static: FMUs compiled from source, each with an
  * FMI2_FUNCTION_PREFIX of its own, can be linked into one program. The engine comes first in the unit.
@@ -24,7 +27,7 @@
  *     Text model_texts[]                 MODEL_TEXTS of them
  *     bool model_restorable              whether a copy of the memory is all there is to an instance
  *     An array without elements gets one unused element, for C has no empty arrays.
- * laws.c, from CasADi, with the signature `Law` below and the inputs
+ * laws.c, from CasADi, with the signature `Law` of any_model.h and the inputs
  *     time (1), parameters, inputs, states, discretes
  *     rates    -> the derivatives of the states
  *     outputs  -> the outputs
@@ -58,6 +61,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "any_model.h"
 #include "model.h"
 
 enum {
@@ -77,42 +81,9 @@ enum {
     MEMORY_SIZE = MEMORY_SLOPES + MODEL_INPUTS
 };
 
-/* ---- model ------------------------------------------------------------------------------------- */
-
-typedef enum { ROLE_PARAMETER, ROLE_INPUT, ROLE_STATE, ROLE_DISCRETE, ROLE_OUTPUT, ROLE_DERIVATIVE } Role;
-typedef enum { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN } Type;
-
-typedef struct {
-    const char *name;
-    const char *unit; /* "1" where there is none */
-    Role role;
-    Type type;
-    double start;            /* used for parameters and inputs; states and discretes start at a parameter */
-    double minimum, maximum; /* -INFINITY, INFINITY where open; both ends are allowed values */
-    double nominal;          /* > 0, in the unit of the variable */
-} Variable;
-
-typedef struct {
-    double period;        /* s, used when period_parameter is negative */
-    int period_parameter; /* index of the parameter that holds the period, or -1 */
-} Group;
-
-/* A parameter that is a text. */
-typedef struct {
-    const char *name, *start;
-} Text;
-
 #include "tables.h"
 
-/* CasADi's calling convention; `mem` is unused. */
-typedef int Law(const double **arg, double **res, long long *iw, double *w, int mem);
-
 /* ---- engine ------------------------------------------------------------------------------------ */
-
-enum { MESSAGE_SIZE = 1024 };
-typedef char Message[MESSAGE_SIZE]; /* one line, filled in by whoever returns NULL or false */
-
-typedef struct Engine Engine;
 
 /* An engine also defines the constants `static const bool engine_interpolates, engine_differentiates, engine_exchanges`:
    whether inputs may have slopes, whether engine_tangent works, and whether it has the functions of model exchange. */

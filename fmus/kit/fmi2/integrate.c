@@ -11,15 +11,17 @@
 #include <string.h>
 
 static void rates_at(Engine *engine, double time, const double *states, double *result) {
+    const Model *model = model_of(engine);
     bind(engine, time, states);
     engine->res[0] = result;
-    if (!call(engine, rates))
-        for (int i = 0; i < MODEL_STATES; i++)
+    if (!call(engine, model->rates_law))
+        for (int i = 0; i < model->states; i++)
             result[i] = NAN;
 }
 
 static void displaced(Engine *engine, const double *x, double h, const double *rate) {
-    for (int i = 0; i < MODEL_STATES; i++)
+    const int states = model_of(engine)->states;
+    for (int i = 0; i < states; i++)
         engine->trial[i] = x[i] + h * rate[i];
 }
 
@@ -28,9 +30,10 @@ static void displaced(Engine *engine, const double *x, double h, const double *r
  * The estimate vanishes for a decay by one time constant in a step; k2 - k3 does not, and weighs little in short steps.
  */
 static double try_step(Engine *engine, double time, double h) {
-    const double *x = engine->memory + FIRST_STATE;
+    const Model *model = model_of(engine);
+    const double *x = engine->memory + model->first_state;
     double *k1 = engine->k[0], *k2 = engine->k[1], *k3 = engine->k[2], *k4 = engine->k[3], *k5 = engine->k[4];
-    double tolerance = engine->memory[MEMORY_TOLERANCE], coarse = sqrt(tolerance), worst = 0.0;
+    double tolerance = engine->memory[model->tolerance], coarse = sqrt(tolerance), worst = 0.0;
     rates_at(engine, time, x, k1);
     displaced(engine, x, 0.5 * h, k1);
     rates_at(engine, time + 0.5 * h, engine->trial, k2);
@@ -38,13 +41,13 @@ static double try_step(Engine *engine, double time, double h) {
     rates_at(engine, time + 0.5 * h, engine->trial, k3);
     displaced(engine, x, h, k3);
     rates_at(engine, time + h, engine->trial, k4);
-    for (int i = 0; i < MODEL_STATES; i++)
+    for (int i = 0; i < model->states; i++)
         engine->trial[i] = x[i] + h / 32.0 * (5.0 * k1[i] + 7.0 * k2[i] + 13.0 * k3[i] - k4[i]);
     rates_at(engine, time + 0.75 * h, engine->trial, k5);
-    for (int i = 0; i < MODEL_STATES; i++)
+    for (int i = 0; i < model->states; i++)
         engine->trial[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-    for (int i = 0; i < MODEL_STATES; i++) {
-        double size = model_variables[FIRST_STATE + i].nominal + fabs(x[i]);
+    for (int i = 0; i < model->states; i++) {
+        double size = model->variable[model->first_state + i].nominal + fabs(x[i]);
         double estimate = k1[i] - 3.0 * (k2[i] + k3[i] + k4[i]) + 8.0 * k5[i];
         double error = (fabs(h / 7.5 / tolerance * estimate) + fabs(h / coarse * (k2[i] - k3[i]))) / size;
         if (!isfinite(error) || !isfinite(engine->trial[i]))
@@ -56,11 +59,12 @@ static double try_step(Engine *engine, double time, double h) {
 
 /* The state that stops the integration: one whose rate is not finite, else the fastest. */
 static const char *culprit(const Engine *engine) {
+    const Model *model = model_of(engine);
     int worst = 0;
     double fastest = -1.0;
-    for (int i = 0; i < MODEL_STATES; i++) {
-        const Variable *state = &model_variables[FIRST_STATE + i];
-        double speed = fabs(engine->k[0][i]) / (state->nominal + fabs(engine->memory[FIRST_STATE + i]));
+    for (int i = 0; i < model->states; i++) {
+        const Variable *state = &model->variable[model->first_state + i];
+        double speed = fabs(engine->k[0][i]) / (state->nominal + fabs(engine->memory[model->first_state + i]));
         if (!isfinite(speed))
             return state->name;
         if (speed > fastest) {
@@ -68,13 +72,13 @@ static const char *culprit(const Engine *engine) {
             worst = i;
         }
     }
-    return model_variables[FIRST_STATE + worst].name;
+    return model->variable[model->first_state + worst].name;
 }
 
 static bool give_up(const Engine *engine, double time, double error, Message message) {
     if (isfinite(error))
-        snprintf(message, MESSAGE_SIZE, "accuracy %g cannot be reached at %.10g s", engine->memory[MEMORY_TOLERANCE],
-                 time);
+        snprintf(message, MESSAGE_SIZE, "accuracy %g cannot be reached at %.10g s",
+                 engine->memory[model_of(engine)->tolerance], time);
     else
         snprintf(message, MESSAGE_SIZE, "not finite: %s at %.10g s", culprit(engine), time);
     return false;
@@ -97,8 +101,9 @@ static double following(double h, double error) {
 }
 
 bool integrate(Engine *engine, double time, double target, Message message) {
-    double *hint = engine->memory + MEMORY_HINT;
-    if (MODEL_STATES == 0 || time >= target)
+    const Model *model = model_of(engine);
+    double *hint = engine->memory + model->hint;
+    if (model->states == 0 || time >= target)
         return spend(engine, time, message);
     while (time < target) {
         double remaining = target - time;
@@ -108,7 +113,7 @@ bool integrate(Engine *engine, double time, double target, Message message) {
         error = try_step(engine, time, h);
         if (error <= 1.0) {
             time = h == remaining ? target : time + h;
-            memcpy(engine->memory + FIRST_STATE, engine->trial, MODEL_STATES * sizeof(double));
+            memcpy(engine->memory + model->first_state, engine->trial, (size_t)model->states * sizeof(double));
             /* A step shortened to land on the target says nothing against a longer one. */
             if (isfinite(*hint))
                 *hint = h == remaining ? fmax(*hint, following(h, error)) : following(h, error);

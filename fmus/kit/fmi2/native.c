@@ -6,85 +6,62 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define UPDATE_ADDRESS(name) name,
-static Law *const updates[] = {LAWS_UPDATES(UPDATE_ADDRESS) NULL};
-#undef UPDATE_ADDRESS
-
-static const bool engine_interpolates = true;
-static const bool engine_exchanges = true;
-static const bool engine_differentiates = true;
-
-Engine *engine_create(double *memory, const TextValue *texts, const char *resources, Message message) {
-    Engine *engine = calloc(1, sizeof *engine);
-    (void)texts;
-    (void)resources;
-    if (engine == NULL)
-        snprintf(message, MESSAGE_SIZE, "out of memory");
-    else
-        engine->memory = memory;
-    return engine;
-}
-
-void engine_free(Engine *engine) { free(engine); }
-
-void engine_terminate(Engine *engine) { (void)engine; }
-
-bool engine_initialize(Engine *engine, Message message) {
-    (void)engine;
-    (void)message;
+bool furnish(Engine *engine, const Model *model, double *memory) {
+    size_t states = (size_t)model->states;
+    size_t numbers = (size_t)model->inputs + 6 * states + (size_t)model->discretes + (size_t)model->sz_w;
+    size_t pointers = (size_t)model->sz_arg + (size_t)model->sz_res;
+    double *next = calloc(numbers + (size_t)model->sz_iw + pointers, sizeof(double));
+    engine->model = model;
+    engine->memory = memory;
+    engine->arrays = next;
+    if (next == NULL)
+        return false;
+    engine->inputs = next;
+    engine->trial = next += model->inputs;
+    for (int i = 0; i < 5; i++)
+        engine->k[i] = next += states;
+    engine->updated = next += states;
+    engine->w = next += model->discretes;
+    engine->iw = (long long *)(next + model->sz_w);
+    engine->arg = (const double **)(engine->iw + model->sz_iw);
+    engine->res = (double **)(engine->arg + model->sz_arg);
     return true;
 }
 
-static bool law_failed(Message message, const char *law) {
+bool law_failed(Message message, const char *law) {
     snprintf(message, MESSAGE_SIZE, "the law '%s' could not be evaluated", law);
     return false;
 }
 
 bool engine_evaluate(Engine *engine, double time, Message message) {
+    const Model *model = model_of(engine);
     engine->sloped = false;
-    bind(engine, time, engine->memory + FIRST_STATE);
-    engine->res[0] = engine->memory + FIRST_OUTPUT;
-    return MODEL_OUTPUTS == 0 || call(engine, outputs) || law_failed(message, "outputs");
-}
-
-bool engine_differentiate(Engine *engine, double time, Message message) {
-    engine->sloped = false;
-    bind(engine, time, engine->memory + FIRST_STATE);
-    engine->res[0] = engine->memory + FIRST_DERIVATIVE;
-    return MODEL_STATES == 0 || call(engine, rates) || law_failed(message, "rates");
-}
-
-bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message) {
-    engine->sloped = false;
-    bind(engine, time, engine->memory + FIRST_STATE);
-    engine->arg[5] = seed + FIRST_PARAMETER;
-    engine->arg[6] = seed + FIRST_INPUT;
-    engine->arg[7] = seed + FIRST_STATE;
-    engine->arg[8] = seed + FIRST_DISCRETE;
-    engine->res[0] = result;
-    engine->res[1] = result + MODEL_STATES;
-    return call(engine, tangent) || law_failed(message, "tangent");
+    bind(engine, time, engine->memory + model->first_state);
+    engine->res[0] = engine->memory + model->first_output;
+    return model->outputs == 0 || call(engine, model->outputs_law) || law_failed(message, "outputs");
 }
 
 /* All discretes of the group change at once, from the values before the update. */
 static bool update(Engine *engine, int group, double time) {
-    bind(engine, time, engine->memory + FIRST_STATE);
+    const Model *model = model_of(engine);
+    bind(engine, time, engine->memory + model->first_state);
     engine->res[0] = engine->updated;
-    if (!call(engine, updates[group]))
+    if (!call(engine, model->update_laws[group]))
         return false;
-    memcpy(engine->memory + FIRST_DISCRETE, engine->updated, MODEL_DISCRETES * sizeof(double));
+    memcpy(engine->memory + model->first_discrete, engine->updated, (size_t)model->discretes * sizeof(double));
     return true;
 }
 
 double period_of(const Engine *engine, int group) {
-    int parameter = model_groups[group].period_parameter;
-    return parameter < 0 ? model_groups[group].period : engine->memory[parameter];
+    const Group *of = &model_of(engine)->group[group];
+    return of->period_parameter < 0 ? of->period : engine->memory[of->period_parameter];
 }
 
 bool sample(Engine *engine, double time, double end, double *target, Message message) {
-    double *counters = engine->memory + MEMORY_COUNTERS, start = engine->memory[MEMORY_START_TIME];
+    const Model *model = model_of(engine);
+    double *counters = engine->memory + model->counters, start = engine->memory[model->start_time];
     *target = end;
-    for (int i = 0; i < MODEL_GROUPS; i++) {
+    for (int i = 0; i < model->groups; i++) {
         double period = period_of(engine, i), next = start + counters[i] * period;
         /* Times this close are the same instant: hosts round, and late in a simulation more than a share of the period. */
         double slack = 1e-9 * period + 1e-15 * fabs(end);
@@ -102,12 +79,13 @@ bool sample(Engine *engine, double time, double end, double *target, Message mes
 }
 
 bool engine_advance(Engine *engine, double time, double step, Message message) {
+    const Model *model = model_of(engine);
     double end = time + step, target;
     engine->origin = time;
     engine->budget = MAX_STEPS;
     engine->sloped = false;
-    for (int i = 0; i < MODEL_INPUTS; i++)
-        engine->sloped |= engine->memory[MEMORY_SLOPES + i] != 0.0;
+    for (int i = 0; i < model->inputs; i++)
+        engine->sloped |= engine->memory[model->slopes + i] != 0.0;
     do {
         if (!sample(engine, time, end, &target, message) || !integrate(engine, time, target, message))
             return false;

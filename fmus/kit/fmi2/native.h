@@ -2,43 +2,48 @@
 #ifndef NATIVE_H
 #define NATIVE_H
 
-#include "engine.h"
-
-static Law rates, outputs, tangent;
-#define DECLARE_UPDATE(name) static Law name;
-LAWS_UPDATES(DECLARE_UPDATE)
-#undef DECLARE_UPDATE
+#include "any_model.h"
 
 enum { MAX_STEPS = 1000000 }; /* internal, in one communication step */
 
 struct Engine {
+    const Model *model; /* for model_of */
     double *memory;
     double origin; /* the time at which the inputs have the values in memory */
     bool sloped;   /* whether any input has a slope */
     long budget;   /* of MAX_STEPS, what remains in this communication step */
     double time;   /* argument of the law being called, as the inputs below */
-    double inputs[MODEL_INPUTS + 1];
-    double trial[MODEL_STATES + 1];
-    double k[5][MODEL_STATES + 1]; /* the rates k1 ... k5 of a trial step */
-    double updated[MODEL_DISCRETES + 1];
-    const double *arg[LAWS_SZ_ARG + 1];
-    double *res[LAWS_SZ_RES + 1];
-    long long iw[LAWS_SZ_IW + 1];
-    double w[LAWS_SZ_W + 1];
+    double *inputs;
+    double *trial;   /* states */
+    double *k[5];    /* the rates k1 ... k5 of a trial step */
+    double *updated; /* discretes */
+    const double **arg;
+    double **res;
+    long long *iw;
+    double *w;
+    void *arrays; /* all of the above in one block */
 };
+
+/* The model of an engine. Where one is compiled with it, as in an FMU, that is a constant, so that the compiler knows
+   every size (this_model.c); else the one that it was given (any_model.c). */
+static inline const Model *model_of(const Engine *engine);
+
+/* Gives an engine its arrays, as large as the model needs them. False without memory. */
+static bool furnish(Engine *engine, const Model *model, double *memory);
 
 /* Sets the five arguments every law begins with. CasADi may overwrite all beyond a law's own arguments only. */
 static inline void bind(Engine *engine, double time, const double *states) {
+    const Model *model = model_of(engine);
     const double *memory = engine->memory;
     engine->time = time;
     engine->arg[0] = &engine->time;
-    engine->arg[1] = memory + FIRST_PARAMETER;
-    engine->arg[2] = memory + FIRST_INPUT;
+    engine->arg[1] = memory + model->first_parameter;
+    engine->arg[2] = memory + model->first_input;
     engine->arg[3] = states;
-    engine->arg[4] = memory + FIRST_DISCRETE;
+    engine->arg[4] = memory + model->first_discrete;
     if (engine->sloped) {
-        for (int i = 0; i < MODEL_INPUTS; i++)
-            engine->inputs[i] = memory[FIRST_INPUT + i] + memory[MEMORY_SLOPES + i] * (time - engine->origin);
+        for (int i = 0; i < model->inputs; i++)
+            engine->inputs[i] = memory[model->first_input + i] + memory[model->slopes + i] * (time - engine->origin);
         engine->arg[2] = engine->inputs;
     }
 }
@@ -46,6 +51,11 @@ static inline void bind(Engine *engine, double time, const double *states) {
 static inline bool call(Engine *engine, Law *law) {
     return law(engine->arg, engine->res, engine->iw, engine->w, 0) == 0;
 }
+
+static bool law_failed(Message message, const char *law);
+
+static bool engine_evaluate(Engine *engine, double time, Message message);
+static bool engine_advance(Engine *engine, double time, double step, Message message);
 
 /* Makes the updates that are due and finds where the integration has to stop next: the next sample or `end`. */
 static bool sample(Engine *engine, double time, double end, double *target, Message message);

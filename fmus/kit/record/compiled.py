@@ -2,8 +2,9 @@
 
 This is the fast path for fitting: the same laws, tables and integrator as in the native FMU
 (``fmi2/record.c`` in place of the FMI front-end), compiled once for this machine and kept in the
-user's cache folder. A component that is stiff over the record has an integrator of its own
-(``fmi2/exponential.c``). Without a C compiler CasADi interprets the laws instead.
+user's cache folder. The integrator is in a library that all models share. A component that is
+stiff over the record has an integrator of its own (``fmi2/exponential.c``). Without a C compiler
+CasADi interprets the laws instead.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from threading import RLock
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.build import record_sources, toolchain
+from fmus.kit.build import record_model_sources, record_sources, toolchain
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.buffered_function import BufferedFunction
@@ -73,8 +74,7 @@ class CompiledModel:
             self._own = np.zeros(len(self._graph.layout.parameters))
             self._hoisted = BufferedFunction(values, [self._own])
             layout = hoisted.layout
-            states = len(base.layout.states)
-            made = record_sources(hoisted, states) if _compiler() else Interpreted(hoisted)
+            made = record_model_sources(hoisted) if _compiler() else Interpreted(hoisted)
             del base, hoisted, values
         self._engine = (
             made if isinstance(made, Interpreted) else RecordLibrary.from_sources(layout, made)
@@ -197,8 +197,8 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
     Returns
     -------
     path : Path
-        For a `RecordLibrary`; its parameters are those of the component's layout, and it is run
-        without a ladder.
+        For a `RecordLibrary`, of which it is the engine and the model; its parameters are those of
+        the component's layout, and it is run without a ladder.
     tolerance : float
 
     Raises
@@ -209,7 +209,7 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
     with _EXPRESSIONS:
         graph = _graph(cls)
         tolerance = graph.tolerance
-        made = record_sources(graph, len(graph.layout.states))
+        made = record_sources(graph)
         del graph
     return compiled(made), tolerance
 

@@ -43,7 +43,7 @@ class Interpreted:
         self._x = np.zeros(len(layout.states))
         self._z = np.zeros(len(layout.discretes))
         arguments = [self._now, self._parameters, self._fed, self._x, self._z]
-        rates, outputs, *updates = graph.functions(tangent=False)[:-1]
+        rates, outputs, *updates = graph.functions(tangent=False)
         self._rates = BufferedFunction(rates, arguments)
         self._outputs = BufferedFunction(outputs, arguments)
         self._updates = [BufferedFunction(update, arguments) for update in updates]

@@ -1,20 +1,31 @@
-"""Compiled libraries that run a component over whole records: the native engine without FMI."""
+"""Compiled libraries that run a component over whole records: the native engine without FMI.
+
+The engine (``fmi2/record.c``) is compiled once for a machine; of a model only its laws are.
+"""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 
 from fmus.kit.arrays import Array, Mask
-from fmus.kit.build import UNIT, cached_library, load_library, toolchain
+from fmus.kit.build import (
+    UNIT,
+    cached_library,
+    load_library,
+    record_engine_sources,
+    toolchain,
+)
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
 from fmus.kit.record.linearisation import Ladder
 
+_ENGINE = Lock()  # threads that need the engine at once wait for the one that compiles it
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -24,6 +35,7 @@ class _Ladder(ctypes.Structure):
     _fields_ = (
         ("levels", ctypes.c_int),
         ("affine", ctypes.c_int),
+        ("states", ctypes.c_int),
         ("largest", ctypes.c_double),
         ("worth", ctypes.c_double),
         ("matrix", _DOUBLES),
@@ -32,26 +44,32 @@ class _Ladder(ctypes.Structure):
 
 
 class RecordLibrary:
-    """A library that runs a component over records.
+    """A component that is run over records by compiled code.
 
     Parameters
     ----------
-    path : Path
-        See `compiled`.
+    engine, model : Path
+        Libraries of the engine and of the model, or one that is both.
     outputs, states : int
         Number of outputs, and of states and discrete states together.
+
+    Raises
+    ------
+    UserError
+        If a library cannot be loaded.
     """
 
-    def __init__(self, path: Path, outputs: int, states: int):
-        self._simulate, self._cases = _load(path)
+    def __init__(self, engine: Path, model: Path, outputs: int, states: int):
+        self._simulate, self._cases = _load_engine(engine)
+        self._model = _load_model(model)
         self._outputs = outputs
         self._states = states
 
     @classmethod
     def from_sources(cls, layout: Layout, sources: Mapping[str, bytes]) -> RecordLibrary:
-        """Compile the sources of a graph with this layout."""
+        """Compile a model with this layout, of which these are the sources, and load it."""
         states = len(layout.states) + len(layout.discretes)
-        return cls(compiled(sources), len(layout.outputs), states)
+        return cls(compiled_engine(), compiled(sources), len(layout.outputs), states)
 
     def simulate(
         self,
@@ -73,12 +91,14 @@ class RecordLibrary:
             steps = _Ladder(
                 ladder.levels,
                 int(ladder.affine),
+                ladder.matrix.shape[-1],
                 ladder.largest,
                 ladder.worth,
                 _pointer(ladder.matrix),
                 _pointer(ladder.phi),
             )
         failed = self._simulate(
+            self._model,
             len(time),
             _pointer(time),
             _pointer(table),
@@ -134,6 +154,7 @@ class RecordLibrary:
         courses = np.empty((len(parameters), len(time), len(kept)))
         done = np.zeros(len(parameters), bool)
         failed = self._cases(
+            self._model,
             len(parameters),
             len(time),
             _pointer(time),
@@ -164,17 +185,30 @@ def compiled(sources: Mapping[str, bytes]) -> Path:
     return cached_library(sources, UNIT, target, () if target == "win64" else ("m",))
 
 
+def compiled_engine() -> Path:
+    """Compile the engine for this machine, or return it from the cache.
+
+    Raises
+    ------
+    UserError
+        If there is no compiler, or it fails.
+    """
+    with _ENGINE:
+        return compiled(record_engine_sources())
+
+
 def _pointer(array: Array) -> object:
     """Return a pointer to the values of an array, which must outlive it."""
     return array.ctypes.data_as(_DOUBLES)
 
 
-def _load(path: Path) -> tuple[Any, Any]:
-    """Load a library, and return its functions ``ppy_simulate`` and ``ppy_cases``."""
+def _load_engine(path: Path) -> tuple[Any, Any]:
+    """Load an engine, and return its functions ``ppy_simulate`` and ``ppy_cases``."""
     loaded = load_library(path)
     simulate = loaded.ppy_simulate
     cases = loaded.ppy_cases
     simulate.argtypes = [
+        ctypes.c_void_p,
         ctypes.c_size_t,
         _DOUBLES,
         _DOUBLES,
@@ -189,6 +223,7 @@ def _load(path: Path) -> tuple[Any, Any]:
         ctypes.c_size_t,
     ]
     cases.argtypes = [
+        ctypes.c_void_p,
         ctypes.c_size_t,
         ctypes.c_size_t,
         _DOUBLES,
@@ -205,3 +240,11 @@ def _load(path: Path) -> tuple[Any, Any]:
     simulate.restype = ctypes.c_int
     cases.restype = ctypes.c_int
     return simulate, cases
+
+
+def _load_model(path: Path) -> ctypes.c_void_p:
+    """Load a model, and return where its description is (``fmi2/any_model.h``)."""
+    model = load_library(path).ppy_model
+    model.argtypes = []
+    model.restype = ctypes.c_void_p
+    return ctypes.c_void_p(model())

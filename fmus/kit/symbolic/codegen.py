@@ -49,6 +49,10 @@ _LAWS = """\
 # where CasADi defines a helper such as casadi_sq
 _HELPER = re.compile(r"^(?=(?:const )?\w+\*? casadi_\w+\()", re.M)
 
+# where laws allow for an array that is missing: of operands, and of results
+_OPERAND = re.compile(r"arg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0")
+_RESULT = re.compile(r"if \((res\[\d+\])!=0\) (?=\1)")
+
 
 def _c_double(value: float) -> str:
     """Write a number in C."""
@@ -149,7 +153,7 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, st
     guid : str
     hosted : bool
         Whether there will be an FMU, whose host may ask for directional derivatives and event
-        indicators.
+        indicators. Without it the laws take less of a compiler: they need all of their arrays.
 
     Returns
     -------
@@ -175,7 +179,10 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, st
         "#endif",
     ]
     files["model.h"] += "\n".join(lines) + "\n"
-    files["laws.c"] = _LAWS.format(_generate(functions))
+    laws = _generate(functions)
+    if not hosted:
+        laws = _RESULT.sub("", _OPERAND.sub(r"\2", laws))
+    files["laws.c"] = _LAWS.format(laws)
     return files
 
 

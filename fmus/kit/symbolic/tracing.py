@@ -83,38 +83,38 @@ class Graph:
         Parameters
         ----------
         tangent : bool
-            Whether the function for directional derivatives computes them, or is empty.
+            Whether there is the function for directional derivatives.
 
         Returns
         -------
         list of casadi.Function
-            Rates, outputs, an update for each sample period, tangent.
+            Rates, outputs, an update for each sample period, tangent if wanted.
         """
         arguments = self.arguments
-        seeds = [
-            ca.SX.sym("dparameters", self.parameters.numel()),
-            ca.SX.sym("dinputs", self.inputs.numel()),
-            ca.SX.sym("dstates", self.states.numel()),
-            ca.SX.sym("ddiscretes", self.discretes.numel()),
-        ]
         # sparse results would shorten the C arrays; the engine expects full vectors
         rates = ca.densify(self.rates)
         outputs = ca.densify(self.outputs)
         updates = [ca.densify(update) for update in self.updates]
-        tangents = []
-        if tangent:
-            known = ca.vertcat(*arguments[1:])
-            seed = ca.vertcat(*seeds)
-            tangents = ca.cse([ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)])
-        return [
+        functions = [
             ca.Function("rates", arguments, ca.cse([rates]), {"cse": True}),
             ca.Function("outputs", arguments, ca.cse([outputs]), {"cse": True}),
             *(
                 ca.Function(f"update_{i}", arguments, ca.cse([update]))
                 for i, update in enumerate(updates)
             ),
-            ca.Function("tangent", [*arguments, *seeds], tangents),
         ]
+        if tangent:
+            seeds = [
+                ca.SX.sym("dparameters", self.parameters.numel()),
+                ca.SX.sym("dinputs", self.inputs.numel()),
+                ca.SX.sym("dstates", self.states.numel()),
+                ca.SX.sym("ddiscretes", self.discretes.numel()),
+            ]
+            known = ca.vertcat(*arguments[1:])
+            seed = ca.vertcat(*seeds)
+            tangents = ca.cse([ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)])
+            functions.append(ca.Function("tangent", [*arguments, *seeds], tangents))
+        return functions
 
     def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
         """Return the sparsity of expressions.

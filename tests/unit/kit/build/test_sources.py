@@ -14,6 +14,8 @@ from fmus.kit.build.sources import (
     c_sources,
     engine_sources,
     library_key,
+    record_engine_sources,
+    record_model_sources,
     record_sources,
     unit,
 )
@@ -52,10 +54,26 @@ def test_only_the_native_build_has_laws():
     assert "python.c" in python
 
 
-def test_a_library_for_records_has_all_that_is_included():
-    sources = record_sources(trace(Thermostat), len(Thermostat.layout.states))
-    assert {"record.c", "native.c", "laws.c", "record.h"} <= included(sources, UNIT)
-    assert sources["record.h"] == b"#define RECORD_STATES 2\n"
+@pytest.mark.parametrize(
+    "sources",
+    [
+        record_engine_sources,
+        lambda: record_model_sources(trace(Thermostat)),
+        lambda: record_sources(trace(Thermostat)),
+    ],
+    ids=["engine", "model", "both"],
+)
+def test_a_library_for_records_has_all_that_is_included(sources):
+    files = sources()
+    assert included(files, UNIT) <= set(files)
+
+
+def test_an_engine_for_records_knows_no_model_and_a_model_no_engine():
+    engine = record_engine_sources()
+    model = record_model_sources(trace(Thermostat))
+    assert not {"model.h", "tables.h", "laws.c", "engine.h"} & set(engine)
+    assert not {"record.c", "native.c", "integrate.c", "exponential.c"} & set(model)
+    assert set(engine) | set(model) == set(record_sources(trace(Thermostat)))
 
 
 def test_a_component_with_an_engine_of_its_own_brings_its_files():

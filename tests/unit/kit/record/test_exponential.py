@@ -286,3 +286,28 @@ def test_a_sensor_that_lags_far_less_than_a_sample_takes_one_step():
         np.testing.assert_allclose(
             found.sensitivities["y"][:, k], slope, atol=1e-6 * np.abs(slope).max()
         )
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 8, 9, 12])
+def test_components_of_any_number_of_states_are_stiff(n):
+    """Of up to eight, sums of products are compiled for that number. Lags one after the other."""
+    members = {"a": Parameter(300.0, "1/s", min=1e-6), "u": Input("1", start=1.0)}
+    for k in range(n):
+        members[f"x{k}"] = State("1", rate=f"rate{k}", start=0.1 * k)
+        before = f"x{k - 1}" if k else "u"
+        members[f"rate{k}"] = lambda self, k=k, before=before: (
+            (k + 1) * self.a * (getattr(self, before) - getattr(self, f"x{k}"))
+        )
+    lags = type("Lags", (Component,), {"name": "lags", "__doc__": "Lags.", **members})
+    matrix = np.diag(-300.0 * np.arange(1.0, n + 1)) + np.diag(300.0 * np.arange(2.0, n + 1), -1)
+    start = 0.1 * np.arange(n) - 1.0  # from the equilibrium
+    time = 0.01 * np.arange(40)
+    both = np.zeros((2 * n, 2 * n))  # the states, and their derivatives by a
+    both[:n, :n] = both[n:, n:] = matrix
+    both[n:, :n] = matrix / 300.0
+    exact = np.array([expm(both * t) @ np.concatenate([start, 0.0 * start]) for t in time])
+    ran = CompiledModel(lags, ["a"]).run(time, {})
+    for k in range(n):
+        assert ran.signals[f"x{k}"] == pytest.approx(1.0 + exact[:, k], abs=1e-8)
+        found = ran.sensitivities[f"x{k}"][:, 0]
+        assert found == pytest.approx(exact[:, n + k], abs=1e-9)

@@ -24,6 +24,16 @@ def test_generated_sources_are_deterministic(cls):
         assert f"X(update_{n})" in first["model.h"]
 
 
+@telling_models
+def test_laws_for_records_ask_for_no_array_and_have_no_function_for_hosts(cls):
+    hosted, bare = (codegen.native_sources(trace(cls), GUID, hosted) for hosted in (True, False))
+    assert ("? arg[" in bare["laws.c"], "!=0) res[" in bare["laws.c"]) == (False, False)
+    for name in ("tangent", "indicators"):
+        assert f"int {name}(" in hosted["laws.c"]
+        assert f"int {name}(" not in bare["laws.c"]
+    assert bare["tables.h"] == hosted["tables.h"]
+
+
 def test_generated_sources_do_not_depend_on_the_hash_seed_or_the_folder(tmp_path):
     code = (
         "import hashlib, fmus; from fmus.kit import stack; from fmus.kit.build.package import"

@@ -100,6 +100,8 @@ def test_the_graph_has_the_values_of_the_class(cls, seed):
         *(f"update_{i}" for i in range(len(cls.layout.sampled))),
     ]
     assert tangent.name() == "tangent"
+    bare = graph_of(cls).functions(tangent=False)
+    assert [f.name() for f in bare] == [f.name() for f in laws]
     for function, numbers in zip(laws, expected, strict=True):
         result = function(time, *vectors(cls, values)).full().ravel()
         assert result == pytest.approx(numbers, rel=1e-12, abs=1e-13)
