@@ -11,6 +11,7 @@ from orchestration.discrepancy.residuals import robust_power
 from orchestration.discrepancy.selection.ranking import ACCEPT, ALTERNATIVE, Ranking, Row, ranked
 from orchestration.discrepancy.selection.scoring import confounding, score, unidentifiable
 from orchestration.discrepancy.selection.search import FAILURES, Search
+from orchestration.identify.fitting import choose_credible_fit
 
 # of what the first effect gained: less is its true shape, which is never quite that of the
 # catalogue
@@ -158,21 +159,21 @@ def select(
 def _scored_elsewhere(
     search: Search, base: FittedCandidate, effects: Sequence[type[Effect]]
 ) -> list[ScoredModel]:
-    """Return the model near nominal, and that of its free run, scored, where these are far off.
+    """Return the model near nominal, and that of its free run, scored, where these tell more.
 
     A base that is fitted out of all reason, or in noise that has swallowed what it lacks, is too
     far from the plant for what effects do to it to tell what they do to the plant.
     """
     if search.budget.spent():
         return []
-    others = [search.near_nominal(NEAR_NOMINAL)]
-    if base.free_run is not None:
-        others.append(replace(base, fit=base.free_run))
-    return [
-        score(search, other, effects)
-        for other in others
-        if other.fit.deviance - base.fit.deviance > OVERFITTED
-    ]
+    others = []
+    near = search.near_nominal(NEAR_NOMINAL)
+    if near.fit.deviance - base.fit.deviance > OVERFITTED:
+        others.append(near)
+    free_run = base.free_run
+    if free_run and choose_credible_fit(base.problem, base.fit, free_run) is free_run:
+        others.append(replace(base, fit=free_run))
+    return [score(search, other, effects) for other in others]
 
 
 def _search_step(

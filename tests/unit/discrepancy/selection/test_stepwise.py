@@ -98,18 +98,16 @@ def test_another_effect_is_an_alternative_unless_there_is_strong_evidence_betwee
 
 
 @pytest.mark.parametrize("near", [49.0, 51.0], ids=["nominal is near", "nominal is far"])
-@pytest.mark.parametrize("free", [49.0, 51.0], ids=["free run is near", "free run is far"])
-def test_effects_are_scored_wherever_the_model_is_that_much_less_likely(monkeypatch, near, free):
+@pytest.mark.parametrize("off", [1.01, 1.03], ids=["as near as the free run", "farther off"])
+def test_effects_are_scored_where_the_model_is_less_likely_or_nearer(monkeypatch, near, off):
+    """By 50 of minus twice the logarithm near nominal, and by 2 % of the error at the free run."""
     search = Search(offset_record(30.0, 1), Amplifier, ["gain"])
     base = search.nominal()
-
-    def less_likely(fit, by):
-        return replace(fit, deviance=base.fit.deviance + by)
-
-    base = replace(base, free_run=less_likely(base.free_run, free))
-    nominal = replace(base, fit=less_likely(base.fit, near))
+    farther = {o: off * e for o, e in base.free_run.residual.items()}
+    base = replace(base, fit=replace(base.fit, residual=farther))
+    nominal = replace(base, fit=replace(base.fit, deviance=base.fit.deviance + near))
     monkeypatch.setattr(Search, "near_nominal", lambda self, prior_std: nominal)
     monkeypatch.setattr(stepwise, "score", lambda search, model, effects: model.fit)
     scored = stepwise._scored_elsewhere(search, base, [OFFSET])
-    expected = [fit for fit, by in ((nominal.fit, near), (base.free_run, free)) if by > 50.0]
-    assert scored == expected
+    expected = [nominal.fit] if near > 50.0 else []
+    assert scored == expected + ([base.free_run] if off > 1.02 else [])
