@@ -19,7 +19,7 @@ _RECORD_MODEL = (
     "engine.h",
     "any_model.h",
     "export.h",
-    "this_model.c",
+    "this_model.h",
     "shared_model.c",
 )
 _RECORD_ENGINE = (
@@ -61,7 +61,7 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
 
 
 _NATIVE = EngineSources(
-    tuple(FOLDER / name for name in ("native.h", "this_model.c")),
+    tuple(FOLDER / name for name in ("native.h", "this_model.h")),
     tuple(FOLDER / name for name in ("native.c", "integrate.c", "hosted.c", "exchange.c")),
     ("laws.c",),
     _unix("m"),

@@ -1,7 +1,7 @@
 /* The native engine in an FMU: of the one model that is compiled with it, and with what only a host asks for. */
 #include "engine.h"
 #include "native.h"
-#include "this_model.c"
+#include "this_model.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -25,7 +25,7 @@ struct Engine {
 };
 
 /* The model of an engine. Where one is compiled with it, as in an FMU, that is a constant, so that the compiler knows
-   every size (this_model.c); else the one that it was given (any_model.c). */
+   every size (this_model.h); else the one that it was given (any_model.c). */
 static inline const Model *model_of(const Engine *engine);
 
 /* Gives an engine its arrays, as large as the model needs them. False without memory. */

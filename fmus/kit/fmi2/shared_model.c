@@ -1,5 +1,5 @@
 /* A library of a model, for an engine in a library of its own (record.c). */
 #include "export.h"
-#include "this_model.c"
+#include "this_model.h"
 
 EXPORT const Model *ppy_model(void) { return &this_model; }

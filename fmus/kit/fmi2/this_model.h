@@ -1,4 +1,7 @@
 /* The model that is compiled here, as the native engine takes one. */
+#ifndef THIS_MODEL_H
+#define THIS_MODEL_H
+
 #include "any_model.h"
 #include "engine.h"
 
@@ -46,3 +49,5 @@ static inline const Model *model_of(const Engine *engine) {
     (void)engine;
     return &this_model;
 }
+
+#endif
