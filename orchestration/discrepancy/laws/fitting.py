@@ -82,9 +82,7 @@ class Fitting:
         time = search.data.time
         self._shortest = float(np.median(np.diff(time)))
         # where a curve may step, each of its values is felt for a moment only
-        self._search = replace(
-            search, patience=_PATIENCE, shortest_lag=_NO_LAG * self._shortest
-        )
+        self._search = replace(search, patience=_PATIENCE, shortest_lag=_NO_LAG * self._shortest)
         self._base = base
         self._law_map = law_map
         self._longest = float(time[-1] - time[0])
