@@ -421,7 +421,9 @@ def _units(cls: type[Component], laws: list[str]) -> dict[str, str]:
     known = {name: powers for name, powers in exponents.items() if powers is not None}
     if len(known) == len(exponents):
         try:
-            return _units_in_si(cls, laws, {v.name: Quantity(_size(v), known[v.name]) for v in real})
+            return _units_in_si(
+                cls, laws, {v.name: Quantity(_size(v), known[v.name]) for v in real}
+            )
         except UnknownOperationError:
             pass
     return _units_by_pint(cls, laws, real)
