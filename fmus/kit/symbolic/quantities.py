@@ -21,6 +21,7 @@ _MATCHING = {"absolute", "fabs", "floor", "ceil", "rint", "hypot", "maximum", "m
 _PURE = {"exp", "expm1", "log", "log10", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh"}
 _ANGLES = {"arccos", "arcsin", "arctan"}
 _COMPARISONS = {"equal", "not_equal", "less", "less_equal", "greater", "greater_equal"}
+_OF_TWO = {"add", "subtract", "arctan2"} | _MATCHING | _COMPARISONS
 # that pint refuses of numbers with a unit
 _REFUSED = {"fmin", "fmax", "logical_and", "logical_or", "logical_not"}
 _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
@@ -81,14 +82,13 @@ class Quantity:
         keeps = isinstance(other, Quantity) or _is_nothing(other)
         return Quantity(value, self.exponents if keeps else {})
 
-    def __radd__(self, other: Any) -> Quantity:
-        return self + other
+    __radd__ = __add__
 
     def __sub__(self, other: Any) -> Quantity:
-        return self + -other
+        return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> Quantity:
-        return -self + other
+        return (-self).__add__(other)
 
     def __neg__(self) -> Quantity:
         return Quantity(-self.value, self.exponents)
@@ -173,23 +173,11 @@ class Quantity:
             one, other = (_own_kind(each) for each in inputs)
             return _OPERATORS[name](one, other)
         first = next(each for each in inputs if isinstance(each, Quantity))
-        if name in ("add", "subtract") or name in _MATCHING:
-            return Quantity(function(*map(first._same, inputs)), first.exponents)
-        if name in _COMPARISONS:
-            return function(*map(first._same, inputs))
-        if name == "arctan2":
-            return Quantity(function(*map(first._same, inputs)), {"rad": 1.0})
-        if name in _PURE or name in _ANGLES:
-            return Quantity(function(float(first)), {"rad": 1.0} if name in _ANGLES else {})
-        if name == "sqrt":
-            return Quantity(
-                function(first.value), {n: 0.5 * power for n, power in first.exponents.items()}
-            )
-        if name == "negative":
-            return -first
-        if name == "sign":
-            return function(first.value)
-        raise UnknownOperationError
+        if len(inputs) > 1:
+            if name not in _OF_TWO:
+                raise UnknownOperationError
+            return _of_two(name, first, function(*map(first._same, inputs)))
+        return _of_one(name, first, function)
 
     def __array_function__(
         self, function: Any, types: Any, inputs: Sequence[Any], named: Mapping[str, Any]
@@ -204,6 +192,31 @@ class Quantity:
         if first is None:
             return np.where(condition, *values)
         return Quantity(np.where(condition, *map(first._same, values)), first.exponents)
+
+
+def _of_two(name: str, first: Quantity, value: Any) -> Any:
+    """Return the result of a function of NumPy of two numbers in one unit, the first's."""
+    if name in ("add", "subtract") or name in _MATCHING:
+        return Quantity(value, first.exponents)
+    if name == "arctan2":
+        return Quantity(value, {"rad": 1.0})
+    return value  # of a comparison
+
+
+def _of_one(name: str, one: Quantity, function: Any) -> Any:
+    """Return the result of a function of NumPy of one number."""
+    if name in _MATCHING:
+        return Quantity(function(one.value), one.exponents)
+    if name in _PURE or name in _ANGLES:
+        return Quantity(function(float(one)), {"rad": 1.0} if name in _ANGLES else {})
+    if name == "sqrt":
+        halves = {base: 0.5 * power for base, power in one.exponents.items()}
+        return Quantity(function(one.value), halves)
+    if name == "negative":
+        return -one
+    if name == "sign":
+        return function(one.value)
+    raise UnknownOperationError
 
 
 def _own_kind(one: Any) -> Any:

@@ -122,7 +122,7 @@ class CurveFit:
         problem.forget_simulation()
         return fitted
 
-    def _start(self, own: Mapping[str, float], share: float, curve: Curve) -> Array:
+    def _start(self, own: dict[str, float], share: float, curve: Curve) -> Array:
         """Return the point with a share of a curve, beside values of other parameters."""
         problem = self.problem
         q = problem.position(problem.start | self._base.fit.values | own)
@@ -130,7 +130,7 @@ class CurveFit:
         return problem.inside(q)
 
     def _errors(
-        self, own: Mapping[str, float], curve: Curve
+        self, own: dict[str, float], curve: Curve
     ) -> Iterator[tuple[float, dict[str, Array]]]:
         """Yield shares of a curve, and residuals with them, where the model can be simulated."""
         for share in _SHARES:
@@ -224,7 +224,6 @@ class CurveFit:
         weight = np.sqrt(self._precision)
         prior_mean = problem.position(problem.start | self._base.problem.start)[:own]
         centre = np.where(weight > 0.0, prior_mean, 0.0)
-        low, high = problem.bounds()
 
         def whole(z: Array) -> Array:
             return np.concatenate([z[:own], root @ z[own:] / self._size])
@@ -248,9 +247,9 @@ class CurveFit:
         coordinates, *_ = np.linalg.lstsq(root, q[own:] * self._size, rcond=None)
         begin = np.concatenate([q[:own], coordinates])
         far = np.full(root.shape[1], np.inf)
+        low, high = problem.bounds()
         bounds = np.append(low[:own], -far), np.append(high[:own], far)
-        tolerance, trials = effort
-        end = minimise(residual, jacobian, begin, *bounds, tolerance, trials=trials)
+        end = minimise(residual, jacobian, begin, *bounds, effort[0], trials=effort[1])
         return whole(end.q), float(end.q[own:] @ end.q[own:])
 
 

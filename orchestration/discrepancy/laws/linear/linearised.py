@@ -103,31 +103,40 @@ class LinearisedRecord:
         values, axes = np.linalg.eigh(curve.prior)
         root = axes * np.sqrt(np.clip(values, 0.0, None))
         count = len(self._least)
-        samples = len(columns)
-        sized, own, triangle = self._steps
-        # rows of the measured, of the prior of the steps, and of that of the curve; of all curves
-        # the first columns are the same, and decomposed once
-        effect = np.vstack([-columns @ root, np.zeros((count, len(root)))])
-        along = own.T @ effect
-        whole = np.vstack([effect - own @ along, np.eye(len(root))])
-        q, r = np.linalg.qr(whole)
-        matrix = np.block([[triangle, along], [np.zeros((len(r), count)), r]])
+        matrix, target = self._reduced(-columns @ root)
+        sizes = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
         free = np.full(len(root), np.inf)
-        bounds = (np.append(self._least * sized, -free), np.append(self._most * sized, free))
-        target = -np.append(own[:samples].T @ self._whole, q[:samples].T @ self._whole)
-        sizes = np.append(
-            np.ones(count), np.maximum(np.linalg.norm(matrix[:, count:], axis=0), 1e-300)
-        )
+        bounds = (np.append(self._least, -free) * sizes, np.append(self._most, free) * sizes)
         solution = lsq_linear(matrix / sizes, target, bounds, method="bvls").x / sizes
-        return replace(curve, values=root @ solution[count:]), solution[:count] / sized
+        return replace(curve, values=root @ solution[count:]), solution[:count]
+
+    def _reduced(self, effect: Array) -> tuple[Array, Array]:
+        """Return the least squares of steps and curve as so many rows (p + k) as coordinates.
+
+        The columns of the steps are the first for all curves, and decomposed once.
+
+        Parameters
+        ----------
+        effect : ndarray, shape (m, k)
+            Of the coordinates of a curve, whose prior is of unit size.
+        """
+        samples, width = effect.shape
+        own, triangle = self._steps
+        count = triangle.shape[1]
+        beside = np.vstack([effect, np.zeros((count, width))])  # rows of the prior of the steps
+        along = own.T @ beside
+        q, r = np.linalg.qr(np.vstack([beside - own @ along, np.eye(width)]))
+        matrix = np.block([[triangle, along], [np.zeros((width, count)), r]])
+        target = np.append(own[:samples].T @ self._whole, q[:samples].T @ self._whole)
+        return matrix, -target
 
     @cached_property
-    def _steps(self) -> tuple[Array, Array, Array]:
-        """Sizes (p,) of the steps' columns, and the decomposition of these, with their prior."""
+    def _steps(self) -> tuple[Array, Array]:
+        """Decomposition of the steps' columns with their prior, (m + p, p) and (p, p)."""
         whole = np.vstack([self._slopes, np.diag(np.sqrt(self._prior))])
         sizes = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
         own, triangle = np.linalg.qr(whole / sizes)
-        return sizes, own, triangle
+        return own, triangle * sizes
 
     def own(self, columns: Array) -> Array:
         """Return the part of columns that parameters can make, in an orthonormal basis."""

@@ -45,3 +45,23 @@ def test_a_fit_begins_with_less_of_a_curve_where_the_map_is_far_off(drag):
     )
     assert base.fit.bic - right.criterion > 200.0
     assert wrong.criterion == pytest.approx(right.criterion, abs=2.0)
+
+
+def test_a_fit_that_comes_nowhere_near_is_given_up(drag):
+    """In noise of a millionth of its size nothing explains a record: the fit ends soon, where it
+    came to, and not after the points that it may try.
+    """
+    _, diagnosis = drag
+    base, search = diagnosis.selection.base, search_of(diagnosis)
+    found = LawMap(search, base)
+    best = found.entries()[0]
+    fit = CurveFit(search, base, Fitting(search, base, found).effect(best), best.basis)
+    began = fit.first([base.fit.values], best.curve, found.floor)
+    tiny = {o: replace(n, deviation=1e-6 * n.deviation) for o, n in began.noise.items()}
+    tried = []
+    evaluate = fit.problem.evaluate
+    fit.problem.evaluate = lambda q: (tried.append(q.tobytes()), evaluate(q))[1]
+    # it could go on for ever, for nothing ends it
+    fit.settled(replace(began, noise=tiny))
+    first_round = len(dict.fromkeys(tried))
+    assert first_round < 4 * 25
