@@ -196,7 +196,10 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
     if len(xs) == 1:
         return ys[0]
     ends = slopes(xs, ys)
-    result = ys[0] + ends[0][0] * (x - xs[0])
+    beyond = [*(x > start for start in xs[:-1]), x >= xs[-1]]
+    # of a sum of which one term is not nothing each derivative is a sum of as many; of choices
+    # within choices each by a value would go through all that follow
+    result = where(beyond[0], 0.0, ys[0] + ends[0][0] * (x - xs[0]))
     for k, (first_slope, last_slope) in enumerate(ends):
         width = xs[k + 1] - xs[k]
         distance = x - xs[k]
@@ -205,8 +208,9 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
         second = (3.0 * chord - 2.0 * first_slope - last_slope) / width
         third = (first_slope + last_slope - 2.0 * chord) / (width * width)
         cubic = ys[k] + distance * (first_slope + distance * (second + distance * third))
-        result = where(x > xs[k], cubic, result)
-    return where(x >= xs[-1], ys[-1] + ends[-1][1] * (x - xs[-1]), result)
+        inside = logical_and(beyond[k], logical_not(beyond[k + 1]))
+        result = result + where(inside, cubic, 0.0)
+    return result + where(beyond[-1], ys[-1] + ends[-1][1] * (x - xs[-1]), 0.0)
 
 
 def slopes(xs: Sequence[float], ys: Sequence[Any]) -> list[tuple[Any, Any]]:

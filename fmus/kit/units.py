@@ -49,10 +49,14 @@ _COHERENT: dict[str, dict[str, int]] = {
     "C": {"A": 1, "s": 1},
     "F": {"A": 2, "kg": -1, "m": -2, "s": 4},
     "Hz": {"s": -1},
+    "H": {"A": -2, "kg": 1, "m": 2, "s": -2},
+    "S": {"A": 2, "kg": -1, "m": -2, "s": 3},
+    "T": {"A": -1, "kg": 1, "s": -2},
+    "Wb": {"A": -1, "kg": 1, "m": 2, "s": -2},
 }
 _PREFIXES = {"n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6}  # powers of ten
 _TENS = 300  # power of ten that a number may have
-_PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz")
+_PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz", "H")
 _LONGEST = 100  # characters of a unit
 # factors, or their powers, of which none has a power itself
 _UNIT_SYNTAX = re.compile(
@@ -125,6 +129,22 @@ def _split(name: str) -> tuple[str, str]:
     if name not in _COHERENT and name[0] in _PREFIXES and name[1:] in _PREFIXED:
         return name[0], name[1:]
     return "", name
+
+
+def coherent_exponents(unit: str) -> dict[str, int] | None:
+    """Return the exponents of a product of SI base units without a factor.
+
+    Parameters
+    ----------
+    unit : str
+
+    Returns
+    -------
+    dict of str to int or None
+        None for any other unit, and for one that only pint knows.
+    """
+    known = _without_pint(unit)
+    return known.exponents if known is not None and known.factor == 1.0 else None
 
 
 def parse(unit: str) -> pint.Unit:

@@ -7,7 +7,7 @@ decide which shapes fit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,9 +19,10 @@ from fmus.kit.arms import ARMS, lag_effect
 from fmus.kit.arrays import Array
 from fmus.kit.component import Component, Effect
 from fmus.kit.curves import SHAPES, EffectNames, curve, variable
-from fmus.kit.declare import ParameterDeclaration
+from fmus.kit.declare import Declaration, ParameterDeclaration
 from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_EFFECTS
+from fmus.kit.symbolic.quantities import Quantity, UnknownOperationError
 from fmus.kit.symbolic.tracing import trace
 
 # Derived units as people write them; of units of one dimension the first is preferred.
@@ -410,13 +411,63 @@ def _reads(cls: type[Component], names: list[str], signals: set[str]) -> dict[st
 
 def _units(cls: type[Component], laws: list[str]) -> dict[str, str]:
     """Return the SI unit of every law in which units fit together."""
-    registry = units.registry()
     layout = cls.layout
+    real = [
+        v
+        for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes)
+        if v.type == "real"
+    ]
+    exponents = {v.name: units.coherent_exponents(v.unit) for v in real}
+    known = {name: powers for name, powers in exponents.items() if powers is not None}
+    if len(known) == len(exponents):
+        try:
+            return _units_in_si(
+                cls, laws, {v.name: Quantity(_size(v), known[v.name]) for v in real}
+            )
+        except UnknownOperationError:
+            pass
+    return _units_by_pint(cls, laws, real)
+
+
+def _size(v: Declaration) -> float:
+    """Return a number of which laws have the size that they usually have."""
+    return float(getattr(v, "start", 0.0) or v.nominal)
+
+
+def _units_in_si(
+    cls: type[Component], laws: list[str], values: Mapping[str, Quantity]
+) -> dict[str, str]:
+    """Return the units of laws where all variables are in products of SI base units.
+
+    Raises
+    ------
+    UnknownOperationError
+        If only pint knows.
+    """
     one = cls()
-    for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
-        if v.type == "real":
-            size = getattr(v, "start", 0.0) or v.nominal
-            one.__dict__[v.name] = registry.Quantity(float(size), units.parse(v.unit))
+    one.__dict__.update(values)
+    one.time = Quantity(1.0, {"s": 1.0})
+    known = {}
+    for law in laws:
+        try:
+            value = getattr(one, law)()
+            if isinstance(value, Quantity):
+                known[law] = _preferred(value.unit)
+        except UnknownOperationError:
+            raise
+        except Exception:  # a law may do anything to a number that has a unit
+            continue
+    return known
+
+
+def _units_by_pint(
+    cls: type[Component], laws: list[str], real: Sequence[Declaration]
+) -> dict[str, str]:
+    """Return the units of laws where variables are in any that pint knows."""
+    registry = units.registry()
+    one = cls()
+    for v in real:
+        one.__dict__[v.name] = registry.Quantity(_size(v), units.parse(v.unit))
     one.time = registry.Quantity(1.0, "s")
     known = {}
     for law in laws:

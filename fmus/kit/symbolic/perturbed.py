@@ -76,6 +76,7 @@ class PerturbedLaws:
         self._perturbed = trace(self._watched(cls))
         self.graph: Graph = trace(cls)
         self.names = list(self._added)
+        self._mapped: dict[int, ca.Function] = {}  # over so many points
 
     def _watched(self, cls: type[Component]) -> type[Component]:
         """Make a class that records which laws and signals are read, and adds to the laws."""
@@ -218,7 +219,7 @@ class PerturbedLaws:
             ca.jacobian(graph.rates, added),
             ca.jacobian(graph.outputs, graph.states),
             ca.jacobian(graph.outputs, added),
-            ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names)),
+            ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names)).T,
         ]
         zero = ca.DM.zeros(added.shape)
         unperturbed = [ca.densify(ca.substitute(e, added, zero)) for e in expressions]
@@ -256,31 +257,42 @@ class PerturbedLaws:
         n = len(time)
 
         def rows(group: Sequence[Declaration], values: Mapping[str, Any]) -> Array:
-            columns = [np.broadcast_to(np.asarray(values[v.name], dtype=float), n) for v in group]
-            return np.array(columns).reshape(len(group), n)
+            points = np.empty((n, len(group)))
+            for column, v in zip(points.T, group, strict=True):
+                column[:] = values[v.name]
+            return points
 
         fixed = {p.name: p.start for p in layout.parameters} | dict(parameters)
         fed = {v.name: v.start for v in layout.inputs} | dict(inputs)
         points = [
-            time[np.newaxis],
+            np.ascontiguousarray(time, dtype=float),
             rows(layout.parameters, fixed),
             rows(layout.inputs, fed),
             rows(layout.states, signals),
             rows(layout.discretes, signals),
         ]
-        a, b, c, d, values = (np.asarray(part) for part in self._function.map(n)(*points))
         states = len(layout.states)
         outputs = len(layout.outputs)
         laws = len(self.names)
-        return Jacobians(
-            a=_by_point(a, n, states, states),
-            b=_by_point(b, n, states, laws),
-            c=_by_point(c, n, outputs, states),
-            d=_by_point(d, n, outputs, laws),
-            values=values.T,
-        )
+        shapes = ((states, states), (states, laws), (outputs, states), (outputs, laws), (1, laws))
+        return Jacobians(*self._evaluated(points, shapes))
 
+    def _evaluated(self, points: Sequence[Array], shapes: Sequence[tuple[int, int]]) -> list[Array]:
+        """Evaluate `_function` at n points: arguments (n, ...), and results (n, height, width).
 
-def _by_point(side_by_side: Array, n: int, height: int, width: int) -> Array:
-    """Stack the matrices of n points, which CasADi lays side by side."""
-    return side_by_side.reshape(height, n, width).transpose(1, 0, 2)
+        CasADi reads and writes the memory of the arrays, column by column: to make them of its own
+        matrices takes longer than to evaluate.
+        """
+        n = len(points[0])
+        if n not in self._mapped:
+            self._mapped[n] = self._function.map(n)
+        results = [np.zeros((n, width, height)) for height, width in shapes]
+        buffer: Any  # CasADi's stubs want a size beside the memoryview, which has one
+        buffer, evaluate = self._mapped[n].buffer()
+        for i, argument in enumerate(points):
+            buffer.set_arg(i, argument.data)
+        for i, result in enumerate(results):
+            buffer.set_res(i, result.data)
+        evaluate()
+        *jacobians, values = (result.swapaxes(1, 2) for result in results)
+        return [*jacobians, values[:, 0]]

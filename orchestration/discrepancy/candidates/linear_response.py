@@ -57,14 +57,23 @@ class StepMatrices:
         begin, end : ndarray, shape (n, states, k)
             w at the begin and at the end of every step.
         """
-        states = np.zeros_like(begin)
-        if not states.size or len(states) < 2:
-            return states
-        drive = (self.first - self.second) @ begin[:-1] + self.second @ end[:-1]
+        if not begin.size or len(begin) < 2:
+            return np.zeros_like(begin)
+        return self.driven((self.first - self.second) @ begin[:-1] + self.second @ end[:-1])
+
+    def driven(self, drive: Array) -> Array:
+        """Return the states (n, states, k) that start from zero.
+
+        Parameters
+        ----------
+        drive : ndarray, shape (n - 1, states, k)
+            What is added to them in every step.
+        """
         if self._is_constant:
             modes = _independent_modes(self.transition[0])
             if modes is not None:
                 return _response_of_modes(*modes, drive)
+        states = np.zeros((len(drive) + 1, *drive.shape[1:]))
         for k, transition in enumerate(self.transition):
             np.matmul(transition, states[k], out=states[k + 1])
             states[k + 1] += drive[k]
@@ -79,11 +88,17 @@ def _independent_modes(transition: Array) -> tuple[Array, Array] | None:
 
 def _response_of_modes(values: Array, vectors: Array, drive: Array) -> Array:
     """Return states (n, states, k) from what is added to them (n - 1, states, k) in every step."""
-    into_modes = np.linalg.inv(vectors) @ drive
-    moved = np.zeros((len(drive) + 1, *drive.shape[1:]), dtype=into_modes.dtype)
-    for i, value in enumerate(values):
+    # of a pair of conjugate modes one tells the other
+    one = values.imag >= 0.0
+    both = np.where(values.imag > 0.0, 2.0, 1.0)[one]
+    into_modes = np.linalg.inv(vectors)[one] @ drive
+    moved = np.zeros((len(drive) + 1, *into_modes.shape[1:]), dtype=into_modes.dtype)
+    for i, value in enumerate(values[one]):
         moved[1:, i] = autoregression([1.0, -value], into_modes[:, i])
-    return np.asarray((vectors @ moved).real)
+    if np.isrealobj(moved):
+        return np.asarray(vectors @ moved)
+    out = vectors[:, one] * both
+    return np.asarray(out.real @ moved.real - out.imag @ moved.imag)
 
 
 def _phi(z: Array) -> tuple[Array, Array, Array]:

@@ -8,11 +8,11 @@ do is no part of a curve.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh
 
 from fmus.kit import slopes
 from fmus.kit.arrays import Array
@@ -241,13 +241,7 @@ class RegressorColumns:
         -------
         Curve
         """
-        covariances, priors, prices, sizes = self._choices
-        gains = np.einsum("i,cij,j->c", score, covariances, score) - prices
-        k = int(np.argmax(gains))
-        values = covariances[k] @ score
-        return Curve(
-            float(gains[k]), values, covariances[k], priors[k], float(prices[k]), float(sizes[k])
-        )
+        return self._stack.best(score[None])[0]
 
     def by_chance(self, scores: Array) -> Array:
         """Return the gains of the likeliest curves in mere noise.
@@ -261,32 +255,97 @@ class RegressorColumns:
         -------
         ndarray, shape (b,)
         """
+        return np.asarray(self._stack.by_chance(scores[None])[0])
+
+    @cached_property
+    def _stack(self) -> RegressorStack:
+        return RegressorStack([self.basis], self.free[None], self.alone[None], self.samples)
+
+
+@dataclass(frozen=True)
+class RegressorStack:
+    """The same for several curves at once, each by itself.
+
+    Attributes
+    ----------
+    bases : sequence of Basis
+        The s of them are of k knots each, and have as many `plain` parts.
+    free, alone : ndarray, shape (s, k, k)
+    samples : int
+        See `RegressorColumns`.
+    """
+
+    bases: Sequence[Basis]
+    free: Array
+    alone: Array
+    samples: int
+
+    def best(self, scores: Array) -> list[Curve]:
+        """Find the likeliest curve of each, from scores (s, k)."""
+        covariances, priors, prices, sizes = self._choices
+        across = (covariances @ scores[:, None, :, None])[..., 0]
+        gains = np.einsum("si,sci->sc", scores, across) - prices
+        chosen = enumerate(np.argmax(gains, axis=1).tolist())
+        return [
+            Curve(
+                float(gains[s, c]),
+                across[s, c].copy(),  # of all choices one is kept
+                covariances[s, c].copy(),
+                priors[s, c].copy(),
+                float(prices[s, c]),
+                float(sizes[s, c]),
+            )
+            for s, c in chosen
+        ]
+
+    def by_chance(self, scores: Array) -> Array:
+        """Return the gains (s, b) of the likeliest curves in mere noise, from scores (s, k, b)."""
         covariances, _, prices, _ = self._choices
-        explained = np.sum(scores * (covariances @ scores), axis=1)
-        return np.asarray((explained - prices[:, None]).max(axis=0))
+        several = scores[:, None]
+        explained = np.sum(several * (covariances @ several), axis=2)
+        return np.asarray((explained - prices[:, :, None]).max(axis=1))
 
     @cached_property
     def _choices(self) -> tuple[Array, Array, Array, Array]:
-        """Covariances after and before (c, k, k), prices, and sizes of the bending part."""
-        bending = self.basis.bending
-        power = float(np.trace(self.free @ bending)) / len(bending)
-        sizes = np.append(0.0, _SIZES / power if len(bending) > 2 and power > 0.0 else ())
-        plain, free = zip(*map(self._prior, self.basis.plain), strict=True)
-        priors = np.concatenate([part + sizes[:, None, None] * bending for part in plain])
-        inner = np.eye(len(bending)) + self.free @ priors
+        """Covariances after and before (s, c, k, k), prices (s, c), sizes of the bending part."""
+        bending = np.array([basis.bending for basis in self.bases])
+        count = bending.shape[-1]
+        power = np.einsum("sij,sji->s", self.free, bending) / count
+        # where nothing can bend the choices are all of no size, and the first of them is taken
+        bends = power > 0.0
+        of_bends = np.where(bends[:, None], _SIZES / np.where(bends, power, 1.0)[:, None], 0.0)
+        sizes = np.column_stack([np.zeros(len(bends)), of_bends])
+        parts = zip(*(basis.plain for basis in self.bases), strict=True)
+        plain, free = zip(*(self._prior(np.array(part)) for part in parts), strict=True)
+        bent = sizes[:, :, None, None] * bending[:, None]
+        priors = np.concatenate([part[:, None] + bent for part in plain], axis=1)
+        inner = np.eye(count) + self.free[:, None] @ priors
         paid = np.tile(np.where(sizes > 0.0, np.log(self.samples), 0.0), len(plain))
-        paid -= np.repeat(free, len(sizes)) * np.log(_FLAT)
-        covariances = np.linalg.solve(inner.swapaxes(1, 2), priors).swapaxes(1, 2)
-        return covariances, priors, np.linalg.slogdet(inner)[1] + paid, np.tile(sizes, len(plain))
+        paid -= np.repeat(np.column_stack(free), sizes.shape[1], axis=1) * np.log(_FLAT)
+        covariances = np.linalg.solve(inner.swapaxes(2, 3), priors).swapaxes(2, 3)
+        prices = np.linalg.slogdet(inner)[1] + paid
+        return covariances, priors, prices, np.tile(sizes, len(plain))
 
-    def _prior(self, part: Array) -> tuple[Array, int]:
-        """Return a vague prior covariance (k, k), outside the model's own space, and its rank."""
-        free, alone = (part.T @ each @ part for each in (self.free, self.alone))
-        alone += (1e-12 * np.trace(alone) + 1e-300) * np.eye(len(alone))
-        share, axes = eigh(free, alone)
+    def _prior(self, part: Array) -> tuple[Array, Array]:
+        """Return vague prior covariances (s, k, k), outside the model's own space, and ranks (s,).
+
+        Parameters
+        ----------
+        part : ndarray, shape (s, k, j)
+            Plain part of each basis.
+        """
+        turned = part.swapaxes(1, 2)
+        free, alone = (turned @ each @ part for each in (self.free, self.alone))
+        least = 1e-12 * np.trace(alone, axis1=1, axis2=2) + 1e-300
+        # the generalised eigenvalues are those of one matrix in coordinates in which the other is 1
+        lower = np.linalg.cholesky(alone + least[:, None, None] * np.eye(alone.shape[-1]))
+        half = np.linalg.solve(lower, free)
+        share, axes = np.linalg.eigh(np.linalg.solve(lower, half.swapaxes(1, 2)))
         seen = share > _OWN
-        root = (part @ axes[:, seen]) * np.sqrt(_FLAT * self.samples / share[seen])
-        return np.asarray(root @ root.T), int(seen.sum())
+        weight = np.where(seen, _FLAT * self.samples / np.where(seen, share, 1.0), 0.0)
+        directions = part @ np.linalg.solve(lower.swapaxes(1, 2), axes)
+        prior = (directions * weight[:, None]) @ directions.swapaxes(1, 2)
+        return prior, seen.sum(axis=1)
 
 
 class Band:

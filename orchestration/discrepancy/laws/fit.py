@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -13,16 +13,20 @@ from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import Candidate, FittedCandidate
 from orchestration.discrepancy.laws.evidence import Basis, Curve, RegressorColumns
 from orchestration.discrepancy.selection import Search
-from orchestration.identify.fitting import Problem, minimise
+from orchestration.identify.fitting import Problem, SearchEndedError, minimise
 from orchestration.identify.noise import Noise, Whitening
 
-_SHARES = 1.0, 0.3, 0.0  # of the curve in the map, from which a fit may start
+_SHARES = 1.0, 0.3  # of the curve in the map, from which a fit may start, beside none of it
 # of choosing noise and roughness anew and fitting on, while the criterion falls by so much
 _ROUNDS = 8
 _FALL = 2.0
 # fall of the cost, relative, that ends a fit, and points that it tries at most
 _ROUGHLY = (1e-3, 20)
 _SETTLED = (1e-6, 200)
+# Points after which a fit is given up that leaves so many times the squares of the noise in which
+# it began: that noise was estimated where it began, so that it ends no better than there.
+_TRIED = 20
+_HOPELESS = 20.0
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,7 @@ class CurveFit:
             *constants,
         ]
         self.problem = search.problem(self.candidate, [*parameters, *tables], fixed)
+        self._without = search.problem(base.candidate, base.problem.names, fixed)
         self._own = len(base.problem.names) + len(constants)
         self._precision = np.append(base.fit.prior_precision, np.zeros(len(constants)))
         self._size = np.array([s.size for s in self.problem.scales[self._own :]])
@@ -105,22 +110,38 @@ class CurveFit:
         """
         problem = self.problem
         tried = []
-        for own, share in product(starts, _SHARES):
-            q = problem.position(problem.start | self._base.fit.values | dict(own))
-            q[self._own :] = share * curve.values / self._size
-            try:
-                error, _ = problem.evaluate(problem.inside(q))
-            except UserError:
-                continue
-            with np.errstate(over="ignore"):  # a simulation that runs away is far off
-                size = sum(float(np.log(e @ e)) for e in error.values())
-            tried.append((size, problem.inside(q)))
+        for own in starts:
+            for share, error in self._errors(dict(own), curve):
+                with np.errstate(over="ignore"):  # a simulation that runs away is far off
+                    size = sum(float(np.log(e @ e)) for e in error.values())
+                tried.append((size, self._start(dict(own), share, curve)))
         _, nearest = min(tried, key=lambda start: start[0])
         error, _ = problem.evaluate(nearest)
         whitening = Whitening.of(floor, error, problem.present)
         fitted = self._fitted(nearest, whitening, curve, _ROUGHLY)
         problem.forget_simulation()
         return fitted
+
+    def _start(self, own: dict[str, float], share: float, curve: Curve) -> Array:
+        """Return the point with a share of a curve, beside values of other parameters."""
+        problem = self.problem
+        q = problem.position(problem.start | self._base.fit.values | own)
+        q[self._own :] = share * curve.values / self._size
+        return problem.inside(q)
+
+    def _errors(
+        self, own: dict[str, float], curve: Curve
+    ) -> Iterator[tuple[float, dict[str, Array]]]:
+        """Yield shares of a curve, and residuals with them, where the model can be simulated."""
+        for share in _SHARES:
+            with suppress(UserError):
+                yield share, self.problem.evaluate(self._start(own, share, curve))[0]
+        # without the curve no derivatives by its values are needed
+        without = self._without
+        q = without.position(without.start | self._base.fit.values | own)
+        with suppress(UserError):
+            yield 0.0, without.evaluate(without.inside(q))[0]
+        without.forget_simulation()
 
     def settled(self, fitted: FittedCurve) -> FittedCurve:
         """Continue a fit, in the noise and with the roughness that the fit itself asks for."""
@@ -203,14 +224,19 @@ class CurveFit:
         weight = np.sqrt(self._precision)
         prior_mean = problem.position(problem.start | self._base.problem.start)[:own]
         centre = np.where(weight > 0.0, prior_mean, 0.0)
-        low, high = problem.bounds()
 
         def whole(z: Array) -> Array:
             return np.concatenate([z[:own], root @ z[own:] / self._size])
 
+        costs: list[float] = []
+
         def residual(z: Array) -> Array:
+            if len(costs) > _TRIED and min(costs) > _HOPELESS * problem.samples:
+                raise SearchEndedError("the curve comes nowhere near the record")
             error, _ = problem.evaluate(whole(z))
-            return np.concatenate([whitening(error), weight * (z[:own] - centre), z[own:]])
+            rows = np.concatenate([whitening(error), weight * (z[:own] - centre), z[own:]])
+            costs.append(float(rows @ rows))
+            return rows
 
         def jacobian(z: Array) -> Array:
             _, derivatives = problem.evaluate(whole(z))
@@ -221,9 +247,9 @@ class CurveFit:
         coordinates, *_ = np.linalg.lstsq(root, q[own:] * self._size, rcond=None)
         begin = np.concatenate([q[:own], coordinates])
         far = np.full(root.shape[1], np.inf)
+        low, high = problem.bounds()
         bounds = np.append(low[:own], -far), np.append(high[:own], far)
-        tolerance, trials = effort
-        end = minimise(residual, jacobian, begin, *bounds, tolerance, trials=trials)
+        end = minimise(residual, jacobian, begin, *bounds, effort[0], trials=effort[1])
         return whole(end.q), float(end.q[own:] @ end.q[own:])
 
 

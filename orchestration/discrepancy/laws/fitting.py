@@ -24,6 +24,9 @@ T = TypeVar("T")
 _MOST = 50.0  # fall of the criterion per sample
 _PATIENCE = 6.0  # internal steps, over those of other effects
 _SHAPES = 5  # that are fitted in the model
+# of the time between samples: a lag that a fit takes so far is none, and a simulation would take
+# hundreds of internal steps for each sample
+_NO_LAG = 0.1
 # memories that stay in proportion: what seems to bend there is another relaxation
 RELAXATIONS = ("lagged", "leading")
 
@@ -76,12 +79,12 @@ class Fitting:
     """
 
     def __init__(self, search: Search, base: FittedCandidate, law_map: LawMap):
-        # where a curve may step, each of its values is felt for a moment only
-        self._search = replace(search, patience=_PATIENCE)
-        self._base = base
-        self._law_map = law_map
         time = search.data.time
         self._shortest = float(np.median(np.diff(time)))
+        # where a curve may step, each of its values is felt for a moment only
+        self._search = replace(search, patience=_PATIENCE, shortest_lag=_NO_LAG * self._shortest)
+        self._base = base
+        self._law_map = law_map
         self._longest = float(time[-1] - time[0])
         self._starts_unknown = any(
             name in search.base.layout.start_parameters for name in search.parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.laws.entry import Entry
-from orchestration.discrepancy.laws.evidence import FEW, Basis, Curve, RegressorColumns
+from orchestration.discrepancy.laws.evidence import FEW, Basis, Curve, RegressorStack
 from orchestration.discrepancy.laws.linear import (
     LinearisedRecord,
     LinearResponse,
@@ -20,6 +20,7 @@ from orchestration.discrepancy.laws.linear import (
     SimulatedCourse,
     UnknownInput,
     affine_powers,
+    continuous,
     disturbed,
     estimate_unknown_input,
     moved,
@@ -198,7 +199,7 @@ class LawMap:
         floor = self._noise_floor() if noise is None else noise
         self.floor = floor
         self._chance: list[Array] = []
-        several = parallel_map(lambda law: list(self._of_law(law, floor)), list(self.candidates))
+        several = parallel_map(lambda law: self._of_law(law, floor), list(self.candidates))
         scored = [entry for entries in several for entry in entries]
         self.chance = 0.0
         if self._chance:
@@ -217,17 +218,25 @@ class LawMap:
             for o, e in nearest.unexplained.items()
         }
 
-    def _of_law(self, law: str, noise: Mapping[str, Noise]) -> Iterator[Entry]:
+    def _of_law(self, law: str, noise: Mapping[str, Noise]) -> list[Entry]:
         """Score a law, and others with the same effect, over every signal."""
         course = self.courses[law]
         record = LinearisedRecord(
             course, self._fitted.fit.prior_precision, self._present, noise, reach(self._powers)
         )
         signals = self.signals_of(course)
-        for name, kind, mine in self._corrections_to_score(course, list(signals)):
-            for at in range(0, len(mine), _AT_ONCE):
-                some = {s: signals[s] for s in mine[at : at + _AT_ONCE]}
-                yield from self._of_signals(course, name, some, kind, record)
+        corrections = list(self._corrections_to_score(course, list(signals)))
+        entries: list[list[Entry]] = [[] for _ in corrections]
+        names = list(signals)
+        for at in range(0, len(names), _AT_ONCE):
+            # what a signal is in the coordinates of its curve is the same for all laws
+            some = {
+                name: _Regressors.over(name, signals[name]) for name in names[at : at + _AT_ONCE]
+            }
+            for (name, kind, known), found in zip(corrections, entries, strict=True):
+                mine = [some[signal] for signal in known if signal in some]
+                found += self._of_signals(course, name, mine, kind, record)
+        return [entry for found in entries for entry in found]
 
     def _corrections_to_score(
         self, course: UnknownInput, signals: Sequence[LawSignal]
@@ -305,100 +314,140 @@ class LawMap:
         self,
         course: UnknownInput,
         law: str,
-        signals: Mapping[LawSignal, Sequence[Sides]],
+        signals: Sequence[_Regressors],
         kind: str,
         record: LinearisedRecord,
-    ) -> Iterator[Entry]:
+    ) -> list[Entry]:
         """Score corrections of one law over several signals.
 
         Parameters
         ----------
         course : UnknownInput
         law : str
-        signals : Mapping of LawSignal to sequence of Sides
-            By runs.
+        signals : sequence of Regressors
         kind : {"add", "multiply"}
         record : LinearisedRecord
         """
-        bases = {
-            signal: _basis(signal, np.concatenate([sides.begin for sides in several]))
-            for signal, several in signals.items()
-        }
-        whole = self._responses(course, law, signals, kind, bases)
+        curved = [signal for signal in signals if len(signal.basis.knots) > 1]
+        if not curved:
+            return []
+        whole = self._responses(course, law, curved, kind)
         alone = record({o: columns[self._present[o]] for o, columns in whole.items()})
-        free = record.free(alone)
-        own = record.own(alone)
-        first = 0
-        for signal, basis in bases.items():
-            block = slice(first, first + len(basis.knots))
-            first += len(basis.knots)
-            if len(basis.knots) < 2:
-                continue
-            columns = _SignalColumns(alone[:, block], free[:, block], own[:, block])
-            scored = self._scored(record, basis, columns)
-            if scored is not None:
+        ends = np.cumsum([len(signal.basis.knots) for signal in curved])
+        alike: dict[tuple[int, int], list[int]] = {}
+        for i, signal in enumerate(curved):
+            alike.setdefault((len(signal.basis.knots), len(signal.basis.plain)), []).append(i)
+        entries: dict[int, Entry] = {}
+        for (count, _), several in alike.items():
+            columns = np.concatenate([np.arange(ends[i] - count, ends[i]) for i in several])
+            bases = [curved[i].basis for i in several]
+            for i, scored in zip(
+                several, self._scored(record, bases, alone[:, columns]), strict=True
+            ):
+                if scored is None:
+                    continue
                 curve, direction, step = scored
-                values = np.concatenate([sides.begin for sides in signals[signal]])
-                visited = np.quantile(values, _QUANTILES)
-                left = record.left(curve)
-                yield Entry(
-                    course.law, law, signal, kind, basis, curve, direction, step, left, visited
+                signal, left = curved[i], record.left(curve)
+                entries[i] = Entry(
+                    course.law,
+                    law,
+                    signal.signal,
+                    kind,
+                    signal.basis,
+                    curve,
+                    direction,
+                    step,
+                    left,
+                    signal.visited,
                 )
+        return [entries[i] for i in sorted(entries)]
 
     def _responses(
-        self,
-        course: UnknownInput,
-        law: str,
-        signals: Mapping[LawSignal, Sequence[Sides]],
-        kind: str,
-        bases: Mapping[LawSignal, Basis],
+        self, course: UnknownInput, law: str, signals: Sequence[_Regressors], kind: str
     ) -> dict[str, Array]:
         """Return the responses (n, k) of every output to the curves of all bases."""
-        count = sum(len(basis.knots) for basis in bases.values())
+        count = sum(len(signal.basis.knots) for signal in signals)
         whole = {output: np.zeros((self._n, count)) for output in self._outputs}
         for r, (run, _, response) in enumerate(course.parts):
-            begin = np.hstack([basis(signals[s][r].begin) for s, basis in bases.items()])
-            end = np.hstack([basis(signals[s][r].end) for s, basis in bases.items()])
+            begin = np.hstack([signal.columns[r].begin for signal in signals])
+            end = np.hstack([signal.columns[r].end for signal in signals])
             if kind == "multiply":
                 value = response.values[law]
-                begin = begin * value.begin[:, None]
-                end = end * value.end[:, None]
+                begin *= value.begin[:, None]
+                end *= value.end[:, None]
             for output, rows in response(law, Sides(begin, end)).items():
                 whole[output][run.samples] = rows
         return whole
 
     def _scored(
-        self, record: LinearisedRecord, basis: Basis, columns: _SignalColumns
-    ) -> tuple[Curve, Array, Array] | None:
-        """Return curve, direction and step of the likeliest correction; None if none gains."""
-        free = columns.free
-        products = RegressorColumns(
-            basis, free.T @ free, free.T @ free + columns.own.T @ columns.own, record.samples
+        self, record: LinearisedRecord, bases: Sequence[Basis], columns: Array
+    ) -> Iterator[tuple[Curve, Array, Array] | None]:
+        """Yield curve, direction and step of the likeliest corrections; None if one gains nothing.
+
+        Parameters
+        ----------
+        record : LinearisedRecord
+        bases : sequence of Basis
+            Of s curves, each of k knots.
+        columns : ndarray, shape (m, s k)
+            Whitened responses to the knots, those of one curve beside each other.
+        """
+        shape = (len(bases), len(bases[0].knots), -1)
+        free = np.ascontiguousarray(record.free(columns).T)
+        stack = free.reshape(shape)
+        own = record.own(columns).T.reshape(shape)
+        products = stack @ stack.swapaxes(1, 2)
+        regressors = RegressorStack(
+            bases, products, products + own @ own.swapaxes(1, 2), record.samples
         )
-        self._chance.append(products.by_chance(free.T @ record.noise))
-        likeliest = products.best(free.T @ record.residual)
-        if likeliest.gain <= 0.0:
-            return None
-        curve, step = record.within_reach(likeliest, columns.alone)
-        if not curve.gain > 0.0:
-            return None
-        effect = free @ curve.values
-        return curve, effect / max(float(np.linalg.norm(effect)), 1e-300), step
+        self._chance += [*regressors.by_chance((free @ record.noise).reshape(shape))]
+        likeliest = regressors.best((free @ record.residual).reshape(shape[:2]))
+        telling = [i for i, curve in enumerate(likeliest) if curve.gain > 0.0]
+        alone = np.ascontiguousarray(columns.T).reshape(shape)[telling]
+        known = dict(
+            zip(telling, record.within_reach([likeliest[i] for i in telling], alone), strict=True)
+        )
+        for i in range(len(bases)):
+            curve, step = known.get(i, (likeliest[i], None))
+            if step is None or not curve.gain > 0.0:
+                yield None
+                continue
+            effect = curve.values @ stack[i]
+            yield curve, effect / max(float(np.linalg.norm(effect)), 1e-300), step
 
 
-class _SignalColumns(NamedTuple):
-    """Whitened responses to the knots of one curve.
+@dataclass(frozen=True)
+class _Regressors:
+    """A signal with the knots of a curve over it.
 
     Attributes
     ----------
-    alone : ndarray, shape (m, k)
-        As they are.
-    free : ndarray, shape (m, k)
-        Free of what the model's own parameters can do.
-    own : ndarray, shape (p, k)
-        What those can do, in coordinates of its own.
+    signal : LawSignal
+    basis : Basis
+        Of k knots.
+    columns : list of Sides, of shape (n, k)
+        Hat functions of the knots along each run.
+    visited : ndarray, shape (v,)
+        Quantiles of the signal.
     """
 
-    alone: Array
-    free: Array
-    own: Array
+    signal: LawSignal
+    basis: Basis
+    columns: list[Sides]
+    visited: Array
+
+    @classmethod
+    def over(cls, signal: LawSignal, runs: Sequence[Sides]) -> _Regressors:
+        """Place knots over a signal that is given by runs."""
+        values = np.concatenate([sides.begin for sides in runs])
+        basis = _basis(signal, values)
+        columns = [_columns(basis, sides) for sides in runs]
+        return cls(signal, basis, columns, np.quantile(values, _QUANTILES))
+
+
+def _columns(basis: Basis, sides: Sides) -> Sides:
+    """Return the hat functions of knots along a signal."""
+    begin = basis(sides.begin)
+    if np.array_equal(sides.end[:-1], sides.begin[1:]):  # the last end is not used
+        return continuous(begin)
+    return Sides(begin, begin if np.array_equal(sides.end, sides.begin) else basis(sides.end))

@@ -89,6 +89,8 @@ class Search:
         Effort of the fits.
     patience : float
         Factor on the internal steps that a candidate with effects may take.
+    shortest_lag : float
+        Time constant of a memory, s, from which on down a search steps back: the lag is none.
     known : KnownFits
         Fits made so far, over this record and over others.
     """
@@ -106,6 +108,7 @@ class Search:
     colour: Mapping[str, Array] = field(default_factory=dict)
     method: Method = FULL
     patience: float = 1.0
+    shortest_lag: float = 0.0
     known: KnownFits = field(default_factory=KnownFits)
 
     def nominal(self, near: Mapping[str, float] | None = None) -> FittedCandidate:
@@ -324,6 +327,9 @@ class Search:
         problem.largest = dict.fromkeys(_time_constants(candidate), longest)
         if candidate.effects:
             problem.effort = self.patience * max(_EFFORT, _EASIER * problem.effort)
+        if self.shortest_lag:
+            lags = (name for name in searched if name.endswith("_memory_constant"))
+            problem.least = dict.fromkeys(lags, self.shortest_lag)
         return problem
 
     def _problem(self, candidate: Candidate) -> Problem:
@@ -374,7 +380,7 @@ class Search:
 
         if self.budget.spent():
             return made()  # at its first point, which is none to be known by
-        own = (self.base, prior_std, self.method, self.farthest)
+        own = (self.base, prior_std, self.method, self.farthest, self.shortest_lag)
         key = (fit_key(candidate, problem, q, noise), own)
         return self.known.get(key, self.data, problem.samples, made)
 

@@ -1,4 +1,5 @@
 from .any_fmu import FmuWithDifferences as FmuWithDifferences
+from .least_squares import SearchEndedError as SearchEndedError
 from .least_squares import minimise as minimise
 from .prediction_error import EVALUATE as EVALUATE
 from .prediction_error import FIXED_COLOUR as FIXED_COLOUR

@@ -239,6 +239,9 @@ class Problem:
         Accuracy of an internal step of simulations, if the model's own need not be reached.
     error_scales : dict of str to float
         Of outputs, once they are known; see `simulation_error.error_scales`.
+    least : dict of str to float
+        Values of searched parameters, SI, below which a search steps back, as a simulation there
+        would take long and tell nothing.
 
     Raises
     ------
@@ -294,6 +297,7 @@ class Problem:
         self.largest: Mapping[str, float] = {}
         self.tolerance = 0.0
         self.error_scales: dict[str, float] = {}
+        self.least: dict[str, float] = {}
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -310,6 +314,7 @@ class Problem:
             self.evaluations += 1
             self.forget_simulation()
             values = self.start | self.values(q)
+            self._check(values)
             trajectory = self.model.run(
                 self.time, self.inputs, values, self.effort, self.runs, self.tolerance
             )
@@ -323,6 +328,12 @@ class Problem:
                 jacobian[o] = trajectory.sensitivities.pop(o)[where] * -slopes
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
+
+    def _check(self, values: Mapping[str, float]) -> None:
+        """Refuse values below which nothing is simulated."""
+        for name, least in self.least.items():
+            if values[name] < least:
+                raise UserError(f"{name} is less than {least:g}, below which it tells nothing")
 
     def sensitive_parameters(self, q: Array) -> list[str]:
         """Return the parameters with an effect on anything that was measured, at a point."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -65,25 +66,33 @@ class LinearisedRecord:
         self.samples = len(self.residual)
         self.noise = np.random.default_rng(_SEED).normal(size=(self.samples, _DRAWS))
 
-    def within_reach(self, curve: Curve, columns: Array) -> tuple[Curve, Array]:
-        """Return a curve, and the step (p,) of the own parameters beside it, within their bounds.
+    def within_reach(self, curves: Sequence[Curve], columns: Array) -> list[tuple[Curve, Array]]:
+        """Return curves, and the steps (p,) of the own parameters beside each, within their bounds.
 
         Parameters
         ----------
-        curve : Curve
-            The likeliest without bounds.
-        columns : ndarray, shape (m, k)
-            Responses of the whitened outputs to its hat functions.
+        curves : sequence of Curve
+            The likeliest without bounds, s of them, each by itself.
+        columns : ndarray, shape (s, k, m)
+            Responses of the whitened outputs to the hat functions of each.
         """
-        unbounded = -self._back @ (self._whole - columns @ curve.values)
-        bounded_curve = curve
-        step = np.clip(unbounded, self._least, self._most)
-        if not np.array_equal(step, unbounded):
-            bounded_curve, step = self._bounded(curve, columns)
-        remaining = self._whole - columns @ bounded_curve.values + self._slopes @ step
-        fall = float(self.residual @ self.residual - remaining @ remaining)
-        gain = min(curve.gain, fall - curve.complexity)
-        return replace(bounded_curve, gain=gain), step
+        values = np.array([curve.values for curve in curves]).reshape(columns.shape[:2])
+        unbounded = (_effects(values, columns) - self._whole) @ self._back.T
+        steps = np.clip(unbounded, self._least, self._most)
+        bounded = list(curves)
+        for i in np.flatnonzero((steps != unbounded).any(axis=1)).tolist():
+            bounded[i], steps[i] = self._bounded(curves[i], columns[i].T)
+            values[i] = bounded[i].values
+        remaining = self._whole - _effects(values, columns) + steps @ self._slopes.T
+        falls = float(self.residual @ self.residual) - np.sum(remaining**2, axis=1)
+        gains = (
+            min(curve.gain, fall - curve.complexity)
+            for curve, fall in zip(bounded, falls.tolist(), strict=True)
+        )
+        return [
+            (replace(curve, gain=gain), step)
+            for curve, gain, step in zip(bounded, gains, steps, strict=True)
+        ]
 
     def left(self, curve: Curve) -> float:
         """Return the squares of what a curve leaves, with the price of its bends."""
@@ -94,15 +103,40 @@ class LinearisedRecord:
         values, axes = np.linalg.eigh(curve.prior)
         root = axes * np.sqrt(np.clip(values, 0.0, None))
         count = len(self._least)
-        rows = np.hstack([self._slopes, -columns @ root])
-        whole = np.vstack([rows, np.diag(np.append(np.sqrt(self._prior), np.ones(len(root))))])
-        sizes = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
-        q, r = np.linalg.qr(whole / sizes)
+        matrix, target = self._reduced(-columns @ root)
+        sizes = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
         free = np.full(len(root), np.inf)
         bounds = (np.append(self._least, -free) * sizes, np.append(self._most, free) * sizes)
-        target = -q[: len(rows)].T @ self._whole
-        solution = lsq_linear(r, target, bounds, method="bvls").x / sizes
+        solution = lsq_linear(matrix / sizes, target, bounds, method="bvls").x / sizes
         return replace(curve, values=root @ solution[count:]), solution[:count]
+
+    def _reduced(self, effect: Array) -> tuple[Array, Array]:
+        """Return the least squares of steps and curve as so many rows (p + k) as coordinates.
+
+        The columns of the steps are the first for all curves, and decomposed once.
+
+        Parameters
+        ----------
+        effect : ndarray, shape (m, k)
+            Of the coordinates of a curve, whose prior is of unit size.
+        """
+        samples, width = effect.shape
+        own, triangle = self._steps
+        count = triangle.shape[1]
+        beside = np.vstack([effect, np.zeros((count, width))])  # rows of the prior of the steps
+        along = own.T @ beside
+        q, r = np.linalg.qr(np.vstack([beside - own @ along, np.eye(width)]))
+        matrix = np.block([[triangle, along], [np.zeros((width, count)), r]])
+        target = np.append(own[:samples].T @ self._whole, q[:samples].T @ self._whole)
+        return matrix, -target
+
+    @cached_property
+    def _steps(self) -> tuple[Array, Array]:
+        """Decomposition of the steps' columns with their prior, (m + p, p) and (p, p)."""
+        whole = np.vstack([self._slopes, np.diag(np.sqrt(self._prior))])
+        sizes = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+        own, triangle = np.linalg.qr(whole / sizes)
+        return own, triangle * sizes
 
     def own(self, columns: Array) -> Array:
         """Return the part of columns that parameters can make, in an orthonormal basis."""
@@ -115,3 +149,8 @@ class LinearisedRecord:
     def __call__(self, responses: Mapping[str, Array]) -> Array:
         """Return the whitened responses of outputs where they were measured."""
         return np.asarray(self._whitened(responses))
+
+
+def _effects(values: Array, columns: Array) -> Array:
+    """Return the effects (s, m) of curves (s, k), from the responses (s, k, m) to their hats."""
+    return np.asarray((values[:, None] @ columns)[:, 0])

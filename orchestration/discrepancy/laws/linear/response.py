@@ -232,12 +232,11 @@ class LinearResponse:
         """
         i = self._laws.names.index(law)
         shown = self._d[:, :, i, np.newaxis] * added.begin[:, np.newaxis]
-        if self.moves(law):
-            forcing = (
-                b[:, :, i, np.newaxis] * w[:, np.newaxis]
-                for b, w in ((self._b.begin, added.begin), (self._b.end, added.end))
-            )
-            shown += self._c @ self._matrices.response(*forcing)
+        if self.moves(law) and len(added.begin) > 1:
+            _, left, right = self.step(law)
+            drive = left[:, :, np.newaxis] * added.begin[:-1, np.newaxis]
+            drive += right[:, :, np.newaxis] * added.end[:-1, np.newaxis]
+            shown += self._c @ self._matrices.driven(drive)
         return {o: shown[:, row] for row, o in enumerate(self._outputs)}
 
 

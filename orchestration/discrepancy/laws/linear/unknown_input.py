@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -142,7 +143,12 @@ class _DrivenRun:
     error: dict[str, Array]
     slopes: dict[str, Array]
     cost: float
-    parts: list[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]
+    linearise: Callable[[], list[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]]
+
+    @cached_property
+    def parts(self) -> list[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]:
+        """Responses of every run; of a run that costs too much none is asked for."""
+        return self.linearise()
 
 
 class _DrivenModel:
@@ -185,19 +191,23 @@ class _DrivenModel:
         problem.forget_simulation()
         error, slopes = problem.evaluate(q)
         cost = sum(float(np.sum((e / self.noise[o]) ** 2)) for o, e in error.items())
-        values = problem.start | problem.values(q)
-        ran = problem.model.run(problem.time, problem.inputs, values, problem.effort, problem.runs)
-        parts = responses_of_runs(
-            self._laws,
-            problem.time,
-            self._data.inputs,
-            ran.signals,
-            values,
-            linear=self._data.linear or (),
-            runs=problem.runs,
-            outputs=self._outputs,
-        )
-        return _DrivenRun(q, dict(error), dict(slopes), cost, parts)
+
+        def linearise() -> list[tuple[MeasuredRun, SimulatedCourse, LinearResponse]]:
+            values = problem.start | problem.values(q)
+            fed = {**self._data.inputs, self._name: course}
+            ran = problem.model.run(problem.time, fed, values, problem.effort, problem.runs)
+            return responses_of_runs(
+                self._laws,
+                problem.time,
+                self._data.inputs,
+                ran.signals,
+                values,
+                linear=self._data.linear or (),
+                runs=problem.runs,
+                outputs=self._outputs,
+            )
+
+        return _DrivenRun(q, dict(error), dict(slopes), cost, linearise)
 
     def towards(
         self, course: Array, here: _DrivenRun, target: Array, q: Array

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fmus.kit import SHAPES, Component, Effect, SignalTerm, effect_name
 from fmus.kit.arrays import Array
-from fmus.kit.units import registry
+from fmus.kit.units import base_unit
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.law_corrections import LawSearch
 from orchestration.discrepancy.laws import Correction, LawMapResult, LawSignal, unit_of
@@ -273,14 +272,12 @@ def plain_unit(unit: str) -> str:
     if "kg" not in unit:
         return unit
     is_torque = "rad" in unit
-    base_units = unit.replace("rad", "dimensionless") if is_torque else unit
-    quantity = registry().Quantity(1.0, registry().Unit(base_units))
+    known = base_unit(unit)
+    exponents = {base: power for base, power in known.exponents.items() if base != "rad"}
     for name in _PLAIN_UNITS:
         if name == ("J" if is_torque else "N*m"):
             continue
-        plain: Any = registry().Quantity(1.0, name)
-        if plain.dimensionality == quantity.dimensionality:
-            ratio = plain.to(quantity.units).magnitude
-            if abs(ratio - 1.0) < 1e-9:
-                return name
+        plain = base_unit(name)
+        if plain.exponents == exponents and abs(plain.factor / known.factor - 1.0) < 1e-9:
+            return name
     return unit

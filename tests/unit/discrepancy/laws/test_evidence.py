@@ -11,10 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
+from scipy.linalg import eigh
 from scipy.stats import multivariate_normal
 
 from fmus.kit import smooth_table
-from orchestration.discrepancy.laws.evidence import KNOTS, Band, Basis, Curve, RegressorColumns
+from orchestration.discrepancy.laws.evidence import (
+    KNOTS,
+    Band,
+    Basis,
+    Curve,
+    RegressorColumns,
+    RegressorStack,
+)
 
 SAMPLES = 120
 SIZES = 11  # of the bending part, that are tried
@@ -274,6 +282,51 @@ def test_units_do_not_matter(factor, seed):
     assert factor * other.curve.values == pytest.approx(one.curve.values, abs=1e-4 * size)
     scaled = Basis(factor * one.basis.knots)
     assert scaled.bending == pytest.approx(one.basis.bending, abs=1e-9)
+
+
+def plain_choices(case):
+    """Every prior that a curve may have, and its price, one after the other."""
+    basis, columns = case.basis, case.columns
+    power = np.trace(columns.free @ basis.bending) / len(basis.knots)
+    for part in basis.plain:
+        free, alone = (part.T @ each @ part for each in (columns.free, columns.alone))
+        share, axes = eigh(free, alone)
+        seen = share > 1e-3
+        root = (part @ axes[:, seen]) * np.sqrt(FLAT * SAMPLES / share[seen])
+        for size in (0.0, *(np.geomspace(1e-2, 1e8, SIZES) / power)):
+            prior = root @ root.T + size * basis.bending
+            inner = np.eye(len(prior)) + columns.free @ prior
+            price = np.linalg.slogdet(inner)[1] - seen.sum() * np.log(FLAT)
+            yield prior, inner, price + (np.log(SAMPLES) if size else 0.0)
+
+
+@pytest.mark.parametrize("crossing", [True, False])
+def test_several_curves_at_once_are_as_one_by_one(crossing):
+    """Oracle: the gain of every prior of every curve, written out."""
+    drawn = [Case(seed, 0.3 * 2.0**seed, crossing) for seed in range(9)]
+    several = [case for case in drawn if len(case.score) == len(drawn[0].score)]
+    assert len(several) > 2
+    stack = RegressorStack(
+        [case.basis for case in several],
+        np.array([case.columns.free for case in several]),
+        np.array([case.columns.alone for case in several]),
+        SAMPLES,
+    )
+    noise = np.random.default_rng(9).normal(size=(SAMPLES, 7))
+    scores = np.array([case.z.T @ noise for case in several])
+    found = stack.best(np.array([case.score for case in several]))
+    by_chance = stack.by_chance(scores)
+    for case, curve, gains, score in zip(several, found, by_chance, scores, strict=True):
+        tried = []
+        of_noise = []
+        for prior, inner, price in plain_choices(case):
+            covariance = prior @ np.linalg.inv(inner)
+            tried.append((case.score @ covariance @ case.score - price, covariance @ case.score))
+            of_noise.append(np.sum(score * (covariance @ score), axis=0) - price)
+        gain, values = max(tried, key=lambda one: one[0])
+        assert curve.gain == pytest.approx(gain, rel=1e-6, abs=1e-4)
+        assert curve.values == pytest.approx(values, rel=1e-5, abs=1e-6)
+        assert gains == pytest.approx(np.max(of_noise, axis=0), rel=1e-6, abs=1e-4)
 
 
 def test_by_chance_is_a_monte_carlo():

@@ -202,3 +202,18 @@ def test_what_is_no_number_cannot_be_searched():
 
     with pytest.raises(UserError, match="count is integer; only real parameters can be fitted"):
         amplified(["count"], cls=Switched)
+
+
+def test_below_the_least_value_of_a_parameter_nothing_is_simulated(data, model):
+    problem = Problem(
+        Cell, data.time, data.inputs, data.measured, ["R0", "tau1"], VALUES, runs=data.runs
+    )
+    problem.least = {"tau1": 0.5 * VALUES["tau1"]}
+    q = problem.position(problem.start)
+    problem.evaluate(q)
+    made = problem.evaluations
+    problem.evaluate(q + np.log([1.0, 0.6]))
+    with pytest.raises(UserError, match="tau1 is less than"):
+        problem.evaluate(q + np.log([1.0, 0.4]))
+    assert problem.model.run(data.time, data.inputs, VALUES, runs=data.runs)
+    assert problem.evaluations == made + 2

@@ -42,6 +42,12 @@ def best(made, columns):
     return products.best(free.T @ made.residual)
 
 
+def within_reach(made, curve, columns):
+    """Of one curve alone."""
+    ((found, step),) = made.within_reach([curve], columns.T[None])
+    return found, step
+
+
 OWN = 30.0 * np.column_stack([np.cos(3.0 * TIME), X + 0.2 * TIME, TIME])
 
 
@@ -49,7 +55,7 @@ OWN = 30.0 * np.column_stack([np.cos(3.0 * TIME), X + 0.2 * TIME, TIME])
 def test_what_is_within_reach_stays_as_it_is(step):
     made, whole, own, columns = record(OWN, np.array(step))
     curve = best(made, columns)
-    found, moved = made.within_reach(curve, columns)
+    found, moved = within_reach(made, curve, columns)
     assert found.values == pytest.approx(curve.values)
     assert found.gain == pytest.approx(curve.gain, rel=1e-6)
     assert moved == pytest.approx(step, abs=1.5), "as far as the curve does not do the same"
@@ -60,7 +66,7 @@ def test_what_is_within_reach_stays_as_it_is(step):
 def test_what_is_out_of_reach_is_the_least_that_bounds_allow(step):
     made, whole, own, columns = record(OWN, np.array(step))
     curve = best(made, columns)
-    found, moved = made.within_reach(curve, columns)
+    found, moved = within_reach(made, curve, columns)
     strength, axes = np.linalg.eigh(curve.prior)
     kept = strength > 1e-12 * strength.max()
     root = axes[:, kept] * np.sqrt(strength[kept])
@@ -102,7 +108,7 @@ def test_of_two_levels_what_bends_is_nothing_and_the_rest_has_its_bounds():
     columns = made({"y": 50.0 * levels(np.sign(X))})
     straight = np.outer(levels.knots, levels.knots)
     curve = Curve(1e4, 0.5 * levels.knots, 0.01 * straight, straight, 1.0)
-    found, moved = made.within_reach(curve, columns)
+    found, moved = within_reach(made, curve, columns)
     slope = columns @ levels.knots
     left = whole + own @ moved
     assert found.values == pytest.approx(
