@@ -309,12 +309,14 @@ def _phi(z: Array, doublings: int) -> Array:
     doubling = np.empty((width, width))
     doubling[n:] = _shares(n)
     halves = np.repeat(0.5 ** np.arange(_ORDERS), n)
-    for level in reversed(range(doublings)):
-        row = rows[level + 1]
-        doubling[:n] = row[0]
-        doubled = rows[level]
-        np.matmul(row.reshape(-1, width), doubling, out=doubled.reshape(-1, width))
-        doubled[1:] += row[0, :, :n] @ row[1:]  # the derivative of the matrix
-        doubled *= halves
+    # of rates that grow without bounds: a step that is not finite is halved
+    with np.errstate(over="ignore", invalid="ignore"):
+        for level in reversed(range(doublings)):
+            row = rows[level + 1]
+            doubling[:n] = row[0]
+            doubled = rows[level]
+            np.matmul(row.reshape(-1, width), doubling, out=doubled.reshape(-1, width))
+            doubled[1:] += row[0, :, :n] @ row[1:]  # the derivative of the matrix
+            doubled *= halves
     by_order = rows.reshape(doublings + 1, blocks, n, _ORDERS, n)[..., 1:, :]
     return np.ascontiguousarray(np.moveaxis(by_order, 3, 1))

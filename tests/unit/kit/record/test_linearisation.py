@@ -6,6 +6,7 @@ Oracle: the exponential of an augmented matrix, and eigenvalues by hand.
 import numpy as np
 from scipy.linalg import expm
 
+from fmus.kit.record import linearisation
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.stiff_drive import STEP, Nonlinear, ladder_of
 
@@ -53,3 +54,13 @@ def _phi(z, order):
     for k in range(order):
         augmented[k * n : (k + 1) * n, (k + 1) * n : (k + 2) * n] = np.eye(n)
     return expm(augmented)[:n, -n:]
+
+
+def test_what_grows_without_bounds_is_infinite_and_no_warning():
+    doublings = 19
+    functions = linearisation._phi(np.full((1, 1, 1), 2.0**-7), doublings)
+    z = 2.0 ** (np.arange(doublings, -1.0, -1.0) - 7.0)
+    finite = z < 700.0
+    first = functions[:, 0, 0, 0, 0]
+    assert not np.isfinite(first[~finite]).any()
+    np.testing.assert_allclose(first[finite], np.expm1(z[finite]) / z[finite], rtol=1e-10)
