@@ -423,7 +423,7 @@ def _slopes_in_run(
     own = _own_of_each_record(model)
     bases = dict.fromkeys(map(base_name, problem.names))
     names = names_in([run], dict.fromkeys([*bases, *own]), own)
-    runs = ModelOverRuns(model.candidate.cls, names, data.linear or (), [run])
+    runs = ModelOverRuns(model.candidate.cls, names, data.linear or (), [run], outputs)
     inputs = {n: values[run.samples] for n, values in data.inputs.items()}
     ran = runs.run(data.time[run.samples], inputs, run.values(prediction.parameters))
     shared = [n for n in problem.names if n in names and base_name(n) not in own]

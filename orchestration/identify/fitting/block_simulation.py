@@ -1,8 +1,8 @@
 """Simulation of a long record block by block, for the sake of memory.
 
 A simulation with derivatives has a column for every state and output by every parameter, most of
-which nobody reads: the derivatives of states serve those of outputs alone. A block begins with the
-states, and their derivatives, that the block before ended with.
+which nobody reads: the derivatives of states serve those of what is measured alone. A block begins
+with the states, and their derivatives, that the block before ended with.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ def simulate_in_blocks(
     effort: float,
     tolerance: float,
     columns: slice | list[int],
+    measured: Collection[str] | None = None,
 ) -> Trajectory:
     """Simulate a model of continuous states, as `CompiledModel.run` does in one piece.
 
@@ -48,11 +49,13 @@ def simulate_in_blocks(
     tolerance : float
     columns : slice or list of int
         Which p of the model's parameters derivatives are kept by.
+    measured : collection of str, optional
+        Outputs and states of which derivatives are kept; all unless given.
 
     Returns
     -------
     Trajectory
-        All signals, and the derivatives of outputs, (n, p).
+        All signals, and the derivatives (n, p) of those that are measured.
 
     Raises
     ------
@@ -65,7 +68,8 @@ def simulate_in_blocks(
     states = [s.name for s in layout.states]
     count = len(np.arange(len(model.names))[columns])
     signals = {name: np.empty(n) for name in [*outputs, *states]}
-    slopes = {name: np.empty((n, count)) for name in outputs}
+    kept = [name for name in signals if measured is None or name in measured]
+    slopes = {name: np.empty((n, count)) for name in kept}
     begin = dict(parameters)
     first = 0
     while first < n - 1:

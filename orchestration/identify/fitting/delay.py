@@ -34,6 +34,8 @@ class DelayedModel:
     linear : bool or collection of str
         Inputs that are smooth, all or those named (`smooth_inputs`); others are held until the next
         sample.
+    measured : collection of str, optional
+        Outputs and states of which a long simulation has derivatives; all unless given.
 
     Attributes
     ----------
@@ -48,6 +50,7 @@ class DelayedModel:
         cls: type[Component],
         sensitivities: Sequence[str],
         linear: bool | Collection[str] = False,
+        measured: Collection[str] | None = None,
     ):
         base, effects = unstack(cls)
         delays = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
@@ -57,6 +60,7 @@ class DelayedModel:
         self.delays = {delay.output: delay.neutral for delay in delays}
         self._histories = {delay.output: _history_of(delay) for delay in delays}
         self._linear = linear
+        self._measured = measured
         self._names = list(sensitivities)
         names = tuple(n for n in sensitivities if n not in own)
         self._model = _compiled(base, others, names)
@@ -135,6 +139,7 @@ class DelayedModel:
                 effort=effort,
                 tolerance=tolerance,
                 columns=self._columns,
+                measured=self._measured,
             )
         ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
         chosen = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}

@@ -75,6 +75,8 @@ class ModelOverRuns:
         sample.
     runs : sequence of MeasuredRun
         Runs of the record. A stimulus without runs is simulated as the first of them.
+    measured : collection of str, optional
+        Outputs and states of which a long simulation has derivatives; all unless given.
 
     Attributes
     ----------
@@ -89,12 +91,15 @@ class ModelOverRuns:
         names: Sequence[str],
         linear: bool | Collection[str],
         runs: Sequence[MeasuredRun],
+        measured: Collection[str] | None = None,
     ):
         self._names = list(names)
         self._runs = tuple(runs)
         self._plain = list(dict.fromkeys(map(base_name, names)))
         self._model = (
-            cls if isinstance(cls, FmuWithDifferences) else DelayedModel(cls, self._plain, linear)
+            cls
+            if isinstance(cls, FmuWithDifferences)
+            else DelayedModel(cls, self._plain, linear, measured)
         )
         self.layout = self._model.layout
         self.delays = self._model.delays
@@ -263,7 +268,7 @@ class Problem:
         runs: Sequence[MeasuredRun] = (),
     ):
         self.runs = tuple(runs) or (MeasuredRun("", 0, len(time)),)
-        self.model = ModelOverRuns(cls, names, linear, self.runs)
+        self.model = ModelOverRuns(cls, names, linear, self.runs, measured)
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
         self.declared |= {name: self.declared[base_name(name)] for name in names}
         for name in names:

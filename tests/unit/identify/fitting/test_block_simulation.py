@@ -64,11 +64,18 @@ def test_blocks_join_to_what_is_simulated_in_one_piece(model, linear):
     )
     for name in ("y", "plain", "x", "z"):
         assert found.signals[name] == pytest.approx(whole.signals[name], abs=1e-7)
-    for name in ("y", "plain"):
+    for name in ("y", "plain", "x", "z"):
         size = np.abs(whole.sensitivities[name]).max(axis=0)
         error = np.abs(found.sensitivities[name] - whole.sensitivities[name]).max(axis=0)
         assert (error <= 1e-6 * size).all()
     assert whole.sensitivities["y"].any(axis=0).all()
+
+
+def test_a_measured_state_has_its_derivatives_and_what_is_not_measured_has_none():
+    assert len(TIME) > LONGEST
+    ran = DelayedModel(Cascade, ["x_start"], measured=["z"]).run(TIME, {"u": INPUT}, VALUES)
+    assert set(ran.sensitivities) == {"z"}
+    assert ran.sensitivities["z"].shape == (len(TIME), 1)
 
 
 def test_the_derivatives_that_are_wanted_are_kept_in_their_order(model):
@@ -86,9 +93,7 @@ def test_a_long_record_relaxes_as_in_closed_form():
     assert ran.signals["plain"][1:] == pytest.approx(driven, abs=1e-6)
     fading = np.exp(-(TIME - TIME[0]) / VALUES["tau"])
     assert ran.sensitivities["plain"][:, 0] == pytest.approx(fading, abs=1e-6)
-    # it was in blocks, which keep the derivatives of outputs alone
-    assert len(TIME) > LONGEST
-    assert set(ran.sensitivities) == {"y", "plain"}
+    assert len(TIME) > LONGEST  # it was in blocks
 
 
 def test_a_record_that_just_ends_where_a_block_does_is_complete(model):
