@@ -94,7 +94,7 @@ def once(count: int) -> None:
     began = time.perf_counter()
     entries = LawMap(search, base).entries()
     seconds = time.perf_counter() - began
-    base.problem.forget()
+    base.problem.forget_simulation()
     began = time.perf_counter()
     base.problem.evaluate(base.fit.q)
     simulation = time.perf_counter() - began

@@ -83,8 +83,11 @@ def minimise(
     Raises
     ------
     UserError
-        If the residual raises it, or it or its Jacobian is not finite, where the search starts.
+        If the start is not finite, or the residual or its Jacobian is not finite there, or the
+        residual raises it there.
     """
+    if not np.isfinite(q).all():
+        raise UserError("the search starts at a point that is not finite")
     search = _Search(residual, jacobian, np.clip(q, low, high), low < high)
     fallen = np.inf
     # A trust region that has become small makes steps that gain little. A new search begins with a

@@ -406,10 +406,13 @@ class Problem:
         return {n: (s.value(low), s.value(high)) for n, s, low, high in ends}
 
     def position(self, values: Mapping[str, float]) -> Array:
-        """Return the searched coordinates (p,) of values by name."""
-        return np.array(
-            [s.position(values[n]) for n, s in zip(self.names, self.scales, strict=True)]
-        )
+        """Return the searched coordinates (p,) of values by name.
+
+        They are finite: a search may have taken a positive value to zero, and no other one begins
+        at minus infinity.
+        """
+        at = [s.position(values[n]) for n, s in zip(self.names, self.scales, strict=True)]
+        return np.where(np.isneginf(at), _SMALLEST, at)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return both ends of the ranges in searched coordinates, each of shape (p,)."""
@@ -465,8 +468,7 @@ class Problem:
         """Move a starting point off the ends of the ranges, where steps would be very small."""
         low, high = self.bounds()
         nudge = np.minimum(_NUDGE, _NUDGE * (high - low))
-        inner = np.clip(q, low + nudge, high - nudge)
-        return np.where(np.isneginf(inner), _SMALLEST, inner)
+        return np.clip(q, low + nudge, high - nudge)
 
 
 def scale_of(declaration: Any, value: float) -> Scale:

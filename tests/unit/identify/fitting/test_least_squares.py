@@ -179,6 +179,13 @@ def test_a_search_that_starts_at_what_is_not_finite_is_refused():
         )
 
 
+@pytest.mark.parametrize("start", [np.inf, -np.inf, np.nan])
+def test_a_start_that_is_not_finite_is_refused(start):
+    low, high = np.full(1, -np.inf), np.full(1, np.inf)
+    with pytest.raises(UserError, match="starts at a point that is not finite"):
+        minimise(lambda q: q, lambda q: np.eye(1), np.array([start]), low, high)
+
+
 def test_a_search_that_is_ended_keeps_its_best_point():
     asked = []
 

@@ -172,6 +172,15 @@ def test_values_and_intervals_stay_in_their_ranges():
     assert ends["offset"] == (-np.inf, np.inf)
 
 
+def test_a_search_goes_on_from_a_positive_value_that_ran_off_to_zero():
+    problem = amplified()
+    start = problem.position({"gain": 0.0, "offset": -800.0})
+    assert np.isfinite(start).all()
+    assert problem.values(start) == {"gain": pytest.approx(0.0, abs=1e-300), "offset": -3.0}
+    # a coordinate of a linear scale may be as far below zero as it likes
+    assert start[1] == pytest.approx(-1600.0)
+
+
 def test_a_search_that_is_out_of_time_ends_but_never_at_its_first_point():
     problem = amplified()
     limited = problem.time_limited(lambda q: q)
