@@ -211,6 +211,20 @@ def _check_variables(owner: Any, layout: Layout) -> None:
             _check_type_and_start(owner, v)
 
 
+def _is_taken(owner: Any, holder: Any, name: str) -> bool:
+    """Return whether a variable would hide something that a class needs.
+
+    What is said of an effect, such as the output it is of, is read of its class alone, so that
+    variables of the component below it may have such names.
+    """
+    if not hasattr(holder, name):
+        return False
+    declaring = next(
+        (part for part in owner.__mro__ if name in vars(part).get("declared", {})), owner
+    )
+    return hasattr(declaring, name) or callable(getattr(holder, name))
+
+
 def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
     """Check that the name of a variable is an identifier and names nothing else."""
     component = owner.__mro__[-2]
@@ -222,7 +236,7 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
         )
     if v.name in taken:
         raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
-    if v.name in component.__annotations__ or hasattr(holder, v.name):
+    if v.name in component.__annotations__ or _is_taken(owner, holder, v.name):
         raise _mistake(owner, v, "has the name of something else in the class")
 
 

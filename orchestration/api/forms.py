@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from math import isfinite
 
@@ -13,7 +14,8 @@ def comma_list(text: str | None, flag: str) -> list[str]:
     """Return names that are separated by commas; none of them may be empty or there twice."""
     if text is None or not text.strip():
         return []
-    names = [name.strip() for name in text.split(",")]
+    # a comma within parentheses is part of a name, such as thermal_node(loss, room)
+    names = [name.strip() for name in re.split(r",(?![^()]*\))", text)]
     if "" in names:
         raise UserError(f"{flag} {text!r}: there is nothing before or after a comma")
     twice = next((name for name in names if names.count(name) > 1), None)

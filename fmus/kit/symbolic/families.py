@@ -254,6 +254,7 @@ def _effects_of_law(
 ) -> Iterator[type[Effect]]:
     """Yield the effects of a law over each signal: curves and memories."""
     unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
+    inputs = {v.name for v in cls.layout.inputs}
     nominal = scale.get(law.name, 1.0)
     for signal in signals:
         several = len(signals) > 1
@@ -264,6 +265,8 @@ def _effects_of_law(
             if shape in ARMS:
                 if law.is_rate:
                     continue  # a rate has a memory already, its state
+                if shape == "hysteresis" and signal in inputs:
+                    continue  # it goes by the rate of its signal, which an input has not
                 yield lag_effect(
                     cls,
                     law.name,

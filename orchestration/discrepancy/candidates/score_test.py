@@ -32,6 +32,8 @@ SWITCHED = (1.0, 4.0, 16.0)  # times the nominal value of a switch, where differ
 # Lengths of a delay: it shows a step of an input another sample later, which is no smooth function
 # of it.
 _DELAYS = 16
+_CLOSE = 3.0  # from one time constant to the next, at most, where it is the only second parameter
+_APART = 6.0  # where there are others
 _TRUST = 1.0 / 3.0, 3.0  # multiples of a difference that it still represents
 
 
@@ -284,7 +286,7 @@ def _settings(effect: type[Effect], time: Array) -> list[ScoreDirection]:
     fixed = {p.name: float(p.start) for p in effect.layout.parameters if p.type != "string"}
     own = own_parameters(effect)
     settings = []
-    for second in _grid(own[1:], effect.declared):
+    for second in _grid(own[1:], effect.declared, time):
         values = {name: fixed[name] for name in own} | second
         settings.append(ScoreDirection(values | {effect.neutral: neutral}, low, high))
         settings += [
@@ -362,16 +364,38 @@ def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
         return [float(k + 0.5) * step for k in samples if (k + 0.5) * step <= most] or [most]
     if switch.start > switch.min:  # it goes both ways and is seen at its neutral value
         return []
-    return sorted(
-        {float(min(switch.start + factor * switch.nominal, switch.max)) for factor in SWITCHED}
-    )
+    if _is_time(switch):
+        values = _times(time, _APART)
+    else:
+        values = [switch.start + factor * switch.nominal for factor in SWITCHED]
+    return sorted({float(min(value, switch.max)) for value in values})
 
 
-def _grid(names: Sequence[str], declared: Mapping[str, Any]) -> list[dict[str, float]]:
-    """Return points of the second parameters, each at some multiples of its default."""
-    factors = GRID if len(names) < 2 else COARSE
+def _grid(names: Sequence[str], declared: Mapping[str, Any], time: Array) -> list[dict[str, float]]:
+    """Return points of the second parameters.
+
+    A time lies between the step of the record and its length, whatever its default; others are at
+    some multiples of theirs.
+    """
+    alone = len(names) < 2
     choices = []
     for name in names:
         p = declared[name]
-        choices.append(sorted({float(np.clip(p.start * f, p.min, p.max)) for f in factors}))
+        values = [p.start * factor for factor in (GRID if alone else COARSE)]
+        if _is_time(p):
+            values = _times(time, _CLOSE if alone else _APART)
+        choices.append(sorted({float(np.clip(value, p.min, p.max)) for value in values}))
     return [dict(zip(names, point, strict=True)) for point in product(*choices)]
+
+
+def _is_time(declared: Any) -> bool:
+    """Return whether a parameter is a time, such as the constant of a lag."""
+    return bool(declared.unit == "s")
+
+
+def _times(time: Array, ratio: float) -> Array:
+    """Return times from two samples to the length of a record, so many times apart at most."""
+    shortest = 2.0 * float(np.median(np.diff(time)))
+    longest = max(float(time[-1] - time[0]), shortest)
+    count = int(np.ceil(np.log(longest / shortest) / np.log(ratio))) + 1
+    return np.asarray(np.geomspace(shortest, longest, count))

@@ -20,7 +20,7 @@ from orchestration.discrepancy.laws.fitting import RELAXATIONS, FittedEntry, Fit
 from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import FAILURES
-from orchestration.discrepancy.validation import Confirmation, Outcome, predict, score
+from orchestration.discrepancy.validation import Confirmation, Outcome, compare, predict
 from orchestration.fmu import catalogue, families
 
 _BEST = 6  # more entries with the effect of the best that are fitted
@@ -376,7 +376,7 @@ def _judged(one: Correction, base: FittedCandidate, validation: ValidationData) 
         before = predict(validation, base)
         after = predict(validation, one.model)
         at_rest = is_at_rest(validation.data, validation.judged)
-        confirmation = Confirmation(score(validation, before, after), at_rest)
+        confirmation = compare(validation, before, after, at_rest)
     except FAILURES:
         return one
     return replace(one, confirmation=confirmation, errors=(before.errors, after.errors))

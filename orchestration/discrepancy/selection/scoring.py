@@ -46,9 +46,9 @@ def score(search: Search, below: FittedCandidate, effects: Sequence[type[Effect]
         if search.budget.spent():
             search.budget.leave([label(effect)])
             return
-        candidate = below.candidate.with_effect(effect)
         fixed = {**search.fixed, **below.fit.values}
         try:
+            candidate = below.candidate.with_effect(effect)
             problem = search.problem(candidate, own_parameters(effect), fixed)
             directions[effect] = simulated_directions(problem, effect)
         except FAILURES as error:

@@ -17,6 +17,8 @@ from orchestration.discrepancy.validation.prediction import Prediction, judged_i
 _BLOCKS = 24  # that a standard error is estimated from
 _LEAST = 32  # samples in each: more than the memory of the noise
 _SURE = 2.0  # standard errors
+# of the error of a free run, up to which it must fall for that alone to confirm a cause
+_NEARER = 0.9
 # gain that is expected, below which an effect does not act: a factor of 1.6 in the likelihood
 _IDLE = 0.5
 
@@ -30,6 +32,32 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
+class FreeRunGain:
+    """Comparison of the free runs of two models on unseen data.
+
+    Attributes
+    ----------
+    ratio : float
+        RMS error of the richer model over that of the simpler one, each output over its spread.
+    fall : float
+        By which the mean squared error falls, over its standard error in blocks.
+    """
+
+    ratio: float = 1.0
+    fall: float = 0.0
+
+    @property
+    def surely_nearer(self) -> bool:
+        """True if the richer model is nearer by more than a little, surely."""
+        return self.ratio < _NEARER and self.fall > _SURE
+
+    @property
+    def surely_farther(self) -> bool:
+        """True if the richer model is surely farther from the data."""
+        return self.fall < -_SURE
+
+
+@dataclass(frozen=True)
 class Confirmation:
     """Evidence of unseen data for or against a cause.
 
@@ -37,26 +65,35 @@ class Confirmation:
     ----------
     score : PairedScore
         Of the model with it against the one before.
+    free_run : FreeRunGain
+        Likewise.
     at_rest : bool
         Whether nothing moves there.
     """
 
     score: PairedScore
+    free_run: FreeRunGain = FreeRunGain()
     at_rest: bool = False
 
     @property
     def outcome(self) -> Outcome:
-        """Confirmed if unseen data are surely likelier with the cause; refuted, or not possible.
+        """Confirmed if unseen data are surely likelier, or nearer, with the cause; or refuted.
 
-        A cause is refuted that makes them less likely, if that is sure, or if the gain that the
-        effect as fitted should have there is more than its noise.
+        A likelihood is of what changes from one sample to the next, given the noise as it was
+        estimated. Where that is of a long memory, a simulation may be much nearer and no likelier;
+        what it comes nearer by is no noise. So a free run that is surely nearer confirms a cause,
+        and one that is surely farther does not.
+
+        A cause is refuted that makes unseen data less likely, if that is sure, or if the gain that
+        the effect as fitted should have there is more than its noise.
         """
         score = self.score
-        if score.gain > _SURE * score.standard_error:
+        likelier = score.gain > _SURE * score.standard_error
+        if self.free_run.surely_nearer or (likelier and not self.free_run.surely_farther):
             return Outcome.CONFIRMED
-        surely_worse = score.gain < -_SURE * score.standard_error
+        surely_worse = score.gain < -_SURE * score.standard_error or self.free_run.surely_farther
         powerful = score.expected > score.expected_error
-        if surely_worse or (score.gain < 0.0 and powerful):
+        if not likelier and (surely_worse or (score.gain < 0.0 and powerful)):
             return Outcome.REFUTED
         return Outcome.NOT_POSSIBLE
 
@@ -97,7 +134,7 @@ def confirm(selection: Selection, validation: ValidationData) -> ConfirmedSelect
     at_rest = is_at_rest(validation.data, validation.judged)
     for k, step in enumerate(selection.steps):
         prediction = predict(validation, step.chosen)
-        confirmation = Confirmation(score(validation, predictions[-1], prediction), at_rest)
+        confirmation = compare(validation, predictions[-1], prediction, at_rest)
         if confirmation.outcome is Outcome.REFUTED:
             names = ", ".join(s.chosen.effect_name for s in selection.steps[k:])
             gains = {"score": confirmation.score.gain, "expected": confirmation.score.expected}
@@ -109,6 +146,35 @@ def confirm(selection: Selection, validation: ValidationData) -> ConfirmedSelect
         predictions.append(prediction)
         confirmations[step.chosen.effect_name] = confirmation
     return ConfirmedSelection(selection, predictions, confirmations, [])
+
+
+def compare(
+    validation: ValidationData, before: Prediction, after: Prediction, at_rest: bool
+) -> Confirmation:
+    """Hold a model against the one before where nothing was fitted."""
+    gain = free_run_gain(validation, before, after)
+    return Confirmation(score(validation, before, after), gain, at_rest)
+
+
+def free_run_gain(validation: ValidationData, before: Prediction, after: Prediction) -> FreeRunGain:
+    """Compare the free runs of two models where nothing was fitted."""
+    falls = []
+    squares = np.zeros(2)
+    for output, y in validation.data.measured.items():
+        judged = np.flatnonzero(np.isfinite(y) & validation.judged)
+        variance = float(np.var(y[judged]))
+        if not variance > 0.0:
+            continue
+        errors = np.array([y[judged] - one.simulated[output][judged] for one in (before, after)])
+        weighed = errors**2 / (variance * judged.size)
+        squares += weighed.sum(axis=1)
+        falls.append(np.bincount(_blocks(judged), weights=weighed[0] - weighed[1]))
+    if not squares.all():
+        return FreeRunGain()
+    blocks = np.concatenate(falls)
+    scatter = float(np.std(blocks, ddof=1)) * blocks.size**0.5 if blocks.size > 1 else np.inf
+    fall = float(blocks.sum() / scatter) if scatter > 0.0 else 0.0
+    return FreeRunGain(float(np.sqrt(squares[1] / squares[0])), fall)
 
 
 def score(validation: ValidationData, before: Prediction, after: Prediction) -> PairedScore:
