@@ -55,7 +55,7 @@ from .functions import (
 from .layout import Layout
 
 if TYPE_CHECKING:
-    from .arms import lag_effect
+    from .arms import lag_effect, storing_wall
     from .corrections import MEMORIES, SignalTerm, SmoothTable, correction, effect_family
     from .curves import SHAPES, EffectNames, curve
     from .generic import describe_effect
@@ -120,6 +120,7 @@ __all__ = [
     "smooth_table",
     "sqrt",
     "stack",
+    "storing_wall",
     "suggestion",
     "summary",
     "table",
@@ -131,6 +132,7 @@ __all__ = [
 
 _HOMES = {
     "lag_effect": "arms",
+    "storing_wall": "arms",
     "MEMORIES": "corrections",
     "SignalTerm": "corrections",
     "SmoothTable": "corrections",

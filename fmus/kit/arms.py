@@ -13,10 +13,12 @@ from typing import Any
 
 from .component import Component, Effect, Term
 from .curves import EffectNames, added, coefficient, per, variable
-from .declare import Declaration, Parameter, State
+from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
-from .functions import absolute, clip
+from .functions import absolute, clip, where
 
+# a sample period, in s, that leaves one sample in any simulation: the one at the start
+_ONCE = 1e9
 GIVES = 0.01  # s, in which a play has followed; shorter is as good as at once
 
 
@@ -183,6 +185,108 @@ def lag_effect(
         "names": names,
     }
     return added(lag_effect, component, arguments, more, members)
+
+
+def storing_wall(
+    component: type[Component],
+    law: str,
+    sides: tuple[str, str],
+    constant: float,
+    unit: str = "W",
+    *,
+    nominal: float = 1.0,
+    scale: float = 1.0,
+) -> type[Effect]:
+    """Make the effect of a store between two sides, such as the capacity of a wall.
+
+    A conductance ``G`` from one side to the store and ``H`` from there to the other pass the flow
+    of both in series when nothing changes, which the law gives. The flow from the first side is
+    that and ``G (w x + (1 - w) y - s)`` more, where x and y are the sides,
+    ``T ds/dt = w x + (1 - w) y - s`` and ``w = G / (G + H)``. At ``G = 0`` it is the base model.
+
+    Parameters
+    ----------
+    component : type[Component]
+        Has the law and both signals.
+    law : str
+        Method that gives the flow from the first side to the second.
+    sides : tuple of str
+        Inputs or states x and y, of one unit.
+    constant : float
+        Time constant T, s, from which a fit starts.
+    unit : str
+        SI unit of the law.
+    nominal : float
+        Typical magnitude of the law.
+    scale : float
+        Typical difference of the sides.
+
+    Returns
+    -------
+    type[Effect]
+        With the parameters ``<law>_wall_conductance`` (G), ``<law>_wall_share`` (w) and
+        ``<law>_wall_constant`` (T), and the state ``<law>_wall_change``: what the store has gained
+        since the start, when it was in equilibrium with the sides.
+
+    Raises
+    ------
+    UserError
+        If the component has no such law or signal.
+
+    Notes
+    -----
+    The wall of two resistances and a capacity of Madsen and Holst, Energy and Buildings 22, 1995.
+    """
+    one, other = (variable(component, side) for side in sides)
+    conductance, share, time = (
+        f"{law}_wall_{name}" for name in ("conductance", "share", "constant")
+    )
+    change, start = f"{law}_wall_change", f"{law}_wall_start"
+    known = f"{law}_wall_started"
+
+    def between(self: Any) -> Any:
+        w = getattr(self, share)
+        return w * getattr(self, one.name) + (1.0 - w) * getattr(self, other.name)
+
+    def beyond(self: Any) -> Any:
+        at_start = where(getattr(self, known), getattr(self, start), between(self))
+        return between(self) - at_start - getattr(self, change)
+
+    members = {
+        "id": "storing_wall",
+        "term": Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
+        "assumption": f"nothing is stored between {one.name} and {other.name}",
+        "__doc__": (
+            f"Store between {one.name} and {other.name}, such as the capacity of a wall; G = 0 is"
+            " the base model."
+        ),
+        conductance: coefficient(
+            per(unit, one.unit), nominal / scale, f"from {one.name} to the store (G)", least=0.0
+        ),
+        share: Parameter(0.5, "1", min=0.0, max=1.0, doc=f"share of {one.name} in the store (w)"),
+        time: Parameter(
+            constant, "s", min=1e-3 * constant, max=1e12, nominal=constant, doc="of the store (T)"
+        ),
+        change: State(one.unit, rate=f"{change}_rate", nominal=scale, doc="gain since the start"),
+        f"{change}_rate": lambda self: beyond(self) / getattr(self, time),
+        start: Discrete(
+            one.unit, update=f"{start}_update", period=_ONCE, nominal=scale, doc="of the store"
+        ),
+        f"{start}_update": between,
+        known: Discrete(
+            "1", update=f"{known}_update", period=_ONCE, type="boolean", doc="whether it is known"
+        ),
+        f"{known}_update": lambda self: 1.0,
+    }
+    arguments = {"law": law, "sides": sides, "constant": constant, "unit": unit}
+    arguments |= {"nominal": nominal, "scale": scale}
+    return added(
+        storing_wall,
+        component,
+        arguments,
+        lambda self: getattr(self, conductance) * beyond(self),
+        members,
+    )
 
 
 def _rate_of(component: type[Component], signal: str) -> str:

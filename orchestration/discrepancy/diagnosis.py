@@ -391,7 +391,12 @@ def judge(selected: SelectedEffects) -> ConfirmedSelection:
         If a model cannot be simulated over the validation data.
     """
     reported = _with_reported_fits(selected.search, selected.selection)
-    return confirm(reported, selected.data.validation)
+    search = selected.search
+
+    def as_reported(fitted: FittedCandidate, below: FittedCandidate) -> FittedCandidate:
+        return search.trusted(search.renewed(fitted), below)
+
+    return confirm(reported, selected.data.validation, as_reported)
 
 
 def _with_reported_fits(search: Search, selection: Selection) -> Selection:

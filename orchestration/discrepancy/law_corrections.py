@@ -250,7 +250,7 @@ def _with_correction(
         return diagnosis
     search = search_of(diagnosis, progress)
     selection = _add_correction(search, diagnosis.selection, laws.found, best, cause)
-    judged = confirm(selection, diagnosis.validation)
+    judged = confirm(selection, diagnosis.validation, search.trusted)
     confirmation = judged.confirmations.get(cause.effect_name)
     if confirmation is None or confirmation.outcome is not Outcome.CONFIRMED:
         return diagnosis

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit import units
-from fmus.kit.arms import ARMS, lag_effect
+from fmus.kit.arms import ARMS, lag_effect, storing_wall
 from fmus.kit.arrays import Array
 from fmus.kit.component import Component, Effect
 from fmus.kit.curves import SHAPES, EffectNames, curve, variable
@@ -242,6 +242,7 @@ def families_for(
         signals = [s for s in law.reads if not (law.is_rate and s in inputs)]
         signals += _undamped_velocities(cls, law, rates)
         made += _effects_of_law(cls, law, signals, scale)
+        made += _walls(cls, law, scale)
     for law in laws:
         if not law.is_output and any(_same_dimension(law.unit, u) for u in ("N", "N*m")):
             made.append(force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)))
@@ -290,6 +291,29 @@ def _effects_of_law(
                     names=EffectNames(name, (own, f"{own}_width"), qualifier),
                     either_way=law.is_rate,
                 )
+
+
+def _walls(
+    cls: type[Component], law: LawOfModel, scale: Mapping[str, float]
+) -> Iterator[type[Effect]]:
+    """Yield the store within a law that is a flow of heat between two temperatures."""
+    declared = {v.name: v for v in (*cls.layout.inputs, *cls.layout.states)}
+    sides = [s for s in law.reads if _same_dimension(declared[s].unit, "K")]
+    if law.is_rate or not _same_dimension(law.unit, "W") or len(sides) != 2:
+        return
+    one = cls()
+    base = getattr(one, law.name)()
+    setattr(one, sides[0], getattr(one, sides[0]) + declared[sides[0]].nominal)
+    first, second = sides if getattr(one, law.name)() > base else sides[::-1]
+    yield storing_wall(
+        cls,
+        law.name,
+        (first, second),
+        _first_constant("leading", first, scale),
+        law.unit,
+        nominal=scale.get(law.name, 1.0),
+        scale=declared[first].nominal,
+    )
 
 
 def _first_constant(kind: str, signal: str, scale: Mapping[str, float]) -> float:

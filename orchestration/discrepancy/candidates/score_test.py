@@ -364,10 +364,9 @@ def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
         return [float(k + 0.5) * step for k in samples if (k + 0.5) * step <= most] or [most]
     if switch.start > switch.min:  # it goes both ways and is seen at its neutral value
         return []
+    values = [switch.start + factor * switch.nominal for factor in SWITCHED]
     if _is_time(switch):
         values = _times(time, _APART)
-    else:
-        values = [switch.start + factor * switch.nominal for factor in SWITCHED]
     return sorted({float(min(value, switch.max)) for value in values})
 
 
@@ -393,9 +392,9 @@ def _is_time(declared: Any) -> bool:
     return bool(declared.unit == "s")
 
 
-def _times(time: Array, ratio: float) -> Array:
+def _times(time: Array, ratio: float) -> list[float]:
     """Return times from two samples to the length of a record, so many times apart at most."""
     shortest = 2.0 * float(np.median(np.diff(time)))
     longest = max(float(time[-1] - time[0]), shortest)
     count = int(np.ceil(np.log(longest / shortest) / np.log(ratio))) + 1
-    return np.asarray(np.geomspace(shortest, longest, count))
+    return [float(value) for value in np.geomspace(shortest, longest, count)]

@@ -44,6 +44,8 @@ ALTERNATIVE = 6.0
 AS_PROMISING = 0.5  # of the best fall that is expected of an effect, for a fit from elsewhere too
 REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
+# of the error in blocks left out, up to which it must fall for that alone to speak for an effect
+NEARER = 0.9
 _STAGE = Method(passes=1, trials=25, restarts=0)  # of a fit to the end
 _HOPED = 5.0  # times what a stage gained, which the next ones may gain
 
@@ -87,6 +89,17 @@ class Ranking:
         candidate, _ = row
         errors = self.cv_errors.get(candidate.effect)
         return errors is not None and predicts_better(errors, self.base_cv_errors)
+
+    def comes_nearer(self, row: Row) -> bool:
+        """Return whether a candidate foretells blocks significantly better, and by more than a bit.
+
+        What it comes nearer by is no noise, of whatever colour.
+        """
+        candidate, _ = row
+        errors = self.cv_errors.get(candidate.effect)
+        if errors is None or not predicts_better(errors, self.base_cv_errors):
+            return False
+        return bool(np.mean(self.base_cv_errors - errors) > -2.0 * np.log(NEARER))
 
     def indistinguishable(self, better: Row, other: Row) -> bool:
         """Return whether the record does not tell a candidate from one that comes before it."""

@@ -46,6 +46,8 @@ class Step:
         Candidates that cannot be told apart from it, the best first.
     rejected : list of tuple of FittedCandidate and float
         Others that were fitted, with their gain.
+    shapes : list of FittedCandidate
+        Others for which there is evidence that are shapes of the same cause, the best first.
     confounding : dict of str to float
         Share of what it does that other effects do too, by their label.
     gains : dict of str to float
@@ -58,6 +60,7 @@ class Step:
     p_value: float
     alternatives: list[FittedCandidate]
     rejected: list[tuple[FittedCandidate, float]]
+    shapes: list[FittedCandidate] = field(default_factory=list)
     confounding: dict[str, float] = field(default_factory=dict)
     gains: dict[str, float] = field(default_factory=dict)
 
@@ -276,7 +279,7 @@ def _best_sure(search: Search, selection: Selection, tried: Ranking, looked_at: 
         below = search.nested(below, chosen)
         beyond = 0.0
         # noise of its own lets the model without it off too easily
-        if whitens_residual(below, candidate):
+        if whitens_residual(below, candidate) or tried.comes_nearer(row):
             chosen = candidate
             beyond = gain - candidate.delta_bic(below, looked_at)
         evidence = chosen.delta_bic(below, looked_at) + beyond
@@ -311,12 +314,18 @@ def _with_others(step: Step, tried: Ranking, row: Row, refused: Sequence[Row]) -
         for other in tried.rows
         if other is not row and not interchangeable(other[0].effect, effect)
     ]
+    shapes = [
+        fitted
+        for fitted, gain in tried.rows
+        if fitted is not row[0] and gain > ACCEPT and interchangeable(fitted.effect, effect)
+    ]
     as_good = [o for o in others if tried.indistinguishable(row, o) and o not in refused]
     return replace(
         step,
         chosen=replace(step.chosen, free_run=tried.near[effect].fit),
         alternatives=[fitted for fitted, _ in as_good],
         rejected=[other for other in others if other not in as_good],
+        shapes=shapes,
         gains={fitted.effect_name: gain for fitted, gain in tried.rows},
     )
 

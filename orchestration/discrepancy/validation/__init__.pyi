@@ -2,8 +2,8 @@ from . import errors_in_variables as errors_in_variables
 from .confirmation import Confirmation as Confirmation
 from .confirmation import ConfirmedSelection as ConfirmedSelection
 from .confirmation import Outcome as Outcome
-from .confirmation import confirm as confirm
 from .confirmation import compare as compare
+from .confirmation import confirm as confirm
 from .confirmation import score as score
 from .estimates import deviation_beside_fit as deviation_beside_fit
 from .estimates import identifiability_notes as identifiability_notes

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
 from fmus.kit.arrays import Array, Indices
-from orchestration.discrepancy.candidates import PairedInnovations, PairedScore, paired_score
+from orchestration.discrepancy.candidates import (
+    FittedCandidate,
+    PairedInnovations,
+    PairedScore,
+    paired_score,
+)
 from orchestration.discrepancy.data import ValidationData, is_at_rest
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.selection import Selection
+from orchestration.discrepancy.selection import ACCEPT, FAILURES, Selection, Step
 from orchestration.discrepancy.validation.prediction import Prediction, judged_innovations, predict
 
 _BLOCKS = 24  # that a standard error is estimated from
 _LEAST = 32  # samples in each: more than the memory of the noise
+_OTHERS = 3  # candidates that are judged in the place of one that is refuted
 _SURE = 2.0  # standard errors
 # of the error of a free run, up to which it must fall for that alone to confirm a cause
 _NEARER = 0.9
@@ -124,28 +132,97 @@ class ConfirmedSelection:
     notes: list[Note]
 
 
-def confirm(selection: Selection, validation: ValidationData) -> ConfirmedSelection:
+def confirm(
+    selection: Selection,
+    validation: ValidationData,
+    reported: Callable[[FittedCandidate, FittedCandidate], FittedCandidate],
+) -> ConfirmedSelection:
     """Judge every step of a selection against the one before on unseen data.
 
-    A step that is refuted is dropped, with all that rest on it.
+    In the place of a step that is refuted stands one of those that came next, if unseen data
+    confirm it; else it is dropped. With it goes all that rests on it.
+
+    Parameters
+    ----------
+    selection : Selection
+    validation : ValidationData
+    reported : callable
+        Returns a model as it is reported, given the one below it.
     """
     predictions = [predict(validation, selection.base)]
+    notes: list[Note] = []
     confirmations = dict[str, Confirmation]()
     at_rest = is_at_rest(validation.data, validation.judged)
     for k, step in enumerate(selection.steps):
+        before = predictions[-1]
         prediction = predict(validation, step.chosen)
-        confirmation = compare(validation, predictions[-1], prediction, at_rest)
-        if confirmation.outcome is Outcome.REFUTED:
-            names = ", ".join(s.chosen.effect_name for s in selection.steps[k:])
-            gains = {"score": confirmation.score.gain, "expected": confirmation.score.expected}
-            kept = replace(selection, steps=selection.steps[:k])
-            refuted = Note(NoteCode.NOT_VALIDATED, names, gains)
-            return ConfirmedSelection(kept, predictions, confirmations, [refuted])
+        confirmation = compare(validation, before, prediction, at_rest)
+        refuted = confirmation.outcome is Outcome.REFUTED
+        notes = [_refutation(selection.steps[k:], confirmation)] if refuted else []
+        if refuted:
+            selection = replace(selection, steps=selection.steps[:k])
+            others = [reported(other, before.model) for other in _next_best(step)]
+            better = _first_confirmed(validation, before, others, at_rest)
+            if better is None:
+                break
+            prediction, confirmation = better
+            step = _in_place(step, prediction.model)
+            selection.steps.append(step)
         # of a model before the best one none but its errors are asked for any more
-        predictions[-1] = replace(predictions[-1], sensitivities={})
+        predictions[-1] = replace(before, sensitivities={})
         predictions.append(prediction)
         confirmations[step.chosen.effect_name] = confirmation
-    return ConfirmedSelection(selection, predictions, confirmations, [])
+        if refuted:
+            break
+    return ConfirmedSelection(selection, predictions, confirmations, notes)
+
+
+def _refutation(steps: Sequence[Step], confirmation: Confirmation) -> Note:
+    """Return the note on steps the first of which is refuted."""
+    names = ", ".join(step.chosen.effect_name for step in steps)
+    gains = {"score": confirmation.score.gain, "expected": confirmation.score.expected}
+    return Note(NoteCode.NOT_VALIDATED, names, gains)
+
+
+def _first_confirmed(
+    validation: ValidationData,
+    before: Prediction,
+    others: Sequence[FittedCandidate],
+    at_rest: bool,
+) -> tuple[Prediction, Confirmation] | None:
+    """Return the first of some models that unseen data confirm, with its prediction."""
+    for other in others:
+        with suppress(*FAILURES):
+            prediction = predict(validation, other)
+            confirmation = compare(validation, before, prediction, at_rest)
+            if confirmation.outcome is Outcome.CONFIRMED:
+                return prediction, confirmation
+    return None
+
+
+def _next_best(step: Step) -> list[FittedCandidate]:
+    """Return the few that came next to what a step named, the best first."""
+    others = [
+        *step.shapes,
+        *step.alternatives,
+        *(fitted for fitted, gain in step.rejected if gain > ACCEPT),
+    ]
+    return sorted(others, key=lambda fitted: -step.gains.get(fitted.effect_name, 0.0))[:_OTHERS]
+
+
+def _in_place(step: Step, other: FittedCandidate) -> Step:
+    """Return a step that names another of its candidates."""
+    named = other.effect_name
+    gain = step.gains[named]
+    return replace(
+        step,
+        chosen=other,
+        gain=gain,
+        evidence=gain,
+        alternatives=[],
+        rejected=[row for row in step.rejected if row[0].effect_name != named],
+        confounding={},
+    )
 
 
 def compare(

@@ -134,9 +134,6 @@ def drop_indefensible(
         for seed in range(REPLICAS):
             replica = _replica(search, below, noise.deviation, seed)
             by_noise = _evidence_in_replica(replica, below, step.chosen, selection.tried)
-            if search.budget.spent():  # what could not be compared with noise is not claimed
-                search.budget.leave(names)
-                return kept, []
             if by_noise is None:
                 reason = f"the model could not be simulated with other noise on {', '.join(inputs)}"
                 return kept, [Note(NoteCode.NOT_SIMULATED, ", ".join(names), {"reason": reason})]
