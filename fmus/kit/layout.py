@@ -212,17 +212,17 @@ def _check_variables(owner: Any, layout: Layout) -> None:
 
 
 def _is_taken(owner: Any, holder: Any, name: str) -> bool:
-    """Return whether a variable would hide something that a class needs.
+    """Return whether the name of a variable is that of something else in a class.
 
     What is said of an effect, such as the output it is of, is read of its class alone, so that
     variables of the component below it may have such names.
     """
     if not hasattr(holder, name):
         return False
-    declaring = next(
-        (part for part in owner.__mro__ if name in vars(part).get("declared", {})), owner
-    )
-    return hasattr(declaring, name) or callable(getattr(holder, name))
+    bases = owner.__mro__
+    declaring = next((part for part in bases if name in vars(part).get("declared", {})), owner)
+    others = [part for part in bases if part not in declaring.__mro__]
+    return not any(name in vars(part).get("__annotations__", {}) for part in others)
 
 
 def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:

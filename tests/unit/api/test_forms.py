@@ -45,6 +45,7 @@ def test_a_list_is_taken_literally(text):
     with pytest.raises(UserError, match="--fit"):
         comma_list(text, "--fit")
     assert comma_list(" a , b", "--fit") == ["a", "b"]
+    assert comma_list("thermal_node(loss, room), b", "--fit") == ["thermal_node(loss, room)", "b"]
     assert comma_list(None, "--fit") == comma_list("", "--fit") == []
 
 

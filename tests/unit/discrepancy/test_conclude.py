@@ -18,6 +18,11 @@ from tests.support.diagnosis import FEW, coloured, short_record
 from tests.support.several import Cell, measured
 
 
+def as_it_is(fitted, below):
+    """Report a model as it is."""
+    return fitted
+
+
 @pytest.fixture(scope="module")
 def diagnosis():
     return diagnose(Cell, measured(3, 4.0), [])
@@ -34,7 +39,7 @@ def conclude_again(diagnosis, **other):
         intersample=diagnosis.intersample,
         input_noise=errors_in_variables.no_input_noise(diagnosis.selection.base),
     )
-    judged = confirm(diagnosis.selection, diagnosis.validation)
+    judged = confirm(diagnosis.selection, diagnosis.validation, as_it_is)
     return conclude(search_of(diagnosis), judged, replace(data, **other))
 
 

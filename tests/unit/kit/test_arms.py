@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete, dlsim
 
-from fmus.kit import EffectNames, UserError, stack
-from fmus.kit.arms import lag_effect
+from fmus.kit import Component, EffectNames, Input, Output, Parameter, State, UserError, stack
+from fmus.kit.arms import lag_effect, storing_wall
 from fmus.kit.record.compiled import CompiledModel
 from tests.support.pushed_mass import ARM_CASES, MASS, SPRING, Tank, follows
 
@@ -42,3 +43,61 @@ def test_variables_are_named_after_the_law_and_the_effect():
     own = "spring_force_maxwell"
     assert list(effect.declared) == [own, f"{own}_constant", f"{own}_state"]
     assert effect.neutral == own
+
+
+class Room(Component):
+    """A room that a heater warms and that loses heat to the outside."""
+
+    name = "room"
+    loss = Parameter(50.0, "W/K")
+    capacity = Parameter(4e6, "J/K")
+    outdoor = Input("K")
+    heating = Input("W")
+    inside = State("K", rate="warming", start=290.0)
+
+    def flow(self):
+        """Heat to the outside."""
+        return self.loss * (self.inside - self.outdoor)
+
+    def warming(self):
+        """Balance."""
+        return (self.heating - self.flow()) / self.capacity
+
+    @Output("K")
+    def shown(self):
+        """As measured."""
+        return self.inside
+
+
+def test_a_wall_is_two_resistances_and_a_capacity():
+    """A conductance G to the store and H from there on, which in series are the room's own."""
+    inner, outer, store, capacity = 200.0, 80.0, 9e6, 4e6
+    loss = inner * outer / (inner + outer)
+    time = 1800.0 * np.arange(400)
+    outdoor = 280.0 + 8.0 * np.sin(time / 4e4)
+    heating = np.where(time % 1e5 < 4e4, 3000.0, 0.0)
+
+    share = inner / (inner + outer)
+    a = np.array([[-inner / capacity, inner / capacity], [inner / store, -(inner + outer) / store]])
+    b = np.array([[1.0 / capacity, 0.0], [0.0, outer / store]])
+    fed = {"heating": heating, "outdoor": outdoor}
+    begin = np.array([290.0, share * 290.0 + (1.0 - share) * outdoor[0]])
+    inputs = np.column_stack(list(fed.values()))
+    exact = cont2discrete((a, b, np.eye(2), np.zeros((2, 2))), 1800.0)
+    wanted = dlsim(exact, inputs, x0=begin)[1][:, 0]
+    wall = storing_wall(Room, "flow", ("inside", "outdoor"), 1e4)
+    values = {
+        "loss": loss,
+        "capacity": capacity,
+        "flow_wall_conductance": inner,
+        "flow_wall_share": share,
+        "flow_wall_constant": store / (inner + outer),
+    }
+    model = CompiledModel(stack(Room, wall))
+    found = model.run(time, fed, values).signals["shown"]
+    assert np.ptp(wanted) > 10.0
+    assert found == pytest.approx(wanted, abs=1e-3)
+    without = model.run(
+        time, {"outdoor": outdoor, "heating": heating}, values | {wall.neutral: 0.0}
+    )
+    assert np.abs(without.signals["shown"] - wanted).max() > 1.0

@@ -9,6 +9,7 @@ import fmus
 from fmus.kit import (
     Component,
     Discrete,
+    Effect,
     Input,
     Output,
     Parameter,
@@ -18,6 +19,7 @@ from fmus.kit import (
     stack,
 )
 from fmus.kit.declare import OutputDeclaration
+from fmus.kit.sensors import sensor_gain
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.kit_samples import Curved, Divider, Thermostat
 
@@ -213,6 +215,28 @@ def test_variables_have_unique_names_and_proper_ranges():
 def test_what_would_show_far_away_is_told_at_the_class(body, says):
     with pytest.raises(UserError, match=re.escape(says)):
         type("Wrong", (Component,), {"name": "wrong", "rate": lambda self: 0.0} | body)
+
+
+@pytest.mark.parametrize("name", ["output", "id", "term", "neutral", "assumption"])
+def test_a_variable_may_be_called_like_what_is_said_of_effects(name):
+    def speed(self):
+        return self.u
+
+    def shown(self):
+        return getattr(self, name)
+
+    body = {
+        "name": "named",
+        "u": Input("V"),
+        name: State("V", rate="speed", start=2.0),
+        "speed": speed,
+        "shown": Output("V")(shown),
+    }
+    base = type("Named", (Component,), body)
+    laid_over = stack(base, sensor_gain(base, "shown"))
+    assert laid_over(shown_gain=3.0).shown() == 6.0
+    with pytest.raises(UserError, match=f"'{name}' has the name of something else"):
+        type("Taken", (Effect,), {name: Parameter(1.0, "1")})
 
 
 def test_a_plain_value_over_a_declaration_is_refused():

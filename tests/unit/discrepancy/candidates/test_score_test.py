@@ -389,17 +389,21 @@ def test_a_fit_starts_within_the_range_and_a_difference_where_it_was_taken():
 
 
 def test_a_switch_that_goes_one_way_is_scored_by_differences_too_on_a_grid():
-    """Three sizes and five widths; a second parameter stays within its range."""
+    """Sizes are multiples of the nominal one; times go from two samples to the whole record."""
+    data = record()
     friction = EFFECTS["lagging"]
     amount, constant = own_parameters(friction)
-    found = only(at(Oscillator, record()), friction)
+    found = only(at(Oscillator, data), friction)
     nominal = friction.declared[amount].nominal
-    time = friction.declared[constant].start
     sizes = sorted({one.values[amount] for one in found.settings})
     assert sizes == pytest.approx([0.0, nominal, 4.0 * nominal, 16.0 * nominal])
-    times = {round(one.values[constant] / time, 6) for one in found.settings}
-    assert times == {0.2, 0.45, 1.0, 2.2, 5.0}
-    assert len(found.settings) == 20
+    times = np.array(sorted({one.values[constant] for one in found.settings}))
+    step = data.time[1] - data.time[0]
+    assert times[[0, -1]] == pytest.approx([2.0 * step, data.time[-1] - data.time[0]])
+    apart = times[1:] / times[:-1]
+    assert apart == pytest.approx(np.full(len(apart), apart[0]))
+    assert 2.0 < apart[0] <= 3.0
+    assert len(found.settings) == len(times) * len(sizes)
     for one in found.settings:
         trusted = (one.least, one.most) == pytest.approx((1.0 / 3.0, 3.0))
         assert trusted == (one.values[amount] > 0.0)

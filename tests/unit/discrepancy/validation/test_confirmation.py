@@ -13,6 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit.functions import clip
 from fmus.kit.generic import cubic_stiffness
 from orchestration.discrepancy.candidates.paired_scores import PairedScore
 from orchestration.discrepancy.data.dataset import Dataset
@@ -20,9 +21,16 @@ from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.validation.confirmation import Confirmation, Outcome
+from orchestration.discrepancy.validation.confirmation import Confirmation, FreeRunGain, Outcome
 from tests.support.cubic_regression import drawn_scores
-from tests.support.regression_model import OFFSET, OTHERS, STEP, Amplifier, offset_record
+from tests.support.regression_model import (
+    OFFSET,
+    OTHERS,
+    STEP,
+    Amplifier,
+    offset_record,
+    shaped,
+)
 
 CUBE = OTHERS[-1]
 OBVIOUS = 300.0  # likelihood ratio of what nobody could doubt
@@ -31,6 +39,35 @@ NOISE, COUNT = 0.1, 1500
 
 def outcomes(scores):
     return [Confirmation(score).outcome for score in scores]
+
+
+@pytest.mark.parametrize(
+    ("gain", "free_run", "outcome"),
+    [
+        (-300.0, FreeRunGain(0.5, 5.0), Outcome.CONFIRMED),
+        (-300.0, FreeRunGain(0.5, 1.0), Outcome.REFUTED),
+        (-300.0, FreeRunGain(0.95, 5.0), Outcome.REFUTED),
+        (300.0, FreeRunGain(1.0, 0.0), Outcome.CONFIRMED),
+        (300.0, FreeRunGain(1.5, -5.0), Outcome.NOT_POSSIBLE),
+        (0.0, FreeRunGain(1.5, -5.0), Outcome.REFUTED),
+        (0.0, FreeRunGain(1.5, -1.0), Outcome.NOT_POSSIBLE),
+    ],
+)
+def test_a_free_run_that_is_surely_nearer_counts_beside_the_likelihood(gain, free_run, outcome):
+    score = PairedScore(gain, 10.0, 0.0, 10.0)
+    assert Confirmation(score, free_run).outcome is outcome
+
+
+def test_free_runs_are_compared_as_their_errors_are():
+    """By paper: a gain of two of an input without the cube, and the cube as it is."""
+    diagnosis = diagnose(Amplifier, cubed(2.0), [CUBE])
+    found = diagnosis.confirmations["cubic_stiffness"].free_run
+    signal = cubed(2.0).inputs["signal"][LAST]
+    slope = 2.0 + 0.3 * (2.0**2) * 3.0 / 5.0  # of the line nearest to the sum, by least squares
+    without = np.mean((2.0 * signal + 0.3 * signal**3 - slope * signal) ** 2) + NOISE**2
+    assert found.ratio == pytest.approx(NOISE / without**0.5, rel=0.1)
+    assert found.fall > 5.0
+    assert found.surely_nearer
 
 
 def cubed(size, strength=0.3, seed=1, course=None):
@@ -54,6 +91,25 @@ def test_what_acts_in_the_last_third_is_confirmed_there():
     assert found.outcome is Outcome.CONFIRMED
     assert diagnosis.verdict is Verdict.CAUSE
     assert "cubic_stiffness (confirmed on the held-out third)" in wording.sentence(diagnosis)
+
+
+def test_what_comes_next_stands_in_the_place_of_what_is_refuted():
+    """Two shapes are nearly one where they are fitted; where more goes in, one of them goes on."""
+    level = 1.45
+    goes_on = shaped("goes_on", lambda u: u**3)
+    levels = shaped("levels", lambda u: clip(u, -level, level) ** 3)
+    course = np.where(LAST, 4.0, 1.5)
+
+    def shown(signal):
+        return 0.3 * np.where(LAST, np.clip(signal, -level, level), signal) ** 3
+
+    diagnosis = diagnose(Amplifier, cubed(course, course=shown), [goes_on, levels])
+    (step,) = diagnosis.selection.steps
+    assert step.gains["goes_on"] > step.gains["levels"] > 10.0
+    assert diagnosis.causes == ["levels"]
+    assert diagnosis.confirmations["levels"].outcome is Outcome.CONFIRMED
+    (note,) = [note for note in diagnosis.notes if note.code is NoteCode.NOT_VALIDATED]
+    assert note.subject == "goes_on"
 
 
 def test_where_it_does_not_act_it_cannot_be_confirmed_and_stays_a_cause():

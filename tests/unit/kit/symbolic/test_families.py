@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.kit import stack
+from fmus.kit import Component, Input, Output, Parameter, State, stack
 from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.component import effect_name
@@ -101,3 +101,62 @@ def test_what_nothing_brakes_may_have_drag():
     model = stack(Sledge, drag)(**{drag.neutral: -0.3})
     model.velocity, model.command = 2.0, 0.5
     assert model.rates() == [pytest.approx(0.5 / 2.0 - 0.3 * 2.0)]
+
+
+class Followed(Component):
+    """A spring whose motion is given."""
+
+    name = "followed"
+    stiffness = Parameter(1.0, "N/m")
+    place = Input("m")
+
+    def spring(self):
+        """Force over place."""
+        return self.stiffness * self.place
+
+    @Output("N")
+    def force(self):
+        """As measured."""
+        return self.spring()
+
+
+def test_a_loop_that_goes_by_a_rate_is_not_for_inputs():
+    names = [effect_name(effect) for effect in families_for(Followed)]
+    assert "prandtl_play(spring)" in names
+    assert "bouc_wen_hysteresis(spring)" not in names
+    assert "bouc_wen_hysteresis(spring_force)" in map(effect_name, families_for(MASS))
+
+
+class House(Component):
+    """One store of heat; the loss is written the other way round where so wanted."""
+
+    name = "house"
+    way = 1.0
+    loss = Parameter(80.0, "W/K")
+    capacity = Parameter(5e6, "J/K")
+    outdoor = Input("K", start=280.0)
+    room = State("K", rate="warming", start=300.0)
+
+    def flow(self):
+        """Loss."""
+        return self.way * self.loss * (self.room - self.outdoor)
+
+    def warming(self):
+        """Balance."""
+        return -self.way * self.flow() / self.capacity
+
+    @Output("K")
+    def shown(self):
+        """As measured."""
+        return self.room
+
+
+@pytest.mark.parametrize(
+    ("way", "sides"), [(1.0, ("room", "outdoor")), (-1.0, ("outdoor", "room"))]
+)
+def test_a_flow_between_two_temperatures_may_store(way, sides):
+    cls = type("Way", (House,), {"way": way, "name": "way"})
+    wall = next(e for e in families_for(cls) if e.id == "storing_wall")
+    assert effect_name(wall) == "storing_wall(flow)"
+    assert wall.made_with["sides"] == (("room", "outdoor") if way > 0.0 else ("outdoor", "room"))
+    assert not [e for e in families_for(MASS) if e.id == "storing_wall"]
