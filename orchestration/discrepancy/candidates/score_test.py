@@ -393,8 +393,11 @@ def _is_time(declared: Any) -> bool:
 
 
 def _times(time: Array, ratio: float) -> list[float]:
-    """Return times from two samples to the length of a record, so many times apart at most."""
+    """Return times between two samples and a tenth of a record, so many times apart at most.
+
+    What remembers for longer is hardly told from a drift.
+    """
     shortest = 2.0 * float(np.median(np.diff(time)))
-    longest = max(float(time[-1] - time[0]), shortest)
+    longest = max(float(time[-1] - time[0]) / 10.0, shortest)
     count = int(np.ceil(np.log(longest / shortest) / np.log(ratio))) + 1
     return [float(value) for value in np.geomspace(shortest, longest, count)]
