@@ -45,7 +45,9 @@ AS_PROMISING = 0.5  # of the best fall that is expected of an effect, for a fit 
 REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 # of the error in blocks left out, up to which it must fall for that alone to speak for an effect
-NEARER = 0.9
+NEARER = 0.8
+OBVIOUS = 50.0  # fall of BIC that it must have beside
+ABOUT = 0.98  # of the error there of another, from which on one comes about as near
 _STAGE = Method(passes=1, trials=25, restarts=0)  # of a fit to the end
 _HOPED = 5.0  # times what a stage gained, which the next ones may gain
 
@@ -95,9 +97,9 @@ class Ranking:
 
         What it comes nearer by is no noise, of whatever colour.
         """
-        candidate, _ = row
+        candidate, gain = row
         errors = self.cv_errors.get(candidate.effect)
-        if errors is None or not predicts_better(errors, self.base_cv_errors):
+        if errors is None or gain < OBVIOUS or not predicts_better(errors, self.base_cv_errors):
             return False
         return bool(np.mean(self.base_cv_errors - errors) > -2.0 * np.log(NEARER))
 
@@ -110,7 +112,11 @@ class Ranking:
         unknown = self.base_cv_errors + np.inf
         better_errors = self.cv_errors.get(better_candidate.effect, unknown)
         other_errors = self.cv_errors.get(other_candidate.effect, unknown)
-        return other_gain > ACCEPT and not predicts_better(better_errors, other_errors)
+        if not other_gain > ACCEPT:
+            return False
+        # where none is right, of two that come about as near either may be the nearer one
+        about = float(np.mean(other_errors - better_errors)) < -2.0 * np.log(ABOUT)
+        return about or not predicts_better(better_errors, other_errors)
 
 
 def ranked(

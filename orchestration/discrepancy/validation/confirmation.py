@@ -18,7 +18,7 @@ from orchestration.discrepancy.candidates import (
 )
 from orchestration.discrepancy.data import ValidationData, is_at_rest
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.selection import ACCEPT, FAILURES, Selection, Step
+from orchestration.discrepancy.selection import FAILURES, Selection, Step
 from orchestration.discrepancy.validation.prediction import Prediction, judged_innovations, predict
 
 _BLOCKS = 24  # that a standard error is estimated from
@@ -26,7 +26,7 @@ _LEAST = 32  # samples in each: more than the memory of the noise
 _OTHERS = 3  # candidates that are judged in the place of one that is refuted
 _SURE = 2.0  # standard errors
 # of the error of a free run, up to which it must fall for that alone to confirm a cause
-_NEARER = 0.9
+_NEARER = 0.8
 # gain that is expected, below which an effect does not act: a factor of 1.6 in the likelihood
 _IDLE = 0.5
 
@@ -139,8 +139,9 @@ def confirm(
 ) -> ConfirmedSelection:
     """Judge every step of a selection against the one before on unseen data.
 
-    In the place of a step that is refuted stands one of those that came next, if unseen data
-    confirm it; else it is dropped. With it goes all that rests on it.
+    In the place of a step that is refuted stands another shape of it, or what the record could not
+    tell from it, if unseen data confirm that; else it is dropped. With it goes all that rests on
+    it.
 
     Parameters
     ----------
@@ -201,12 +202,8 @@ def _first_confirmed(
 
 
 def _next_best(step: Step) -> list[FittedCandidate]:
-    """Return the few that came next to what a step named, the best first."""
-    others = [
-        *step.shapes,
-        *step.alternatives,
-        *(fitted for fitted, gain in step.rejected if gain > ACCEPT),
-    ]
+    """Return other shapes of what a step named, and what cannot be told from it, best first."""
+    others = [*step.shapes, *step.alternatives]
     return sorted(others, key=lambda fitted: -step.gains.get(fitted.effect_name, 0.0))[:_OTHERS]
 
 

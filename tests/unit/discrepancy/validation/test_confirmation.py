@@ -46,7 +46,7 @@ def outcomes(scores):
     [
         (-300.0, FreeRunGain(0.5, 5.0), Outcome.CONFIRMED),
         (-300.0, FreeRunGain(0.5, 1.0), Outcome.REFUTED),
-        (-300.0, FreeRunGain(0.95, 5.0), Outcome.REFUTED),
+        (-300.0, FreeRunGain(0.85, 5.0), Outcome.REFUTED),
         (300.0, FreeRunGain(1.0, 0.0), Outcome.CONFIRMED),
         (300.0, FreeRunGain(1.5, -5.0), Outcome.NOT_POSSIBLE),
         (0.0, FreeRunGain(1.5, -5.0), Outcome.REFUTED),
