@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+import numpy as np
+
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.data import Dataset, ValidationData
 from orchestration.discrepancy.note import Note, NoteCode
@@ -48,6 +50,8 @@ DEGRADED = 1.1  # times the error before, above which it has grown
 # Share of the structure in a residual that may remain beside a cause, which never has quite the
 # catalogue's form.
 TOLERATED_STRUCTURE = 0.25
+_LARGE = 0.15  # of the spread of an output, from which on an error is large
+_SLOW = 0.5  # of its power, which innovations have less of where it changes slowly
 CONFOUNDED_SHARE = 0.75  # of what an effect does that another would do too, to be noted
 
 
@@ -260,6 +264,8 @@ def conclude(
             doubts.append(Note(NoteCode.SOMETHING_LEFT))
         if not improves(judged.predictions[0].errors, best_prediction.errors):
             doubts.append(Note(NoteCode.NO_GAIN))
+    else:
+        doubts += _large_error_notes(selection.best)
     notes = [
         *data.notes,
         *judged.notes,
@@ -273,7 +279,7 @@ def conclude(
         *search.budget.notes,
     ]
     undecided = not data.informative or (parameters.interrupted and not selection.steps)
-    misfit = structure_remains or parameters.implausible or bool(unfollowed)
+    misfit = structure_remains or parameters.implausible or bool(unfollowed or doubts)
     fitted_errors, judged_errors = model_errors(judged.predictions, data.validation)
     return Diagnosis(
         verdict=Verdict.AMBIGUOUS if undecided else _verdict(selection, parameters.changed, misfit),
@@ -391,6 +397,24 @@ def _has_unexplained_structure(
     before = selection.base.fit
     after = selection.best.fit
     return not all(_is_tolerated(before, after, output) for output in structured)
+
+
+def _large_error_notes(best: FittedCandidate) -> list[Note]:
+    """Note the outputs of which a model misses so much, and so slowly, that it cannot be fine.
+
+    A noise model with a long memory follows any slow error, and leaves a residual that is white.
+    """
+    missed = {}
+    for output, noise in best.fit.noise.items():
+        measured = best.problem.measured[output][best.problem.present[output]]
+        residual = best.fit.residual[output]
+        share = float(np.std(residual) / np.std(measured))
+        follows = robust_power(best.fit.innovation[output]) * noise.deviation**2
+        if share > _LARGE and follows < _SLOW * robust_power(residual):
+            missed[output] = share
+    if not missed:
+        return []
+    return [Note(NoteCode.LARGE_ERROR, "", {"outputs": missed, "share": max(missed.values())})]
 
 
 def _is_tolerated(before: FitResult, after: FitResult, output: str) -> bool:

@@ -62,6 +62,7 @@ class NoteCode(StrEnum):
     FEEDBACK = "feedback"
     NOT_FOLLOWED = "not_followed"
     END_NOT_FOLLOWED = "end_not_followed"
+    LARGE_ERROR = "large_error"
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"

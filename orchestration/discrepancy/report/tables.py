@@ -13,6 +13,7 @@ from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.validation import simulated_outputs
@@ -179,18 +180,28 @@ def _rejected_effects(diagnosis: Diagnosis, listed: set[str]) -> list[TriedEffec
     """Return effects that were tried and that no table has yet, by the last trial of each."""
     selection = diagnosis.selection
     rejected_by_step = [*(step.rejected for step in selection.steps), selection.rejected]
-    last_trial: dict[str, tuple[FittedCandidate, FittedCandidate]] = {}
+    rivals = [*(step.chosen.effect_name for step in selection.steps), ""]
+    last_trial: dict[str, tuple[FittedCandidate, FittedCandidate, str]] = {}
     gains: dict[str, list[float]] = {}
-    for rejected, smaller in zip(rejected_by_step, _models_by_step(diagnosis), strict=True):
+    models = _models_by_step(diagnosis)
+    for rejected, smaller, rival in zip(rejected_by_step, models, rivals, strict=True):
         for candidate, gain in rejected:
-            last_trial[candidate.effect_name] = candidate, smaller
+            last_trial[candidate.effect_name] = candidate, smaller, rival
             gains.setdefault(candidate.effect_name, []).append(gain)
+    refuted = {
+        name
+        for note in diagnosis.notes
+        if note.code is NoteCode.NOT_VALIDATED
+        for name in note.subject.split(", ")
+    }
     causes = " and ".join(step.chosen.effect_name for step in selection.steps)
     rows = []
-    for name, (candidate, smaller) in last_trial.items():
+    for name, (candidate, smaller, rival) in last_trial.items():
         if name not in listed:
             p_value = candidate.p_value(smaller, selection.tried)
-            reason = wording.why_not(gains[name], causes, name in selection.unsure)
+            unsure = name in selection.unsure
+            reason = wording.why_not(gains[name], causes, unsure, rival)
+            reason = wording.REFUTED if name in refuted else reason
             rows.append(TriedEffect(candidate, gains[name][-1], p_value, "rejected", reason))
     return rows
 

@@ -34,6 +34,7 @@ _VERDICTS = {
     ),
 }
 _BESIDE = " Beside that, something is left that nothing in the catalogue accounts for: {left}."
+REFUTED = "unseen data refute it"
 _LISTED = 5  # names of many that are listed
 _NO_DIFFERENCE = 0.05  # of BIC, below which a choice makes none
 # notes without which a verdict is misread
@@ -47,8 +48,17 @@ IN_HEADLINE = (
     NoteCode.NOT_MOVED,
 )
 # notes that say why something is unexplained
-_REASONS = (NoteCode.IMPLAUSIBLE, NoteCode.NOT_FOLLOWED, NoteCode.END_NOT_FOLLOWED)
+_REASONS = (
+    NoteCode.IMPLAUSIBLE,
+    NoteCode.NOT_FOLLOWED,
+    NoteCode.END_NOT_FOLLOWED,
+    NoteCode.LARGE_ERROR,
+)
 _NOTES = {
+    NoteCode.LARGE_ERROR: (
+        "the model misses {share} of the spread of {outputs}, most of it more slowly than from"
+        " sample to sample; units, signs and columns are the first to look at"
+    ),
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: (
         "cut off at its {end} {level:.6g}, {times} times, {share} of the samples"
@@ -452,7 +462,13 @@ def describe_worst_regions(regions: Sequence[OperatingRegion]) -> list[str]:
     return [describe_region(region) for region in first_by_signal.values()]
 
 
-def why_not(gains: Sequence[float], causes: str, unsure: bool = False) -> str:
+def why_not(
+    gains: Sequence[float],
+    causes: str,
+    unsure: bool = False,
+    rival: str = "",
+    refuted: bool = False,
+) -> str:
     """Return why an effect was not named.
 
     Parameters
@@ -463,13 +479,17 @@ def why_not(gains: Sequence[float], causes: str, unsure: bool = False) -> str:
         Effects that were named before the last step.
     unsure : bool
         Whether noise of a varying level could make as much.
+    rival : str
+        Effect that explains the record better; empty where there is none.
     """
     if len(gains) > 1 and gains[0] > ACCEPT >= gains[-1]:
         return f"alone it lowers BIC by {gains[0]:.1f}; beside {causes} it is not needed"
     if gains[-1] > ACCEPT and unsure:
         return "too unsure: noise of a varying level can do as much"
     if gains[-1] > ACCEPT:
-        return "another explains the record much better"
+        if rival:
+            return f"{rival} explains the record much better"
+        return "no likelier in noise of its own, or no nearer in blocks that were left out"
     if gains[-1] > 0.0:
         return f"too little: {ACCEPT:g} would be evidence"
     return "it explains less than its parameters cost"

@@ -161,7 +161,7 @@ def confirm(
         refuted = confirmation.outcome is Outcome.REFUTED
         notes = [_refutation(selection.steps[k:], confirmation)] if refuted else []
         if refuted:
-            selection = replace(selection, steps=selection.steps[:k])
+            selection = _without(selection, k)
             others = [reported(other, before.model) for other in _next_best(step)]
             better = _first_confirmed(validation, before, others, at_rest)
             if better is None:
@@ -176,6 +176,15 @@ def confirm(
         if refuted:
             break
     return ConfirmedSelection(selection, predictions, confirmations, notes)
+
+
+def _without(selection: Selection, first: int) -> Selection:
+    """Return a selection without a step and all after it; what they tried is rejected."""
+    refuted = selection.steps[first]
+    chosen = (refuted.chosen, refuted.gain)
+    others = [(one, refuted.gains[one.effect_name]) for one in refuted.alternatives]
+    rejected = [chosen, *others, *refuted.rejected]
+    return replace(selection, steps=selection.steps[:first], rejected=rejected)
 
 
 def _refutation(steps: Sequence[Step], confirmation: Confirmation) -> Note:

@@ -70,14 +70,24 @@ _WIDE = 0.5  # of what the curve spans, from which on its band is wide
 
 def headline(result: Result) -> str:
     """Return what a law lacks, if anything, the verdict, and the notes to be read with it."""
-    parts = (_lacking(result), wording.headline(result))
+    lacking = _lacking(result)
+    verdict = wording.headline(result)
+    parts = (verdict, lacking) if _goes_last(result) else (lacking, verdict)
     return " ".join(part for part in parts if part)
 
 
 def typeset_headline(result: Result) -> Markup:
     """Return the same for a page, with quantities of the law as they are printed."""
-    parts = (format_quantities(_lacking(result)), escaped(wording.headline(result)))
+    lacking = format_quantities(_lacking(result))
+    verdict = escaped(wording.headline(result))
+    parts = (verdict, lacking) if _goes_last(result) else (lacking, verdict)
     return Markup(" ".join(part for part in parts if part))
+
+
+def _goes_last(result: Result) -> bool:
+    """Return whether what a law may lack comes after causes that were named."""
+    best = LawReport(result, result.laws).best
+    return bool(result.diagnosis.causes) and best is not None and not best.confirmed
 
 
 def _lacking(result: Result) -> str:
