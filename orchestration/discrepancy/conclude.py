@@ -14,7 +14,7 @@ import numpy as np
 
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.data import Dataset, ValidationData
-from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.residuals import (
     ResidualAnalysis,
     Structure,
@@ -280,6 +280,7 @@ def conclude(
     ]
     undecided = not data.informative or (parameters.interrupted and not selection.steps)
     misfit = structure_remains or parameters.implausible or bool(unfollowed or doubts)
+    misfit = misfit or any(note.code in MIXED_UP for note in data.notes)
     fitted_errors, judged_errors = model_errors(judged.predictions, data.validation)
     return Diagnosis(
         verdict=Verdict.AMBIGUOUS if undecided else _verdict(selection, parameters.changed, misfit),

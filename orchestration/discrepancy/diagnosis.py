@@ -38,6 +38,7 @@ from orchestration.discrepancy.selection import (
     clock,
     interpolation_hypotheses,
     intersample,
+    mixed_up_columns,
 )
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
 
@@ -313,6 +314,11 @@ def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
     if not fitted.informative:
         noise = errors_in_variables.no_input_noise(fitted.base)
         data = _conclusion_data(fitted, fitted.base, noise, [])
+        return SelectedEffects(fitted.search, Selection(fitted.base), data)
+    mixed_up = mixed_up_columns(fitted.search, fitted.base)
+    if mixed_up:
+        noise = errors_in_variables.no_input_noise(fitted.base)
+        data = _conclusion_data(fitted, fitted.base, noise, mixed_up)
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
     way, candidates = interpolation_hypotheses.selected(
         fitted.search, fitted.base, fitted.record.intersample, effects

@@ -25,7 +25,7 @@ from orchestration.discrepancy.laws import (
     search_of,
     with_denoised_inputs,
 )
-from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.note import MIXED_UP, NoteCode
 from orchestration.discrepancy.selection import FAILURES, Search, Selection, Step, interchangeable
 from orchestration.discrepancy.validation import (
     ConfirmedSelection,
@@ -95,8 +95,11 @@ class LawSearch:
 def leaves_something(diagnosis: Diagnosis) -> bool:
     """Return whether neither parameters nor the causes named account for all of a record.
 
-    Where a record cannot tell causes apart, the laws are not searched: they would be one more.
+    Where a record cannot tell causes apart, the laws are not searched: they would be one more. Nor
+    are they where columns look mixed up: then the record is wrong, and not a law.
     """
+    if any(note.code in MIXED_UP for note in diagnosis.notes):
+        return False
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         return True
     beside = any(note.code is NoteCode.SOMETHING_LEFT for note in diagnosis.notes)

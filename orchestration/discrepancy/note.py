@@ -63,6 +63,8 @@ class NoteCode(StrEnum):
     NOT_FOLLOWED = "not_followed"
     END_NOT_FOLLOWED = "end_not_followed"
     LARGE_ERROR = "large_error"
+    EXCHANGED = "exchanged"
+    OTHER_SIGN = "other_sign"
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"
@@ -75,6 +77,10 @@ class NoteCode(StrEnum):
     NO_EXPERIMENT = "no_experiment"
     NOT_REFITTED = "not_refitted"
     TIME_SPENT = "time_spent"
+
+
+# the record may be wired otherwise
+MIXED_UP = (NoteCode.EXCHANGED, NoteCode.OTHER_SIGN)
 
 
 @dataclass(frozen=True)

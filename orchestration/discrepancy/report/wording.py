@@ -9,7 +9,7 @@ from typing import Any
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
-from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.residuals import (
     ConditionalMean,
@@ -58,6 +58,14 @@ _NOTES = {
     NoteCode.LARGE_ERROR: (
         "the model misses {share} of the spread of {outputs}, most of it more slowly than from"
         " sample to sample; units, signs and columns are the first to look at"
+    ),
+    NoteCode.EXCHANGED: (
+        "{columns} look exchanged: the model misses {share}, and with them the other way round"
+        " {instead}"
+    ),
+    NoteCode.OTHER_SIGN: (
+        "{columns} looks to be of the other sign: the model misses {share}, and with it changed"
+        " {instead}"
     ),
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: (
@@ -233,11 +241,12 @@ def sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
     unexplained = _unexplained_findings(diagnosis)
+    wrong = [message(note) for note in diagnosis.notes if note.code in MIXED_UP]
     reasons = [message(note) for note in diagnosis.notes if note.code in _REASONS]
     verdict = _VERDICTS[diagnosis.verdict].format(
         changed=", ".join(diagnosis.changed),
         causes=_describe_causes(diagnosis),
-        unexplained="; ".join(unexplained + reasons),
+        unexplained="; ".join(wrong + unexplained + reasons),
     )
     if _has_note(diagnosis, NoteCode.SOMETHING_LEFT):
         verdict += _BESIDE.format(left="; ".join(unexplained))
@@ -396,6 +405,7 @@ _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
     "margin": _format_margin,
     "bias": _format_bias,
     "share": format_percent,
+    "instead": format_percent,
     "usable": format_percent,
 }
 

@@ -9,6 +9,7 @@ from .input_noise import smoothed_input as smoothed_input
 from .input_noise import unfollowed_noise as unfollowed_noise
 from .input_noise import with_more_noise as with_more_noise
 from .intersample import Intersample as Intersample
+from .mixed_up import mixed_up_columns as mixed_up_columns
 from .search import FAILURES as FAILURES
 from .search import Search as Search
 from .stepwise import ACCEPT as ACCEPT

@@ -13,6 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit.component import Term
 from fmus.kit.functions import clip
 from fmus.kit.generic import cubic_stiffness
 from orchestration.discrepancy.candidates.paired_scores import PairedScore
@@ -98,6 +99,8 @@ def test_what_comes_next_stands_in_the_place_of_what_is_refuted():
     level = 1.45
     goes_on = shaped("goes_on", lambda u: u**3)
     levels = shaped("levels", lambda u: clip(u, -level, level) ** 3)
+    for effect in (goes_on, levels):
+        effect.term = Term("amplified", "signal", "", "one cause")
     course = np.where(LAST, 4.0, 1.5)
 
     def shown(signal):
