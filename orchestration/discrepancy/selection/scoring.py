@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -95,16 +96,27 @@ def confounding(
 
 def screen(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[ScreenedCandidate]:
     """Return starts for fits of effects, at the best score in coloured or white noise."""
-    model = scored.linearised
-    starts = []
+    starts: list[ScreenedCandidate] = []
     for effect in effects:
         directions = scored.directions.get(effect)
         if directions is None:
             continue
-        # the noise as estimated may have swallowed a slow effect, and white noise knows nothing of
-        # colour: both count
-        for k in strongest(model.score_statistics(directions)):
-            improvement = model.predicted_improvement(directions, k)
-            start = directions.start_values(k, improvement.amount)
-            starts.append(ScreenedCandidate(scored.model, effect, start, improvement))
+        # what cannot be foretold, such as where a response runs away, is no start
+        with suppress(*FAILURES):
+            starts += _screened(scored, directions)
+    return starts
+
+
+def _screened(scored: ScoredModel, directions: ScoreDirections) -> list[ScreenedCandidate]:
+    """Return starts for fits of one effect.
+
+    The noise as estimated may have swallowed a slow effect, and white noise knows nothing of
+    colour: both count.
+    """
+    model = scored.linearised
+    starts = []
+    for k in strongest(model.score_statistics(directions)):
+        improvement = model.predicted_improvement(directions, k)
+        start = directions.start_values(k, improvement.amount)
+        starts.append(ScreenedCandidate(scored.model, directions.effect, start, improvement))
     return starts

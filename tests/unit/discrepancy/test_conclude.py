@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.conclude import DiagnosisData, Verdict, conclude, errors_fall
+from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.laws import search_of
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.validation import confirm, errors_in_variables
 from tests.support.diagnosis import FEW, coloured, short_record
+from tests.support.regression_model import STEP, Amplifier
 from tests.support.several import Cell, measured
 
 
@@ -116,3 +119,18 @@ def test_what_is_left_where_the_cause_does_not_act_is_told():
         "Beside that, something is left that nothing in the catalogue accounts for: voltage wanders"
         " slowly" in said
     )
+
+
+@pytest.mark.parametrize(("size", "slow"), [(1.0, True), (0.05, True), (1.0, False)])
+def test_a_large_error_that_goes_slowly_is_not_fine(size, slow):
+    """An error as large as the signal: a slow one is of no sensor, white noise may be."""
+    rng = np.random.default_rng(5)
+    signal = rng.uniform(-1.0, 1.0, 1500)
+    error = lfilter([1.0], [1.0, -0.95], rng.normal(size=1500)) if slow else rng.normal(size=1500)
+    shown = 2.0 * signal + size * error / error.std()
+    data = Dataset(STEP * np.arange(1500), {"signal": signal}, {"shown": shown})
+    diagnosis = diagnose(Amplifier, data, [])
+    codes = [note.code for note in diagnosis.notes]
+    assert (NoteCode.LARGE_ERROR in codes) == (slow and size == 1.0)
+    if NoteCode.LARGE_ERROR in codes:
+        assert diagnosis.verdict is Verdict.UNEXPLAINED
