@@ -88,5 +88,7 @@ def _error(fitted: FittedCandidate) -> float:
     shares = []
     for output, residual in fit.residual.items():
         measured = fitted.problem.measured[output][fitted.problem.present[output]]
-        shares.append(float(np.mean(residual**2) / max(np.var(measured), np.finfo(float).tiny)))
-    return float(np.sqrt(np.mean(shares)))
+        with np.errstate(over="ignore"):  # a simulation that runs away is far off
+            square = float(np.mean(residual**2))
+        shares.append(square / max(float(np.var(measured)), np.finfo(float).tiny))
+    return float(np.mean(shares)) ** 0.5

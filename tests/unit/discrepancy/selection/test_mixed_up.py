@@ -71,7 +71,8 @@ def test_columns_that_are_mixed_up_are_told_and_nothing_is_named(how, code):
     diagnosis = diagnose(Motor, wired(**how), [FRICTION])
     (note,) = [note for note in diagnosis.notes if note.code in MIXED_UP]
     assert note.code is code
-    assert note.facts["instead"] < 0.05 < 0.3 < note.facts["share"]
+    # exchanged, what is fed is held where the course of the other column was smooth
+    assert note.facts["instead"] < 0.1 < 0.3 < note.facts["share"]
     assert diagnosis.verdict is Verdict.UNEXPLAINED
     assert diagnosis.causes == []
     assert not leaves_something(diagnosis)

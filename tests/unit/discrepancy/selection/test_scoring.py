@@ -155,3 +155,19 @@ def test_a_fit_starts_from_the_amount_that_least_squares_finds():
     assert first.start == {OFFSET.neutral: pytest.approx(offset, rel=1e-4)}
     assert first.predicted.fall == pytest.approx(30.0, rel=1e-3)
     assert {one.effect for one in others} == {ASYMMETRY}
+
+
+def test_what_cannot_be_foretold_is_no_start_and_others_are(monkeypatch):
+    data = drawn(30.0, 1)
+    both = [OFFSET, ASYMMETRY]
+    whole = score(Search(data, Amplifier, ["gain"]), at(Amplifier, data, ["gain"]), both)
+    foretold = type(whole.linearised).predicted_improvement
+
+    def runs_away(self, one, k):
+        if one.effect is OFFSET:
+            raise np.linalg.LinAlgError("not finite")
+        return foretold(self, one, k)
+
+    assert {start.effect for start in scoring.screen(whole, both)} == set(both)
+    monkeypatch.setattr(type(whole.linearised), "predicted_improvement", runs_away)
+    assert {start.effect for start in scoring.screen(whole, both)} == {ASYMMETRY}
