@@ -415,7 +415,9 @@ def _large_error_notes(best: FittedCandidate) -> list[Note]:
             missed[output] = share
     if not missed:
         return []
-    return [Note(NoteCode.LARGE_ERROR, "", {"outputs": missed, "share": max(missed.values())})]
+    return [
+        Note(NoteCode.LARGE_ERROR, "", {"outputs": tuple(missed), "share": max(missed.values())})
+    ]
 
 
 def _is_tolerated(before: FitResult, after: FitResult, output: str) -> bool:

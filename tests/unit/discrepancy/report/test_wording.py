@@ -41,6 +41,7 @@ from tests.support.diagnosis import coloured, rig_record, short_record
 from tests.support.intersample_records import record
 from tests.support.noises import Clean, clean, controlled, gaussian, growing_with_size, outliers
 from tests.support.several import Cell, several
+from tests.support.wired_motor import Motor, wired
 
 NOTHING = pipeline.DiagnosisOptions(effects=[])
 Maker = Callable[[pytest.MonkeyPatch], list[Note]]
@@ -441,6 +442,21 @@ def not_followed(monkeypatch):
     return diagnose(Cell, fitted, [], holdout=others).notes
 
 
+@makes(NoteCode.LARGE_ERROR)
+def large_error(monkeypatch):
+    return diagnose(Product, with_output(products(1.0), "y", coloured(0.98, 1, 600)), []).notes
+
+
+@makes(NoteCode.EXCHANGED)
+def exchanged(monkeypatch):
+    return diagnose(Motor, wired(exchanged=True), []).notes
+
+
+@makes(NoteCode.OTHER_SIGN)
+def other_sign(monkeypatch):
+    return diagnose(Motor, wired(drive_sign=-1.0), []).notes
+
+
 @makes(NoteCode.END_NOT_FOLLOWED)
 def end_not_followed(monkeypatch):
     data = products(1.0)
@@ -527,11 +543,15 @@ def test_every_code_and_every_verdict_has_its_words():
         ([50.0, 2.0], "alone it lowers BIC by 50.0; beside a it is not needed"),
         ([3.0], "too little: 10 would be evidence"),
         ([-3.0], "it explains less than its parameters cost"),
-        ([99.0], "another explains the record much better"),
+        ([99.0], "b explains the record much better"),
     ],
 )
 def test_why_an_effect_is_not_named(gains, why):
-    assert wording.why_not(gains, "a") == why
+    assert wording.why_not(gains, "a", rival="b") == why
+
+
+def test_where_there_is_no_rival_none_is_named():
+    assert wording.why_not([99.0], "").startswith("no likelier in noise of its own")
 
 
 def test_evidence_that_varying_noise_takes_away_is_no_matter_of_another_effect():
