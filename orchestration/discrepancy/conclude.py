@@ -51,6 +51,7 @@ DEGRADED = 1.1  # times the error before, above which it has grown
 # catalogue's form.
 TOLERATED_STRUCTURE = 0.25
 _LARGE = 0.15  # of the spread of an output, from which on an error is large
+_HOPELESS = 0.6  # of that spread, from which on a model does not describe a record
 _SLOW = 0.5  # of its power, which innovations have less of where it changes slowly
 CONFOUNDED_SHARE = 0.75  # of what an effect does that another would do too, to be noted
 
@@ -246,6 +247,8 @@ def conclude(
     UserError
         If the best model cannot be simulated over the data.
     """
+    if max(_large_errors(judged.selection.best).values(), default=0.0) > _HOPELESS:
+        judged = judged.without_steps()
     selection = judged.selection
     best_prediction = judged.predictions[-1]
     final, refit_notes = _fit_to_all(search, selection.best, data)
@@ -258,14 +261,7 @@ def conclude(
     unfollowed = unpredicted_output_notes(data.validation, best_prediction)
     structure_remains = _has_unexplained_structure(selection, residuals, of_input_noise)
 
-    doubts = []
-    if selection.steps:
-        if structure_remains:
-            doubts.append(Note(NoteCode.SOMETHING_LEFT))
-        if not improves(judged.predictions[0].errors, best_prediction.errors):
-            doubts.append(Note(NoteCode.NO_GAIN))
-    else:
-        doubts += _large_error_notes(selection.best)
+    doubts = _doubts(judged, structure_remains, improves)
     notes = [
         *data.notes,
         *judged.notes,
@@ -400,10 +396,35 @@ def _has_unexplained_structure(
     return not all(_is_tolerated(before, after, output) for output in structured)
 
 
-def _large_error_notes(best: FittedCandidate) -> list[Note]:
-    """Note the outputs of which a model misses so much, and so slowly, that it cannot be fine.
+def _doubts(
+    judged: ConfirmedSelection,
+    structure_remains: bool,
+    improves: Callable[[Mapping[str, float], Mapping[str, float]], bool],
+) -> list[Note]:
+    """Return the notes on what speaks against the best model, whatever its causes gained."""
+    if not judged.selection.steps:
+        large = _large_errors(judged.selection.best)
+        if not large:
+            return []
+        facts = {"outputs": tuple(large), "share": max(large.values())}
+        return [Note(NoteCode.LARGE_ERROR, "", facts)]
+    doubts = []
+    if structure_remains:
+        doubts.append(Note(NoteCode.SOMETHING_LEFT))
+    if not improves(judged.predictions[0].errors, judged.predictions[-1].errors):
+        doubts.append(Note(NoteCode.NO_GAIN))
+    return doubts
+
+
+def _large_errors(best: FittedCandidate) -> dict[str, float]:
+    """Return by output the errors so large, and so slow, that a model cannot be fine.
 
     A noise model with a long memory follows any slow error, and leaves a residual that is white.
+
+    Returns
+    -------
+    dict of str to float
+        RMS error over the spread.
     """
     missed = {}
     for output, noise in best.fit.noise.items():
@@ -413,11 +434,7 @@ def _large_error_notes(best: FittedCandidate) -> list[Note]:
         follows = robust_power(best.fit.innovation[output]) * noise.deviation**2
         if share > _LARGE and follows < _SLOW * robust_power(residual):
             missed[output] = share
-    if not missed:
-        return []
-    return [
-        Note(NoteCode.LARGE_ERROR, "", {"outputs": tuple(missed), "share": max(missed.values())})
-    ]
+    return missed
 
 
 def _is_tolerated(before: FitResult, after: FitResult, output: str) -> bool:

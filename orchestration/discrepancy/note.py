@@ -65,6 +65,7 @@ class NoteCode(StrEnum):
     LARGE_ERROR = "large_error"
     EXCHANGED = "exchanged"
     OTHER_SIGN = "other_sign"
+    OTHER_UNIT = "other_unit"
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"
@@ -80,7 +81,7 @@ class NoteCode(StrEnum):
 
 
 # the record may be wired otherwise
-MIXED_UP = (NoteCode.EXCHANGED, NoteCode.OTHER_SIGN)
+MIXED_UP = (NoteCode.EXCHANGED, NoteCode.OTHER_SIGN, NoteCode.OTHER_UNIT)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ SWITCHED = (1.0, 4.0, 16.0)  # times the nominal value of a switch, where differ
 _DELAYS = 16
 _CLOSE = 3.0  # from one time constant to the next, at most, where it is the only second parameter
 _APART = 6.0  # where there are others
+# of a change, in whatever unit: far beyond, a simulation ran away, and products overflow
+_LARGEST = 1e15
 _TRUST = 1.0 / 3.0, 3.0  # multiples of a difference that it still represents
 
 
@@ -227,7 +229,7 @@ def _first_order(
         for course, change in zip(courses, changes, strict=True):
             whole[course.run.samples] = change[output]
         gradient[output] = -whole[present]
-    finite = np.all([np.isfinite(g).all(axis=0) for g in gradient.values()], axis=0)
+    finite = np.all([(np.abs(g) < _LARGEST).all(axis=0) for g in gradient.values()], axis=0)
     seen = np.any([g.any(axis=0) for g in gradient.values()], axis=0)
     kept = np.flatnonzero(finite & seen)
     return ScoreDirections(

@@ -67,6 +67,10 @@ _NOTES = {
         "{columns} looks to be of the other sign: the model misses {share}, and with it changed"
         " {instead}"
     ),
+    NoteCode.OTHER_UNIT: (
+        "{columns} looks to be in {unit}: as it stands the model misses {share} or needs parameters"
+        " that no specimen has, and read as such it misses {instead} with ordinary ones"
+    ),
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: (
         "cut off at its {end} {level:.6g}, {times} times, {share} of the samples"

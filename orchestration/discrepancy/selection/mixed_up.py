@@ -1,32 +1,99 @@
-"""Columns that are mixed up: two that changed places, or one of the other sign.
+"""Records that are not what they say: columns exchanged, of the other sign, or in another unit.
 
-A model that misses much of a record may be right and the record wired otherwise. That is tried: the
-model is fitted once more with two columns exchanged, and with the sign of one changed.
+A model that misses much of a record, or that follows it only with parameters that no specimen has,
+may be right and the record wired otherwise. That is tried: the model is fitted once more with two
+columns exchanged, with the sign of one changed, and with one of them, or the clock, in another unit
+of its kind.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
+from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.units import BaseUnit, base_unit
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import parallel_map
-from orchestration.discrepancy.selection.known_fits import KnownFits
 from orchestration.discrepancy.selection.search import FAILURES, Search
+from orchestration.identify.fitting import FitResult, Problem
 
 _LARGE = 0.15  # error over the spread, from which on it is worth a look
 _MUCH_NEARER = 0.5  # of that error, up to which it must fall
-_MOST = 16  # ways that are tried
+_HALF = 0.5  # of the spread, up to which an error tells something of parameters
+_AS_NEAR = 1.05  # times that error, which another unit may leave where parameters come to reason
+# Distance of parameters from nominal, in searched coordinates, most of which are logarithms: from
+# the first on one is worth a look, and up to the second it is that of another specimen.
+_FAR = float(np.log(8.0))
+_USUAL = float(np.log(2.5))
+_ENOUGH = 4_000  # samples, to tell readings apart by
+# Units that people write for one another, the SI one first; and thousands and thousandths of any.
+_KINDS = (
+    ("rad", "deg", "revolution"),
+    ("rad/s", "rpm", "deg/s"),
+    ("m/s", "km/h"),
+    ("m", "cm", "um"),
+    ("K", "degC", "degF"),
+    ("Pa", "bar"),
+    ("kg", "g", "t"),
+    ("C", "A*h", "mA*h"),
+    ("m^3", "l", "ml"),
+    ("m^3/s", "l/min", "l/s", "m^3/h"),
+    ("kg/s", "kg/h", "kg/min", "g/s"),
+    ("s", "min", "h"),
+)
+_PREFIXES = ("m", "k")
+_CLOCK = "time"
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A way to read a record, and the note that it would be.
+
+    Attributes
+    ----------
+    data : Dataset
+        As the model would be given it.
+    code : NoteCode
+    columns : str
+        Of the record, in words.
+    unit : str
+        That a column is read in; empty for another way.
+    """
+
+    data: Dataset
+    code: NoteCode
+    columns: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class _Worth:
+    """What a reading is worth.
+
+    Attributes
+    ----------
+    error : float
+        RMS error of the nearest free run over the spread, pooled over outputs.
+    distance : float
+        Of the parameters from nominal, in searched coordinates: the largest of all.
+    """
+
+    error: float
+    distance: float
 
 
 def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     """Return a note on columns that are mixed up, if the model is much nearer with them put right.
+
+    Nearer is what leaves half of the error, or as much with the parameters of a specimen where they
+    were out of all reason.
 
     Parameters
     ----------
@@ -40,35 +107,83 @@ def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     list of Note
         One, or none where no way is much nearer.
     """
-    present = _error(base)
-    if not present > _LARGE or search.budget.spent():
+    present = _worth(base.problem, base.free_run or base.fit)
+    is_suspicious = present.error > _LARGE or present.distance > _FAR
+    if not is_suspicious or search.budget.spent():
         return []
-    ways = list(_ways(search.data))[:_MOST]
+    few = search.data.part(0, _ENOUGH) if len(search.data.time) > _ENOUGH else search.data
+    readings = list(_readings(search, few))
 
-    def error_of(way: tuple[tuple[str, ...], Dataset]) -> float:
-        again = replace(search, data=way[1], known=KnownFits(), progress=lambda text: None)
+    def worth_of(reading: _Reading) -> _Worth:
+        again = replace(search, data=reading.data, progress=lambda text: None)
         try:
-            return _error(again.nominal())
+            return _worth(*again.free_run())
         except FAILURES:
-            return np.inf
+            return _Worth(np.inf, np.inf)
 
-    errors = parallel_map(error_of, ways)
-    if not ways or not min(errors) < _MUCH_NEARER * present:
+    as_is, *worths = parallel_map(worth_of, [_Reading(few, NoteCode.OTHER_UNIT, ""), *readings])
+    errors = np.array([worth.error for worth in worths])
+    distances = np.array([worth.distance for worth in worths])
+    best = int(np.argmin(errors))
+    if as_is.error > _LARGE and errors[best] < _MUCH_NEARER * as_is.error:
+        return [_note(readings[best], as_is, worths[best])]
+    in_units = np.array([reading.code is NoteCode.OTHER_UNIT for reading in readings])
+    reasonable = in_units & (errors <= _AS_NEAR * as_is.error) & (distances <= _USUAL)
+    if as_is.distance <= _FAR or as_is.error > _HALF or not reasonable.any():
         return []
-    columns, _ = ways[int(np.argmin(errors))]
-    code = NoteCode.EXCHANGED if len(columns) > 1 else NoteCode.OTHER_SIGN
-    facts = {"columns": " and ".join(columns), "share": present, "instead": min(errors)}
-    return [Note(code, "", facts)]
+    best = int(np.argmin(np.where(reasonable, distances, np.inf)))
+    return [_note(readings[best], as_is, worths[best])]
 
 
-def _ways(data: Dataset) -> Iterator[tuple[tuple[str, ...], Dataset]]:
-    """Yield the columns that may be mixed up, and the data with them put right."""
+def _note(reading: _Reading, present: _Worth, other: _Worth) -> Note:
+    facts = {
+        "columns": reading.columns,
+        "share": present.error,
+        "instead": other.error,
+    }
+    if reading.unit:
+        facts["unit"] = reading.unit
+    return Note(reading.code, "", facts)
+
+
+def _readings(search: Search, data: Dataset) -> Iterator[_Reading]:
+    """Yield the ways in which data may be meant."""
     columns = {**data.inputs, **data.measured}
     for one, other in combinations(columns, 2):
-        if one in data.inputs and _complete(columns[one]) and _complete(columns[other]):
-            yield (one, other), _with(data, {one: columns[other], other: columns[one]})
-    for one in columns:
-        yield (one,), _with(data, {one: -columns[one]})
+        exchanged = {one: columns[other], other: columns[one]}
+        if not all(_complete(values) for n, values in exchanged.items() if n in data.inputs):
+            continue
+        yield _Reading(_with(data, exchanged), NoteCode.EXCHANGED, f"{one} and {other}")
+    for one, values in columns.items():
+        yield _Reading(_with(data, {one: -values}), NoteCode.OTHER_SIGN, one)
+    declared = {variable.name: variable.unit for variable in search.base.layout.variables}
+    for one, values in columns.items():
+        for unit, meant in _confused_with(declared[one]).items():
+            read = meant.factor * values + meant.offset
+            yield _Reading(_with(data, {one: read}), NoteCode.OTHER_UNIT, one, unit)
+    if not data.several:
+        for unit, meant in _confused_with("s").items():
+            clock = replace(data, time=meant.factor * data.time)
+            yield _Reading(clock, NoteCode.OTHER_UNIT, _CLOCK, unit)
+
+
+def _confused_with(unit: str) -> dict[str, BaseUnit]:
+    """Return the units that people write for one, by name, with what makes SI of their values."""
+    own = base_unit(unit)
+    coherent = replace(own, factor=1.0, offset=0.0)
+    names = [prefix + unit for prefix in _PREFIXES]
+    for kind in _KINDS:
+        if base_unit(kind[0]) == coherent:
+            names += kind
+    meant: dict[str, BaseUnit] = {}
+    for name in names:
+        try:
+            other = base_unit(name)
+        except UserError:
+            continue  # "m1" and "mkg" are no units
+        if other.exponents == own.exponents and other not in (own, *meant.values()):
+            meant[name] = other
+    return meant
 
 
 def _complete(column: Array) -> bool:
@@ -82,13 +197,14 @@ def _with(data: Dataset, columns: dict[str, Array]) -> Dataset:
     return replace(data, inputs=inputs, measured=measured)
 
 
-def _error(fitted: FittedCandidate) -> float:
-    """Return the RMS error of the nearest free run over the spread, pooled over outputs."""
-    fit = fitted.free_run or fitted.fit
+def _worth(problem: Problem, fit: FitResult) -> _Worth:
+    """Return what a reading is worth by a fit of the model."""
     shares = []
-    for output, residual in fit.residual.items():
-        measured = fitted.problem.measured[output][fitted.problem.present[output]]
-        with np.errstate(over="ignore"):  # a simulation that runs away is far off
-            square = float(np.mean(residual**2))
-        shares.append(square / max(float(np.var(measured)), np.finfo(float).tiny))
-    return float(np.mean(shares)) ** 0.5
+    with np.errstate(over="ignore"):  # a simulation that runs away is far off
+        for output, residual in fit.residual.items():
+            measured = problem.measured[output][problem.present[output]]
+            least = max(float(np.var(measured)), np.finfo(float).tiny)
+            shares.append(np.mean(residual**2) / least)
+    change = np.abs(fit.q - problem.position(problem.start))
+    physical = [not problem.declared[name].starts for name in problem.names]
+    return _Worth(float(np.mean(shares)) ** 0.5, float(np.max(change[physical], initial=0.0)))

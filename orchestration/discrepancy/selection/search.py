@@ -126,6 +126,12 @@ class Search:
         fit = self._fit(candidate, problem, free_run.q, free_run.noise)
         return FittedCandidate(candidate, problem, fit, free_run)
 
+    def free_run(self) -> tuple[Problem, FitResult]:
+        """Fit the free run of the model without effects quickly, from nominal alone."""
+        problem = self._problem(Candidate((), self.base))
+        start = problem.inside(problem.position(problem.start))
+        return problem, fit_free_run(problem, [start], self._has_prior(problem), method=SCREEN)
+
     def drop_insensitive(self, base: FittedCandidate) -> tuple[Search, FittedCandidate]:
         """Drop parameters without effect on what was measured, as derivatives are expensive.
 

@@ -131,6 +131,13 @@ class ConfirmedSelection:
     confirmations: dict[str, Confirmation]
     notes: list[Note]
 
+    def without_steps(self) -> ConfirmedSelection:
+        """Return the same with nothing named; what was is rejected."""
+        if not self.selection.steps:
+            return self
+        base = _without(self.selection, 0)
+        return ConfirmedSelection(base, self.predictions[:1], {}, self.notes)
+
 
 def confirm(
     selection: Selection,

@@ -457,6 +457,11 @@ def other_sign(monkeypatch):
     return diagnose(Motor, wired(drive_sign=-1.0), []).notes
 
 
+@makes(NoteCode.OTHER_UNIT)
+def other_unit(monkeypatch):
+    return diagnose(Motor, wired(drive_sign=1e3), []).notes
+
+
 @makes(NoteCode.END_NOT_FOLLOWED)
 def end_not_followed(monkeypatch):
     data = products(1.0)

@@ -31,6 +31,30 @@ def test_columns_that_are_mixed_up_are_told_and_nothing_is_named(how, code):
     assert wording.message(note) in wording.sentence(diagnosis)
 
 
+@pytest.mark.parametrize(
+    ("how", "columns", "unit"),
+    [
+        ({"drive_sign": 1e3}, "drive", "mm/s"),
+        ({"shown_sign": 1e-3}, "shown", "km/s"),
+        ({"drive_sign": 3.6}, "", ""),  # km/h are 3.6 times, which another motor may do as well
+        ({"clock": 1e3}, "time", "ms"),
+        ({"clock": 1.0 / 60.0}, "time", "min"),
+    ],
+)
+def test_another_unit_is_told_where_it_brings_parameters_to_reason(how, columns, unit):
+    diagnosis = diagnose(Motor, wired(**how), [FRICTION])
+    told = [note for note in diagnosis.notes if note.code in MIXED_UP]
+    if not columns:
+        assert told == []
+        return
+    (note,) = told
+    assert note.code is NoteCode.OTHER_UNIT
+    assert (note.facts["columns"], note.facts["unit"]) == (columns, unit)
+    assert diagnosis.verdict is Verdict.UNEXPLAINED
+    assert diagnosis.causes == []
+    assert wording.message(note) in wording.sentence(diagnosis)
+
+
 @pytest.mark.parametrize("noise", [0.02, 0.6])
 def test_of_what_is_as_it_should_be_nothing_is_said(noise):
     diagnosis = diagnose(Motor, wired(noise=noise), [FRICTION])
