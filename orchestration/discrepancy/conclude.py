@@ -248,7 +248,7 @@ def conclude(
         If the best model cannot be simulated over the data.
     """
     if max(_large_errors(judged.selection.best).values(), default=0.0) > _HOPELESS:
-        judged = judged.without_steps()
+        judged = judged.without_steps(data.validation)
     selection = judged.selection
     best_prediction = judged.predictions[-1]
     final, refit_notes = _fit_to_all(search, selection.best, data)
@@ -274,12 +274,11 @@ def conclude(
         *doubts,
         *search.budget.notes,
     ]
-    undecided = not data.informative or (parameters.interrupted and not selection.steps)
     misfit = structure_remains or parameters.implausible or bool(unfollowed or doubts)
     misfit = misfit or any(note.code in MIXED_UP for note in data.notes)
     fitted_errors, judged_errors = model_errors(judged.predictions, data.validation)
     return Diagnosis(
-        verdict=Verdict.AMBIGUOUS if undecided else _verdict(selection, parameters.changed, misfit),
+        verdict=_verdict(selection, parameters, misfit, data.informative),
         selection=selection,
         estimates=parameters.estimates,
         changed=parameters.changed,
@@ -461,11 +460,15 @@ def _confounding_notes(selection: Selection) -> list[Note]:
     return notes
 
 
-def _verdict(selection: Selection, changed: Sequence[str], misfit: bool) -> Verdict:
+def _verdict(
+    selection: Selection, parameters: _ParameterAssessment, misfit: bool, informative: bool
+) -> Verdict:
     """Return the verdict; a cause that is named and not refuted goes before any misfit."""
+    if not informative or (parameters.interrupted and not selection.steps):
+        return Verdict.AMBIGUOUS
     if selection.steps:
         ambiguous = any(step.alternatives for step in selection.strong)
         return Verdict.AMBIGUOUS if ambiguous else Verdict.CAUSE
     if misfit:
         return Verdict.UNEXPLAINED
-    return Verdict.RECALIBRATE if changed else Verdict.CONSISTENT
+    return Verdict.RECALIBRATE if parameters.changed else Verdict.CONSISTENT

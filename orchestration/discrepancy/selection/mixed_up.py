@@ -26,6 +26,7 @@ from orchestration.identify.fitting import FitResult, Problem
 
 _LARGE = 0.15  # error over the spread, from which on it is worth a look
 _MUCH_NEARER = 0.5  # of that error, up to which it must fall
+_ALIKE = 1.2  # times the least error, among which the usual parameters decide
 _HALF = 0.5  # of the spread, up to which an error tells something of parameters
 _AS_NEAR = 1.05  # times that error, which another unit may leave where parameters come to reason
 # Distance of parameters from nominal, in searched coordinates, most of which are logarithms: from
@@ -124,7 +125,8 @@ def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     as_is, *worths = parallel_map(worth_of, [_Reading(few, NoteCode.OTHER_UNIT, ""), *readings])
     errors = np.array([worth.error for worth in worths])
     distances = np.array([worth.distance for worth in worths])
-    best = int(np.argmin(errors))
+    alike = errors <= _ALIKE * np.min(errors, initial=np.inf)
+    best = int(np.argmin(np.where(alike, distances, np.inf)))
     if as_is.error > _LARGE and errors[best] < _MUCH_NEARER * as_is.error:
         return [_note(readings[best], as_is, worths[best])]
     in_units = np.array([reading.code is NoteCode.OTHER_UNIT for reading in readings])

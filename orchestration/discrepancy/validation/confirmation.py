@@ -131,12 +131,12 @@ class ConfirmedSelection:
     confirmations: dict[str, Confirmation]
     notes: list[Note]
 
-    def without_steps(self) -> ConfirmedSelection:
+    def without_steps(self, validation: ValidationData) -> ConfirmedSelection:
         """Return the same with nothing named; what was is rejected."""
         if not self.selection.steps:
             return self
-        base = _without(self.selection, 0)
-        return ConfirmedSelection(base, self.predictions[:1], {}, self.notes)
+        bare = _without(self.selection, 0)
+        return ConfirmedSelection(bare, [predict(validation, bare.base)], {}, self.notes)
 
 
 def confirm(

@@ -19,6 +19,7 @@ from orchestration.discrepancy.validation import confirm, errors_in_variables
 from tests.support.diagnosis import FEW, coloured, short_record
 from tests.support.regression_model import STEP, Amplifier
 from tests.support.several import Cell, measured
+from tests.support.wired_motor import FRICTION, Motor, wired
 
 
 def as_it_is(fitted, below):
@@ -134,3 +135,15 @@ def test_a_large_error_that_goes_slowly_is_not_fine(size, slow):
     assert (NoteCode.LARGE_ERROR in codes) == (slow and size == 1.0)
     if NoteCode.LARGE_ERROR in codes:
         assert diagnosis.verdict is Verdict.UNEXPLAINED
+
+
+def test_where_a_model_does_not_describe_a_record_nothing_is_named():
+    """What is measured wanders on its own; a friction may follow some of it, which says nothing."""
+    rng = np.random.default_rng(5)
+    data = wired()
+    walk = np.cumsum(rng.standard_normal(len(data.time)))
+    diagnosis = diagnose(Motor, replace(data, measured={"shown": walk / np.std(walk)}), [FRICTION])
+    assert diagnosis.verdict is Verdict.UNEXPLAINED
+    assert diagnosis.causes == []
+    assert diagnosis.confirmations == {}
+    assert NoteCode.LARGE_ERROR in {note.code for note in diagnosis.notes}
