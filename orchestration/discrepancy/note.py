@@ -27,6 +27,7 @@ class NoteCode(StrEnum):
     DEAD_WHILE_DRIVEN = "dead_while_driven"
     STANDS_STILL = "stands_still"
     OUTLIERS = "outliers"
+    RESAMPLED = "resampled"
     QUANTISED = "quantised"
     UNUSABLE = "unusable"
     NOTHING_USABLE = "nothing_usable"

@@ -12,6 +12,7 @@ from fmus.kit.arrays import Array
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.data.quality import assess
+from orchestration.discrepancy.data.resampling import as_measured
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.fitting import ModelOverRuns
 from orchestration.identify.noise import ORDER, noise_std, segments
@@ -80,11 +81,13 @@ def screen_and_divide(
     UserError
         If the record is too short, or no output can be both fitted and judged.
     """
+    data, notes = as_measured(data)
     least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
     samples = int(data.within.sum())
     if samples < least:
         raise UserError(f"{samples} samples are too few for a diagnosis; {least} are the least")
-    usable, notes = screened(cls, data, fixed)
+    usable, faults = screened(cls, data, fixed)
+    notes += faults
     judged = None
     if holdout is not None:
         judged, others = _screened_holdout(cls, holdout, fixed)
@@ -114,7 +117,9 @@ def _screened_holdout(
 ) -> tuple[Dataset, list[Note]]:
     """Screen records to judge by, of which an error says so."""
     try:
-        return screened(cls, holdout, fixed)
+        data, notes = as_measured(holdout)
+        usable, faults = screened(cls, data, fixed)
+        return usable, notes + faults
     except UnusableRecordError as error:
         raise UnusableRecordError([note.of_holdout() for note in error.notes]) from error
 

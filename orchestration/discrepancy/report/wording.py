@@ -102,6 +102,10 @@ _NOTES = {
     NoteCode.QUANTISED: (
         "steps of {resolution:.4g}, coarser than its noise: nothing finer can be judged"
     ),
+    NoteCode.RESAMPLED: (
+        "all outputs are straight lines over {times} samples each: the record was resampled, and"
+        " only the {samples} samples between them are used"
+    ),
     NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
     NoteCode.NOTHING_USABLE: "no output is left that could be trusted: nothing can be judged",
     NoteCode.INTERSAMPLE: (

@@ -457,6 +457,19 @@ def other_sign(monkeypatch):
     return diagnose(Motor, wired(drive_sign=-1.0), []).notes
 
 
+@makes(NoteCode.RESAMPLED)
+def resampled_record(monkeypatch):
+    data = wired()
+    index = np.arange(5 * (len(data.time) - 1) + 1) / 5.0
+
+    def lines(values):
+        return np.interp(index, np.arange(len(data.time)), values)
+
+    inputs = {"drive": lines(data.inputs["drive"])}
+    shown = {"shown": lines(data.measured["shown"])}
+    return diagnose(Motor, Dataset(lines(data.time), inputs, shown), []).notes
+
+
 @makes(NoteCode.OTHER_UNIT)
 def other_unit(monkeypatch):
     return diagnose(Motor, wired(drive_sign=1e3), []).notes
