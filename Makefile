@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: fuzz demo hil-demo test test-slow foreign-study naming clean-study hidden-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz demo hil-demo test test-slow foreign-study naming clean-study hidden-study misuse-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -41,6 +41,9 @@ clean-study: $(VENV)/installed-dev
 
 hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
+
+misuse-study: $(VENV)/installed-dev
+	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261180) --out docs/misused-records.md
 
 laws-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.laws --records 120 --clean 232 --actuator 1 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md

@@ -1,0 +1,158 @@
+"""Study of misused records: clean ones, spoilt in the ways in which people spoil them.
+
+`python -m studies.judging.misuse --each 2 --seed 1` draws records of every kind of `studies.misuse`
+and diagnoses them from their files with the models that they were drawn for. A cause that is named
+is false, and `consistent` or `recalibrate` is no answer. Counted is whether the fault is told by
+its name, or else that the model does not describe the record.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.tables import Table, Topic
+from fmus.kit import UserError
+from studies.judging.clean import ROOT, settings_of, share
+from studies.judging.kept import add_options, among, judged
+from studies.judging.stamp import DIAGNOSIS, stamp
+from studies.misuse import KINDS, MisuseCase, cases, draw_misused, write
+
+if TYPE_CHECKING:
+    from orchestration.api import DiagnosisResult
+    from orchestration.discrepancy import Note
+    from studies.misuse import Columns
+
+CODE = (*DIAGNOSIS, "studies/clean", "studies/misuse", "studies/judging/misuse.py")
+PAGE = ROOT / "docs" / "misused-records.md"
+Row = dict[str, Any]
+REFUSED = "refused"
+NAMED = "told by name"
+IN_GENERAL = "told in general"
+SILENT = "unexplained"
+MISLED = "misled"
+OUTCOMES = (REFUSED, NAMED, IN_GENERAL, SILENT, MISLED)
+_COLUMNS = {"exchanged", "other_sign", "other_unit"}  # notes on columns
+_FAULTS = {  # notes on what was done to values
+    "resampled ten times finer": {"resampled"},
+    "saturated": {"clipped", "clipped_repeatedly"},
+    "of six levels": {"quantised"},
+}
+_GENERAL = {"large_error", "implausible", "not_followed", "end_not_followed"}
+_HEAD = (
+    "# What is said of records that were spoilt\n"
+    "\n"
+    "Drawn by `python -m studies.judging.misuse --each {each} --seed {seed}`; `make misuse-study`"
+    " draws it anew.\n"
+    "The records are clean ones, of generators that share no code with the models under test,"
+    " spoilt in the ways\n"
+    "of `studies/misuse/kinds.py`. Whatever cause is named is false.\n"
+    "\n"
+    "{stamp}\n"
+    "\n"
+)
+
+
+def judge(case: MisuseCase) -> Row:
+    """Draw a record, spoil it, diagnose it from its file, and tell what was said."""
+    import orchestration as ppy
+
+    right, spoilt = draw_misused(case)
+    with tempfile.TemporaryDirectory() as folder:
+        path = write(right, spoilt, Path(folder) / "record.csv")
+        try:
+            result = ppy.diagnose(
+                path,
+                right.plant.model,
+                settings=settings_of(right),
+                hold=right.plant.known,
+                laws=False,
+            )
+        except UserError as error:
+            return asdict(case) | {"outcome": REFUSED, "said": str(error)}
+    changed = _changed({"time": right.time, **right.inputs, **right.outputs}, spoilt)
+    outcome = _outcome(case.kind, result, changed)
+    return asdict(case) | {"outcome": outcome, "said": result.sentence}
+
+
+def _changed(right: dict[str, Any], spoilt: Columns) -> set[str]:
+    """Return the columns that were spoilt."""
+    return {
+        name
+        for name, values in spoilt.everything.items()
+        if len(values) != len(right[name]) or not np.allclose(values, right[name])
+    }
+
+
+def _outcome(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
+    """Class an answer."""
+    notes = result.details.diagnosis.notes
+    named = any(_names(note, kind, changed) for note in notes)
+    if result.causes or str(result.verdict) in ("consistent", "recalibrate"):
+        # of a fault of values that is told, what is left may be right
+        return NAMED if named and not result.causes else MISLED
+    if named:
+        return NAMED
+    general = _GENERAL & {str(note.code) for note in notes}
+    return IN_GENERAL if general else SILENT
+
+
+def _names(note: Note, kind: str, changed: set[str]) -> bool:
+    """Return whether a note names a fault: its kind, or columns all of which were spoilt."""
+    code = str(note.code)
+    if code in _COLUMNS:
+        return changed.issuperset(note.facts["columns"].split(" and "))
+    return code in _FAULTS.get(kind, ())
+
+
+def report(rows: Sequence[Row]) -> Topic:
+    """Return tables of what was said, by kind, and of the answers that mislead."""
+    counts = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in OUTCOMES}
+    table = [
+        [kind, *(sum(row["outcome"] == outcome for row in of) for outcome in OUTCOMES)]
+        for kind in KINDS
+        if (of := [row for row in rows if row["kind"] == kind])
+    ]
+    said = counts[REFUSED] + counts[NAMED]
+    parts: list[str | Table] = [
+        f"Of {len(rows)} records {share(said, len(rows))} are refused or told by name,"
+        f" {share(counts[IN_GENERAL], len(rows))} told not to be described by the model, and"
+        f" {share(counts[MISLED], len(rows))} mislead: a cause, `consistent` or `recalibrate`.",
+        Table(["misuse", *OUTCOMES], table),
+    ]
+    wrong = [[_title(row), row["said"]] for row in rows if row["outcome"] == MISLED]
+    if wrong:
+        parts.append(Table(["misled", "said"], wrong))
+    return Topic("Misused records", parts)
+
+
+def _title(row: Row) -> str:
+    return str(MisuseCase(**{name: row[name] for name in MisuseCase.__dataclass_fields__}))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m studies.judging.misuse", description=__doc__.split("\n\n")[0]
+    )
+    add_options(parser, 0, "misuse")
+    parser.add_argument("--each", type=int, default=2, help="records of every kind")
+    parser.add_argument("--out", type=Path, help="page to write")
+    chosen = parser.parse_args(arguments)
+    kept = chosen.kept or ROOT / "build" / "misuse" / f"{chosen.seed}.jsonl"
+    wanted = among(cases(chosen.each, chosen.seed), chosen)
+    text = str(report(judged(wanted, kept, judge, lambda row: f"{row['outcome']}: {row['said']}")))
+    print("\n" + text)
+    if chosen.out is not None:
+        head = _HEAD.format(each=chosen.each, seed=chosen.seed, stamp=stamp(CODE))
+        chosen.out.write_text(head + text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

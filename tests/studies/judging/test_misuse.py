@@ -1,0 +1,44 @@
+"""Claims: answers about misused records are classed by what they say of the fault."""
+
+from __future__ import annotations
+
+import pytest
+
+from studies.judging import misuse
+from studies.misuse import MisuseCase
+
+
+@pytest.mark.parametrize(
+    ("kind", "outcome"),
+    [
+        ("speed in rpm", misuse.NAMED),
+        ("input of the other sign", misuse.NAMED),
+        ("too short", misuse.REFUSED),
+    ],
+)
+def test_a_fault_of_a_motor_is_classed(kind, outcome):
+    row = misuse.judge(MisuseCase(kind, "Motor", "square", 3))
+    assert row["outcome"] == outcome
+    assert row["kind"] == kind
+    text = str(misuse.report([row]))
+    assert kind in text
+
+
+def test_what_misleads_is_counted_and_shown():
+    case = {"kind": "integrated", "plant": "Motor", "stimulus": "square", "seed": 1}
+    rows = [
+        case | {"outcome": misuse.MISLED, "said": "a lag"},
+        case | {"outcome": misuse.NAMED, "said": "integrated"},
+    ]
+    text = str(misuse.report(rows))
+    assert "a lag" in text
+    assert "50" in text
+
+
+def test_the_command_line_keeps_rows_and_writes_a_page(tmp_path):
+    page = tmp_path / "page.md"
+    kept = tmp_path / "kept.jsonl"
+    arguments = ["--each", "1", "--seed", "2", "--only", "too short", "--kept", str(kept)]
+    misuse.main([*arguments, "--out", str(page)])
+    assert len(kept.read_text().splitlines()) == 1
+    assert "Misused records" in page.read_text()
