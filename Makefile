@@ -13,6 +13,7 @@ help:
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
 	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
+	@echo "make misuse-study what is said of records with wrong units, columns, signs, clocks or cuts; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
 	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"
 	@echo "make public-laws what the laws of four measured systems lack; records where PPY_PUBLIC_DATA says"

@@ -104,10 +104,11 @@ def _outcome(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
 
 
 def _names(note: Note, kind: str, changed: set[str]) -> bool:
-    """Return whether a note names a fault: its kind, or columns all of which were spoilt."""
+    """Return whether a note names a fault: its kind, or columns all of which were spoilt, be it beside others."""
     code = str(note.code)
     if code in _COLUMNS:
-        return changed.issuperset(note.facts["columns"].split(" and "))
+        told = [note.facts["columns"], *(other.split(" in ")[0] for other in note.facts["others"])]
+        return any(changed.issuperset(columns.split(" and ")) for columns in told)
     return code in _FAULTS.get(kind, ())
 
 

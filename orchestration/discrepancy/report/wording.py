@@ -60,15 +60,15 @@ _NOTES = {
         " sample to sample; units, signs and columns are the first to look at"
     ),
     NoteCode.EXCHANGED: (
-        "{columns} look exchanged: the model misses {share}, and with them the other way round"
+        "{columns} look exchanged{others}: the model misses {share}, and with them the other way round"
         " {instead}"
     ),
     NoteCode.OTHER_SIGN: (
-        "{columns} looks to be of the other sign: the model misses {share}, and with it changed"
+        "{columns} looks to be of the other sign{others}: the model misses {share}, and with it changed"
         " {instead}"
     ),
     NoteCode.OTHER_UNIT: (
-        "{columns} looks to be in {unit}: as it stands the model misses {share} or needs parameters"
+        "{columns} looks to be in {unit}{others}: as it stands the model misses {share} or needs parameters"
         " that no specimen has, and read as such it misses {instead} with ordinary ones"
     ),
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
@@ -363,6 +363,10 @@ def _format_names(names: Sequence[str]) -> str:
     return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
+def _format_others(others: Sequence[str]) -> str:
+    return f" (or {' or '.join(others)})" if others else ""
+
+
 def _format_lost_samples(count: int) -> str:
     return f", and {count} samples between gaps too close to use" if count else ""
 
@@ -407,6 +411,7 @@ _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
     "shares": _format_shares,
     "errors": _format_errors,
     "names": _format_names,
+    "others": _format_others,
     "lost": _format_lost_samples,
     "records": _format_records,
     "untried": _format_untried,

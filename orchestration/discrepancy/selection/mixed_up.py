@@ -8,14 +8,14 @@ of its kind.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.units import BaseUnit, base_unit
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
@@ -33,6 +33,7 @@ _AS_NEAR = 1.05  # times that error, which another unit may leave where paramete
 # the first on one is worth a look, and up to the second it is that of another specimen.
 _FAR = float(np.log(8.0))
 _USUAL = float(np.log(2.5))
+_SAME = 0.1  # of distance, within which readings cannot be told apart
 _ENOUGH = 4_000  # samples, to tell readings apart by
 # Units that people write for one another, the SI one first; and thousands and thousandths of any.
 _KINDS = (
@@ -72,6 +73,10 @@ class _Reading:
     code: NoteCode
     columns: str
     unit: str = ""
+
+    def __str__(self) -> str:
+        """Return the columns, and the unit if they are read in another."""
+        return f"{self.columns} in {self.unit}" if self.unit else self.columns
 
 
 @dataclass(frozen=True)
@@ -125,27 +130,38 @@ def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     as_is, *worths = parallel_map(worth_of, [_Reading(few, NoteCode.OTHER_UNIT, ""), *readings])
     errors = np.array([worth.error for worth in worths])
     distances = np.array([worth.distance for worth in worths])
-    alike = errors <= _ALIKE * np.min(errors, initial=np.inf)
-    best = int(np.argmin(np.where(alike, distances, np.inf)))
-    if as_is.error > _LARGE and errors[best] < _MUCH_NEARER * as_is.error:
-        return [_note(readings[best], as_is, worths[best])]
+    if not readings:
+        return []
+    near = errors <= _ALIKE * np.min(errors)
+    if as_is.error > _LARGE and np.min(errors) < _MUCH_NEARER * as_is.error:
+        return [_note(readings, near, as_is, worths)]
     in_units = np.array([reading.code is NoteCode.OTHER_UNIT for reading in readings])
     reasonable = in_units & (errors <= _AS_NEAR * as_is.error) & (distances <= _USUAL)
     if as_is.distance <= _FAR or as_is.error > _HALF or not reasonable.any():
         return []
-    best = int(np.argmin(np.where(reasonable, distances, np.inf)))
-    return [_note(readings[best], as_is, worths[best])]
+    return [_note(readings, reasonable, as_is, worths)]
 
 
-def _note(reading: _Reading, present: _Worth, other: _Worth) -> Note:
+def _note(
+    readings: Sequence[_Reading], taken: Mask, present: _Worth, worths: Sequence[_Worth]
+) -> Note:
+    """Return the note on the reading with the usual parameters, and those that do as well.
+
+    Of a linear model the gain alone tells of a unit or a sign, be it of the input or the output.
+    """
+    order = sorted(np.flatnonzero(taken), key=lambda k: worths[k].distance)
+    first = readings[order[0]]
+    least = worths[order[0]].distance
+    others = [readings[k] for k in order[1:] if worths[k].distance <= least + _SAME]
     facts = {
-        "columns": reading.columns,
+        "columns": first.columns,
         "share": present.error,
-        "instead": other.error,
+        "instead": worths[order[0]].error,
+        "others": tuple(str(other) for other in others if other.code is first.code),
     }
-    if reading.unit:
-        facts["unit"] = reading.unit
-    return Note(reading.code, "", facts)
+    if first.unit:
+        facts["unit"] = first.unit
+    return Note(first.code, "", facts)
 
 
 def _readings(search: Search, data: Dataset) -> Iterator[_Reading]:
