@@ -44,7 +44,7 @@ hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
 
 misuse-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261180) --out docs/misused-records.md
+	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md
 
 laws-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.laws --records 120 --clean 232 --actuator 1 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md

@@ -107,7 +107,8 @@ def _names(note: Note, kind: str, changed: set[str]) -> bool:
     """Return whether a note names a fault: its kind, or columns all of which were spoilt, be it beside others."""
     code = str(note.code)
     if code in _COLUMNS:
-        told = [note.facts["columns"], *(other.split(" in ")[0] for other in note.facts["others"])]
+        others = [other.split(" in ")[0] for other in note.facts["others"]]
+        told = [note.facts["columns"], *others]
         return any(changed.issuperset(columns.split(" and ")) for columns in told)
     return code in _FAULTS.get(kind, ())
 

@@ -60,16 +60,16 @@ _NOTES = {
         " sample to sample; units, signs and columns are the first to look at"
     ),
     NoteCode.EXCHANGED: (
-        "{columns} look exchanged{others}: the model misses {share}, and with them the other way round"
-        " {instead}"
+        "{columns} look exchanged{others}: the model misses {share}, and with them the other way"
+        " round {instead}"
     ),
     NoteCode.OTHER_SIGN: (
-        "{columns} looks to be of the other sign{others}: the model misses {share}, and with it changed"
-        " {instead}"
+        "{columns} looks to be of the other sign{others}: the model misses {share}, and with it"
+        " changed {instead}"
     ),
     NoteCode.OTHER_UNIT: (
-        "{columns} looks to be in {unit}{others}: as it stands the model misses {share} or needs parameters"
-        " that no specimen has, and read as such it misses {instead} with ordinary ones"
+        "{columns} looks to be in {unit}{others}: as it stands the model misses {share} or needs"
+        " parameters that no specimen has, and read as such it misses {instead} with ordinary ones"
     ),
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: (
