@@ -104,7 +104,7 @@ def _outcome(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
 
 
 def _names(note: Note, kind: str, changed: set[str]) -> bool:
-    """Return whether a note names a fault: its kind, or columns all of which were spoilt, be it beside others."""
+    """Return whether a note names a fault: its kind, or spoilt columns, be it beside others."""
     code = str(note.code)
     if code in _COLUMNS:
         others = [other.split(" in ")[0] for other in note.facts["others"]]
