@@ -149,7 +149,7 @@ def _note(
 
     Of a linear model the gain alone tells of a unit or a sign, be it of the input or the output.
     """
-    order = sorted(np.flatnonzero(taken), key=lambda k: worths[k].distance)
+    order = sorted(map(int, np.flatnonzero(taken)), key=lambda k: worths[k].distance)
     first = readings[order[0]]
     least = worths[order[0]].distance
     others = [readings[k] for k in order[1:] if worths[k].distance <= least + _SAME]
