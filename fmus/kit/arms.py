@@ -306,12 +306,15 @@ def _constant_and_state(
     else:
         meaning = "time constant (T)"
         constant_unit = "s"
+    state_range: dict[str, Any] = {}
     if kind in _NORMALISED:
         state_unit = "1"
         typical = 1.0
+        state_range = {"min": -1.0, "max": 1.0}
     elif kind in _MEAN_SQUARE:
         state_unit = f"({unit})^2"
         typical = size**2
+        state_range = {"min": 0.0}
     else:
         state_unit = unit
         typical = size
@@ -329,6 +332,7 @@ def _constant_and_state(
             rate=f"{state}_rate",
             nominal=typical,
             doc=f"what {amount} remembers of {argument.name}",
+            **state_range,
         ),
     }
 

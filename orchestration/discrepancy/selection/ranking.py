@@ -45,7 +45,7 @@ AS_PROMISING = 0.5  # of the best fall that is expected of an effect, for a fit 
 REFINED = 3  # contenders, the nearest first, that are fitted from beside their optima too
 CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure of a fit
 # of the error in blocks left out, up to which it must fall for that alone to speak for an effect
-NEARER = 0.8
+NEARER = 0.9
 OBVIOUS = 50.0  # fall of BIC that it must have beside
 ABOUT = 0.98  # of the error there of another, from which on one comes about as near
 _STAGE = Method(passes=1, trials=25, restarts=0)  # of a fit to the end

@@ -57,6 +57,10 @@ def explaining(search: Search, selection: Selection) -> Selection:
         return selection
     if takes_enough(base=selection.base, below=selection.base, richer=selection.best):
         return selection
+    # in noise with a long memory a likelihood says little of how near a simulation is
+    base = search.trusted(selection.base)
+    if takes_enough(base=base, below=base, richer=search.trusted(selection.best, base)):
+        return selection
     named = [(step.chosen, step.gain) for step in selection.steps]
     unsure = selection.unsure | {fitted.effect_name for fitted, _ in named}
     return replace(selection, steps=[], rejected=[*named, *selection.rejected], unsure=unsure)

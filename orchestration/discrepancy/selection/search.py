@@ -53,6 +53,9 @@ _EASIER = 0.2
 # what the accuracy of an FMU does where a model bends sharply.
 _TOLERANCE = 1e-6
 _BEHIND = 6.0  # of BIC, after its first steps, behind which a fit from beside an optimum ends
+# of the way between two samples at a typical velocity, in which a slide has given: by less, it is
+# friction that changes sign at once, at the price of ever shorter internal steps
+_AT_ONCE = 0.1
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -333,6 +336,7 @@ class Search:
         problem.largest = dict.fromkeys(_time_constants(candidate), longest)
         if candidate.effects:
             problem.effort = self.patience * max(_EFFORT, _EASIER * problem.effort)
+        problem.smallest = dict(_shortest_ways(candidate, float(np.median(np.diff(data.time)))))
         if self.shortest_lag:
             lags = (name for name in searched if name.endswith("_memory_constant"))
             problem.least = dict.fromkeys(lags, self.shortest_lag)
@@ -410,6 +414,22 @@ def _time_constants(candidate: Candidate) -> Iterator[str]:
     for effect in candidate.effects:
         own = set(own_parameters(effect))
         yield from (p.name for p in effect.layout.parameters if p.name in own and p.unit == "s")
+
+
+def _shortest_ways(candidate: Candidate, period: float) -> Iterator[tuple[str, float]]:
+    """Yield the ways until slides give, with the shortest of each that samples can tell from none.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    period : float
+        Between samples, s.
+    """
+    for effect in candidate.effects:
+        made_with = getattr(effect, "made_with", {})
+        if made_with.get("kind") == "sliding":
+            _, way = own_parameters(effect)
+            yield way, _AT_ONCE * (made_with["scale"] or effect.declared[way].nominal) * period
 
 
 def _are_of_one_record(one: FitResult, other: FitResult) -> bool:

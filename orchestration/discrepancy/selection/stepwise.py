@@ -20,6 +20,9 @@ SECONDARY = 0.2  # of the evidence for the first effect, below which another is 
 MOST = 3  # effects that are looked for
 CHANCES = 6  # candidates that are fitted in noise of their own, the best first, until one is sure
 EXPLAINED = 0.1  # of the error of the base beyond noise
+# of what an effect gains, by which a better optimum of the model without it must be better for all
+# to be fitted from there: by less, none that is not as good comes to be the best
+LOWERED = 0.1
 SHORT = 5.0  # ratio of the variance of noise to that of its innovations, below which it is white
 # A model left free may bend its parameters out of all reason to follow what it has no word for, and
 # what an effect would add to that tells little. Where one held this close to nominal (in the
@@ -210,7 +213,7 @@ def _search_step(
     improved = selection
     if result.below is not selection.best:
         improved = selection.ending_in(result.below)
-    if result.step is None or not lowered > ALTERNATIVE:
+    if result.step is None or not lowered > max(ALTERNATIVE, LOWERED * result.step.gain):
         return improved, result
     # all were fitted from a lesser optimum
     scored.append(score(search, result.below, remaining))

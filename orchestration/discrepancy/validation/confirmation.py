@@ -163,26 +163,47 @@ def confirm(
     at_rest = is_at_rest(validation.data, validation.judged)
     for k, step in enumerate(selection.steps):
         before = predictions[-1]
-        prediction = predict(validation, step.chosen)
-        confirmation = compare(validation, before, prediction, at_rest)
-        refuted = confirmation.outcome is Outcome.REFUTED
-        notes = [_refutation(selection.steps[k:], confirmation)] if refuted else []
-        if refuted:
+        judged = _judge(validation, before, selection.steps[k:], at_rest)
+        if isinstance(judged, Note):
+            notes.append(judged)
             selection = _without(selection, k)
-            others = [reported(other, before.model) for other in _next_best(step)]
-            better = _first_confirmed(validation, before, others, at_rest)
+            better = _first_confirmed(validation, before, _next_best(step), reported, at_rest)
             if better is None:
                 break
-            prediction, confirmation = better
-            step = _in_place(step, prediction.model)
+            judged = better
+            step = _in_place(step, better[0].model)
             selection.steps.append(step)
+        prediction, confirmation = judged
         # of a model before the best one none but its errors are asked for any more
         predictions[-1] = replace(before, sensitivities={})
         predictions.append(prediction)
         confirmations[step.chosen.effect_name] = confirmation
-        if refuted:
+        if notes:
             break
     return ConfirmedSelection(selection, predictions, confirmations, notes)
+
+
+def _judge(
+    validation: ValidationData, before: Prediction, steps: Sequence[Step], at_rest: bool
+) -> tuple[Prediction, Confirmation] | Note:
+    """Judge the first of some steps against the model before it.
+
+    Returns
+    -------
+    tuple of Prediction and Confirmation, or Note
+        A note where it is refuted, or cannot be simulated where nothing was fitted: why it, and all
+        that rests on it, is not claimed.
+    """
+    model = steps[0].chosen
+    try:
+        prediction = predict(validation, model)
+    except FAILURES as error:
+        reason = f"over the part held out, {error}"
+        return Note(NoteCode.NOT_SIMULATED, model.effect_name, {"reason": reason})
+    confirmation = compare(validation, before, prediction, at_rest)
+    if confirmation.outcome is Outcome.REFUTED:
+        return _refutation(steps, confirmation)
+    return prediction, confirmation
 
 
 def _without(selection: Selection, first: int) -> Selection:
@@ -205,12 +226,13 @@ def _first_confirmed(
     validation: ValidationData,
     before: Prediction,
     others: Sequence[FittedCandidate],
+    reported: Callable[[FittedCandidate, FittedCandidate], FittedCandidate],
     at_rest: bool,
 ) -> tuple[Prediction, Confirmation] | None:
-    """Return the first of some models that unseen data confirm, with its prediction."""
+    """Return the first of some models that unseen data confirm, as it is reported."""
     for other in others:
         with suppress(*FAILURES):
-            prediction = predict(validation, other)
+            prediction = predict(validation, reported(other, before.model))
             confirmation = compare(validation, before, prediction, at_rest)
             if confirmation.outcome is Outcome.CONFIRMED:
                 return prediction, confirmation

@@ -238,7 +238,7 @@ class Problem:
         Coefficients of the noise's autoregression, likewise.
     held : list of int
         Coordinates that are not searched.
-    largest : Mapping of str to float
+    smallest, largest : Mapping of str to float
         Values of parameters, SI, beyond which they are not searched though they are declared wider.
     tolerance : float
         Accuracy of an internal step of simulations, if the model's own need not be reached.
@@ -299,6 +299,7 @@ class Problem:
         self.freedom: Mapping[str, float] = {}
         self.colour: Mapping[str, Array] = {}
         self.held: list[int] = []
+        self.smallest: Mapping[str, float] = {}
         self.largest: Mapping[str, float] = {}
         self.tolerance = 0.0
         self.error_scales: dict[str, float] = {}
@@ -419,8 +420,9 @@ class Problem:
         ends = []
         for name, scale in zip(self.names, self.scales, strict=True):
             declared = self.declared[name]
+            smallest = max(declared.min, self.smallest.get(name, -np.inf))
             largest = min(declared.max, self.largest.get(name, np.inf))
-            ends.append((scale.position(declared.min), scale.position(largest)))
+            ends.append((scale.position(smallest), scale.position(largest)))
         low, high = np.array(ends, dtype=float).reshape(-1, 2).T
         return low, high
 
