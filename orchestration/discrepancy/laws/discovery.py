@@ -23,6 +23,7 @@ from orchestration.discrepancy.selection import FAILURES
 from orchestration.discrepancy.validation import Confirmation, Outcome, compare, predict
 from orchestration.fmu import catalogue, families
 
+_JUDGED = 3  # corrections that unseen data judge, the best first, until they confirm one
 _BEST = 6  # more entries with the effect of the best that are fitted
 _PLAIN = 40  # more signals as they are that are fitted, unlikely ones too
 _AT_ONCE = 6  # entries that are fitted before it is asked whether others can come as near
@@ -169,36 +170,73 @@ def discover(
         progress(f"fitting {len(more)} more")
         fitted = _telling(_fitted(fitting, law_map, more, several), below)
     as_good = _as_good(law_map, fitted, below)
-    corrections = _corrections(fitting, [*as_good, *fitted[len(as_good) :]], below)
-    if corrections:
-        best = corrections[0]
-        others = _indistinguishable(law_map, best.entry, as_good, [*chosen, *more], entries)
-        corrections[0] = _judged(replace(best, alike=others), base, diagnosis.validation)
+    in_turn = _one_of_each([*as_good, *fitted[len(as_good) :]])
+
+    def in_full(one: FittedEntry) -> Correction | None:
+        correction = _shaped(fitting, one, below)
+        if correction is None:
+            return None
+        others = _indistinguishable(law_map, one.entry, as_good, [*chosen, *more], entries)
+        return _judged(replace(correction, alike=others), base, diagnosis.validation)
+
+    first = _first_confirmed(in_full, in_turn[:_JUDGED])
+    corrections = [first] if first else []
+    for one in in_turn:
+        if first and one.entry.key != first.entry.key:
+            corrections += _as_curve(fitting, one, below)
     return LawMapResult(base, entries, law_map.chance, corrections)
 
 
-def _corrections(fitting: Fitting, fitted: Sequence[FittedEntry], below: float) -> list[Correction]:
-    """Return entries as corrections: the first with the shape that it may have, others as curves.
+def _one_of_each(fitted: Sequence[FittedEntry]) -> list[FittedEntry]:
+    """Return the first fit of every law over a signal and its memory."""
+    first: dict[tuple[str, str, str, str], FittedEntry] = {}
+    for one in fitted:
+        first.setdefault(one.entry.key, one)
+    return list(first.values())
+
+
+def _first_confirmed(
+    in_full: Callable[[FittedEntry], Correction | None], fitted: Sequence[FittedEntry]
+) -> Correction | None:
+    """Return the first of some corrections that unseen data confirm, or else the first of all."""
+    first = None
+    for one in fitted:
+        correction = in_full(one)
+        if correction and correction.confirmed:
+            return correction
+        first = first or correction
+    return first
+
+
+def _shaped(fitting: Fitting, one: FittedEntry, below: float) -> Correction | None:
+    """Return an entry as a correction with the shape that it may have.
 
     Parameters
     ----------
     fitting : Fitting
-    fitted : sequence of FittedEntry
-        The best first.
+    one : FittedEntry
     below : float
-        Criterion of the model without them, less the price of looking at so many.
+        Criterion of the model without it, less the price of looking at so many.
+
+    Returns
+    -------
+    Correction or None
+        With its curve where no simple shape does as well; None where that cannot be fitted.
     """
-    corrections: list[Correction] = []
-    for one in fitted:
-        curved = one if corrections else fitting.bent(one)
-        shapes = [] if corrections else fitting.shapes(curved)
-        shape, model = _nearest(shapes, curved, below) or ("", fitting.curve_amount(curved))
-        if model is None or any(one.entry.key == other.entry.key for other in corrections):
-            continue
-        gain = below - (model.fit.bic if shape else curved.criterion)
-        above = tuple((name, shaped.fit.bic - curved.criterion) for name, shaped in shapes)
-        corrections.append(Correction(curved, gain, shape, model, above))
-    return corrections
+    curved = fitting.bent(one)
+    shapes = fitting.shapes(curved)
+    above = tuple((name, shaped.fit.bic - curved.criterion) for name, shaped in shapes)
+    nearest = _nearest(shapes, curved, below)
+    if nearest:
+        shape, model = nearest
+        return Correction(curved, below - model.fit.bic, shape, model, above)
+    return next((replace(c, shapes=above) for c in _as_curve(fitting, curved, below)), None)
+
+
+def _as_curve(fitting: Fitting, one: FittedEntry, below: float) -> list[Correction]:
+    """Return an entry as a correction with its curve; none where that cannot be fitted."""
+    model = fitting.curve_amount(one)
+    return [Correction(one, below - one.criterion, "", model)] if model else []
 
 
 def _families(cls: type[Component]) -> set[str]:

@@ -3,7 +3,9 @@
 A criterion counts on one of the models being right. Where none is, the best is the one that
 predicts best (Stone, JRSS B 36, 1974), of blocks that are long, because neighbouring samples tell
 of each other (Burman, Chow, Nolan, Biometrika 81, 1994). Every block counts alike: what is far out
-in one of them says no more than what is a little out in all.
+in one of them says no more than what is a little out in all. Where a record mostly rests, blocks
+are shorter where it moves: a step that is all in one block is left out as a whole, and what is
+fitted to the rest says nothing of it.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ from orchestration.discrepancy.selection.search import FAILURES, Search
 _BLOCKS = 16
 _FOLDS = 4  # a candidate is fitted for each without every fourth block
 _LEVEL = 0.95
+# of the mean movement of blocks of one length, below which one of them rests
+_RESTS = 0.1
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class Blocks:
     count: int
 
     @classmethod
-    def of(cls, data: Dataset, each: bool) -> Blocks:
+    def of(cls, data: Dataset, each: bool, movement: Array) -> Blocks:
         """Return runs, without what tells where each starts, or stretches if there are few runs.
 
         Parameters
@@ -46,6 +50,8 @@ class Blocks:
         data : Dataset
         each : bool
             Whether parameters differ from run to run.
+        movement : ndarray, shape (n,)
+            Share of all that the outputs move which falls to each sample.
         """
         number = np.full(len(data.time), -1)
         if len(data.runs) >= _FOLDS:
@@ -54,8 +60,30 @@ class Blocks:
                 number[run.samples] = np.where(judged[run.samples], k, -1)
             return cls(number, len(data.runs))
         within = np.flatnonzero(data.within)
-        number[within] = np.arange(within.size) * _BLOCKS // within.size
+        even = np.arange(within.size) * _BLOCKS // within.size
+        number[within] = even
+        moved = np.bincount(even, movement[within], _BLOCKS)
+        if moved.min() < _RESTS * moved.mean():
+            share = 0.5 / within.size + 0.5 * movement[within] / moved.sum()
+            number[within] = np.minimum(np.cumsum(share) * _BLOCKS, _BLOCKS - 1).astype(int)
         return cls(number, _BLOCKS)
+
+
+def movement(fitted: FittedCandidate) -> Array:
+    """Return the share (n,) of a simulation's total variation that falls to each sample.
+
+    It is the mean over outputs that move at all.
+    """
+    problem = fitted.problem
+    shares = []
+    for output, residual in fitted.fit.residual.items():
+        present = problem.present[output]
+        simulated = problem.measured[output][present] - residual
+        steps = np.zeros(len(present))
+        steps[present] = np.abs(np.diff(simulated, prepend=simulated[0]))
+        if steps.any():
+            shares.append(steps / steps.sum())
+    return np.mean(shares, axis=0) if shares else np.full(len(problem.time), 1.0)
 
 
 def cv_errors(

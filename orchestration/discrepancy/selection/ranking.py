@@ -27,6 +27,7 @@ from orchestration.discrepancy.residuals import has_structure
 from orchestration.discrepancy.selection.block_cross_validation import (
     Blocks,
     cv_errors,
+    movement,
     predicts_better,
 )
 from orchestration.discrepancy.selection.scoring import COMPARABLE, PROMISING, WORTH, screen
@@ -102,6 +103,20 @@ class Ranking:
         if errors is None or gain < OBVIOUS or not predicts_better(errors, self.base_cv_errors):
             return False
         return bool(np.mean(self.base_cv_errors - errors) > -2.0 * np.log(NEARER))
+
+    def distance(self, row: Row) -> float:
+        """Return by how much a candidate is worse than the best, 1 being what tells two apart.
+
+        Where none of the models is right, that is in blocks left out.
+        """
+        candidate, gain = row
+        if not self.cv_errors:
+            return (max(other for _, other in self.rows) - gain) / ALTERNATIVE
+        errors = self.cv_errors.get(candidate.effect)
+        if errors is None:
+            return np.inf
+        least = min(np.mean(other) for other in self.cv_errors.values())
+        return float((np.mean(errors) - least) / (-2.0 * np.log(ABOUT)))
 
     def indistinguishable(self, better: Row, other: Row) -> bool:
         """Return whether the record does not tell a candidate from one that comes before it."""
@@ -226,7 +241,7 @@ def _cross_validated(
     plain: Search, candidates: Sequence[FittedCandidate], nearest: FittedCandidate
 ) -> list[Array]:
     """Return the errors of candidates in blocks left out, in turn."""
-    blocks = Blocks.of(plain.data, bool(plain.each))
+    blocks = Blocks.of(plain.data, bool(plain.each), movement(candidates[0]))
     counter = Counter(plain.progress, "foretelling blocks left out", len(candidates))
 
     def errors_of(fitted: FittedCandidate) -> Array:

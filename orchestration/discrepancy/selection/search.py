@@ -194,14 +194,15 @@ class Search:
     def fit_extended(
         self, screened: ScreenedCandidate, at_rest: FittedCandidate
     ) -> FittedCandidate:
-        """Fit a model with one more effect, from its predicted parameters or the model without it.
+        """Fit a model with one more effect, from its predicted parameters or the model scored.
 
         Parameters
         ----------
         screened : ScreenedCandidate
+            The fit starts at the model that it was scored at, unless the predicted parameters are
+            nearer to the record.
         at_rest : FittedCandidate
-            The model without the effect; the fit starts there unless the predicted parameters are
-            nearer.
+            The model without the effect.
         """
         below = screened.below
         candidate = at_rest.candidate.with_effect(screened.effect)
@@ -212,7 +213,7 @@ class Search:
         predicted = below.problem.values(below.fit.q + step)
         starts = [
             problem.inside(problem.position(problem.start | values | screened.start))
-            for values in (predicted, at_rest.fit.values)
+            for values in (predicted, below.fit.values)
         ]
         nearest = min(starts, key=lambda q: error_at(problem, q))
         return FittedCandidate(candidate, problem, self._fit(candidate, problem, nearest, None))

@@ -337,20 +337,19 @@ def _in_turn(tried: Ranking) -> list[Row]:
     """Return candidates in the order in which they are judged: those as good as the best first.
 
     One of measuring takes no credit for what physics explains, too, which comes before it; nor one
-    of an input for what a law explains as well by the criterion.
+    of an input for what a law explains as well.
     """
     as_good = [
         row
         for row in tried.rows
         if row is tried.rows[0] or tried.indistinguishable(tried.rows[0], row)
     ]
-    most = max((gain for _, gain in as_good), default=0.0)
 
     def place(row: Row) -> tuple[bool, bool, bool, float]:
-        candidate, gain = row
-        effect = candidate.effect
+        effect = row[0].effect
         of_input = bool(effect.term.signal) and not effect.term.law
-        return bool(effect.output), most - gain >= ALTERNATIVE, of_input, -gain
+        distance = tried.distance(row)
+        return bool(effect.output), distance >= 1.0, of_input, distance
 
     others = [row for row in tried.rows if row not in as_good]
     return [

@@ -16,6 +16,7 @@ from orchestration.discrepancy.selection import ranking, stepwise
 from orchestration.discrepancy.selection.block_cross_validation import (
     Blocks,
     cv_errors,
+    movement,
     predicts_better,
 )
 from orchestration.discrepancy.selection.ranking import Ranking, ranked
@@ -76,7 +77,7 @@ def test_errors_of_blocks_left_out_are_those_of_regression(named):
     search = Search(data, Amplifier, ["gain"])
     base, plain = search.nominal(), replace(search.in_white_noise(), freedom={"shown": np.inf})
     chosen = plain.fit_from(base.candidate.with_effect(named) if named else base.candidate, base)
-    found = cv_errors(plain, chosen, Blocks.of(data, False), chosen)
+    found = cv_errors(plain, chosen, Blocks.of(data, False, movement(chosen)), chosen)
     noise = chosen.fit.noise["shown"].deviation ** 2
     assert noise == pytest.approx(np.mean(chosen.fit.residual["shown"] ** 2), rel=0.01)
     expected = np.log(np.exp(by_regression(data, [SHAPES[named]] if named else [])) + noise)
@@ -86,15 +87,31 @@ def test_errors_of_blocks_left_out_are_those_of_regression(named):
 def test_a_run_is_left_out_whole_but_for_what_tells_where_it_starts():
     parts = {f"run {k}": record(lambda s, _: 0.0 * s, k) for k in range(5)}
     data = Dataset.joined(parts)
-    blocks = Blocks.of(data, False)
+    even = np.full(len(data.time), 1.0 / len(data.time))
+    blocks = Blocks.of(data, False, even)
     assert blocks.count == 5
     for k, run in enumerate(data.runs):
         number = blocks.number[run.samples]
         assert set(number) == {-1, k}
         assert number[0] == -1 < number[-1]
-    few = Blocks.of(Dataset.joined(dict(list(parts.items())[:2])), False)
+    two = Dataset.joined(dict(list(parts.items())[:2]))
+    few = Blocks.of(two, False, np.full(len(two.time), 1.0 / len(two.time)))
     assert few.count == 16
     assert set(few.number) == {*range(-1, 16)}  # between two runs is no block
+
+
+def test_a_step_of_a_record_that_rests_is_in_several_blocks():
+    data = record(lambda s, _: 0.0 * s)
+    decay = np.where(np.arange(COUNT) >= 800, np.exp(-(np.arange(COUNT) - 800.0) / 20.0), 0.0)
+    blocks = Blocks.of(data, False, decay / decay.sum())
+    assert (np.diff(blocks.number) >= 0).all()
+    assert set(blocks.number) == set(range(16))
+    # a half of the blocks is for the movement, all but exp(-5) of which is over by then
+    assert len(set(blocks.number[800:900])) >= 8
+    # and the other half for time: none is longer than an eighth of the record
+    assert np.bincount(blocks.number).max() <= COUNT // 8 + 1
+    moving = np.where(np.arange(COUNT) % 2, 1.5, 0.5) / COUNT
+    assert (Blocks.of(data, False, moving).number == np.arange(COUNT) // 100).all()
 
 
 @pytest.mark.parametrize(

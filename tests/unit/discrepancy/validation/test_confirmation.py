@@ -280,3 +280,27 @@ def test_what_another_record_does_not_confirm_is_not_claimed():
 
 def test_what_another_record_confirms_is_claimed():
     assert claimed(held_out=OBVIOUS) == (["force_offset"], [])
+
+
+def test_what_runs_away_over_unseen_data_is_not_judged():
+    """A spring that softens like asinh, by Euler's rule: a cube does as well where it is fitted.
+
+    By paper: such a cube holds back no more than 2/3 of what it would hold at its knee, about 0.9,
+    and in the last third the drive goes to 2.
+    """
+    rng = np.random.default_rng(3)
+    size = np.where(LAST, 1.0, 0.38)
+    signal = size * np.repeat(rng.uniform(-1.0, 1.0, COUNT // 30), 30)
+    fine, x, shown = 20, 0.0, np.zeros(COUNT)
+    for k in range(COUNT - 1):
+        for _ in range(fine):
+            x += STEP / fine * (2.0 * signal[k] - np.arcsinh(1.2 * x) / 1.2)
+        shown[k + 1] = x
+    noisy = shown + 0.002 * rng.normal(size=COUNT)
+    data = Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": noisy})
+    diagnosis = diagnose(Filter, data, [cubic_stiffness(Filter, "spring", "shown_state", unit="V")])
+    assert diagnosis.causes == []
+    (note,) = [note for note in diagnosis.notes if note.code is NoteCode.NOT_SIMULATED]
+    assert note.subject == "cubic_stiffness"
+    assert note.facts["reason"].startswith("over the part held out, not finite: shown_state")
+    assert diagnosis.selection.rejected[0][0].effect_name == "cubic_stiffness"
