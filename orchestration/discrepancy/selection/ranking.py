@@ -104,19 +104,13 @@ class Ranking:
             return False
         return bool(np.mean(self.base_cv_errors - errors) > -2.0 * np.log(NEARER))
 
-    def distance(self, row: Row) -> float:
-        """Return by how much a candidate is worse than the best, 1 being what tells two apart.
-
-        Where none of the models is right, that is in blocks left out.
-        """
+    def badness(self, row: Row) -> float:
+        """Return what tells shapes of one cause apart: errors in blocks left out, or else BIC."""
         candidate, gain = row
         if not self.cv_errors:
-            return (max(other for _, other in self.rows) - gain) / ALTERNATIVE
+            return -gain
         errors = self.cv_errors.get(candidate.effect)
-        if errors is None:
-            return np.inf
-        least = min(np.mean(other) for other in self.cv_errors.values())
-        return float((np.mean(errors) - least) / (-2.0 * np.log(ABOUT)))
+        return np.inf if errors is None else float(errors.sum())
 
     def indistinguishable(self, better: Row, other: Row) -> bool:
         """Return whether the record does not tell a candidate from one that comes before it."""

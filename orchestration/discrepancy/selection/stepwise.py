@@ -337,23 +337,29 @@ def _in_turn(tried: Ranking) -> list[Row]:
     """Return candidates in the order in which they are judged: those as good as the best first.
 
     One of measuring takes no credit for what physics explains, too, which comes before it; nor one
-    of an input for what a law explains as well.
+    of an input for what a law explains as well by the criterion. Of shapes of one cause the best
+    comes first.
     """
     as_good = [
         row
         for row in tried.rows
         if row is tried.rows[0] or tried.indistinguishable(tried.rows[0], row)
     ]
+    most = max((gain for _, gain in as_good), default=0.0)
 
     def place(row: Row) -> tuple[bool, bool, bool, float]:
-        effect = row[0].effect
+        candidate, gain = row
+        effect = candidate.effect
         of_input = bool(effect.term.signal) and not effect.term.law
-        distance = tried.distance(row)
-        return bool(effect.output), distance >= 1.0, of_input, distance
+        return bool(effect.output), most - gain >= ALTERNATIVE, of_input, -gain
+
+    def place_of_cause(row: Row) -> tuple[tuple[bool, bool, bool, float], float]:
+        shapes = [o for o in as_good if interchangeable(o[0].effect, row[0].effect)]
+        return min(map(place, shapes)), tried.badness(row)
 
     others = [row for row in tried.rows if row not in as_good]
     return [
-        *sorted(as_good, key=place),
+        *sorted(as_good, key=place_of_cause),
         *sorted(others, key=lambda row: bool(row[0].effect.output)),
     ]
 

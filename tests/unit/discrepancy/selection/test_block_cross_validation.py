@@ -248,12 +248,18 @@ def test_a_law_comes_before_an_input_that_explains_as_much(gains, first):
     assert stepwise._in_turn(found)[0] is rows[first]
 
 
-@pytest.mark.parametrize(("lowered", "looks"), [(5.0, 1), (20.0, 2)])
+@pytest.mark.parametrize(
+    ("lowered", "share", "looks"), [(5.0, 0.0, 1), (20.0, 0.0, 2), (20.0, 0.1, 1)]
+)
 @pytest.mark.parametrize("late", [False, True])
 def test_a_better_optimum_of_the_model_below_asks_for_a_second_look(
-    monkeypatch, lowered, looks, late
+    monkeypatch, lowered, share, looks, late
 ):
-    """What the second look finds counts, unless the time was spent in it."""
+    """What the second look finds counts, unless the time was spent in it.
+
+    The effect gains thousands, of which 20 is no tenth.
+    """
+    monkeypatch.setattr(stepwise, "LOWERED", share)
     plain, nested, seen = stepwise.ranked, Search.nested, []
     search = Search(record(lambda s, _: 0.5 * even(s)), Amplifier, ["gain"])
 
