@@ -333,9 +333,6 @@ def _lithium_cell() -> Iterator[Variation]:
         },
     )
     yield from named(
-        plant, "sensor drift", "sensor_drift(terminal); input_offset(load)", drift("terminal", 0.03)
-    )
-    yield from named(
         plant, "sensor delay", "transport_delay(terminal)", delayed("terminal", 20.0, 60.0)
     )
     yield from named(plant, OUTSIDE, "", outside("inner", 0.015, 300.0, 0.02))

@@ -69,7 +69,7 @@ def test_every_plant_hides_three_effects_or_more_and_gets_its_turn():
 
 @pytest.mark.slow
 def test_plain_effects_are_named_and_the_page_says_so(tmp_path):
-    """A dead zone of the rudder and a thermometer that drifts, in deg and minutes, kW and hours."""
+    """A steady wind and a rudder with slack, in degrees and minutes."""
     kept = tmp_path / "3.jsonl"
     page = tmp_path / "page.md"
     options = ["--records", "60", "--clean", "8", "--seed", "4", "--no-floor", "--only", "Ship"]
