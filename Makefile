@@ -45,7 +45,7 @@ hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
 
 book-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.book --records 100 --clean 20 --seed $(or $(SEED),20261205) --out docs/book-records.md
+	$(BIN)/python -m studies.judging.book --records 80 --clean 20 --seed $(or $(SEED),20261205) --out docs/book-records.md
 
 misuse-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md
