@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: fuzz demo hil-demo test test-slow foreign-study naming clean-study hidden-study misuse-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -13,6 +13,7 @@ help:
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
 	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
+	@echo "make book-study  the same in ten models by the book, from um to km and ms to days; SEED=N likewise"
 	@echo "make misuse-study what is said of records with wrong units, columns, signs, clocks or cuts; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
 	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"
@@ -42,6 +43,9 @@ clean-study: $(VENV)/installed-dev
 
 hidden-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
+
+book-study: $(VENV)/installed-dev
+	$(BIN)/python -m studies.judging.book --records 80 --clean 20 --seed $(or $(SEED),20261205) --out docs/book-records.md
 
 misuse-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from studies.clean.stimuli import SMOOTH, STIMULI, Shape
 from studies.plants import DRAWN, FINEST, PLANTS, Loop, Plant, closed_loop, simulate
 
 CLOSED = "closed loop"
+RELEASED = "released"  # nothing drives a free decay
 KINDS = tuple(ON_OUTPUTS)
 BETWEEN = 10  # points between samples where an input is smooth
 LEVELS = 1e-3, 2e-2  # of the spread of an output: deviations of noise that are drawn
@@ -67,34 +68,38 @@ class CleanRecord:
         return [*self.plant.inputs] if self.case.smooth else self.plant.continuous
 
     def write(self, path: Path) -> Path:
-        """Write a file as a data logger does."""
-        units = {n: r.unit for n, r in self.plant.inputs.items()} | dict(self.plant.outputs)
+        """Write a file as a data logger does, in its units."""
+        own = {n: r.unit for n, r in self.plant.inputs.items()} | dict(self.plant.outputs)
+        units = {n: (unit, 1.0) for n, unit in own.items()} | dict(self.plant.written)
+        units["time"] = self.plant.clock
         columns = {"time": self.time, **self.inputs, **self.outputs}
-        header = ",".join(f"{n} [{units.get(n, 's')}]" for n in columns)
-        np.savetxt(
-            path, np.column_stack(list(columns.values())), "%.12g", ",", header=header, comments=""
-        )
+        header = ",".join(f"{n} [{units[n][0]}]" for n in columns)
+        rows = [values / units[n][1] for n, values in columns.items()]
+        np.savetxt(path, np.column_stack(rows), "%.12g", ",", header=header, comments="")
         return path
 
     def simulated(
         self,
         values: Mapping[str, float],
-        finest: float = FINEST,
+        finest: float | None = None,
         smooth: Collection[str] | None = None,
     ) -> dict[str, Array]:
         """Return the plant's outputs with other parameters and starts (`<state>_start`).
 
-        `smooth` names inputs that are taken to go linearly; as they were drawn unless given.
+        `finest` is the longest step of what is not linear, s; by default what the plant can do with
+        where nothing is hidden. `smooth` names inputs that are taken to go linearly; as they were
+        drawn unless given.
         """
         own = dict(self.plant.nominal) | {
             n: v for n, v in values.items() if n in self.plant.nominal
         }
         rest = zip(self.plant.states, self.plant.rest(), strict=True)
         start = np.array([values.get(f"{n}_start", at_rest) for n, at_rest in rest])
-        u = np.stack([self.inputs[n] for n in self.plant.inputs])
+        u = np.array([self.inputs[n] for n in self.plant.inputs]).reshape(-1, self.time.size)
         chosen = set(self.smooth if smooth is None else smooth) - set(self.plant.sampled)
         linear = np.array([n in chosen for n in self.plant.inputs])
-        y, _ = simulate(self.plant, own, self.step, u, start, linear, finest=finest)
+        longest = finest or max(FINEST, self.plant.coarsest)
+        y, _ = simulate(self.plant, own, self.step, u, start, linear, finest=longest)
         return dict(zip(self.plant.outputs, self.plant.recorded(y, self.step), strict=True))
 
 
@@ -155,30 +160,40 @@ def _run(
         y, x = (
             part[:, ::between]
             for part in simulate(
-                plant, p, step / between, driven, plant.rest(), True, finest=plant.finest
+                plant, p, step / between, driven, plant.start(rng), True, finest=plant.finest
             )
         )
         noise = _noise(case.noise, y, level, rng)
     else:
         u, y, x, noise = _sampled(
-            plant, p, case, step=step, u=driven, reference=shape(fine), level=level, rng=rng
+            plant,
+            p,
+            case,
+            step=step,
+            u=driven,
+            start=plant.start(rng),
+            reference=shape(fine),
+            level=level,
+            rng=rng,
         )
     return u[:, lead:], plant.recorded(y, step)[:, lead:], x[:, lead:], noise[:, lead:]
 
 
 def _shape(case: Case, period: float, duration: float, rng: np.random.Generator) -> Shape:
     """Draw the shape of the stimulus; under feedback it is that of the reference."""
+    if case.stimulus == RELEASED:
+        return np.zeros_like
     stimulus = "square" if case.stimulus == CLOSED else case.stimulus
     return STIMULI[stimulus](period, duration, rng)
 
 
-def cases(count: int, seed: int) -> list[Case]:
+def cases(count: int, seed: int, plants: Sequence[str] = DRAWN) -> list[Case]:
     """Draw cases: plants and kinds of noise in turn, the rest at random."""
     rng = np.random.default_rng(seed)
     drawn = []
     for k in range(count):
-        plant = PLANTS[DRAWN[k % len(DRAWN)]]
-        noise = KINDS[(k + k // len(DRAWN)) % len(KINDS)]
+        plant = PLANTS[plants[k % len(plants)]]
+        noise = KINDS[(k + k // len(plants)) % len(KINDS)]
         if noise == "jitter" and plant.rate > 1.0 / JITTER:
             noise = KINDS[0]  # samples would change their order
         drawn.append(conditions(plant, noise, 100_000 * seed + k, rng))
@@ -187,14 +202,15 @@ def cases(count: int, seed: int) -> list[Case]:
 
 def conditions(plant: Plant, noise: str, seed: int, rng: np.random.Generator) -> Case:
     """Draw how a plant is driven and sampled."""
-    known = [*STIMULI, *([CLOSED] if plant.loops else [])]
+    known = [RELEASED] if plant.released else [*STIMULI, *([CLOSED] if plant.loops else [])]
     stimulus = known[rng.integers(len(known))]
     coupled = any(r.amplitude == 0.0 for r in plant.inputs.values())
     smooth = bool(stimulus in SMOOTH and not coupled and rng.random() < 0.3)
     timing = (
         plant.timings[0] if rng.random() < 0.6 else plant.timings[rng.integers(len(plant.timings))]
     )
-    return Case(plant.name, stimulus, noise, seed, timing, smooth, bool(rng.random() < 0.5))
+    at_rest = bool(rng.random() < 0.5) or plant.begins_at_rest or bool(plant.released)
+    return Case(plant.name, stimulus, noise, seed, timing, smooth, at_rest)
 
 
 def timing_of(plant: Plant, timing: str) -> tuple[float, float, float]:
@@ -221,7 +237,7 @@ def _driven(
             levels = rng.uniform(-1.0, 1.0, int(time[-1] / (duration / 9.0)) + 2)
             own = levels[np.floor(time / (duration / 9.0)).astype(int)]
         rows.append(range_.centre + range_.amplitude * own)
-    return np.array(rows)
+    return np.array(rows).reshape(-1, time.size)
 
 
 def _noise(kind: str, y: Array, level: float, rng: np.random.Generator) -> Array:
@@ -236,6 +252,7 @@ def _sampled(
     *,
     step: float,
     u: Array,
+    start: Array,
     reference: Array,
     level: float,
     rng: np.random.Generator,
@@ -258,7 +275,7 @@ def _sampled(
             more = plant.reaction(p, driven, x)
             return driven if more is None else more
 
-        return closed_loop(plant, p, step, u, plant.rest(), feedback=feedback, noise=noise)
+        return closed_loop(plant, p, step, u, start, feedback=feedback, noise=noise)
 
     fed, y, x = run(np.zeros((len(plant.outputs), u.shape[1])))
     noise = _noise(case.noise, y, level, rng)

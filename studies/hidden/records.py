@@ -12,7 +12,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from studies.clean import KINDS, Case, CleanRecord, conditions, draw, least_squares_fit, timing_of
 from studies.hidden.variations import OUTSIDE, STRENGTHS, USUAL, VARIATIONS, Variation
-from studies.plants import FINEST, PLANTS, Plant
+from studies.plants import PLANTS, Plant
 
 COARSE = 0.05  # s, steps of the judge's simulations of what is not linear
 STARTS = 2  # of the refit of the base: where the truth is, and beside it
@@ -131,7 +131,7 @@ def base_refit(drawn: CleanRecord) -> tuple[CleanRecord, dict[str, float]]:
     }
     sizes = {f"{n}_start": max(abs(own[f"{n}_start"]), 1e-6) for n in plant.states}
     _, values = least_squares_fit(
-        lambda tried: base.simulated(tried, COARSE if plant.matrices(own) is None else FINEST),
+        lambda tried: base.simulated(tried, max(COARSE, plant.coarsest)),
         drawn.outputs,
         own,
         used=drawn.regular,
@@ -160,7 +160,7 @@ def _noise(drawn: CleanRecord) -> dict[str, float]:
 def left(drawn: CleanRecord) -> float:
     """Return the noise widths a hidden change leaves in the worst output of a refitted base."""
     base, values = base_refit(drawn)
-    return max(widths(drawn, base.simulated(values, COARSE)).values())
+    return max(widths(drawn, base.simulated(values, max(COARSE, base.plant.coarsest))).values())
 
 
 def left_beside(drawn: CleanRecord) -> list[float]:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from math import exp, sin
 
 from studies.hidden import curves
+from studies.hidden.book import by_the_book
 from studies.hidden.shapes import (
     OUTSIDE,
     STRENGTHS,
@@ -453,6 +454,7 @@ VARIATIONS: dict[str, Variation] = {
         *_galvanostat(),
         *_voice_coil(),
         *_foot(),
+        *by_the_book(),
     )
 }
 

@@ -314,6 +314,8 @@ def _coverage(rows: Sequence[Row]) -> Table:
 def _fits(rows: Sequence[Row]) -> list[str | Table]:
     """Return how fitted errors compare with the best of the others."""
     compared = [row for row in rows if "least" in row and "refit" in row]
+    if not compared:
+        return []
     enough = [row for row in compared if row["per_parameter"] >= EFFECTIVE]
     bad = sorted((row for row in enough if _ratio(row) > WORSE), key=lambda row: -_ratio(row))
     text = (

@@ -7,6 +7,7 @@ from .change import play as play
 from .change import remembered as remembered
 from .change import squared as squared
 from .change import static as static
+from .library import BY_THE_BOOK as BY_THE_BOOK
 from .library import DRAWN as DRAWN
 from .library import ON_REQUEST as ON_REQUEST
 from .library import PLANTS as PLANTS

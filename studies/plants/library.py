@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit.arrays import Array
+from studies.plants.book import BOOK
 from studies.plants.change import Change
 from studies.plants.foot import FINEST_STEP, Foot
 from studies.plants.plant import Loop, Plant, Range, Signals
@@ -415,10 +416,12 @@ PLANTS: dict[str, Plant] = {
         ThermalNodes(),
         Cell(),
         Foot(finest=FINEST_STEP),
+        *BOOK,
     )
 }
 ON_REQUEST = ("Foot",)  # what takes a minute or more to diagnose is drawn by name only
-DRAWN = tuple(name for name in PLANTS if name not in ON_REQUEST)
+BY_THE_BOOK = tuple(plant.name for plant in BOOK)  # which have a study of their own
+DRAWN = tuple(name for name in PLANTS if name not in (*ON_REQUEST, *BY_THE_BOOK))
 
 
 def altered(name: str, *changes: Change) -> Plant:

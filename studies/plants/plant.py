@@ -73,6 +73,14 @@ class Plant:
     period: ClassVar[float]  # s, time scale of stimuli
     timings: ClassVar[tuple[str, ...]] = ("usual", "one minute", "1 Hz", "long")
     loops: ClassVar[Mapping[str, Loop]] = {}
+    released: ClassVar[
+        Mapping[str, float]
+    ] = {}  # states of a free decay, by how far they start off
+    begins_at_rest: ClassVar[bool] = False  # whether no record begins in motion
+    # the clock of a logger, and units of columns that are not the model's: name, size in s or in
+    # the model's unit
+    clock: ClassVar[tuple[str, float]] = ("s", 1.0)
+    written: ClassVar[Mapping[str, tuple[str, float]]] = {}
     # of the model, where its defaults are not what is wanted
     settings: ClassVar[Mapping[str, float]] = {}
     known: ClassVar[tuple[str, ...]] = ()  # parameters of the model that nobody would fit
@@ -186,6 +194,11 @@ class Plant:
         own = [self.starts.get(n, 0.0) for n in self.own_states]
         memories = [rest for change, _ in self.changes.values() for rest in change.rest]
         return np.array([*own, *memories])
+
+    def start(self, rng: np.random.Generator) -> Array:
+        """Draw where a record's states start: at rest, or where a free decay is released."""
+        off = {n: by * rng.uniform(0.6, 1.0) for n, by in self.released.items()}
+        return self.rest() + np.array([off.get(n, 0.0) for n in self.states])
 
     def rates(self, x: list[float], u: list[float], p: Values) -> list[float]:
         """Return derivatives of all states."""

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from studies.judging import foreign, hidden, laws, misuse, naming, public_laws, stamp
+from studies.judging import book, foreign, hidden, laws, misuse, naming, public_laws, stamp
 
 
 @pytest.mark.parametrize(
     ("page", "code", "how"),
     [
         (hidden.PAGE, hidden.CODE, "make hidden-study"),
+        (book.PAGE, book.CODE, "make book-study"),
         (misuse.PAGE, misuse.CODE, "make misuse-study"),
         (naming.PAGE, naming.CODE, "make naming"),
         (laws.PAGE, laws.CODE, "make laws-study"),
