@@ -35,6 +35,7 @@ from orchestration.discrepancy.selection import (
     Search,
     Selection,
     all_samples,
+    as_reported_models,
     clock,
     interpolation_hypotheses,
     intersample,
@@ -396,24 +397,13 @@ def judge(selected: SelectedEffects) -> ConfirmedSelection:
     UserError
         If a model cannot be simulated over the validation data.
     """
-    reported = _with_reported_fits(selected.search, selected.selection)
     search = selected.search
 
     def as_reported(fitted: FittedCandidate, below: FittedCandidate) -> FittedCandidate:
         return search.trusted(search.renewed(fitted), below)
 
+    reported = as_reported_models(search, selected.selection)
     return confirm(reported, selected.data.validation, as_reported)
-
-
-def _with_reported_fits(search: Search, selection: Selection) -> Selection:
-    """Return a selection with every model as it is reported; see `Search.trusted`."""
-    base = search.trusted(selection.base)
-    below = base
-    steps = []
-    for step in selection.steps:
-        below = search.trusted(step.chosen, below)
-        steps.append(replace(step, chosen=below))
-    return replace(selection, base=base, steps=steps)
 
 
 def _as_taken(fitted: BaseFit, part: Dataset) -> Dataset:

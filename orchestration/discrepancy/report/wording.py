@@ -173,6 +173,10 @@ _NOTES = {
         "fits the estimation data better, but not the part held out (log-likelihood {score:+.3g}"
         " where {expected:+.3g} is expected of it), and is not claimed"
     ),
+    NoteCode.MAY_BE_NEUTRAL: (
+        "not claimed: fitted to all that was measured, {parameter} is {value:.3g} {unit}, and its"
+        " 95 % interval, {low:.3g} to {high:.3g} {unit}, holds {neutral:g}, where it does nothing"
+    ),
     NoteCode.INPUT_NOISE_DOES_THE_SAME: (
         "not claimed: noise on {inputs} makes as much evidence by itself (BIC falls by {gain:.3g})"
     ),

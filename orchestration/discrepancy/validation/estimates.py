@@ -8,11 +8,16 @@ another record would pull the parameters about as far as single stretches of thi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtri
 
+from fmus.kit import Effect
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
@@ -124,6 +129,59 @@ def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> di
         if ratio > 0.0 and is_beyond:
             ratios[name] = ratio
     return ratios
+
+
+def undetermined_effects(
+    model: FittedCandidate, values: Mapping[str, Estimate]
+) -> list[type[Effect]]:
+    """Return the effects of a model that may do nothing, as far as their strength is known.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    values : Mapping of str to Estimate
+        Of its searched parameters.
+
+    Returns
+    -------
+    list of type[Effect]
+        Those whose 95 % interval holds the neutral value, the least sure first.
+    """
+    undetermined = {}
+    for effect in model.candidate.effects:
+        strength = values.get(effect.neutral)
+        if strength is None:
+            continue
+        neutral = neutral_value(effect)
+        low, high = strength.interval
+        if low <= neutral <= high:
+            undetermined[effect] = abs(strength.value - neutral) / ((high - low) or 1.0)
+    return sorted(undetermined, key=lambda effect: undetermined[effect])
+
+
+def neutral_value(effect: type[Effect]) -> float:
+    """Return the strength at which an effect does nothing, SI."""
+    declared: Any = effect.declared[effect.neutral]
+    return float(declared.start)
+
+
+def by_likelihood_ratio(strength: Estimate, neutral: float, ratio: float) -> Estimate:
+    """Return an estimate with the interval that a likelihood ratio against neutral implies.
+
+    Where a strength and other parameters do nearly the same, its standard error is large although
+    nothing is as likely without it. The test-based interval has the standard error with which the
+    test statistic of Wald would be the likelihood ratio (Miettinen, Am. J. Epidemiol. 103, 1976).
+
+    Parameters
+    ----------
+    strength : Estimate
+    neutral : float
+        Value at which the effect does nothing, SI.
+    ratio : float
+        Twice the logarithm of the likelihood ratio of the models with and without the effect.
+    """
+    half = float(ndtri(0.975)) * abs(strength.value - neutral) / math.sqrt(ratio)
+    return replace(strength, interval=(strength.value - half, strength.value + half))
 
 
 def misfit_spread(model: FittedCandidate) -> Array:
