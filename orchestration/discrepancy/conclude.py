@@ -168,12 +168,6 @@ class Diagnosis:
         }
 
     @property
-    def unsettled(self) -> bool:
-        """True if nothing is claimed, because time was spent before the model was fitted."""
-        codes = {note.code for note in self.notes}
-        return {NoteCode.NOT_CONVERGED, NoteCode.TIME_SPENT} <= codes and not self.causes
-
-    @property
     def inconclusive(self) -> bool:
         """True if nothing can be said of the model: nothing was excited, or nothing was fitted."""
         return self.verdict is Verdict.AMBIGUOUS and not self.causes
@@ -333,16 +327,12 @@ class _ParameterAssessment:
         Those that differ significantly from nominal.
     implausible : bool
         Whether one has a value that no specimen can have.
-    interrupted : bool
-        Whether time was spent before the fit converged, so that where it ended tells of the clock
-        alone.
     notes : list of Note
     """
 
     estimates: dict[str, Estimate]
     changed: list[str]
     implausible: bool
-    interrupted: bool
     notes: list[Note]
 
 
@@ -378,7 +368,7 @@ def _judged_in_final_model(
     """
     outcome = _assess_final_model(search, judged, data)
     ratios = dict[type[Effect], float]()
-    while not outcome.parameters.interrupted:
+    while True:
         selection = outcome.judged.selection
         estimates = outcome.parameters.estimates
         open_effects = undetermined_effects(outcome.model, estimates)
@@ -424,12 +414,11 @@ def _assess_final_model(
     best = judged.selection.best
     final, notes = _fit_to_all(search, best, data)
     residuals = analyse_residuals(best, data.estimation)
-    parameters = _assess_parameters(search, final, judged.selection, residuals, data)
+    parameters = _assess_parameters(final, judged.selection, residuals, data)
     return _FinalModel(judged, final, residuals, parameters, notes)
 
 
 def _assess_parameters(
-    search: Search,
     final: FittedCandidate,
     selection: Selection,
     residuals: Mapping[str, ResidualAnalysis],
@@ -442,17 +431,14 @@ def _assess_parameters(
     by_intersample = intersample.spread(data.intersample, final)
     spread = deviation_beside_fit(final, (by_input_noise, by_intersample), selection, residuals)
     estimates = parameter_estimates(final, spread)
-    interrupted = not final.fit.converged and bool(search.budget.notes)
-    changed = []
-    if data.informative and not interrupted:
-        changed = significantly_changed(final, physical, spread)
-    ratios = {} if interrupted else implausible(estimates, physical)
+    changed = significantly_changed(final, physical, spread) if data.informative else []
+    ratios = implausible(estimates, physical)
     notes = []
     if data.informative:
         notes += identifiability_notes(final, physical)
     if ratios:
         notes.append(Note(NoteCode.IMPLAUSIBLE, "", {"ratios": ratios}))
-    return _ParameterAssessment(estimates, changed, bool(ratios), interrupted, notes)
+    return _ParameterAssessment(estimates, changed, bool(ratios), notes)
 
 
 def _has_unexplained_structure(
@@ -555,7 +541,7 @@ def _verdict(
     selection: Selection, parameters: _ParameterAssessment, misfit: bool, informative: bool
 ) -> Verdict:
     """Return the verdict; a cause that is named and not refuted goes before any misfit."""
-    if not informative or (parameters.interrupted and not selection.steps):
+    if not informative:
         return Verdict.AMBIGUOUS
     if selection.steps:
         ambiguous = any(step.alternatives for step in selection.strong)

@@ -37,6 +37,7 @@ from orchestration.discrepancy.selection import (
     all_samples,
     as_reported_models,
     clock,
+    fitted_to_the_end,
     interpolation_hypotheses,
     intersample,
     mixed_up_columns,
@@ -190,14 +191,20 @@ def diagnose(
     parameters = [name for name in searched_parameters(cls) if name not in held]
     seen = searched_stretch(record.parts.estimation)
     search = Search(seen, cls, parameters, values, progress, budget or Budget(), each=each)
-    fitted, whole = fit_all_samples(fit(search, record))
-    selected = complete(select(fitted, effects), whole)
+    with search.budget.paused():
+        fitted, whole = fit_all_samples(fit(search, record))
+    selected = select(fitted, effects)
+    with search.budget.paused():
+        selected = complete(selected, whole)
     if _shows_more(selected, fitted):
         longer = all_samples.over_longer(fitted.search, whole.search, whole.base)
-        further = replace(fitted, search=longer, base=longer.nominal())
-        selected = complete(select(further, effects), whole)
-    judged = judge(selected)
-    return conclude(selected.search, judged, selected.data)
+        with search.budget.paused():
+            further = replace(fitted, search=longer, base=longer.nominal())
+        selected = select(further, effects)
+        with search.budget.paused():
+            selected = complete(selected, whole)
+    with search.budget.paused():
+        return conclude(selected.search, judge(selected), selected.data)
 
 
 def screen(
@@ -343,7 +350,7 @@ def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:
     Returns
     -------
     SelectedEffects
-        The same where the search saw every sample.
+        With its models fitted to the end, where the time was spent before they were.
 
     Raises
     ------
@@ -353,7 +360,8 @@ def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:
     data = selected.data
     notes = stretch_notes(data.estimation, selected.search.data)
     if not notes:
-        return selected
+        ended = fitted_to_the_end(selected.search, selected.selection)
+        return replace(selected, selection=ended)
     search = whole.search
     base = whole.base
     if data.estimation.linear != search.data.linear:

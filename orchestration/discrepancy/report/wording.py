@@ -248,8 +248,6 @@ def sentence(diagnosis: Diagnosis) -> str:
     suffix = ""
     if _has_note(diagnosis, NoteCode.TIME_SPENT):
         suffix = " (The time was spent before all was tried.)"
-    if diagnosis.unsettled:
-        return f"The model is not fitted to the end, so that nothing is claimed.{suffix}"
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
     unexplained = _unexplained_findings(diagnosis)

@@ -122,6 +122,17 @@ def explaining(search: Search, selection: Selection) -> Selection:
     return replace(selection, steps=[], rejected=[*named, *selection.rejected], unsure=unsure)
 
 
+def fitted_to_the_end(search: Search, selection: Selection) -> Selection:
+    """Return a selection whose models are fitted to their ends, also where time was spent."""
+    below = selection.base
+    steps = []
+    for step in selection.steps:
+        chosen = step.chosen if step.chosen.fit.converged else search.refit(step.chosen)
+        below = search.containing(chosen, below)
+        steps.append(replace(step, chosen=below))
+    return replace(selection, steps=steps)
+
+
 def as_reported_models(search: Search, selection: Selection) -> Selection:
     """Return a selection with every model as it is reported; see `Search.trusted`."""
     base = search.trusted(selection.base)
@@ -249,6 +260,8 @@ def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selec
         if below is None:
             return None
         models.insert(0, below)
+    for k, below in enumerate(models[:-1]):
+        models[k + 1] = search.containing(models[k + 1], below)
     steps = [_step(selection, below, model) for below, model in pairwise(models)]
     named = best.candidate.effects
     dropped = [(s.chosen, s.gain) for s in selection.steps if s.chosen.effect not in named]
