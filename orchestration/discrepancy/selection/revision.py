@@ -122,6 +122,16 @@ def explaining(search: Search, selection: Selection) -> Selection:
     return replace(selection, steps=[], rejected=[*named, *selection.rejected], unsure=unsure)
 
 
+def fitted_in(search: Search, selection: Selection, best: FittedCandidate) -> Selection | None:
+    """Return a selection in another search, that ends in its best model fitted there.
+
+    None if one of its models cannot be fitted.
+    """
+    base = _fitted(search, best, ())
+    chain = None if base is None else _chain(search, selection, best)
+    return None if base is None or chain is None else replace(chain, base=base)
+
+
 def fitted_to_the_end(search: Search, selection: Selection) -> Selection:
     """Return a selection whose models are fitted to their ends, also where time was spent."""
     below = selection.base
