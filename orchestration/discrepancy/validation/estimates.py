@@ -22,7 +22,7 @@ from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import ResidualAnalysis
-from orchestration.discrepancy.selection import Selection
+from orchestration.discrepancy.selection import ACCEPT, Selection
 from orchestration.identify.fitting import error_scales, weighted_slopes
 from orchestration.identify.uncertainty import (
     Estimate,
@@ -210,6 +210,42 @@ def misfit_spread(model: FittedCandidate) -> Array:
     return np.asarray(np.sqrt(np.maximum(beyond, 0.0)))
 
 
+def shape_spread(model: FittedCandidate, selection: Selection, structured: bool) -> Array:
+    """Return the deviation of the searched coordinates that the form of the effects leaves open.
+
+    No effect has quite the form of the truth. With another shape of the same cause a parameter is
+    elsewhere, and a part of that other shape may be in the truth: as large a part as would not be
+    seen. To first order a part moves parameters in proportion, and its evidence goes with its
+    square.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    selection : Selection
+        Its effects, with other shapes and alternatives as they were fitted.
+    structured : bool
+        Whether the residual shows that the form is another; then any part may be in it.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Such that an interval of 95 % ends where parameters would be with that part.
+    """
+    names = model.problem.names
+    shared = set(selection.base.problem.names)  # what other effects call alike may be another thing
+    farthest = np.zeros(len(names))
+    for step in selection.steps:
+        chosen = dict(zip(step.chosen.problem.names, step.chosen.fit.q, strict=True))
+        for other in (*step.shapes, *step.alternatives):
+            lost = max(step.gain - step.gains.get(other.effect_name, step.gain), 0.0)
+            part = 1.0 if structured else math.sqrt(ACCEPT / (ACCEPT + lost))
+            there = dict(zip(other.problem.names, other.fit.q, strict=True))
+            both = shared & there.keys() & chosen.keys()
+            moved = [there[name] - chosen[name] if name in both else 0.0 for name in names]
+            farthest = np.maximum(farthest, part * np.abs(moved))
+    return farthest / float(ndtri(0.975))
+
+
 def deviation_beside_fit(
     model: FittedCandidate,
     known: Iterable[Array],
@@ -233,8 +269,9 @@ def deviation_beside_fit(
     ndarray, shape (p,)
         Standard deviation beside that of the fit.
     """
-    deviations = [*known]
-    if selection.steps and any(analysis.structure for analysis in residuals.values()):
+    structured = any(analysis.structure for analysis in residuals.values())
+    deviations = [*known, shape_spread(model, selection, structured)]
+    if selection.steps and structured:
         deviations.append(misfit_spread(model))
     return np.asarray(np.linalg.norm(deviations, axis=0))
 

@@ -16,12 +16,14 @@ from orchestration.discrepancy.candidates import Candidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.stepwise import Selection, Step
 from orchestration.discrepancy.validation.estimates import (
     by_likelihood_ratio,
     identifiability_notes,
     implausible,
     misfit_spread,
     parameter_estimates,
+    shape_spread,
     undetermined_effects,
 )
 from orchestration.identify.uncertainty.estimate import Estimate, is_significantly_different
@@ -153,3 +155,30 @@ def test_an_interval_by_likelihood_ratio_is_the_usual_one_where_all_is_linear():
     wide = Estimate(mean, neutral, (-9.0, 15.0), "V")
     low, high = by_likelihood_ratio(wide, neutral, ((mean - neutral) / error) ** 2).interval
     assert (low, high) == pytest.approx((mean - 1.96 * error, mean + 1.96 * error), abs=1e-4)
+
+
+def test_a_part_of_another_shape_that_is_not_seen_may_be_in_the_truth():
+    """By linear regression: the gain moves with the part, the evidence goes with its square."""
+    asymmetric, cubic = OTHERS[1:]
+    random = np.random.default_rng(2)
+    signal = random.uniform(-1.7, 1.7, 600)  # no heavy tails in what a shape leaves
+    shown = GAIN * signal + 0.05 * signal**3 + SPREAD * random.standard_normal(600)
+    data = Dataset(STEP * np.arange(600), {"signal": signal}, {"shown": shown})
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    chosen = search.fit_from(base.candidate.with_effect(cubic), base)
+    other = search.fit_from(base.candidate.with_effect(asymmetric), base)
+    gains = {chosen.effect_name: 100.0, other.effect_name: 70.0}
+    step = Step(chosen, 100.0, 100.0, 0.0, [], [], shapes=[other], gains=gains)
+    selection = Selection(base, [step])
+    one, two = (
+        np.linalg.lstsq(np.column_stack([signal, shape]), shown)[0][0]
+        for shape in (signal**3, np.abs(signal))
+    )
+    whole = abs(np.log(two / one))
+    part = np.sqrt(10.0 / (10.0 + 30.0))
+    place = chosen.problem.names.index("gain")
+    for structured, share in ((False, part), (True, 1.0)):
+        spread = shape_spread(chosen, selection, structured)
+        assert spread[place] == pytest.approx(share * whole / 1.96, rel=0.05)
+        assert not np.delete(spread, place).any()
