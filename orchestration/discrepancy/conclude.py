@@ -376,11 +376,11 @@ def _judged_in_final_model(
         if effect is None:
             break
         shorter = without_effect(search, selection, effect)
-        if selection.best.delta_bic(shorter.best, selection.tried) > ACCEPT:
-            ratios[effect] = shorter.best.fit.deviance - selection.best.fit.deviance
+        reported = as_reported_models(search, shorter)
+        if selection.best.delta_bic(reported.best, selection.tried) > ACCEPT:
+            ratios[effect] = reported.best.fit.deviance - selection.best.fit.deviance
             continue
         note = _neutral_note(effect, estimates[effect.neutral])
-        reported = as_reported_models(search, shorter)
         anew = confirm(reported, data.validation, search.trusted)
         kept = replace(anew, notes=[*outcome.judged.notes, *anew.notes, note])
         outcome = _assess_final_model(search, kept, data)

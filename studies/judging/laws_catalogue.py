@@ -22,7 +22,7 @@ _MEMORIES = {
     "over temperature": ("heat",),
     "over throughput": ("throughput",),
     "over": ("",),
-    "remembering": ("lagged", "leading", "integrated"),
+    "remembering": ("lagged", "leading"),
 }
 
 
