@@ -22,7 +22,7 @@ from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import ResidualAnalysis
-from orchestration.discrepancy.selection import ACCEPT, Selection
+from orchestration.discrepancy.selection import Selection
 from orchestration.identify.fitting import error_scales, weighted_slopes
 from orchestration.identify.uncertainty import (
     Estimate,
@@ -43,6 +43,10 @@ _OPEN = 0.6
 _KNOWN = 0.1
 _AT_END = 1e-6  # in searched coordinates
 _UNMOVED = 1e-6
+# Fall of the deviance that a residual may hide from all tests for structure. These look at some two
+# hundred lags and regions, whose sum of squares scatters by twenty where there is nothing; five
+# times that is seen.
+_UNSEEN = 100.0
 _WRONG = 3.0  # times its noise, from which on an error is one that a refit should have lowered
 
 
@@ -215,8 +219,8 @@ def shape_spread(model: FittedCandidate, selection: Selection, structured: bool)
 
     No effect has quite the form of the truth. With another shape of the same cause a parameter is
     elsewhere, and a part of that other shape may be in the truth: as large a part as would not be
-    seen. To first order a part moves parameters in proportion, and its evidence goes with its
-    square.
+    seen (`_UNSEEN`). To first order a part moves parameters in proportion, and its evidence goes
+    with its square.
 
     Parameters
     ----------
@@ -238,7 +242,7 @@ def shape_spread(model: FittedCandidate, selection: Selection, structured: bool)
         chosen = dict(zip(step.chosen.problem.names, step.chosen.fit.q, strict=True))
         for other in (*step.shapes, *step.alternatives):
             lost = max(step.gain - step.gains.get(other.effect_name, step.gain), 0.0)
-            part = 1.0 if structured else math.sqrt(ACCEPT / (ACCEPT + lost))
+            part = 1.0 if structured else math.sqrt(_UNSEEN / (_UNSEEN + lost))
             there = dict(zip(other.problem.names, other.fit.q, strict=True))
             both = shared & there.keys() & chosen.keys()
             moved = [there[name] - chosen[name] if name in both else 0.0 for name in names]

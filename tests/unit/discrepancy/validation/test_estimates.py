@@ -168,15 +168,15 @@ def test_a_part_of_another_shape_that_is_not_seen_may_be_in_the_truth():
     base = search.nominal()
     chosen = search.fit_from(base.candidate.with_effect(cubic), base)
     other = search.fit_from(base.candidate.with_effect(asymmetric), base)
-    gains = {chosen.effect_name: 100.0, other.effect_name: 70.0}
-    step = Step(chosen, 100.0, 100.0, 0.0, [], [], shapes=[other], gains=gains)
+    gains = {chosen.effect_name: 900.0, other.effect_name: 600.0}
+    step = Step(chosen, 900.0, 900.0, 0.0, [], [], shapes=[other], gains=gains)
     selection = Selection(base, [step])
     one, two = (
         np.linalg.lstsq(np.column_stack([signal, shape]), shown)[0][0]
         for shape in (signal**3, np.abs(signal))
     )
     whole = abs(np.log(two / one))
-    part = np.sqrt(10.0 / (10.0 + 30.0))
+    part = np.sqrt(100.0 / (100.0 + 300.0))
     place = chosen.problem.names.index("gain")
     for structured, share in ((False, part), (True, 1.0)):
         spread = shape_spread(chosen, selection, structured)
