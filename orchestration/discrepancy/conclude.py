@@ -377,8 +377,11 @@ def _judged_in_final_model(
             break
         shorter = without_effect(search, selection, effect)
         reported = as_reported_models(search, shorter)
-        if selection.best.delta_bic(reported.best, selection.tried) > ACCEPT:
-            ratios[effect] = reported.best.fit.deviance - selection.best.fit.deviance
+        fall = selection.best.delta_bic(reported.best, selection.tried)
+        if fall > ACCEPT:
+            # the model without it may have more parameters of the noise
+            ratio = reported.best.fit.deviance - selection.best.fit.deviance
+            ratios[effect] = max(ratio, fall)
             continue
         note = _neutral_note(effect, estimates[effect.neutral])
         anew = confirm(reported, data.validation, search.trusted)

@@ -270,8 +270,8 @@ def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selec
         if below is None:
             return None
         models.insert(0, below)
-    for k, below in enumerate(models[:-1]):
-        models[k + 1] = search.containing(models[k + 1], below)
+    for k in range(1, len(models)):
+        models[k] = search.containing(models[k], models[k - 1])
     steps = [_step(selection, below, model) for below, model in pairwise(models)]
     named = best.candidate.effects
     dropped = [(s.chosen, s.gain) for s in selection.steps if s.chosen.effect not in named]
