@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from threading import Lock
 from time import process_time
 
@@ -36,8 +37,8 @@ class Budget:
     """A budget of processor time that is counted from its making on.
 
     A search asks whether the time is spent before it begins anything that the answer can do
-    without. As long as it is not, no result depends on how fast the machine is; afterwards what was
-    not tried is noted.
+    without; the fits of models that are printed are none of that (`paused`). As long as it is not,
+    no result depends on how fast the machine is; afterwards what was not tried is noted.
 
     Parameters
     ----------
@@ -50,14 +51,32 @@ class Budget:
         self._end = spent_time() + seconds
         self._lock = Lock()
         self._cut = False
+        self._paused = False
         self._untried: dict[str, None] = {}
 
     def spent(self) -> bool:
         """Return whether there is no time for the next thing, which then counts as not done."""
-        if spent_time() < self._end:
+        if self._paused or spent_time() < self._end:
             return False
         self._cut = True
         return True
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Spend nothing: what an answer cannot do without is outside of the budget.
+
+        Where it ended by the clock, a fit would tell of that alone.
+        """
+        if self._paused:
+            yield
+            return
+        begun = spent_time()
+        self._paused = True
+        try:
+            yield
+        finally:
+            self._paused = False
+            self._end += spent_time() - begun
 
     def leave(self, names: Iterable[str]) -> None:
         """Note effects that were not tried."""

@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from fmus.kit import Effect
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.data import Dataset, ValidationData
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
@@ -23,23 +24,30 @@ from orchestration.discrepancy.residuals import (
     robust_power,
 )
 from orchestration.discrepancy.selection import (
+    ACCEPT,
     FAILURES,
     Intersample,
     Search,
     Selection,
+    as_reported_models,
     intersample,
+    without_effect,
 )
 from orchestration.discrepancy.validation import (
     Confirmation,
     ConfirmedSelection,
     Errors,
+    by_likelihood_ratio,
+    confirm,
     deviation_beside_fit,
     errors_in_variables,
     identifiability_notes,
     implausible,
     model_errors,
+    neutral_value,
     parameter_estimates,
     significantly_changed,
+    undetermined_effects,
     unpredicted_output_notes,
 )
 from orchestration.identify.fitting import FitResult
@@ -160,12 +168,6 @@ class Diagnosis:
         }
 
     @property
-    def unsettled(self) -> bool:
-        """True if nothing is claimed, because time was spent before the model was fitted."""
-        codes = {note.code for note in self.notes}
-        return {NoteCode.NOT_CONVERGED, NoteCode.TIME_SPENT} <= codes and not self.causes
-
-    @property
     def inconclusive(self) -> bool:
         """True if nothing can be said of the model: nothing was excited, or nothing was fitted."""
         return self.verdict is Verdict.AMBIGUOUS and not self.causes
@@ -249,12 +251,13 @@ def conclude(
     """
     if max(_large_errors(judged.selection.best).values(), default=0.0) > _HOPELESS:
         judged = judged.without_steps(data.validation)
+    outcome = _judged_in_final_model(search, judged, data)
+    judged = outcome.judged
     selection = judged.selection
     best_prediction = judged.predictions[-1]
-    final, refit_notes = _fit_to_all(search, selection.best, data)
-    residuals = analyse_residuals(selection.best, data.estimation)
-    parameters = _assess_parameters(search, final, selection, residuals, data)
-    final.problem.forget_simulation()
+    residuals = outcome.residuals
+    parameters = outcome.parameters
+    outcome.model.problem.forget_simulation()
     of_input_noise = errors_in_variables.structure_of_input_noise(
         residuals, selection, search, data.input_noise
     )
@@ -265,7 +268,7 @@ def conclude(
     notes = [
         *data.notes,
         *judged.notes,
-        *refit_notes,
+        *outcome.notes,
         *parameters.notes,
         *(note for _, note in sorted(search.not_assessed.items())),
         *_confounding_notes(selection),
@@ -287,7 +290,7 @@ def conclude(
         judged_errors=judged_errors,
         estimation=data.estimation,
         validation=data.validation,
-        final=final,
+        final=outcome.model,
         notes=notes,
         intersample=data.intersample,
         structure_of_input_noise=of_input_noise,
@@ -324,21 +327,101 @@ class _ParameterAssessment:
         Those that differ significantly from nominal.
     implausible : bool
         Whether one has a value that no specimen can have.
-    interrupted : bool
-        Whether time was spent before the fit converged, so that where it ended tells of the clock
-        alone.
     notes : list of Note
     """
 
     estimates: dict[str, Estimate]
     changed: list[str]
     implausible: bool
-    interrupted: bool
     notes: list[Note]
 
 
+@dataclass(frozen=True)
+class _FinalModel:
+    """The best model of a selection, fitted to all that was measured, and what is known of it.
+
+    Attributes
+    ----------
+    judged : ConfirmedSelection
+    model : FittedCandidate
+    residuals : dict of str to ResidualAnalysis
+        Of the best model over the estimation data.
+    parameters : _ParameterAssessment
+    notes : list of Note
+        On the fit to all that was measured.
+    """
+
+    judged: ConfirmedSelection
+    model: FittedCandidate
+    residuals: dict[str, ResidualAnalysis]
+    parameters: _ParameterAssessment
+    notes: list[Note]
+
+
+def _judged_in_final_model(
+    search: Search, judged: ConfirmedSelection, data: DiagnosisData
+) -> _FinalModel:
+    """Assess the final model, and drop the causes that may do nothing in it, one after another.
+
+    What was named first was judged without what came after it. A cause without which the record is
+    much less likely stays: its interval is then that of the likelihood ratio.
+    """
+    outcome = _assess_final_model(search, judged, data)
+    ratios = dict[type[Effect], float]()
+    while True:
+        selection = outcome.judged.selection
+        estimates = outcome.parameters.estimates
+        open_effects = undetermined_effects(outcome.model, estimates)
+        effect = next((one for one in open_effects if one not in ratios), None)
+        if effect is None:
+            break
+        shorter = without_effect(search, selection, effect)
+        reported = as_reported_models(search, shorter)
+        fall = selection.best.delta_bic(reported.best, selection.tried)
+        if fall > ACCEPT:
+            # the model without it may have more parameters of the noise
+            ratio = reported.best.fit.deviance - selection.best.fit.deviance
+            ratios[effect] = max(ratio, fall)
+            continue
+        note = _neutral_note(effect, estimates[effect.neutral])
+        anew = confirm(reported, data.validation, search.trusted)
+        kept = replace(anew, notes=[*outcome.judged.notes, *anew.notes, note])
+        outcome = _assess_final_model(search, kept, data)
+    estimates = outcome.parameters.estimates
+    needed = {
+        effect.neutral: by_likelihood_ratio(estimates[effect.neutral], neutral_value(effect), ratio)
+        for effect, ratio in ratios.items()
+        if effect.neutral in estimates
+    }
+    return replace(outcome, parameters=replace(outcome.parameters, estimates=estimates | needed))
+
+
+def _neutral_note(effect: type[Effect], strength: Estimate) -> Note:
+    """Return the note on an effect that may do nothing in the final model."""
+    low, high = strength.interval
+    facts = {
+        "parameter": effect.neutral,
+        "value": strength.value,
+        "low": low,
+        "high": high,
+        "unit": strength.unit,
+        "neutral": neutral_value(effect),
+    }
+    return Note(NoteCode.MAY_BE_NEUTRAL, label(effect), facts)
+
+
+def _assess_final_model(
+    search: Search, judged: ConfirmedSelection, data: DiagnosisData
+) -> _FinalModel:
+    """Fit the best model to all that was measured, and assess its parameters and residuals."""
+    best = judged.selection.best
+    final, notes = _fit_to_all(search, best, data)
+    residuals = analyse_residuals(best, data.estimation)
+    parameters = _assess_parameters(final, judged.selection, residuals, data)
+    return _FinalModel(judged, final, residuals, parameters, notes)
+
+
 def _assess_parameters(
-    search: Search,
     final: FittedCandidate,
     selection: Selection,
     residuals: Mapping[str, ResidualAnalysis],
@@ -351,17 +434,14 @@ def _assess_parameters(
     by_intersample = intersample.spread(data.intersample, final)
     spread = deviation_beside_fit(final, (by_input_noise, by_intersample), selection, residuals)
     estimates = parameter_estimates(final, spread)
-    interrupted = not final.fit.converged and bool(search.budget.notes)
-    changed = []
-    if data.informative and not interrupted:
-        changed = significantly_changed(final, physical, spread)
-    ratios = {} if interrupted else implausible(estimates, physical)
+    changed = significantly_changed(final, physical, spread) if data.informative else []
+    ratios = implausible(estimates, physical)
     notes = []
     if data.informative:
         notes += identifiability_notes(final, physical)
     if ratios:
         notes.append(Note(NoteCode.IMPLAUSIBLE, "", {"ratios": ratios}))
-    return _ParameterAssessment(estimates, changed, bool(ratios), interrupted, notes)
+    return _ParameterAssessment(estimates, changed, bool(ratios), notes)
 
 
 def _has_unexplained_structure(
@@ -464,7 +544,7 @@ def _verdict(
     selection: Selection, parameters: _ParameterAssessment, misfit: bool, informative: bool
 ) -> Verdict:
     """Return the verdict; a cause that is named and not refuted goes before any misfit."""
-    if not informative or (parameters.interrupted and not selection.steps):
+    if not informative:
         return Verdict.AMBIGUOUS
     if selection.steps:
         ambiguous = any(step.alternatives for step in selection.strong)

@@ -35,7 +35,9 @@ from orchestration.discrepancy.selection import (
     Search,
     Selection,
     all_samples,
+    as_reported_models,
     clock,
+    fitted_to_the_end,
     interpolation_hypotheses,
     intersample,
     mixed_up_columns,
@@ -189,14 +191,20 @@ def diagnose(
     parameters = [name for name in searched_parameters(cls) if name not in held]
     seen = searched_stretch(record.parts.estimation)
     search = Search(seen, cls, parameters, values, progress, budget or Budget(), each=each)
-    fitted, whole = fit_all_samples(fit(search, record))
-    selected = complete(select(fitted, effects), whole)
+    with search.budget.paused():
+        fitted, whole = fit_all_samples(fit(search, record))
+    selected = select(fitted, effects)
+    with search.budget.paused():
+        selected = complete(selected, whole)
     if _shows_more(selected, fitted):
         longer = all_samples.over_longer(fitted.search, whole.search, whole.base)
-        further = replace(fitted, search=longer, base=longer.nominal())
-        selected = complete(select(further, effects), whole)
-    judged = judge(selected)
-    return conclude(selected.search, judged, selected.data)
+        with search.budget.paused():
+            further = replace(fitted, search=longer, base=longer.nominal())
+        selected = select(further, effects)
+        with search.budget.paused():
+            selected = complete(selected, whole)
+    with search.budget.paused():
+        return conclude(selected.search, judge(selected), selected.data)
 
 
 def screen(
@@ -342,7 +350,7 @@ def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:
     Returns
     -------
     SelectedEffects
-        The same where the search saw every sample.
+        With its models fitted to the end, where the time was spent before they were.
 
     Raises
     ------
@@ -352,7 +360,8 @@ def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:
     data = selected.data
     notes = stretch_notes(data.estimation, selected.search.data)
     if not notes:
-        return selected
+        ended = fitted_to_the_end(selected.search, selected.selection)
+        return replace(selected, selection=ended)
     search = whole.search
     base = whole.base
     if data.estimation.linear != search.data.linear:
@@ -396,24 +405,13 @@ def judge(selected: SelectedEffects) -> ConfirmedSelection:
     UserError
         If a model cannot be simulated over the validation data.
     """
-    reported = _with_reported_fits(selected.search, selected.selection)
     search = selected.search
 
     def as_reported(fitted: FittedCandidate, below: FittedCandidate) -> FittedCandidate:
         return search.trusted(search.renewed(fitted), below)
 
+    reported = as_reported_models(search, selected.selection)
     return confirm(reported, selected.data.validation, as_reported)
-
-
-def _with_reported_fits(search: Search, selection: Selection) -> Selection:
-    """Return a selection with every model as it is reported; see `Search.trusted`."""
-    base = search.trusted(selection.base)
-    below = base
-    steps = []
-    for step in selection.steps:
-        below = search.trusted(step.chosen, below)
-        steps.append(replace(step, chosen=below))
-    return replace(selection, base=base, steps=steps)
 
 
 def _as_taken(fitted: BaseFit, part: Dataset) -> Dataset:

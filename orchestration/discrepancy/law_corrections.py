@@ -26,7 +26,16 @@ from orchestration.discrepancy.laws import (
     with_denoised_inputs,
 )
 from orchestration.discrepancy.note import MIXED_UP, NoteCode
-from orchestration.discrepancy.selection import FAILURES, Search, Selection, Step, interchangeable
+from orchestration.discrepancy.selection import (
+    FAILURES,
+    Search,
+    Selection,
+    Step,
+    as_reported_models,
+    interchangeable,
+    needed,
+    takes_enough,
+)
 from orchestration.discrepancy.validation import (
     ConfirmedSelection,
     Outcome,
@@ -43,6 +52,7 @@ _ARMS = {"lagged": "lagging", "leading": "leading", "heat": "warming"}
 # Notes on the model that a diagnosis ends with: beside a correction they are made anew, and all
 # others are kept.
 _ON_THE_BEST_MODEL = {
+    NoteCode.CONFOUNDED,
     NoteCode.SOMETHING_LEFT,
     NoteCode.OUTLYING_RESIDUALS,
     NoteCode.VARYING_NOISE,
@@ -134,8 +144,50 @@ def search_laws(
     noise = noise_of_inputs(diagnosis)
     # a correction might undo what that does to the model, and be taken for what the model lacks
     denoised = with_denoised_inputs(diagnosis, noise, progress) if noise else diagnosis
-    laws, corrected = _search_in_rounds(denoised, progress, only, rounds)
+    laws, corrected = _search_anew(denoised, progress, only, rounds)
     return replace(laws, noise=noise), diagnosis if corrected is denoised else corrected
+
+
+def _search_anew(
+    diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None, rounds: int
+) -> tuple[LawSearch, Diagnosis]:
+    """Search the laws without causes that leave something, and beside these where need be.
+
+    Where a law lacks what no catalogue has, effects of the catalogue were named for it. Beside them
+    it would look like another law.
+    """
+    if not diagnosis.selection.steps or not leaves_something(diagnosis):
+        return _search_in_rounds(diagnosis, progress, only, rounds)
+    bare = _without_causes(diagnosis)
+    laws, alone = _search_in_rounds(bare, progress, only, rounds)
+    if _is_as_good(alone, diagnosis) and not leaves_something(alone):
+        return laws, alone
+    laws_beside, beside = _search_in_rounds(diagnosis, progress, only, rounds)
+    return (laws, alone) if _is_as_good(alone, beside) else (laws_beside, beside)
+
+
+def _without_causes(diagnosis: Diagnosis) -> Diagnosis:
+    """Return a diagnosis that names nothing; the causes that it named are rejected."""
+    selection = diagnosis.selection
+    named = [(step.chosen, step.gain) for step in selection.steps]
+    others = [other for step in selection.steps for other in step.rejected]
+    rejected = [*others, *selection.rejected, *named]
+    bare = replace(selection, steps=[], rejected=rejected)
+    return replace(diagnosis, selection=bare, verdict=Verdict.UNEXPLAINED, confirmations={})
+
+
+def _is_as_good(alone: Diagnosis, other: Diagnosis) -> bool:
+    """Return whether laws alone account for a record as well as causes of the catalogue do too.
+
+    What is left beside a law that has not quite its true form is no cause of its own.
+    """
+    if not alone.selection.steps:
+        return False
+    best = alone.selection.best
+    richer = other.selection.best
+    if best.fit.bic <= richer.fit.bic + _AS_GOOD:
+        return True
+    return not takes_enough(base=alone.selection.base, below=best, richer=richer)
 
 
 def _search_in_rounds(
@@ -252,8 +304,9 @@ def _with_correction(
     if best is None or cause is None or not best.confirmed:
         return diagnosis
     search = search_of(diagnosis, progress)
-    selection = _add_correction(search, diagnosis.selection, laws.found, best, cause)
-    judged = confirm(selection, diagnosis.validation, search.trusted)
+    added = _add_correction(search, diagnosis.selection, laws.found, best, cause)
+    reported = as_reported_models(search, needed(search, added))
+    judged = confirm(reported, diagnosis.validation, search.trusted)
     confirmation = judged.confirmations.get(cause.effect_name)
     if confirmation is None or confirmation.outcome is not Outcome.CONFIRMED:
         return diagnosis
@@ -271,15 +324,14 @@ def _add_correction(
     extended, chosen = _place_correction(search, selection, cause)
     below = extended.best
     gain = best.gain + below.fit.bic - law_map.base.fit.bic + cause.fit.bic - chosen.fit.bic
-    reported = search.trusted(chosen, below)
     step = Step(
-        chosen=reported,
+        chosen=chosen,
         gain=gain,
         evidence=gain,
         p_value=_p_value(law_map, best),
         alternatives=[],
         rejected=extended.rejected,
-        gains={reported.effect_name: gain},
+        gains={chosen.effect_name: gain},
     )
     return replace(extended, steps=[*extended.steps, step], rejected=[])
 

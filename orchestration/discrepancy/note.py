@@ -54,6 +54,7 @@ class NoteCode(StrEnum):
     NOT_SIMULATED = "not_simulated"
     NOT_IN_ALL_SAMPLES = "not_in_all_samples"
     NOT_VALIDATED = "not_validated"
+    MAY_BE_NEUTRAL = "may_be_neutral"
     INPUT_NOISE_DOES_THE_SAME = "input_noise_does_the_same"
     CONFOUNDED = "confounded"
     # what is left

@@ -173,7 +173,7 @@ def diagnose(
     if not result.diagnosis.inconclusive:
         progress("running the extended FMU over the validation data")
         result = _with_extended_model(result)
-    if result.diagnosis.verdict is Verdict.AMBIGUOUS and not result.diagnosis.unsettled:
+    if result.diagnosis.verdict is Verdict.AMBIGUOUS:
         result = _with_experiment(result, data, chosen, progress)
     return result
 

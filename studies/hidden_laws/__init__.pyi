@@ -3,6 +3,7 @@ from .place import Answer as Answer
 from .place import answers as answers
 from .place import counted as counted
 from .place import is_right as is_right
+from .place import over as over
 from .place import proportional as proportional
 from .records import Base as Base
 from .records import LawCase as LawCase

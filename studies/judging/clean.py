@@ -97,7 +97,7 @@ def diagnosed(
     with tempfile.TemporaryDirectory() as folder:
         path = drawn.write(Path(folder) / "record.csv")
         began = clock.perf_counter()
-        cpu = _processor_time()
+        cpu = processor_time()
         try:
             settings = settings_of(drawn)
             known = drawn.plant.known
@@ -108,10 +108,10 @@ def diagnosed(
             refused = {
                 "verdict": "refused",
                 "why": [_without_figures(str(error))],
-                "seconds": _processor_time() - cpu,
+                "seconds": processor_time() - cpu,
             }
             return None, refused
-    took = {"seconds": _processor_time() - cpu, "elapsed": clock.perf_counter() - began}
+    took = {"seconds": processor_time() - cpu, "elapsed": clock.perf_counter() - began}
     physical = [n for n in drawn.plant.nominal if n in result.parameters]
     return result, took | {
         "samples": drawn.time.size,
@@ -160,7 +160,7 @@ def right(row: Row) -> bool:
     return row["verdict"] in ("consistent", "recalibrate")
 
 
-def _processor_time() -> float:
+def processor_time() -> float:
     """Return processor time of this process and its children, s: compilers run beside it."""
     return float(sum(os.times()[:4]))
 

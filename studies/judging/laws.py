@@ -6,7 +6,8 @@ stimuli and kinds of noise with generators that share no code with what they jud
 the base are not counted. Beside it stands a naive search for the signal of which the
 residual is a curve. `--clean 120` asks the same of records in which nothing is hidden, and
 `--actuator 2` of the variations of the emulated rig with the catalogue off
-(`studies.judging.laws_clean`).
+(`studies.judging.laws_clean`). `--catalogue 60` diagnoses records of hidden laws with the catalogue
+on, and counts what is named beside them (`studies.judging.laws_catalogue`).
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from studies.hidden_laws import (
     least_bic,
     series,
 )
-from studies.judging import laws_clean
+from studies.judging import laws_catalogue, laws_clean
 from studies.judging.clean import ROOT, settings_of
 from studies.judging.kept import add_options, among, judged
 from studies.judging.laws_answers import (
@@ -73,6 +74,7 @@ CODE = (
     "studies/judging/laws_answers.py",
     "studies/judging/laws_report.py",
     "studies/judging/laws_clean.py",
+    "studies/judging/laws_catalogue.py",
 )
 _HEAD = (
     "# How often a law is found that lacks what no catalogue has\n"
@@ -224,9 +226,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--actuator", type=int, default=0, metavar="SEEDS", help="of each variation of the rig"
     )
+    parser.add_argument(
+        "--catalogue", type=int, default=0, help="records diagnosed with the catalogue on"
+    )
     parser.add_argument("--out", type=Path, help="page to write")
     chosen = parser.parse_args(arguments)
-    records = chosen.records or (0 if chosen.clean or chosen.actuator else 120)
+    others = chosen.clean or chosen.actuator or chosen.catalogue
+    records = chosen.records or (0 if others else 120)
     kept = chosen.kept or ROOT / "build" / "laws" / f"{chosen.seed}.jsonl"
     topics = list(_topics(chosen, records, kept))
     text = "\n\n".join(map(str, topics))
@@ -236,6 +242,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "records": records,
             "clean": chosen.clean,
             "actuator": chosen.actuator,
+            "catalogue": chosen.catalogue,
             "seed": chosen.seed,
         }
         head = [f"--{name} {count}" for name, count in words.items() if count]
@@ -264,6 +271,7 @@ def _topics(chosen: argparse.Namespace, records: int, kept: Path) -> Sequence[To
     for name, count, study in (
         ("clean", chosen.clean, laws_clean.clean),
         ("actuator", chosen.actuator, laws_clean.actuator),
+        ("catalogue", chosen.catalogue, laws_catalogue.catalogue),
     ):
         if count:
             topics.append(study(count, chosen, kept.with_stem(f"{kept.stem}-{name}"), progress))

@@ -173,6 +173,10 @@ _NOTES = {
         "fits the estimation data better, but not the part held out (log-likelihood {score:+.3g}"
         " where {expected:+.3g} is expected of it), and is not claimed"
     ),
+    NoteCode.MAY_BE_NEUTRAL: (
+        "not claimed: fitted to all that was measured, {parameter} is {value:.3g} {unit}, and its"
+        " 95 % interval, {low:.3g} to {high:.3g} {unit}, holds {neutral:g}, where it does nothing"
+    ),
     NoteCode.INPUT_NOISE_DOES_THE_SAME: (
         "not claimed: noise on {inputs} makes as much evidence by itself (BIC falls by {gain:.3g})"
     ),
@@ -244,8 +248,6 @@ def sentence(diagnosis: Diagnosis) -> str:
     suffix = ""
     if _has_note(diagnosis, NoteCode.TIME_SPENT):
         suffix = " (The time was spent before all was tried.)"
-    if diagnosis.unsettled:
-        return f"The model is not fitted to the end, so that nothing is claimed.{suffix}"
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
     unexplained = _unexplained_findings(diagnosis)

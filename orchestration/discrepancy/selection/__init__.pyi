@@ -10,9 +10,14 @@ from .input_noise import unfollowed_noise as unfollowed_noise
 from .input_noise import with_more_noise as with_more_noise
 from .intersample import Intersample as Intersample
 from .mixed_up import mixed_up_columns as mixed_up_columns
+from .revision import as_reported_models as as_reported_models
+from .revision import fitted_to_the_end as fitted_to_the_end
+from .revision import needed as needed
+from .revision import without_effect as without_effect
 from .search import FAILURES as FAILURES
 from .search import Search as Search
 from .stepwise import ACCEPT as ACCEPT
 from .stepwise import Selection as Selection
 from .stepwise import Step as Step
 from .stepwise import interchangeable as interchangeable
+from .stepwise import takes_enough as takes_enough

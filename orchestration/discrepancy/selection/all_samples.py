@@ -78,7 +78,7 @@ def steps_over_all_samples(
     steps: list[Step] = []
     for step in selection.steps:
         try:
-            fitted = search.refit_over(step.chosen, below)
+            fitted = search.containing(search.refit_over(step.chosen, below), below)
         except FAILURES:
             break
         evidence = fitted.delta_bic(below, selection.tried)

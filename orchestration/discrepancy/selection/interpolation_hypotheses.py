@@ -18,10 +18,11 @@ from orchestration.discrepancy.selection.intersample import (
     CLEAR,
     InterpolationBasis,
     Intersample,
+    by_fit,
     turned,
 )
 from orchestration.discrepancy.selection.ranking import few, nearest
-from orchestration.discrepancy.selection.revision import explaining, revised
+from orchestration.discrepancy.selection.revision import explaining, fitted_in, revised
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import Selection, select
@@ -68,9 +69,31 @@ def selected(
     hypothesis = Hypothesis(search, score(search, base, effects), chosen)
     other = by_effects(hypothesis, effects)
     selection = _select_and_revise(other, effects)
-    if other.search is search or selection.steps:
+    if selection.steps:
+        return _by_extended_model(other, selection)
+    if other.search is search:
         return other, selection
-    return hypothesis, _select_and_revise(hypothesis, effects)
+    return _by_extended_model(hypothesis, _select_and_revise(hypothesis, effects))
+
+
+def _by_extended_model(
+    hypothesis: Hypothesis, selection: Selection
+) -> tuple[Hypothesis, Selection]:
+    """Let the model with all effects that were selected decide how inputs are taken.
+
+    What the model without them lacks may outweigh what half a sample does by far, and leave the
+    choice to the course of an input.
+    """
+    search = hypothesis.search
+    if not selection.steps or search.budget.spent():
+        return hypothesis, selection
+    asked, best, chosen = by_fit(search, selection.best, hypothesis.chosen)
+    if asked is search:
+        return replace(hypothesis, chosen=chosen), selection
+    turned_selection = fitted_in(asked, selection, best)
+    if turned_selection is None:
+        return hypothesis, selection
+    return replace(hypothesis, search=asked, chosen=chosen), turned_selection
 
 
 def _select_and_revise(hypothesis: Hypothesis, effects: Sequence[type[Effect]]) -> Selection:

@@ -418,7 +418,8 @@ def _in_one_noise(
         return in_one_noise.refine(fitted) if fitted and effect in surest else fitted
 
     base = in_one_noise.fit_from(below.candidate, below)
-    candidates = filter(None, parallel_map(fit_effect, list(seen)))
+    fitted_effects = filter(None, parallel_map(fit_effect, list(seen)))
+    candidates = [as_they_are.containing(fitted, base) for fitted in fitted_effects]
     rows = [(candidate, candidate.delta_bic(base, number)) for candidate in candidates]
     return sorted(rows, key=lambda row: -row[1])
 

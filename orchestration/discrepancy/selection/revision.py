@@ -45,6 +45,62 @@ def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]
     return _weightiest_first(search, selection)
 
 
+def needed(search: Search, selection: Selection) -> Selection:
+    """Return a selection without the effects that account for too little beside the others.
+
+    Where a correction of a law stands beside effects of the catalogue, these were named when it was
+    not there; see `takes_enough`.
+
+    Returns
+    -------
+    Selection
+        With models that are fitted anew; the same where every effect is needed.
+    """
+    while len(selection.steps) > 1 and not search.budget.spent():
+        best = selection.best
+        others = [
+            _fitted(
+                search, best, [other for other in best.candidate.effects if other is not effect]
+            )
+            for effect in best.candidate.effects
+        ]
+        fitted = [other for other in others if other is not None]
+        nearest = min(fitted, key=lambda other: other.fit.bic, default=None)
+        if nearest is None or _is_worth(selection, nearest):
+            break
+        shorter = _chain(search, selection, nearest)
+        if shorter is None:
+            break
+        selection = shorter
+    return _weightiest_first(search, selection)
+
+
+def _is_worth(selection: Selection, without: FittedCandidate) -> bool:
+    """Return whether the best model is worth what it has more than one without an effect."""
+    best = selection.best
+    if best.delta_bic(without, selection.tried) <= ACCEPT:
+        return whitens_residual(without, best)
+    kept = without.candidate.effects
+    (effect,) = (e for e in best.candidate.effects if e not in kept)
+    is_shape = any(interchangeable(effect, other) for other in kept)
+    return is_shape or takes_enough(base=selection.base, below=without, richer=best)
+
+
+def without_effect(search: Search, selection: Selection, effect: type[Effect]) -> Selection:
+    """Return a selection less one effect, the models with the others fitted anew.
+
+    Where they cannot be fitted, all that was added after it goes with it.
+    """
+    without = _fitted_without(search, selection.best, effect)
+    chain = None if without is None else _chain(search, selection, without)
+    if chain is not None:
+        return chain
+    first = next(k for k, step in enumerate(selection.steps) if step.chosen.effect is effect)
+    dropped = [(step.chosen, step.gain) for step in selection.steps[first:]]
+    rejected = [*dropped, *selection.rejected]
+    return replace(selection, steps=selection.steps[:first], rejected=rejected)
+
+
 def explaining(search: Search, selection: Selection) -> Selection:
     """Return the selection, with all its effects rejected where together they explain too little.
 
@@ -66,6 +122,38 @@ def explaining(search: Search, selection: Selection) -> Selection:
     return replace(selection, steps=[], rejected=[*named, *selection.rejected], unsure=unsure)
 
 
+def fitted_in(search: Search, selection: Selection, best: FittedCandidate) -> Selection | None:
+    """Return a selection in another search, that ends in its best model fitted there.
+
+    None if one of its models cannot be fitted.
+    """
+    base = _fitted(search, best, ())
+    chain = None if base is None else _chain(search, selection, best)
+    return None if base is None or chain is None else replace(chain, base=base)
+
+
+def fitted_to_the_end(search: Search, selection: Selection) -> Selection:
+    """Return a selection whose models are fitted to their ends, also where time was spent."""
+    below = selection.base
+    steps = []
+    for step in selection.steps:
+        chosen = step.chosen if step.chosen.fit.converged else search.refit(step.chosen)
+        below = search.containing(chosen, below)
+        steps.append(replace(step, chosen=below))
+    return replace(selection, steps=steps)
+
+
+def as_reported_models(search: Search, selection: Selection) -> Selection:
+    """Return a selection with every model as it is reported; see `Search.trusted`."""
+    base = search.trusted(selection.base)
+    below = base
+    steps = []
+    for step in selection.steps:
+        below = search.trusted(step.chosen, below)
+        steps.append(replace(step, chosen=below))
+    return replace(selection, base=base, steps=steps)
+
+
 def _revised_once(
     search: Search, selection: Selection, effects: Sequence[type[Effect]]
 ) -> Selection | None:
@@ -76,15 +164,14 @@ def _revised_once(
     for effect in best.candidate.effects[:-1]:  # the last was looked for beside the others
         if search.budget.spent():
             return None
-        kept = [e for e in best.candidate.effects if e is not effect]
-        without = _fitted(search, best, kept)
+        without = _fitted_without(search, best, effect)
         if without is None:
             continue
         if best.delta_bic(without, selection.tried) <= ACCEPT and not whitens_residual(
             without, best
         ):
             return _chain(search, selection, without)
-        if all(interchangeable(effect, other) for other in kept):
+        if all(interchangeable(effect, other) for other in without.candidate.effects):
             continue  # shapes of one cause
         better = _better_in_place(search, selection, effect, without, effects)
         if better is not None:
@@ -115,6 +202,8 @@ def _better_in_place(
     known = set(map(label, without.candidate.effects)) | search.not_assessed.keys()
     rivals = _rivals(selection, effect) | {label(effect)}
     others = [e for e in effects if label(e) in rivals - known]
+    if not others:
+        return None
     tried = ranked(search, without, [score(search, without, others)], others)
     own = next((row for row in tried.rows if row[0].effect is effect), None)
     best = tried.rows[0] if tried.rows else None
@@ -145,10 +234,7 @@ def _weightiest_first(search: Search, selection: Selection) -> Selection:
     best = selection.best
     if len(selection.steps) < 2 or search.budget.spent():
         return selection
-    without = {
-        e: _fitted(search, best, [other for other in best.candidate.effects if other is not e])
-        for e in best.candidate.effects
-    }
+    without = {e: _fitted_without(search, best, e) for e in best.candidate.effects}
     if not all(without.values()):
         return selection
     ordered = sorted(without, key=lambda e: -without[e].fit.bic)  # type: ignore[union-attr]
@@ -184,8 +270,12 @@ def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selec
         if below is None:
             return None
         models.insert(0, below)
+    for k in range(1, len(models)):
+        models[k] = search.containing(models[k], models[k - 1])
     steps = [_step(selection, below, model) for below, model in pairwise(models)]
-    return replace(selection, steps=steps)
+    named = best.candidate.effects
+    dropped = [(s.chosen, s.gain) for s in selection.steps if s.chosen.effect not in named]
+    return replace(selection, steps=steps, rejected=[*selection.rejected, *dropped])
 
 
 def _step(selection: Selection, below: FittedCandidate, model: FittedCandidate) -> Step:
@@ -199,6 +289,13 @@ def _step(selection: Selection, below: FittedCandidate, model: FittedCandidate) 
     if whitens_residual(below, model):
         evidence, p_value = max((evidence, p_value), (former.evidence, former.p_value))
     return replace(former, chosen=model, evidence=evidence, p_value=p_value)
+
+
+def _fitted_without(
+    search: Search, best: FittedCandidate, effect: type[Effect]
+) -> FittedCandidate | None:
+    """Fit a model without one of its effects, if it can be."""
+    return _fitted(search, best, [other for other in best.candidate.effects if other is not effect])
 
 
 def _fitted(

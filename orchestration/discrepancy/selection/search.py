@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -56,6 +57,9 @@ _BEHIND = 6.0  # of BIC, after its first steps, behind which a fit from beside a
 # of the way between two samples at a typical velocity, in which a slide has given: by less, it is
 # friction that changes sign at once, at the price of ever shorter internal steps
 _AT_ONCE = 0.1
+# of BIC, by which two simulations of one model may differ: less than any evidence turns on
+_ROUNDING = 1.0
+_LOG = logging.getLogger(__name__)
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 
 
@@ -288,6 +292,31 @@ class Search:
         if again is richer or not again.fit.bic < below.fit.bic:
             return below
         return replace(below, problem=again.problem, fit=again.fit)
+
+    def containing(self, fitted: FittedCandidate, below: FittedCandidate) -> FittedCandidate:
+        """Return a fit of an extended model that scores as well as the model below it, at least.
+
+        It contains that one, so that it is as likely with its effect at rest, and costs no more
+        than its parameters. Where it ended in a worse optimum, it is fitted from there. It is a
+        fault of the search, and logged, if that is no better.
+
+        Parameters
+        ----------
+        fitted, below : FittedCandidate
+            In noise of the same kind.
+        """
+        extra = len(fitted.problem.names) - len(below.problem.names)
+        least = below.fit.bic + extra * float(np.log(fitted.fit.samples)) + _ROUNDING
+        if fitted.fit.bic <= least:
+            return fitted
+        again = self._again(fitted.candidate, below.fit.values, below)
+        if again is below:  # it cannot be simulated at rest
+            return fitted
+        best = min(fitted, replace(again, free_run=fitted.free_run), key=lambda one: one.fit.bic)
+        if best.fit.bic > least:
+            excess = best.fit.bic - least
+            _LOG.warning("%s scores %.3g below its base", best.candidate.name, excess)
+        return best
 
     def in_white_noise(self) -> Search:
         """Return a quick search for near simulations, whatever the colour of their residual."""

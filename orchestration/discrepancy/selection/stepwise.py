@@ -280,6 +280,7 @@ def _best_sure(search: Search, selection: Selection, tried: Ranking, looked_at: 
         except FAILURES:
             continue
         below = search.nested(below, chosen)
+        chosen = search.containing(chosen, below)
         beyond = 0.0
         # noise of its own lets the model without it off too easily
         if whitens_residual(below, candidate) or tried.comes_nearer(row):

@@ -5,11 +5,14 @@ from .confirmation import Outcome as Outcome
 from .confirmation import compare as compare
 from .confirmation import confirm as confirm
 from .confirmation import score as score
+from .estimates import by_likelihood_ratio as by_likelihood_ratio
 from .estimates import deviation_beside_fit as deviation_beside_fit
 from .estimates import identifiability_notes as identifiability_notes
 from .estimates import implausible as implausible
+from .estimates import neutral_value as neutral_value
 from .estimates import parameter_estimates as parameter_estimates
 from .estimates import significantly_changed as significantly_changed
+from .estimates import undetermined_effects as undetermined_effects
 from .prediction import Errors as Errors
 from .prediction import Prediction as Prediction
 from .prediction import model_errors as model_errors

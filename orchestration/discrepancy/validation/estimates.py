@@ -8,11 +8,16 @@ another record would pull the parameters about as far as single stretches of thi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtri
 
+from fmus.kit import Effect
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.note import Note, NoteCode
@@ -38,6 +43,10 @@ _OPEN = 0.6
 _KNOWN = 0.1
 _AT_END = 1e-6  # in searched coordinates
 _UNMOVED = 1e-6
+# Fall of the deviance that a residual may hide from all tests for structure. These look at some two
+# hundred lags and regions, whose sum of squares scatters by twenty where there is nothing; five
+# times that is seen.
+_UNSEEN = 100.0
 _WRONG = 3.0  # times its noise, from which on an error is one that a refit should have lowered
 
 
@@ -126,6 +135,59 @@ def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> di
     return ratios
 
 
+def undetermined_effects(
+    model: FittedCandidate, values: Mapping[str, Estimate]
+) -> list[type[Effect]]:
+    """Return the effects of a model that may do nothing, as far as their strength is known.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    values : Mapping of str to Estimate
+        Of its searched parameters.
+
+    Returns
+    -------
+    list of type[Effect]
+        Those whose 95 % interval holds the neutral value, the least sure first.
+    """
+    undetermined = {}
+    for effect in model.candidate.effects:
+        strength = values.get(effect.neutral)
+        if strength is None:
+            continue
+        neutral = neutral_value(effect)
+        low, high = strength.interval
+        if low <= neutral <= high:
+            undetermined[effect] = abs(strength.value - neutral) / ((high - low) or 1.0)
+    return sorted(undetermined, key=lambda effect: undetermined[effect])
+
+
+def neutral_value(effect: type[Effect]) -> float:
+    """Return the strength at which an effect does nothing, SI."""
+    declared: Any = effect.declared[effect.neutral]
+    return float(declared.start)
+
+
+def by_likelihood_ratio(strength: Estimate, neutral: float, ratio: float) -> Estimate:
+    """Return an estimate with the interval that a likelihood ratio against neutral implies.
+
+    Where a strength and other parameters do nearly the same, its standard error is large although
+    nothing is as likely without it. The test-based interval has the standard error with which the
+    test statistic of Wald would be the likelihood ratio (Miettinen, Am. J. Epidemiol. 103, 1976).
+
+    Parameters
+    ----------
+    strength : Estimate
+    neutral : float
+        Value at which the effect does nothing, SI.
+    ratio : float
+        Twice the logarithm of the likelihood ratio of the models with and without the effect.
+    """
+    half = float(ndtri(0.975)) * abs(strength.value - neutral) / math.sqrt(ratio)
+    return replace(strength, interval=(strength.value - half, strength.value + half))
+
+
 def misfit_spread(model: FittedCandidate) -> Array:
     """Return the deviation of the searched coordinates that the structure of a residual makes.
 
@@ -152,6 +214,42 @@ def misfit_spread(model: FittedCandidate) -> Array:
     return np.asarray(np.sqrt(np.maximum(beyond, 0.0)))
 
 
+def shape_spread(model: FittedCandidate, selection: Selection, structured: bool) -> Array:
+    """Return the deviation of the searched coordinates that the form of the effects leaves open.
+
+    No effect has quite the form of the truth. With another shape of the same cause a parameter is
+    elsewhere, and a part of that other shape may be in the truth: as large a part as would not be
+    seen (`_UNSEEN`). To first order a part moves parameters in proportion, and its evidence goes
+    with its square.
+
+    Parameters
+    ----------
+    model : FittedCandidate
+    selection : Selection
+        Its effects, with other shapes and alternatives as they were fitted.
+    structured : bool
+        Whether the residual shows that the form is another; then any part may be in it.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Such that an interval of 95 % ends where parameters would be with that part.
+    """
+    names = model.problem.names
+    shared = set(selection.base.problem.names)  # what other effects call alike may be another thing
+    farthest = np.zeros(len(names))
+    for step in selection.steps:
+        chosen = dict(zip(step.chosen.problem.names, step.chosen.fit.q, strict=True))
+        for other in (*step.shapes, *step.alternatives):
+            lost = max(step.gain - step.gains.get(other.effect_name, step.gain), 0.0)
+            part = 1.0 if structured else math.sqrt(_UNSEEN / (_UNSEEN + lost))
+            there = dict(zip(other.problem.names, other.fit.q, strict=True))
+            both = shared & there.keys() & chosen.keys()
+            moved = [there[name] - chosen[name] if name in both else 0.0 for name in names]
+            farthest = np.maximum(farthest, part * np.abs(moved))
+    return farthest / float(ndtri(0.975))
+
+
 def deviation_beside_fit(
     model: FittedCandidate,
     known: Iterable[Array],
@@ -175,8 +273,9 @@ def deviation_beside_fit(
     ndarray, shape (p,)
         Standard deviation beside that of the fit.
     """
-    deviations = [*known]
-    if selection.steps and any(analysis.structure for analysis in residuals.values()):
+    structured = any(analysis.structure for analysis in residuals.values())
+    deviations = [*known, shape_spread(model, selection, structured)]
+    if selection.steps and structured:
         deviations.append(misfit_spread(model))
     return np.asarray(np.linalg.norm(deviations, axis=0))
 

@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fmus.kit import SignalTerm, correction
 from fmus.kit.curves import SHAPES
 from fmus.kit.symbolic.families import list_laws
-from orchestration.fmu.effects import catalogue
+from orchestration.fmu.effects import catalogue, families
 from orchestration.fmu.model import find_model
 from studies.clean.records import Case, draw
 from studies.hidden_laws.kinds import KINDS, NAMES
@@ -30,7 +31,7 @@ from studies.hidden_laws.records import (
     series,
 )
 from studies.judging import laws_answers as judge
-from studies.judging import laws_clean
+from studies.judging import laws_catalogue, laws_clean
 from studies.plants.change import NOTHING
 from studies.plants.library import PLANTS, altered
 
@@ -270,3 +271,35 @@ def test_right_answers_of_the_rig_are_in_the_laws_of_its_effects():
         right = laws_clean.right_of(name)
         assert known[name].term.law in {a.law for a in right}
         assert {a.law for a in right} <= laws
+
+
+def test_effects_of_catalogues_are_right_where_they_change_the_law_by_the_signal():
+    """Dry friction over the speed, and the heat of the current, however they are made."""
+    speed = np.sin(np.arange(50.0))
+    known = {"omega": speed, "voltage": np.cos(np.arange(50.0)) ** 3}
+    friction = answers("friction * omega")
+    motor = find_model(PLANTS["Motor"].model).cls
+    effects = families(motor)
+    for name, expected in (
+        ("quadratic_drag(friction)", True),
+        ("sliding_friction(friction)", False),
+        ("quadratic_drag(winding_current, omega)", False),
+        ("dead_zone(voltage)", False),
+    ):
+        said = laws_catalogue.is_right_effect(effects[name], friction, known, 0.1)
+        assert said is expected, name
+    term = SignalTerm("omega", unit="rad/s", scale=100.0)
+    made = correction(motor, "friction", term, "cubic", "N*m", 0.01)
+    assert laws_catalogue.is_right_effect(made, friction, known, 0.1)
+    remembered = replace(term, memory="lagged", constant=0.1)
+    lagged = correction(motor, "friction", remembered, "cubic", "N*m", 0.01)
+    assert not laws_catalogue.is_right_effect(lagged, friction, known, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("right", "false"),
+    [([True], []), ([False, True], ["a"]), ([True, False], ["b"]), ([False, False], [])],
+)
+def test_a_companion_is_false_beside_what_is_right(right, false):
+    row = {"causes": ["a", "b"][: len(right)], "right": right}
+    assert laws_catalogue.false_companions(row) == false

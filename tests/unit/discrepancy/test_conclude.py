@@ -9,15 +9,22 @@ import pytest
 from scipy.signal import lfilter
 
 from fmus.ppy_actuator.model import PpyActuator
+from orchestration.discrepancy import conclude as conclusion
+from orchestration.discrepancy.candidates import label
 from orchestration.discrepancy.conclude import DiagnosisData, Verdict, conclude, errors_fall
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.laws import search_of
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.validation import confirm, errors_in_variables
+from orchestration.discrepancy.validation import (
+    ConfirmedSelection,
+    confirm,
+    errors_in_variables,
+    predict,
+)
 from tests.support.diagnosis import FEW, coloured, short_record
-from tests.support.regression_model import STEP, Amplifier
+from tests.support.regression_model import OTHERS, STEP, Amplifier
 from tests.support.several import Cell, measured
 from tests.support.wired_motor import FRICTION, Motor, wired
 
@@ -34,6 +41,12 @@ def diagnosis():
 
 def conclude_again(diagnosis, **other):
     """Draw the conclusion of a diagnosis once more, from its own selection."""
+    judged = confirm(diagnosis.selection, diagnosis.validation, as_it_is)
+    return conclude_judged(diagnosis, judged, **other)
+
+
+def conclude_judged(diagnosis, judged, **other):
+    """Draw the conclusion from the data of a diagnosis and a selection that was judged."""
     data = DiagnosisData(
         estimation=diagnosis.estimation,
         validation=diagnosis.validation,
@@ -43,7 +56,6 @@ def conclude_again(diagnosis, **other):
         intersample=diagnosis.intersample,
         input_noise=errors_in_variables.no_input_noise(diagnosis.selection.base),
     )
-    judged = confirm(diagnosis.selection, diagnosis.validation, as_it_is)
     return conclude(search_of(diagnosis), judged, replace(data, **other))
 
 
@@ -147,3 +159,49 @@ def test_where_a_model_does_not_describe_a_record_nothing_is_named():
     assert diagnosis.causes == []
     assert diagnosis.confirmations == {}
     assert NoteCode.LARGE_ERROR in {note.code for note in diagnosis.notes}
+
+
+def test_a_cause_that_may_do_nothing_in_the_final_model_is_not_named():
+    """It was named first; beside the second, linear regression does not know its sign."""
+    rng = np.random.default_rng(3)
+    signal = rng.standard_normal(900)
+    shown = 2.0 * signal + 0.5 * np.abs(signal) + 0.1 * rng.standard_normal(900)
+    table = np.column_stack([signal, np.abs(signal), signal**3])
+    least, (left,) = np.linalg.lstsq(table, shown)[:2]
+    error = np.sqrt(left / 900 * np.linalg.inv(table.T @ table)[2, 2])
+    assert abs(least[2]) < 1.96 * error
+    data = Dataset(STEP * np.arange(900), {"signal": signal}, {"shown": shown})
+    asymmetric, cubic = OTHERS[1:]
+    found = diagnose(Amplifier, data, [asymmetric])
+    search = search_of(found)
+    (step,) = found.selection.steps
+    first = search.fit_from(found.selection.base.candidate.with_effect(cubic), step.chosen)
+    both = search.fit_from(first.candidate.with_effect(asymmetric), step.chosen)
+    steps = [replace(step, chosen=first, gains={cubic.id: 1.0}), replace(step, chosen=both)]
+    judged = ConfirmedSelection(
+        replace(found.selection, steps=steps),
+        [predict(found.validation, one) for one in (found.selection.base, first, both)],
+        {},
+        [],
+    )
+    anew = conclude_judged(found, judged)
+    assert anew.causes == found.causes == [label(asymmetric)]
+    assert anew.confirmations.keys() == {label(asymmetric)}
+    (note,) = [note for note in anew.notes if note.code is NoteCode.MAY_BE_NEUTRAL]
+    assert note.subject == label(cubic)
+    assert note.facts["low"] < 0.0 < note.facts["high"]
+
+
+def test_a_cause_that_the_record_needs_keeps_its_name_whatever_its_interval(monkeypatch):
+    """Its interval is that of the likelihood ratio then, and does not hold zero."""
+    rng = np.random.default_rng(3)
+    signal = rng.standard_normal(900)
+    shown = 2.0 * signal + 0.1 * np.abs(signal) + 0.1 * rng.standard_normal(900)
+    data = Dataset(STEP * np.arange(900), {"signal": signal}, {"shown": shown})
+    monkeypatch.setattr(
+        conclusion, "undetermined_effects", lambda model, _: [*model.candidate.effects]
+    )
+    found = diagnose(Amplifier, data, OTHERS[1:2])
+    assert found.causes == [label(OTHERS[1])]
+    low, high = found.estimates[OTHERS[1].neutral].interval
+    assert 0.0 < low < 0.1 < high

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import sin
+from math import sin, tanh
 
 import pytest
 
 from fmus.kit.corrections import SignalTerm, SmoothTable, correction
+from orchestration.api.records import read_record
 from orchestration.discrepancy.conclude import Verdict
 from orchestration.discrepancy.law_corrections import leaves_something, same_effect, search_laws
+from orchestration.discrepancy.laws import search_of
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
+from orchestration.discrepancy.selection import Step
+from orchestration.fmu import families, find_model
+from studies.clean.records import Case, draw
+from studies.hidden_laws.place import over
+from studies.plants.library import PLANTS
 from studies.plants.models.motor import Motor
 from tests.support.lacking import diagnosed, motor
 
@@ -38,6 +46,45 @@ def test_a_corrected_diagnosis_keeps_what_is_said_of_the_data(diagnosis):
     assert Note(NoteCode.AT_BOUND) not in corrected.notes, "that was about another model"
     for output, error in corrected.after.items():
         assert error < before.after[output]
+
+
+def test_what_was_named_before_a_law_stays_only_if_it_is_needed_beside_it(diagnosis):
+    """A drag was named for the wave of the friction, which the law has no need of."""
+    search = search_of(diagnosis)
+    base = diagnosis.selection.base
+    drag = families(Motor)["quadratic_drag(friction)"]
+    fitted = search.fit_from(base.candidate.with_effect(drag), base)
+    step = Step(fitted, 20.0, 20.0, 0.0, [], [], gains={fitted.effect_name: 20.0})
+    before = replace(
+        diagnosis,
+        verdict=Verdict.CAUSE,
+        selection=replace(diagnosis.selection, steps=[step]),
+        notes=[Note(NoteCode.SOMETHING_LEFT)],
+    )
+    _, corrected = search_laws(before)
+    assert corrected.causes == ["friction(omega)"]
+    assert fitted.effect_name in [
+        one.effect_name for one, _ in corrected.selection.steps[0].rejected
+    ]
+
+
+@pytest.mark.slow
+def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
+    """Effects of the catalogue fit it, and are named before laws are searched."""
+    lack = over("series_resistance + charge", lambda q: -0.111 * tanh(q / 1.57))
+    plant = PLANTS["Actuator"].with_hidden(lack.change)
+    drawn = draw(Case("Actuator", "PRBS", "Gaussian", 1), plant=plant)
+    path = drawn.write(tmp_path / "record.csv")
+    subject = find_model(drawn.plant.model)
+    record = [read_record(path, subject)]
+    named = diagnose_only(record, subject).diagnosis
+    assert len(named.causes) > 1, "otherwise this record shows nothing"
+    result = diagnose_only(record, subject, options=DiagnosisOptions(laws=True)).diagnosis
+    assert result.causes == ["immediate_resistance(charge)"]
+    strength = result.estimates["immediate_resistance_of_charge"]
+    width = result.estimates["immediate_resistance_of_charge_width"]
+    assert strength.value == pytest.approx(-0.111, rel=0.02)
+    assert width.value == pytest.approx(1.57, rel=0.05)
 
 
 @pytest.mark.parametrize(

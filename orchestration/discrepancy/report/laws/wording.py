@@ -85,9 +85,13 @@ def typeset_headline(result: Result) -> Markup:
 
 
 def _goes_last(result: Result) -> bool:
-    """Return whether what a law may lack comes after causes that were named."""
-    best = LawReport(result, result.laws).best
-    return bool(result.diagnosis.causes) and best is not None and not best.confirmed
+    """Return whether what a law may lack comes after causes, the first of which is another."""
+    law_report = LawReport(result, result.laws)
+    best = law_report.best
+    causes = result.diagnosis.causes
+    if best is None or not causes:
+        return False
+    return not best.confirmed or law_report.effect_name(best) != causes[0]
 
 
 def _lacking(result: Result) -> str:

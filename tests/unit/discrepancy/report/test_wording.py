@@ -386,6 +386,16 @@ def not_validated(monkeypatch):
     return confirm(diagnosis.selection, judged_by, as_it_is).notes
 
 
+@makes(NoteCode.MAY_BE_NEUTRAL)
+def may_be_neutral(monkeypatch):
+    """Take an effect that is sure for one that is not, and that is not needed."""
+    monkeypatch.setattr(conclusion, "ACCEPT", np.inf)
+    monkeypatch.setattr(
+        conclusion, "undetermined_effects", lambda model, _: [*model.candidate.effects]
+    )
+    return diagnose(Product, with_offset(), [OFFSET]).notes
+
+
 @makes(NoteCode.CONFOUNDED)
 def confounded(monkeypatch):
     monkeypatch.setattr(conclusion, "CONFOUNDED_SHARE", 0.0)

@@ -15,7 +15,14 @@ from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import revision
-from orchestration.discrepancy.selection.revision import _chain, _fitted, explaining, revised
+from orchestration.discrepancy.selection.revision import (
+    _chain,
+    _fitted,
+    explaining,
+    needed,
+    revised,
+    without_effect,
+)
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
@@ -211,3 +218,33 @@ def test_the_weightiest_comes_first(sizes):
     ]
     for selection in (forward, turned):
         assert revised(search, selection, EFFECTS[:2]).steps[0].chosen.effect_name == weightiest
+
+
+def chained(search, *names):
+    """A selection of these effects, whether the record asks for them or not."""
+    effects = [effect for effect in EFFECTS if effect.id in names]
+    forward = select(search, effects[:1])
+    return _chain(search, forward, _fitted(search, forward.best, effects))
+
+
+@pytest.mark.parametrize(("small", "named"), [(0.25, {"even"}), (0.6, {"even", "odd"})])
+def test_what_takes_less_than_a_tenth_of_the_error_beside_the_others_is_not_needed(small, named):
+    """The shares of the error are those of a regression: even has 2 and odd 6 times its square."""
+    data = record({"even": 1.5, "odd": small}, 6)
+    share = 6.0 * small**2 / (2.0 * 1.5**2 + 6.0 * small**2)
+    assert (share > 0.1) is ("odd" in named)
+    search = Search(data, Amplifier, ["gain"])
+    selection = chained(search, "even", "odd")
+    assert selection.best.delta_bic(selection.steps[0].chosen, len(EFFECTS)) > 10.0
+    together = needed(search, selection)
+    assert {step.chosen.effect_name for step in together.steps} == named
+    if "odd" not in named:
+        assert [fitted.effect_name for fitted, _ in together.rejected][-1] == "odd"
+
+
+def test_a_selection_without_an_effect_is_that_of_the_others():
+    search = Search(record({"even": 1.0, "odd": 0.5}, 6), Amplifier, ["gain"])
+    selection = chained(search, "even", "odd")
+    (step,) = without_effect(search, selection, EFFECTS[0]).steps
+    assert step.chosen.effect_name == "odd"
+    assert without_effect(search, chained(search, "even"), EFFECTS[0]).steps == []

@@ -27,6 +27,7 @@ from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from orchestration.identify.fitting.prediction_error import fit_prediction_error
 from tests.support.gain import Gain
+from tests.support.regression_model import OFFSET, Amplifier
 from tests.support.several import Cell, measured
 
 
@@ -209,3 +210,35 @@ def test_an_extended_model_is_no_farther_from_the_record_than_the_one_below(spen
     found = search.trusted(lost, base)
     errors = [float(np.linalg.norm(model.fit.residual["voltage"])) for model in (found, base)]
     assert errors[0] <= 1.02 * errors[1]
+
+
+def extended(fault):
+    """A model with an effect that is not there, its fit worse by so much of BIC, and its base."""
+    signal = np.random.default_rng(4).standard_normal(500)
+    shown = 2.0 * signal + 0.1 * np.random.default_rng(5).standard_normal(500)
+    data = Dataset(0.1 * np.arange(500), {"signal": signal}, {"shown": shown})
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    fitted = search.fit_from(base.candidate.with_effect(OFFSET), base)
+    worse = replace(fitted, fit=replace(fitted.fit, deviance=fitted.fit.deviance + fault))
+    return search, base, fitted, worse
+
+
+def test_an_extended_model_scores_no_less_than_its_base_less_its_price():
+    """It contains the base, so that it is as likely at rest; one parameter costs log(500)."""
+    search, base, fitted, worse = extended(100.0)
+    assert search.containing(fitted, base) is fitted
+    assert worse.fit.bic > base.fit.bic + np.log(500)
+    better = search.containing(worse, base)
+    assert better.fit.bic <= base.fit.bic + np.log(500) + 1e-6
+    assert better.candidate is worse.candidate
+
+
+def test_a_search_that_leaves_an_extension_below_its_base_is_logged_as_a_fault(monkeypatch, caplog):
+    search, base, _, worse = extended(100.0)
+    monkeypatch.setattr(Search, "_again", lambda *given: worse)
+    assert search.containing(worse, base).fit is worse.fit
+    (logged,) = caplog.records
+    assert logged.levelname == "WARNING"
+    assert "force_offset" in logged.getMessage()
+    caplog.clear()

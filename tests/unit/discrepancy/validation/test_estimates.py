@@ -12,17 +12,22 @@ import math
 import numpy as np
 import pytest
 
+from orchestration.discrepancy.candidates import Candidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.selection.search import Search
+from orchestration.discrepancy.selection.stepwise import Selection, Step
 from orchestration.discrepancy.validation.estimates import (
+    by_likelihood_ratio,
     identifiability_notes,
     implausible,
     misfit_spread,
     parameter_estimates,
+    shape_spread,
+    undetermined_effects,
 )
 from orchestration.identify.uncertainty.estimate import Estimate, is_significantly_different
-from tests.support.regression_model import GAIN, SPREAD, STEP, Amplifier
+from tests.support.regression_model import GAIN, OTHERS, SPREAD, STEP, Amplifier
 
 RECORDS, STRETCHES, LENGTH = 60, 24, 50
 
@@ -114,3 +119,66 @@ def test_a_parameter_that_a_record_does_not_determine_is_noted(size):
     notes = identifiability_notes(Search(data, Amplifier, ["gain"]).nominal(), ["gain"])
     told = [note.facts["names"] for note in notes if note.code is NoteCode.UNDETERMINED]
     assert told == ([("gain",)] if size < 1.0 else [])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_effect_is_undetermined_where_least_squares_does_not_know_its_sign(seed):
+    """The oracle is the interval of a linear regression."""
+    asymmetric, cubic = OTHERS[1:]
+    random = np.random.default_rng(seed)
+    signal = random.standard_normal(400)
+    noise = SPREAD * random.standard_normal(signal.size)
+    sizes = 0.5, 0.002  # the cube: about one standard error
+    table = np.column_stack([signal, np.abs(signal), signal**3])
+    shown = table @ [GAIN, *sizes] + noise
+    search = Search(
+        Dataset(STEP * np.arange(signal.size), {"signal": signal}, {"shown": shown}),
+        Amplifier,
+        ["gain"],
+    )
+    candidate = Candidate((), Amplifier).with_effect(asymmetric).with_effect(cubic)
+    model = search.fit_from(candidate, search.nominal())
+    least = np.linalg.lstsq(table, shown)[0]
+    variance = np.mean((shown - table @ least) ** 2)
+    errors = np.sqrt(np.diag(variance * np.linalg.inv(table.T @ table)))
+    expected = [
+        effect
+        for effect, value, error in zip((asymmetric, cubic), least[1:], errors[1:], strict=True)
+        if abs(value) < 1.96 * error
+    ]
+    assert undetermined_effects(model, parameter_estimates(model)) == expected
+
+
+def test_an_interval_by_likelihood_ratio_is_the_usual_one_where_all_is_linear():
+    """There the likelihood ratio of a Gaussian mean of known spread is its square in errors."""
+    mean, neutral, error = 3.0, 1.0, 0.4
+    wide = Estimate(mean, neutral, (-9.0, 15.0), "V")
+    low, high = by_likelihood_ratio(wide, neutral, ((mean - neutral) / error) ** 2).interval
+    assert (low, high) == pytest.approx((mean - 1.96 * error, mean + 1.96 * error), abs=1e-4)
+
+
+def test_a_part_of_another_shape_that_is_not_seen_may_be_in_the_truth():
+    """By linear regression: the gain moves with the part, the evidence goes with its square."""
+    asymmetric, cubic = OTHERS[1:]
+    random = np.random.default_rng(2)
+    signal = random.uniform(-1.7, 1.7, 600)  # no heavy tails in what a shape leaves
+    shown = GAIN * signal + 0.05 * signal**3 + SPREAD * random.standard_normal(600)
+    data = Dataset(STEP * np.arange(600), {"signal": signal}, {"shown": shown})
+    search = Search(data, Amplifier, ["gain"])
+    base = search.nominal()
+    chosen = search.fit_from(base.candidate.with_effect(cubic), base)
+    other = search.fit_from(base.candidate.with_effect(asymmetric), base)
+    gains = {chosen.effect_name: 900.0, other.effect_name: 600.0}
+    step = Step(chosen, 900.0, 900.0, 0.0, [], [], shapes=[other], gains=gains)
+    selection = Selection(base, [step])
+    one, two = (
+        np.linalg.lstsq(np.column_stack([signal, shape]), shown)[0][0]
+        for shape in (signal**3, np.abs(signal))
+    )
+    whole = abs(np.log(two / one))
+    part = np.sqrt(100.0 / (100.0 + 300.0))
+    place = chosen.problem.names.index("gain")
+    for structured, share in ((False, part), (True, 1.0)):
+        spread = shape_spread(chosen, selection, structured)
+        assert spread[place] == pytest.approx(share * whole / 1.96, rel=0.05)
+        assert not np.delete(spread, place).any()

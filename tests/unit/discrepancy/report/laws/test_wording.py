@@ -73,3 +73,20 @@ def test_smoothed_noise_is_told_with_its_size():
     assert wording.describe_smoothing(law_report) == ""
     law_report.laws.noise = {"voltage": 0.0123}
     assert " Noise on voltage (0.0123 V), which " in wording.describe_smoothing(law_report)
+
+
+@pytest.mark.parametrize(
+    ("causes", "confirmed", "last"),
+    [
+        (["friction(omega)"], True, False),
+        (["sensor_lag(speed)", "friction(omega)"], True, True),
+        (["sensor_lag(speed)"], False, True),
+        ([], False, False),
+    ],
+)
+def test_the_headline_begins_with_the_strongest(monkeypatch, causes, confirmed, last):
+    best = SimpleNamespace(confirmed=confirmed)
+    law_report = SimpleNamespace(best=best, effect_name=lambda correction: "friction(omega)")
+    monkeypatch.setattr(wording, "LawReport", lambda result, laws: law_report)
+    result = SimpleNamespace(diagnosis=SimpleNamespace(causes=causes), laws=None)
+    assert wording._goes_last(result) is last
