@@ -7,6 +7,8 @@ from .covariance import sandwich_covariance as sandwich_covariance
 from .covariance import weighted_square as weighted_square
 from .estimate import Distribution as Distribution
 from .estimate import Estimate as Estimate
+from .estimate import NOTICEABLE as NOTICEABLE
+from .estimate import SIGNIFICANT as SIGNIFICANT
 from .estimate import is_significantly_different as is_significantly_different
 from .estimate import joint_distribution as joint_distribution
 from .picture import draw as draw
