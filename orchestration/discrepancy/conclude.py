@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,10 +25,12 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import (
     FAILURES,
+    SOLVER_ERROR,
     Intersample,
     Search,
     Selection,
     intersample,
+    solver_error_notes,
 )
 from orchestration.discrepancy.validation import (
     Confirmation,
@@ -250,7 +253,6 @@ def conclude(
     if max(_large_errors(judged.selection.best).values(), default=0.0) > _HOPELESS:
         judged = judged.without_steps(data.validation)
     selection = judged.selection
-    best_prediction = judged.predictions[-1]
     final, refit_notes = _fit_to_all(search, selection.best, data)
     residuals = analyse_residuals(selection.best, data.estimation)
     parameters = _assess_parameters(search, final, selection, residuals, data)
@@ -258,10 +260,8 @@ def conclude(
     of_input_noise = errors_in_variables.structure_of_input_noise(
         residuals, selection, search, data.input_noise
     )
-    unfollowed = unpredicted_output_notes(data.validation, best_prediction)
-    structure_remains = _has_unexplained_structure(selection, residuals, of_input_noise)
-
-    doubts = _doubts(judged, structure_remains, improves)
+    remainder = _remainder(judged, residuals, of_input_noise, data)
+    doubts = _doubts(judged, remainder.structure, improves)
     notes = [
         *data.notes,
         *judged.notes,
@@ -269,12 +269,13 @@ def conclude(
         *parameters.notes,
         *(note for _, note in sorted(search.not_assessed.items())),
         *_confounding_notes(selection),
-        *residual_notes(residuals),
-        *unfollowed,
+        *remainder.residual_notes,
+        *remainder.unfollowed,
         *doubts,
         *search.budget.notes,
     ]
-    misfit = structure_remains or parameters.implausible or bool(unfollowed or doubts)
+    misfit = remainder.structure or parameters.implausible
+    misfit = misfit or bool(remainder.unfollowed or doubts)
     misfit = misfit or any(note.code in MIXED_UP for note in data.notes)
     fitted_errors, judged_errors = model_errors(judged.predictions, data.validation)
     return Diagnosis(
@@ -362,6 +363,41 @@ def _assess_parameters(
     if ratios:
         notes.append(Note(NoteCode.IMPLAUSIBLE, "", {"ratios": ratios}))
     return _ParameterAssessment(estimates, changed, bool(ratios), interrupted, notes)
+
+
+class _Remainder(NamedTuple):
+    """What the best model does not account for.
+
+    Attributes
+    ----------
+    structure : bool
+        Whether residuals hold structure.
+    residual_notes : list of Note
+    unfollowed : list of Note
+        On outputs that it does not predict as well as the fit lets expect.
+    """
+
+    structure: bool
+    residual_notes: list[Note]
+    unfollowed: list[Note]
+
+
+def _remainder(
+    judged: ConfirmedSelection,
+    residuals: Mapping[str, ResidualAnalysis],
+    of_input_noise: frozenset[tuple[str, type]],
+    data: DiagnosisData,
+) -> _Remainder:
+    """Gather what the best model does not account for; an error of a solver is nothing of it."""
+    selection = judged.selection
+    prediction = judged.predictions[-1]
+    unfollowed = unpredicted_output_notes(data.validation, prediction)
+    of_solver = solver_error_notes(selection.best)
+    if not of_solver:
+        structure = _has_unexplained_structure(selection, residuals, of_input_noise)
+        return _Remainder(structure, residual_notes(residuals), unfollowed)
+    is_followed = max(prediction.errors.values()) <= SOLVER_ERROR
+    return _Remainder(False, of_solver, [] if is_followed else unfollowed)
 
 
 def _has_unexplained_structure(

@@ -12,6 +12,8 @@ from .intersample import Intersample as Intersample
 from .mixed_up import mixed_up_columns as mixed_up_columns
 from .search import FAILURES as FAILURES
 from .search import Search as Search
+from .solver_error import SOLVER_ERROR as SOLVER_ERROR
+from .solver_error import solver_error_notes as solver_error_notes
 from .stepwise import ACCEPT as ACCEPT
 from .stepwise import Selection as Selection
 from .stepwise import Step as Step
