@@ -395,7 +395,7 @@ def _remainder(
     of_solver = solver_error_notes(selection.best)
     if not of_solver:
         structure = _has_unexplained_structure(selection, residuals, of_input_noise)
-        return _Remainder(structure, residual_notes(residuals), unfollowed)
+        return _Remainder(structure, [*residual_notes(residuals)], unfollowed)
     is_followed = max(prediction.errors.values()) <= SOLVER_ERROR
     return _Remainder(False, of_solver, [] if is_followed else unfollowed)
 
