@@ -203,6 +203,11 @@ def laws(
     No law is found to lack anything.
     """
     subject = find_model(model) if isinstance(model, str) else model
+    if subject.cls is None:
+        raise UserError(
+            f"{subject.path.name}: an FMU without equations has no laws to ask; what its inputs and"
+            " outputs lack is asked by ppy diagnose, and by nothing else there with --effects none"
+        )
     progress = options["progress"]
     diagnosis_options = pipeline.DiagnosisOptions(
         given=numeric(values_of(subject, options["settings"])),

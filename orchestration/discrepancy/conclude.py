@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,11 +27,13 @@ from orchestration.discrepancy.residuals import (
 from orchestration.discrepancy.selection import (
     ACCEPT,
     FAILURES,
+    SOLVER_ERROR,
     Intersample,
     Search,
     Selection,
     as_reported_models,
     intersample,
+    solver_error_notes,
     without_effect,
 )
 from orchestration.discrepancy.validation import (
@@ -254,17 +257,14 @@ def conclude(
     outcome = _judged_in_final_model(search, judged, data)
     judged = outcome.judged
     selection = judged.selection
-    best_prediction = judged.predictions[-1]
     residuals = outcome.residuals
     parameters = outcome.parameters
     outcome.model.problem.forget_simulation()
     of_input_noise = errors_in_variables.structure_of_input_noise(
         residuals, selection, search, data.input_noise
     )
-    unfollowed = unpredicted_output_notes(data.validation, best_prediction)
-    structure_remains = _has_unexplained_structure(selection, residuals, of_input_noise)
-
-    doubts = _doubts(judged, structure_remains, improves)
+    remainder = _remainder(judged, residuals, of_input_noise, data)
+    doubts = _doubts(judged, remainder.structure, improves)
     notes = [
         *data.notes,
         *judged.notes,
@@ -272,12 +272,13 @@ def conclude(
         *parameters.notes,
         *(note for _, note in sorted(search.not_assessed.items())),
         *_confounding_notes(selection),
-        *residual_notes(residuals),
-        *unfollowed,
+        *remainder.residual_notes,
+        *remainder.unfollowed,
         *doubts,
         *search.budget.notes,
     ]
-    misfit = structure_remains or parameters.implausible or bool(unfollowed or doubts)
+    misfit = remainder.structure or parameters.implausible
+    misfit = misfit or bool(remainder.unfollowed or doubts)
     misfit = misfit or any(note.code in MIXED_UP for note in data.notes)
     fitted_errors, judged_errors = model_errors(judged.predictions, data.validation)
     return Diagnosis(
@@ -442,6 +443,41 @@ def _assess_parameters(
     if ratios:
         notes.append(Note(NoteCode.IMPLAUSIBLE, "", {"ratios": ratios}))
     return _ParameterAssessment(estimates, changed, bool(ratios), notes)
+
+
+class _Remainder(NamedTuple):
+    """What the best model does not account for.
+
+    Attributes
+    ----------
+    structure : bool
+        Whether residuals hold structure.
+    residual_notes : list of Note
+    unfollowed : list of Note
+        On outputs that it does not predict as well as the fit lets expect.
+    """
+
+    structure: bool
+    residual_notes: list[Note]
+    unfollowed: list[Note]
+
+
+def _remainder(
+    judged: ConfirmedSelection,
+    residuals: Mapping[str, ResidualAnalysis],
+    of_input_noise: frozenset[tuple[str, type]],
+    data: DiagnosisData,
+) -> _Remainder:
+    """Gather what the best model does not account for; an error of a solver is nothing of it."""
+    selection = judged.selection
+    prediction = judged.predictions[-1]
+    unfollowed = unpredicted_output_notes(data.validation, prediction)
+    of_solver = solver_error_notes(selection.best)
+    if not of_solver:
+        structure = _has_unexplained_structure(selection, residuals, of_input_noise)
+        return _Remainder(structure, [*residual_notes(residuals)], unfollowed)
+    is_followed = max(prediction.errors.values()) <= SOLVER_ERROR
+    return _Remainder(False, of_solver, [] if is_followed else unfollowed)
 
 
 def _has_unexplained_structure(

@@ -41,6 +41,7 @@ from orchestration.discrepancy.selection import (
     interpolation_hypotheses,
     intersample,
     mixed_up_columns,
+    solver_error_notes,
 )
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
 
@@ -324,7 +325,7 @@ def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
         data = _conclusion_data(fitted, fitted.base, noise, [])
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
     mixed_up = mixed_up_columns(fitted.search, fitted.base)
-    if mixed_up:
+    if mixed_up or solver_error_notes(fitted.base):
         noise = errors_in_variables.no_input_noise(fitted.base)
         data = _conclusion_data(fitted, fitted.base, noise, mixed_up)
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
@@ -385,6 +386,8 @@ def _shows_more(selected: SelectedEffects, fitted: BaseFit) -> bool:
     if not fitted.informative or len(search.data.time) == len(fitted.search.data.time):
         return False
     if selected.selection.steps or search.budget.spent():
+        return False
+    if solver_error_notes(selected.selection.base):
         return False
     return has_structure(selected.selection.base, search.data)
 

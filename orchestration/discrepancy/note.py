@@ -65,6 +65,7 @@ class NoteCode(StrEnum):
     NOT_FOLLOWED = "not_followed"
     END_NOT_FOLLOWED = "end_not_followed"
     LARGE_ERROR = "large_error"
+    SOLVER_ERROR = "solver_error"
     EXCHANGED = "exchanged"
     OTHER_SIGN = "other_sign"
     OTHER_UNIT = "other_unit"

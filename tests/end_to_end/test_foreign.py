@@ -215,6 +215,27 @@ def test_what_cannot_be_is_refused_in_a_line(folder, arguments, parts):
     refused(folder, "diagnose", "asked.csv", "--model", "one_state.fmu", *arguments, parts=parts)
 
 
+def test_who_asks_for_its_laws_is_sent_to_diagnose(folder):
+    written(folder, lagged(U), "right.csv")
+    line = "one_state.fmu: an FMU without equations has no laws to ask"
+    parts = [line, "ppy diagnose", "--effects none"]
+    refused(folder, "laws", "right.csv", "--model", "one_state.fmu", parts=parts)
+
+
+@pytest.mark.slow
+def test_what_its_output_lacks_is_asked_though_nothing_is_fitted(folder):
+    """A gain of 1.2 is a fifth of what the FMU simulates more."""
+    found = ppy.diagnose(
+        written(folder, 1.2 * lagged(U), "gained.csv"),
+        str(folder / "one_state.fmu"),
+        settings={"tau": TAU},
+        effects=[],
+        time=np.inf,
+    )
+    assert found.causes == ["x(simulated_x)"]
+    assert found.gain.after["x"] < 0.15 * found.gain.before["x"]
+
+
 def test_a_fit_of_what_has_equations_is_refused(folder):
     with pytest.raises(UserError, match="has equations, and all its parameters are fitted"):
         ppy.diagnose(

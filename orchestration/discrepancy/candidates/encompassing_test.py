@@ -30,11 +30,16 @@ class Amount:
         The latter is infinite where the model's own parameters do the same.
     shift : ndarray, shape (p,)
         By how much the model's own coordinates would move with all of the other.
+    inflation : float
+        Variance of the value over that which the noise of the outputs gives it alone. So many times
+        as large is a likelihood ratio that knows of no other noise (McCullagh and Nelder:
+        Generalized Linear Models, section 9.2).
     """
 
     value: float
     standard_error: float
     shift: Array
+    inflation: float = 1.0
 
     @property
     def margin(self) -> float:
@@ -79,13 +84,21 @@ def encompassing(
         weighted = np.concatenate(weights)[:, np.newaxis] * slopes
         spread = parameter_covariance(weighted.T @ slopes, precision)
         amounts = -spread.matrix @ (weighted.T @ innovation)
-    variances = spread.standard_errors**2
+    own_variances = spread.standard_errors**2
+    variances = own_variances
     for disturbance in disturbances:
         moved = spread.matrix @ (weighted.T @ _whitened_disturbance(model, disturbance))
         variances = variances + moved**2 / len(disturbances)
     shifts = _shifts(weighted[:, :own], slopes, fit.prior_precision)
-    estimates = zip(amounts[own:], np.sqrt(variances[own:]), shifts.T, strict=True)
-    return [Amount(float(value), float(error), shift) for value, error, shift in estimates]
+    return [
+        Amount(
+            float(amounts[i]),
+            float(np.sqrt(variances[i])),
+            shifts[:, i - own],
+            float(variances[i] / own_variances[i]) if np.isfinite(variances[i]) else 1.0,
+        )
+        for i in range(own, len(amounts))
+    ]
 
 
 def _shifts(weighted: Array, slopes: Array, precision: Array) -> Array:

@@ -10,6 +10,7 @@ from .holdout import is_at_rest as is_at_rest
 from .intersample import IntersampleCourse as IntersampleCourse
 from .intersample import classify_course as classify_course
 from .intersample import white_noise as white_noise
+from .quality import is_on_grid as is_on_grid
 from .quality import resolution_of as resolution_of
 from .screening import DividedData as DividedData
 from .screening import is_excited as is_excited

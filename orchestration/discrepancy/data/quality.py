@@ -239,7 +239,7 @@ def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[Symp
         bad |= symptom.mask
         yield symptom
     is_noisy = tie_probability is not None
-    coarse = not is_noisy and 4 * len(np.unique(y)) <= n and _on_grid(y, resolution)
+    coarse = not is_noisy and 4 * len(np.unique(y)) <= n and is_on_grid(y, resolution)
     spikes = _outliers(y, resolution, bad, moved)
     if (coarse or is_noisy) and 0 < spikes.sum() <= max(1, _SPIKES * n):
         yield Symptom("outlier", NoteCode.OUTLIERS, spikes, {"count": int(spikes.sum())})
@@ -540,7 +540,7 @@ def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask])
     return result & ~bad
 
 
-def _on_grid(y: Array, resolution: float) -> bool:
+def is_on_grid(y: Array, resolution: float) -> bool:
     """Return True if all values are whole multiples of a resolution apart."""
     steps = np.diff(np.unique(y)) / resolution
     return bool(np.abs(steps - np.round(steps)).max(initial=0.0) < 0.01)

@@ -200,7 +200,7 @@ class CurveFit:
         prior = np.diag(np.sqrt(self._precision))
         whole = np.vstack([own, prior])[:, sizes > 0.0] / sizes[sizes > 0.0]
         u, strength, _ = np.linalg.svd(whole, full_matrices=False)
-        return np.asarray(u[:, strength > 1e-7 * strength.max()][: len(own)])
+        return np.asarray(u[:, strength > 1e-7 * strength.max(initial=0.0)][: len(own)])
 
     def _weighed(self, error: Array, slopes: Array, q: Array) -> Curve:
         """Return the curve with its evidence, linearised about a point."""

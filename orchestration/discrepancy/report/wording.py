@@ -59,6 +59,10 @@ _NOTES = {
         "the model misses {share} of the spread of {outputs}, most of it more slowly than from"
         " sample to sample; units, signs and columns are the first to look at"
     ),
+    NoteCode.SOLVER_ERROR: (
+        "the record has no noise, and the model misses at most {share} of the spread of an output,"
+        " which is no more than a solver with other steps does: no further cause is looked for"
+    ),
     NoteCode.EXCHANGED: (
         "{columns} look exchanged{others}: the model misses {share}, and with them the other way"
         " round {instead}"

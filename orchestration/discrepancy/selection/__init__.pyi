@@ -3,9 +3,9 @@ from . import clock as clock
 from . import interpolation_hypotheses as interpolation_hypotheses
 from . import intersample as intersample
 from .input_noise import REPLICAS as REPLICAS
+from .input_noise import denoised as denoised
 from .input_noise import noisy_inputs as noisy_inputs
 from .input_noise import simulated as simulated
-from .input_noise import smoothed_input as smoothed_input
 from .input_noise import unfollowed_noise as unfollowed_noise
 from .input_noise import with_more_noise as with_more_noise
 from .intersample import Intersample as Intersample
@@ -16,6 +16,8 @@ from .revision import needed as needed
 from .revision import without_effect as without_effect
 from .search import FAILURES as FAILURES
 from .search import Search as Search
+from .solver_error import SOLVER_ERROR as SOLVER_ERROR
+from .solver_error import solver_error_notes as solver_error_notes
 from .stepwise import ACCEPT as ACCEPT
 from .stepwise import Selection as Selection
 from .stepwise import Step as Step

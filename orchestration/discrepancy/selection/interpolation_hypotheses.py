@@ -19,7 +19,9 @@ from orchestration.discrepancy.selection.intersample import (
     InterpolationBasis,
     Intersample,
     by_fit,
+    retaken,
     turned,
+    without_input_noise,
 )
 from orchestration.discrepancy.selection.ranking import few, nearest
 from orchestration.discrepancy.selection.revision import explaining, fitted_in, revised
@@ -124,19 +126,36 @@ def by_effects(hypothesis: Hypothesis, effects: Sequence[type[Effect]]) -> Hypot
         return hypothesis
     search.progress("looking at inputs both ways")
     promising = few(hypothesis.scored, effects)
-    least, fitted = nearest(search, hypothesis.scored, promising)
+    quiet_search, quiet_base, _ = without_input_noise(search, base)
+    if quiet_search is search:
+        best = _likeliest(hypothesis, names, promising)
+        if best.search is search:
+            return best
+        return replace(best, scored=score(best.search, best.scored.model, effects))
+    quiet = Hypothesis(quiet_search, score(quiet_search, quiet_base, promising), hypothesis.chosen)
+    chosen = _likeliest(quiet, names, promising).chosen
+    search, base, chosen = retaken(search, base, hypothesis.chosen, chosen)
+    if search is hypothesis.search:
+        return hypothesis
+    return Hypothesis(search, score(search, base, effects), chosen)
+
+
+def _likeliest(
+    hypothesis: Hypothesis, names: Sequence[str], promising: Sequence[type[Effect]]
+) -> Hypothesis:
+    """Take each of some inputs in the way in which the best of the promising effects fits best."""
+    least, fitted = nearest(hypothesis.search, hypothesis.scored, promising)
     best = replace(hypothesis, fitted=fitted)
     for name in names:
         other = turned(best.search, best.scored.model, [name])
-        if other is None or search.budget.spent():
+        if other is None or best.search.budget.spent():
             continue
         scored = score(*other, promising)
         bic, other_fitted = nearest(other[0], scored, promising)
-        if least - bic >= CLEAR:
-            is_linear = not hypothesis.chosen[name].linear
-            choice = Intersample(is_linear, InterpolationBasis.FIT, least - bic)
+        before = hypothesis.chosen[name]
+        margin = (least - bic) / before.inflation
+        if margin >= CLEAR:
+            choice = Intersample(not before.linear, InterpolationBasis.FIT, margin)
             best = Hypothesis(other[0], scored, best.chosen | {name: choice}, other_fitted)
             least = bic
-    if best.search is search:
-        return best
-    return replace(best, scored=score(best.search, best.scored.model, effects))
+    return best

@@ -15,7 +15,13 @@ from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import Amount, FittedCandidate, encompassing
 from orchestration.discrepancy.data import Dataset, IntersampleCourse, classify_course
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.selection.input_noise import disturbances, noisy_inputs, simulated
+from orchestration.discrepancy.selection.input_noise import (
+    denoised,
+    disturbances,
+    noisy_inputs,
+    simulated,
+    unfollowed_noise,
+)
 from orchestration.discrepancy.selection.search import Search
 
 # fall of BIC that overrules the course of an input: very strong evidence (Kass and Raftery 1995)
@@ -64,6 +70,8 @@ class Intersample:
         The input's own course, where something else was asked for.
     separation : float
         Distance of the simulations with either choice, in innovations; 0 where not assessed.
+    inflation : float
+        By which a fall of BIC between the choices is too large, as noise of the inputs is in it.
     """
 
     linear: bool
@@ -74,6 +82,7 @@ class Intersample:
     shift: Mapping[str, float] = field(default_factory=dict)
     contrary_course: IntersampleCourse | None = None
     separation: float = 0.0
+    inflation: float = 1.0
 
     @property
     def open(self) -> bool:
@@ -135,9 +144,6 @@ def by_fit(
 ) -> tuple[Search, FittedCandidate, dict[str, Intersample]]:
     """Overrule the course of inputs where the record asks for it.
 
-    Every input is assessed with a simulation and no fit; where the record asks for another choice,
-    the base model is fitted once more with it, and the likelier one is taken.
-
     Parameters
     ----------
     search : Search
@@ -151,42 +157,125 @@ def by_fit(
     search, base, chosen
         The same, or with what the record asks for.
     """
-    real = {v.name for v in search.base.layout.inputs if v.type == "real"}
+    if all(choice.basis is InterpolationBasis.GIVEN for choice in chosen.values()):
+        return search, base, chosen
+    quiet_search, quiet_base, noise = without_input_noise(search, base)
+    fitted = _by_fit(quiet_search, quiet_base, chosen, noise)
+    return fitted if quiet_search is search else retaken(search, base, chosen, fitted[2])
+
+
+def without_input_noise(
+    search: Search, base: FittedCandidate
+) -> tuple[Search, FittedCandidate, dict[str, float]]:
+    """Fit the base model to inputs that are freed of noise which the plant did not see.
+
+    Straight lines take a share of such noise to the outputs that held values do not, so that BIC
+    would compare noise, and not what the input does between samples.
+
+    Returns
+    -------
+    search, base
+        The same where there is no such noise.
+    noise : dict of str to float
+        Its standard deviation by input, SI.
+    """
+    noise = noisy_inputs(search.base, search.data)
+    unfollowed = unfollowed_noise(search, base, noise) if noise else {}
+    if not unfollowed:
+        return search, base, {}
+    quiet = replace(search, data=denoised(search.data, unfollowed))
+    try:
+        return quiet, quiet.refit(base), unfollowed
+    except UserError:
+        return search, base, {}
+
+
+def retaken(
+    search: Search,
+    base: FittedCandidate,
+    before: dict[str, Intersample],
+    after: dict[str, Intersample],
+) -> tuple[Search, FittedCandidate, dict[str, Intersample]]:
+    """Fit the base model to inputs as measured by choices that were made without their noise."""
+    others = linear(before) ^ linear(after)
+    fitted = turned(search, base, others) if others else (search, base)
+    return (search, base, before) if fitted is None else (*fitted, after)
+
+
+def _by_fit(
+    search: Search,
+    base: FittedCandidate,
+    chosen: dict[str, Intersample],
+    noise: Mapping[str, float],
+) -> tuple[Search, FittedCandidate, dict[str, Intersample]]:
+    """Do so in inputs of which the noise does not count.
+
+    Every input is assessed with a simulation and no fit; where the record asks for another choice,
+    the base model is fitted once more with it, and the likelier one is taken.
+    """
     names = [
-        name
-        for name, choice in chosen.items()
-        if name in real and choice.basis is not InterpolationBasis.GIVEN
+        variable.name
+        for variable in search.base.layout.inputs
+        if variable.type == "real"
+        and variable.name in chosen
+        and chosen[variable.name].basis is not InterpolationBasis.GIVEN
     ]
     if not names:
         return search, base, chosen
     now = linear(chosen)
     try:
         others = [simulated(search, base, replace(search.data, linear=now ^ {n})) for n in names]
-        noise = disturbances(search, base, noisy_inputs(search.base, search.data))
-        amounts = dict(zip(names, encompassing(base, others, noise), strict=True))
+        in_outputs = disturbances(search, base, noise)
+        amounts = dict(zip(names, encompassing(base, others, in_outputs), strict=True))
     except UserError:
         return search, base, chosen
-    separation = {n: _separation(base, other) for n, other in zip(names, others, strict=True)}
-    assessed = {n: _assessed(choice, base, amounts.get(n)) for n, choice in chosen.items()}
+    known = {
+        name: replace(
+            chosen[name],
+            separation=_separation(base, other),
+            inflation=amounts[name].inflation,
+        )
+        for name, other in zip(names, others, strict=True)
+    }
+    assessed = {n: _assessed(known.get(n, c), base, amounts.get(n)) for n, c in chosen.items()}
     asked = {name for name, amount in amounts.items() if _asks_for_other(amount)}
-    other = turned(search, base, asked) if asked else None
-    if other is not None:
-        margin = base.fit.bic - other[1].fit.bic
-        if margin < CLEAR:
-            assessed |= {n: replace(assessed[n], margin=-margin) for n in asked}
-        else:
-            search, base = other
-            assessed |= {
-                n: Intersample(not chosen[n].linear, InterpolationBasis.FIT, margin) for n in asked
-            }
+    search, base, turned_choices = _turned_if_likelier(search, base, assessed, asked)
+    assessed |= turned_choices
     for name, choice in assessed.items():
         if choice.dependent_parameter:
             search, base, assessed[name] = _by_both_fits(search, base, name, choice)
-    decided = {
-        name: replace(choice, separation=separation.get(name, 0.0))
-        for name, choice in assessed.items()
+    return search, base, assessed
+
+
+def _turned_if_likelier(
+    search: Search, base: FittedCandidate, chosen: Mapping[str, Intersample], names: Collection[str]
+) -> tuple[Search, FittedCandidate, dict[str, Intersample]]:
+    """Take some inputs the other way if the base model then clearly fits better.
+
+    Returns
+    -------
+    search, base
+    chosen : dict of str to Intersample
+        Of these inputs, as far as they could be fitted both ways.
+    """
+    other = turned(search, base, names) if names else None
+    if other is None:
+        return search, base, {}
+    margin = (base.fit.bic - other[1].fit.bic) / max(chosen[name].inflation for name in names)
+    if margin < CLEAR:
+        return search, base, {n: replace(chosen[n], margin=-margin) for n in names}
+    choices = {
+        name: replace(
+            chosen[name],
+            linear=not chosen[name].linear,
+            basis=InterpolationBasis.FIT,
+            margin=margin,
+            dependent_parameter="",
+            factor=1.0,
+        )
+        for name in names
     }
-    return search, base, decided
+    return *other, choices
 
 
 def _separation(base: FittedCandidate, other: Mapping[str, Array]) -> float:
@@ -221,13 +310,14 @@ def _by_both_fits(
     other = turned(search, base, [name])
     if other is None:
         return search, base, choice
-    margin = other[1].fit.bic - base.fit.bic
+    margin = (other[1].fit.bic - base.fit.bic) / choice.inflation
     if margin < -_POSITIVE:
         margin = -margin
         choice = replace(choice, linear=not choice.linear, basis=InterpolationBasis.FIT)
         (search, base), other = other, (search, base)
     if margin >= CLEAR:
-        return search, base, Intersample(choice.linear, _basis_by_fit(choice), margin)
+        clear = replace(choice, basis=_basis_by_fit(choice), margin=margin)
+        return search, base, replace(clear, dependent_parameter="", factor=1.0)
     shift = dict(zip(base.problem.names, other[1].fit.q - base.fit.q, strict=True))
     dependent = _with_dependent_parameter(choice, base, shift)
     return search, base, replace(dependent, margin=margin, shift=shift)

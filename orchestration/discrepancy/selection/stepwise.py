@@ -11,6 +11,7 @@ from orchestration.discrepancy.residuals import robust_power
 from orchestration.discrepancy.selection.ranking import ACCEPT, ALTERNATIVE, Ranking, Row, ranked
 from orchestration.discrepancy.selection.scoring import confounding, score, unidentifiable
 from orchestration.discrepancy.selection.search import FAILURES, Search
+from orchestration.discrepancy.selection.solver_error import solver_error_notes
 from orchestration.identify.fitting import choose_credible_fit
 
 # of what the first effect gained: less is its true shape, which is never quite that of the
@@ -142,6 +143,8 @@ def select(
     selection = Selection(first.model, tried=len(effects))
     remaining = [effect for effect in effects if label(effect) not in silent]
     while remaining and len(selection.steps) < MOST:
+        if solver_error_notes(selection.best):
+            break
         if search.budget.spent():
             search.budget.leave(map(label, remaining))
             break

@@ -22,9 +22,9 @@ from orchestration.discrepancy.selection import (
     REPLICAS,
     Search,
     Selection,
+    denoised,
     noisy_inputs,
     simulated,
-    smoothed_input,
     unfollowed_noise,
     with_more_noise,
 )
@@ -33,7 +33,6 @@ from orchestration.identify.uncertainty import parameter_covariance
 
 # times the most evidence that noise makes by itself in any replica, which an effect must reach
 _BEYOND = 2.0
-_PASSES = 4  # of smoothing, after which next to nothing is left of noise from sample to sample
 _OWN = 0.1  # of the power of a residual, which is noise of the output itself at least
 _NOTED = 0.002  # of the range, from which on noise of an input is noted whatever it does
 _MATTERS = 0.5  # standard errors of a bias, from which on it is
@@ -61,8 +60,12 @@ class InputNoise:
     names: list[str]
 
     def spread_of(self, names: Sequence[str]) -> Array:
-        """Return the deviation beside that of the fit by coordinate; 0 for those of effects."""
-        own = dict(zip(self.names, np.sqrt(np.diag(self.spread)), strict=True))
+        """Return the deviation beside that of the fit by coordinate; 0 for those of effects.
+
+        The bias is among it: the estimates are those of the fit, which has it.
+        """
+        deviations = np.hypot(np.sqrt(np.diag(self.spread)), self.bias)
+        own = dict(zip(self.names, deviations, strict=True))
         return np.array([float(own.get(name, 0.0)) for name in names])
 
 
@@ -220,8 +223,7 @@ def _replica(
 
     Together they make a residual as large as that of the record at hand.
     """
-    denoised = {n: smoothed_input(search.data.inputs[n], s, _PASSES) for n, s in noise.items()}
-    data = replace(search.data, inputs={**search.data.inputs, **denoised})
+    data = denoised(search.data, noise)
     noisy = with_more_noise(data, noise, seed)
     random = np.random.default_rng([seed, 25])
     truth = simulated(search, base, data)

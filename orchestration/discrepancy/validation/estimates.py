@@ -25,9 +25,10 @@ from orchestration.discrepancy.residuals import ResidualAnalysis
 from orchestration.discrepancy.selection import Selection
 from orchestration.identify.fitting import error_scales, weighted_slopes
 from orchestration.identify.uncertainty import (
+    NOTICEABLE,
+    SIGNIFICANT,
     Estimate,
     clustered_covariance,
-    is_significantly_different,
     parameter_covariance,
 )
 from orchestration.records import base_name
@@ -93,16 +94,43 @@ def significantly_changed(
     -------
     list of str
         The surest first.
+
+    Notes
+    -----
+    A change is measured by its ratio and by its difference, and the surer of the two does not
+    count: far above a nominal value that is as good as zero the logarithm has any length. Where the
+    nominal value is within a standard error of zero, its ratio says nothing, and a change is
+    noticeable by what it does to the outputs.
     """
     problem = model.problem
-    change = np.abs(model.fit.q - problem.position(problem.start))
+    q = model.fit.q
+    ratios = np.abs(q - problem.position(problem.start))
     errors = np.hypot(model.fit.covariance.standard_errors, extra_deviation)
     t_statistics = {}
-    for name, x, error in zip(problem.names, change, errors, strict=True):
-        physical = name in parameters and not problem.declared[name].starts
-        if physical and is_significantly_different(x, error):
-            t_statistics[name] = x / error
+    for i, name in enumerate(problem.names):
+        if name not in parameters or problem.declared[name].starts:
+            continue
+        slope = problem.scales[i].slope(q[i])
+        nominal = problem.start[name]
+        difference = abs(model.fit.values[name] - nominal) / slope if slope else np.inf
+        change = min(ratios[i], difference)
+        is_near_zero = abs(nominal) <= slope * errors[i]
+        noticed = _moves(model, i, difference) if is_near_zero else change
+        if noticed > NOTICEABLE and change > SIGNIFICANT * errors[i]:
+            t_statistics[name] = change / errors[i]
     return sorted(t_statistics, key=lambda name: -t_statistics[name])
+
+
+def _moves(model: FittedCandidate, i: int, change: float) -> float:
+    """Return the most that a change of a searched coordinate moves an output, over its spread."""
+    problem = model.problem
+    _, jacobian = problem.evaluate(model.fit.q)
+    moves = []
+    for output, slopes in jacobian.items():
+        spread = float(np.std(problem.measured[output][problem.present[output]]))
+        if spread > 0.0:
+            moves.append(change * float(np.sqrt(np.mean(slopes[:, i] ** 2))) / spread)
+    return max(moves, default=0.0)
 
 
 def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:

@@ -50,7 +50,7 @@ class LinearisedRecord:
         # rows for the prior, so that a parameter that it holds takes nothing away
         whole = np.vstack([columns, np.diag(np.sqrt(prior))])[:, kept] / sizes[kept]
         u, strength, right = np.linalg.svd(whole, full_matrices=False)
-        seen = strength > 1e-7 * strength.max()
+        seen = strength > 1e-7 * strength.max(initial=0.0)
         self._own = u[:, seen][: len(columns)]
         self._back = np.zeros((len(sizes), len(columns)))
         self._back[kept] = (right[seen].T / strength[seen]) @ self._own.T / sizes[kept, None]

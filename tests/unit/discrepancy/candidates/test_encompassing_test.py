@@ -55,3 +55,5 @@ def test_disturbances_add_to_the_variance(fitted):
     )
     assert disturbed.value == plain.value
     assert disturbed.standard_error == pytest.approx(np.hypot(plain.standard_error, 0.5), rel=1e-3)
+    assert plain.inflation == 1.0
+    assert disturbed.inflation == pytest.approx(1.0 + (0.5 / plain.standard_error) ** 2, rel=1e-3)

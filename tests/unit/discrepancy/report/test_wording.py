@@ -457,6 +457,14 @@ def large_error(monkeypatch):
     return diagnose(Product, with_output(products(1.0), "y", coloured(0.98, 1, 600)), []).notes
 
 
+@makes(NoteCode.SOLVER_ERROR)
+def solver_error(monkeypatch):
+    time = 0.1 * np.arange(600)
+    u = np.sin(time) + np.sin(0.37 * time)
+    nearly = Dataset(time, {"u": u}, {"y": u + 1e-3 * u**3})
+    return diagnose(Product, nearly, []).notes
+
+
 @makes(NoteCode.EXCHANGED)
 def exchanged(monkeypatch):
     return diagnose(Motor, wired(exchanged=True), []).notes

@@ -95,15 +95,8 @@ def test_noise_on_an_input_is_told_and_no_cause(kind):
         assert diagnosis.intersample["current"].linear is (kind == "triangle")
 
 
-# A record among them is taken to be held between samples: fits are held against each other by their
-# BIC, in which noise of the input, that the choice of the way moves with it, counts as evidence.
-WRONG_WAY = pytest.mark.xfail(
-    strict=True, reason="noise on a triangle may turn the way between samples"
-)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [pytest.param("triangle", marks=WRONG_WAY), "square"])
+@pytest.mark.parametrize("kind", ["triangle", "square"])
 def test_intervals_bear_noise_on_an_input(kind):
     """Without it they would be half as wide as the errors are."""
     deviations = []

@@ -12,6 +12,7 @@ import math
 import numpy as np
 import pytest
 
+from fmus.kit import Parameter
 from orchestration.discrepancy.candidates import Candidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import NoteCode
@@ -24,12 +25,58 @@ from orchestration.discrepancy.validation.estimates import (
     misfit_spread,
     parameter_estimates,
     shape_spread,
+    significantly_changed,
     undetermined_effects,
 )
 from orchestration.identify.uncertainty.estimate import Estimate, is_significantly_different
 from tests.support.regression_model import GAIN, OTHERS, SPREAD, STEP, Amplifier
 
 RECORDS, STRETCHES, LENGTH = 60, 24, 50
+
+
+def shifted_amplifier(nominal: float, size: float, least: float):
+    """An amplifier with a level beside its gain, of a nominal value near zero in a large unit."""
+
+    class Shifted(Amplifier):
+        """What goes in, times a gain, and a level."""
+
+        name = "shifted"
+        level = Parameter(nominal, "V", min=least, max=1e6, nominal=size, doc="level")
+
+        def amplified(self):
+            """Proportional, and a level."""
+            return self.gain * self.signal + self.level
+
+    return Shifted
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("level", "nominal", "size", "least", "changed"),
+    [
+        (0.5, 0.0, 1.0, -1e6, True),
+        (0.5, 0.0, 1e4, -1e6, True),  # a small part of its unit, but a quarter of the output
+        (0.5, 1e-3, 1.0, 0.0, True),
+        (0.0, 0.0, 1.0, -1e6, False),
+        (
+            0.03,
+            0.0,
+            1e-4,
+            -1e6,
+            False,
+        ),  # hundreds of its unit, but little more than 1 % of the output
+        (0.01, 1e-3, 1.0, 0.0, False),  # ten times nominal, and three standard errors
+        (0.5, 0.4, 1.0, 0.0, True),
+    ],
+)
+def test_what_is_nominally_zero_changes_by_what_it_does(level, nominal, size, least, changed, seed):
+    """The level is known to SPREAD / sqrt(1000) = 3 mV, and the output is 2 V."""
+    random = np.random.default_rng(seed)
+    signal = random.standard_normal(1000)
+    shown = GAIN * signal + level + SPREAD * random.standard_normal(1000)
+    data = Dataset(STEP * np.arange(1000), {"signal": signal}, {"shown": shown})
+    search = Search(data, shifted_amplifier(nominal, size, least), ["gain", "level"])
+    assert significantly_changed(search.nominal(), ["gain", "level"]) == ["level"] * changed
 
 
 @pytest.mark.parametrize(
