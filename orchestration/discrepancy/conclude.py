@@ -52,6 +52,7 @@ DEGRADED = 1.1  # times the error before, above which it has grown
 TOLERATED_STRUCTURE = 0.25
 _LARGE = 0.15  # of the spread of an output, from which on an error is large
 _HOPELESS = 0.6  # of that spread, from which on a model does not describe a record
+_ROUNDED = 0.5  # of a step of the recorder, within which it rounds; as RMS it is 0.29
 _SLOW = 0.5  # of its power, which innovations have less of where it changes slowly
 CONFOUNDED_SHARE = 0.75  # of what an effect does that another would do too, to be noted
 
@@ -249,11 +250,18 @@ def conclude(
     """
     if max(_large_errors(judged.selection.best).values(), default=0.0) > _HOPELESS:
         judged = judged.without_steps(data.validation)
+    if _is_below_resolution(judged.selection.base, data):
+        judged = judged.without_steps(data.validation)
+    final, refit_notes, residuals, parameters = _fitted_to_all(search, judged.selection, data)
+    # what leads there only from a plant that no specimen is explains nothing of one
+    if parameters.implausible and judged.selection.steps:
+        judged = judged.without_steps(data.validation)
+        beside = parameters
+        final, refit_notes, residuals, parameters = _fitted_to_all(search, judged.selection, data)
+        if not parameters.implausible:
+            parameters = replace(parameters, implausible=True, notes=beside.notes)
     selection = judged.selection
     best_prediction = judged.predictions[-1]
-    final, refit_notes = _fit_to_all(search, selection.best, data)
-    residuals = analyse_residuals(selection.best, data.estimation)
-    parameters = _assess_parameters(search, final, selection, residuals, data)
     final.problem.forget_simulation()
     of_input_noise = errors_in_variables.structure_of_input_noise(
         residuals, selection, search, data.input_noise
@@ -293,6 +301,31 @@ def conclude(
         structure_of_input_noise=of_input_noise,
         confirmations=judged.confirmations,
     )
+
+
+def _is_below_resolution(base: FittedCandidate, data: DiagnosisData) -> bool:
+    """Return whether a model misses no output by more than its recorder rounds.
+
+    Rounding is no noise: it goes with the signal, and any effect may follow some of it.
+    """
+    steps = {
+        note.subject: note.facts["resolution"]
+        for note in data.notes
+        if note.code is NoteCode.QUANTISED
+    }
+    return all(
+        output in steps and float(np.std(residual)) < _ROUNDED * steps[output]
+        for output, residual in base.fit.residual.items()
+    )
+
+
+def _fitted_to_all(
+    search: Search, selection: Selection, data: DiagnosisData
+) -> tuple[FittedCandidate, list[Note], dict[str, ResidualAnalysis], _ParameterAssessment]:
+    """Fit the best model to all that was measured, and assess what it leaves and its parameters."""
+    final, notes = _fit_to_all(search, selection.best, data)
+    residuals = analyse_residuals(selection.best, data.estimation)
+    return final, notes, residuals, _assess_parameters(search, final, selection, residuals, data)
 
 
 def _fit_to_all(

@@ -127,6 +127,8 @@ class Search:
         problem = self._problem(candidate)
         if near is None:
             starts = starting_points(problem)
+            if self.free:
+                starts = [*self._from_beginnings(candidate, starts[0]), *starts]
         else:
             starts = [problem.inside(problem.position(problem.start | dict(near)))]
         method = FULL if near is None else self.method
