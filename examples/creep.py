@@ -7,8 +7,9 @@ RepTate, reptate.readthedocs.io)::
     ppy diagnose creep_polyethylene_cm3.csv --model examples/creep.py:Creep --hold
     spring_stress_start,flow_start
 
-The stress does not move: what is seen is how the melt settles after a step at the start, and that
-says something only because the melt was at rest before, which is what ``--hold`` states.
+The stress does not move: what is seen is how the melt settles after a step at the start. Of where
+it was before ``--hold`` says that it was at rest; without that it is fitted, and what the spring
+takes at once is told from what it took before by nothing.
 """
 
 from fmus.kit import Component, Input, Output, Parameter, State

@@ -26,6 +26,9 @@ _STEEPEST = 30.0
 _ROUND = 1e-6  # of the nominal signal, below which a square root is straight
 _STEEP = 10.0  # of the sign in Stribeck's curve, relative to the velocity at which it falls
 _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical size
+# Least width, likewise: what bends within that is a step to any record, and no integrator follows
+# it to the accuracy of an FMU.
+_SHARPEST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,7 @@ SHAPES: dict[str, Shape] = {
     "quadratic": Shape(lambda x, w, s: x * x, 2, 0.0, "a x^2"),
     "odd_quadratic": Shape(lambda x, w, s: x * absolute(x), 2, 0.0, "a x |x|"),
     "cubic": Shape(lambda x, w, s: x * (x * x), 3, 0.0, "a x^3"),
+    "quartic": Shape(lambda x, w, s: (x * x) * (x * x), 4, 0.0, "a x^4"),
     "saturating": Shape(lambda x, w, s: tanh(x / w), 0, 1.0, "a tanh(x / w)"),
     "sign": Shape(lambda x, w, s: tanh(x / w), 0, _SHARP, "a tanh(x / w), w small", 0.0),
     "sign_beyond": Shape(
@@ -229,7 +233,7 @@ def width_parameter(shape: Shape, unit: str, size: float, doc: str) -> Any:
     """Declare the width of a shape of a signal that has this unit and this typical magnitude."""
     start = shape.width * size
     # a stop may be anywhere, but a width of zero is none
-    least = -ANY * size if shape.power else 1e-9 * size
+    least = -ANY * size if shape.power else _SHARPEST * size
     return Parameter(start, unit, min=least, max=1e3 * size, nominal=start, doc=doc)
 
 

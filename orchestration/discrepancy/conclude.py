@@ -63,6 +63,7 @@ DEGRADED = 1.1  # times the error before, above which it has grown
 TOLERATED_STRUCTURE = 0.25
 _LARGE = 0.15  # of the spread of an output, from which on an error is large
 _HOPELESS = 0.6  # of that spread, from which on a model does not describe a record
+_ROUNDED = 0.5  # of a step of the recorder, within which it rounds; as RMS it is 0.29
 _SLOW = 0.5  # of its power, which innovations have less of where it changes slowly
 CONFOUNDED_SHARE = 0.75  # of what an effect does that another would do too, to be noted
 
@@ -254,7 +255,9 @@ def conclude(
     """
     if max(_large_errors(judged.selection.best).values(), default=0.0) > _HOPELESS:
         judged = judged.without_steps(data.validation)
-    outcome = _judged_in_final_model(search, judged, data)
+    if _is_below_resolution(judged.selection.base, data):
+        judged = judged.without_steps(data.validation)
+    outcome = _judged_in_reason(search, judged, data)
     judged = outcome.judged
     selection = judged.selection
     residuals = outcome.residuals
@@ -296,6 +299,22 @@ def conclude(
         intersample=data.intersample,
         structure_of_input_noise=of_input_noise,
         confirmations=judged.confirmations,
+    )
+
+
+def _is_below_resolution(base: FittedCandidate, data: DiagnosisData) -> bool:
+    """Return whether a model misses no output by more than its recorder rounds.
+
+    Rounding is no noise: it goes with the signal, and any effect may follow some of it.
+    """
+    steps = {
+        note.subject: note.facts["resolution"]
+        for note in data.notes
+        if note.code is NoteCode.QUANTISED
+    }
+    return all(
+        output in steps and float(np.std(residual)) < _ROUNDED * steps[output]
+        for output, residual in base.fit.residual.items()
     )
 
 
@@ -357,6 +376,24 @@ class _FinalModel:
     residuals: dict[str, ResidualAnalysis]
     parameters: _ParameterAssessment
     notes: list[Note]
+
+
+def _judged_in_reason(
+    search: Search, judged: ConfirmedSelection, data: DiagnosisData
+) -> _FinalModel:
+    """Assess the final model, and drop causes that lead there only beside impossible parameters.
+
+    What is nearer to a record only with a plant that no specimen is explains nothing of one.
+    """
+    outcome = _judged_in_final_model(search, judged, data)
+    beside = outcome.parameters
+    if not (beside.implausible and outcome.judged.selection.steps):
+        return outcome
+    bare = _assess_final_model(search, judged.without_steps(data.validation), data)
+    if bare.parameters.implausible:
+        return bare
+    parameters = replace(bare.parameters, implausible=True, notes=beside.notes)
+    return replace(bare, parameters=parameters)
 
 
 def _judged_in_final_model(

@@ -23,6 +23,7 @@ from orchestration.discrepancy.conclude import Verdict as Verdict
 from orchestration.discrepancy.data import (
     Dataset,
     DividedData,
+    has_transient,
     is_excited,
     screen_and_divide,
     searched_stretch,
@@ -60,12 +61,15 @@ class ScreenedRecord:
         What every input that moves is taken to do between samples.
     excited : bool
         Whether the inputs move any output by more than is lost in its noise.
+    settles : bool
+        Whether outputs move without that: they settle from where the record starts.
     """
 
     parts: DividedData
     more_than_estimation: bool
     intersample: dict[str, Intersample]
     excited: bool
+    settles: bool
 
     @property
     def linear(self) -> frozenset[str]:
@@ -104,8 +108,11 @@ class BaseFit:
 
     @property
     def informative(self) -> bool:
-        """True if the record is informative; without excitation only a known start lets it."""
-        return self.record.excited or not self.starts
+        """True if the record is informative.
+
+        Without excitation it is if something settles, or ought to from a start that is known.
+        """
+        return self.record.excited or self.record.settles or not self.starts
 
 
 @dataclass(frozen=True)
@@ -191,20 +198,22 @@ def diagnose(
     record = screen(cls, data, holdout, values, each)
     parameters = [name for name in searched_parameters(cls) if name not in held]
     seen = searched_stretch(record.parts.estimation)
-    search = Search(seen, cls, parameters, values, progress, budget or Budget(), each=each)
-    with search.budget.paused():
+    limit = budget or Budget()
+    is_free = record.settles
+    search = Search(seen, cls, parameters, values, progress, limit, each=each, free=is_free)
+    with limit.paused():
         fitted, whole = fit_all_samples(fit(search, record))
     selected = select(fitted, effects)
-    with search.budget.paused():
+    with limit.paused():
         selected = complete(selected, whole)
     if _shows_more(selected, fitted):
         longer = all_samples.over_longer(fitted.search, whole.search, whole.base)
-        with search.budget.paused():
+        with limit.paused():
             further = replace(fitted, search=longer, base=longer.nominal())
         selected = select(further, effects)
-        with search.budget.paused():
+        with limit.paused():
             selected = complete(selected, whole)
-    with search.budget.paused():
+    with limit.paused():
         return conclude(selected.search, judge(selected), selected.data)
 
 
@@ -237,7 +246,8 @@ def screen(
     own = None if holdout is None else replace(holdout, linear=linear)
     parts = screen_and_divide(cls, replace(data, linear=linear), own, fixed, bool(each))
     excited = is_excited(cls, parts.estimation, fixed)
-    return ScreenedRecord(parts, holdout is None, chosen, excited)
+    settles = not excited and has_transient(parts.estimation)
+    return ScreenedRecord(parts, holdout is None, chosen, excited, settles)
 
 
 def fit(search: Search, record: ScreenedRecord) -> BaseFit:
@@ -456,9 +466,9 @@ def _excitation_notes(fitted: BaseFit, data: Dataset) -> list[Note]:
     notes = [*fitted.record.parts.notes, *fitted.clock_notes]
     if fitted.record.excited:
         return notes
-    if not fitted.starts:  # as its start is known, it can be judged by how it settles
-        return [note for note in notes if note.code is not NoteCode.NO_EXCITATION]
+    if fitted.informative:
+        others = [note for note in notes if note.code is not NoteCode.NO_EXCITATION]
+        return [*others, Note(NoteCode.FREE_RESPONSE)]
     if any(np.ptp(values) > 0.0 for values in data.inputs.values()):
         notes.append(Note(NoteCode.EXCITATION_BELOW_NOISE))
-    notes.append(Note(NoteCode.UNKNOWN_START, "", {"parameters": fitted.starts}))
     return notes

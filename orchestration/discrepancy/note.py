@@ -40,7 +40,7 @@ class NoteCode(StrEnum):
     CONSTANT_INPUT = "constant_input"
     NO_EXCITATION = "no_excitation"
     EXCITATION_BELOW_NOISE = "excitation_below_noise"
-    UNKNOWN_START = "unknown_start"
+    FREE_RESPONSE = "free_response"
     ABSENT_INPUT = "absent_input"
     GAPS = "gaps"
     TOO_FEW_SAMPLES = "too_few_samples"

@@ -57,6 +57,8 @@ def diagnosed_results(folder: Path) -> dict[str, Result]:
     record = read(NASTY)
     cause = diagnosed(record, FEW)
     still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
+    noise = np.random.default_rng(1).standard_normal((2, record.time.size))
+    at_rest = dict(zip(("voltage", "displacement"), 1e-5 * noise, strict=True))
     uneven = np.unique(np.geomspace(1, record.time.size, 900).astype(int) - 1)
     sampled = replace(
         record, time=record.time[uneven], signals={n: v[uneven] for n, v in record.signals.items()}
@@ -64,7 +66,7 @@ def diagnosed_results(folder: Path) -> dict[str, Result]:
     return {
         "cause": cause,
         **_variants(cause),
-        "idle": diagnosed(replace(record, signals=record.signals | still), FEW),
+        "idle": diagnosed(replace(record, signals=record.signals | still | at_rest), FEW),
         "voltage": diagnosed(read("voltage.csv", outputs=("voltage",)), FEW[-1:]),
         "holdout": diagnosed(record, [], read(f"{'a_long_name_' * 15}.csv", 2)),
         "uneven": diagnosed(sampled, []),

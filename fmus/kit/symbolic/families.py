@@ -151,10 +151,19 @@ _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
         {
             "quadratic": "quadratic_heat_loss",
             "odd_quadratic": "odd_quadratic_heat_loss",
+            "quartic": "radiative_heat_loss",
             "leading": "thermal_node",
         },
     ),
-    ("K/s", "K", {"quadratic": "quadratic_heat_loss", "odd_quadratic": "odd_quadratic_heat_loss"}),
+    (
+        "K/s",
+        "K",
+        {
+            "quadratic": "quadratic_heat_loss",
+            "odd_quadratic": "odd_quadratic_heat_loss",
+            "quartic": "radiative_heat_loss",
+        },
+    ),
     (
         "V",
         "A*s",

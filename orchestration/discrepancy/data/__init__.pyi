@@ -13,6 +13,7 @@ from .intersample import white_noise as white_noise
 from .quality import is_on_grid as is_on_grid
 from .quality import resolution_of as resolution_of
 from .screening import DividedData as DividedData
+from .screening import has_transient as has_transient
 from .screening import is_excited as is_excited
 from .screening import screen_and_divide as screen_and_divide
 from .stretch import longer_stretch as longer_stretch

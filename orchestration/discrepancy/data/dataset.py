@@ -149,6 +149,13 @@ class Dataset:
         """Return the samples from one to before another."""
         return self.where(slice(first, last))
 
+    def beginning(self, share: float) -> Dataset:
+        """Return so much of the beginning of every run."""
+        chosen = np.zeros(len(self.time), dtype=bool)
+        for run in self.runs:
+            chosen[run.first : run.first + round(share * (run.last - run.first))] = True
+        return self.where(chosen)
+
     def where(self, cut: slice | Mask | Indices) -> Dataset:
         """Return some of the samples, in their order; runs that lose all samples are dropped."""
         kept = np.arange(len(self.time))[cut]

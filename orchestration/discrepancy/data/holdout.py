@@ -15,7 +15,8 @@ from orchestration.identify.noise import noise_std
 HELD_OUT = 1.0 / 3.0  # of a record, its end
 # of a record of its own: there what is its own is estimated, and nothing is judged
 _RUN_IN = 1.0 / 6.0
-# of a record whose end is at rest, from the second on every third of which is held out
+_START = 0.1  # of a record: what nothing drives after it is a free response
+# of a record whose end tells little, from the second on every third of which is held out
 _BLOCKS = 15
 # of how much a signal moves in all of a record, below which it is at rest in a part of it
 _STILL = 0.1
@@ -47,10 +48,11 @@ class ValidationData:
     def split(cls, data: Dataset, each: bool = False) -> tuple[Dataset, ValidationData]:
         """Divide a record into estimation and validation data.
 
-        Of several records the last third is held out. Of one it is its end; where nothing moves
-        there, so that no effect would show, it is every third of blocks spread over the
-        record; and where that is sampled unevenly, and no stretch of it is like another, every
-        third sample. The end of one with gaps begins anew.
+        Of several records the last third is held out. Of one it is its end. Where nothing moves
+        there, and where no input moves but at the start, it is every third of blocks spread over
+        the record: of what settles the end tells little, and every part tells of something else.
+        Where that is sampled unevenly, and no stretch of it is like another, it is every third
+        sample. The end of one with gaps begins anew.
         """
         records = list(dict.fromkeys(run.record or run.label for run in data.several))
         if len(records) > 1:
@@ -64,7 +66,8 @@ class ValidationData:
         number = np.arange(len(data.time))
         if data.even:
             validation = cls.tail(data)
-            if not is_at_rest(data, validation.judged):
+            is_free = not is_driven(data, number > _START * len(number))
+            if not (is_free or is_at_rest(data, validation.judged)):
                 return data.part(0, validation.first), validation
             number = number * _BLOCKS // len(number)
         out = number % round(1.0 / HELD_OUT) == 1
@@ -136,13 +139,17 @@ class ValidationData:
         }
 
 
-def is_at_rest(data: Dataset, part: Mask) -> bool:
-    """Return True if no input moves in a part of a record, and no output by more than its noise.
-
-    Inputs that do not move anywhere in the record do not count.
-    """
+def is_driven(data: Dataset, part: Mask) -> bool:
+    """Return True if any input moves in a part of a record, beside how it moves in all of it."""
     moving = [v for v in data.inputs.values() if np.ptp(v[data.within]) > 0.0]
-    ratios = [float(np.std(v[part]) / np.std(v[data.within])) for v in moving]
+    return any(np.std(v[part]) >= _STILL * np.std(v[data.within]) for v in moving)
+
+
+def is_at_rest(data: Dataset, part: Mask) -> bool:
+    """Return True if no input moves in a part of a record, and no output by more than its noise."""
+    if is_driven(data, part):
+        return False
+    ratios = []
     for y in data.measured.values():
         values = y[part & np.isfinite(y)]
         variance = 0.0  # beyond that of the noise

@@ -21,6 +21,7 @@ _SHORTEST = 150  # samples to fit to
 _LASTING = 0.5  # of the record, before which an output ends too early
 _FEWEST = 20  # samples that an output must have
 _LOST = 0.05  # of the noise, below which a response is lost even in thousands of samples
+_SEEN = 5.0  # times the noise, from which on a movement is none of noise, be it of some colour
 _HUGE = 1e30  # no measurement is that large, and its square is still a number
 
 
@@ -192,6 +193,18 @@ def is_excited(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) 
         return True
     for output, y in data.measured.items():
         if float(np.sqrt(np.mean((moved[output] - still[output]) ** 2))) > _LOST * noise_std(y, 3):
+            return True
+    return False
+
+
+def has_transient(data: Dataset) -> bool:
+    """Return True if any output moves by far more than its noise, as what settles does.
+
+    The noise is what third differences of the measurement show.
+    """
+    for y in data.measured.values():
+        noise = noise_std(y, 3)
+        if max(float(np.nanvar(y)) - noise**2, 0.0) ** 0.5 > _SEEN * noise:
             return True
     return False
 

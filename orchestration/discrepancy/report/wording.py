@@ -144,13 +144,15 @@ _NOTES = {
         " effects that need them cannot be told apart"
     ),
     NoteCode.NO_EXCITATION: (
-        "no input moves: neither a cause nor a parameter can be judged, only how the record settles"
+        "no input moves, and no output by more than its noise: neither a cause nor a parameter can"
+        " be judged"
     ),
     NoteCode.EXCITATION_BELOW_NOISE: (
         "no input moves by more than is lost in the noise of the outputs: nothing can be judged"
     ),
-    NoteCode.UNKNOWN_START: (
-        "if it started at rest, say so, and it can be judged how it settled: --hold {parameters}"
+    NoteCode.FREE_RESPONSE: (
+        "no input moves an output by more than its noise: the model is judged by its free response,"
+        " by how the outputs settle from where they start, which is fitted unless it is held"
     ),
     NoteCode.ABSENT_INPUT: (
         "{record} has no {subject}: taken to be {value:g} {unit} throughout; --set {subject}=..."

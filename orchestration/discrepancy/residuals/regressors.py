@@ -67,8 +67,11 @@ def simulate_regressors(model: FittedCandidate, data: Dataset) -> list[Regressor
     """
     layout = model.candidate.cls.layout
     units = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.outputs)}
-    values = model.problem.start | model.fit.values
-    simulated = model.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
+    problem = model.problem
+    values = problem.start | model.fit.values
+    simulated = problem.model.run(  # as accurately as it was fitted
+        data.time, data.inputs, values, runs=data.runs, tolerance=problem.tolerance
+    ).signals
     by_run = []
     for run in data.runs:
         inputs = {name: u[run.samples] for name, u in data.inputs.items()}

@@ -49,6 +49,9 @@ CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure
 NEARER = 0.9
 OBVIOUS = 50.0  # fall of BIC that it must have beside
 ABOUT = 0.98  # of the error there of another, from which on one comes about as near
+# Of the gain of an effect with a memory in a free response, from which on one without is as good: a
+# memory that starts anywhere follows any slow course, with two figures more.
+WITHOUT_MEMORY = 0.9
 _STAGE = Method(passes=1, trials=25, restarts=0)  # of a fit to the end
 _HOPED = 5.0  # times what a stage gained, which the next ones may gain
 
@@ -72,12 +75,15 @@ class Ranking:
         The same of the model without them.
     near : dict of type[Effect] to FittedCandidate
         Candidates fitted in white noise.
+    free : bool
+        Whether the record is a free response.
     """
 
     rows: list[Row] = field(default_factory=list)
     cv_errors: dict[type[Effect], Array] = field(default_factory=dict)
     base_cv_errors: Array = field(default_factory=lambda: np.empty(0))
     near: _Fitted = field(default_factory=dict)
+    free: bool = False
 
     def is_admissible(self, row: Row) -> bool:
         """Return whether a candidate may be named, by its prediction errors where none is right."""
@@ -116,6 +122,8 @@ class Ranking:
         """Return whether the record does not tell a candidate from one that comes before it."""
         better_candidate, better_gain = better
         other_candidate, other_gain = other
+        if self.free and _has_memory(better_candidate) and not _has_memory(other_candidate):
+            return other_gain > max(WITHOUT_MEMORY * better_gain, ACCEPT)
         if not self.cv_errors:
             return better_gain - other_gain < ALTERNATIVE
         unknown = self.base_cv_errors + np.inf
@@ -152,7 +160,7 @@ def ranked(
         Fitted in white noise from here, a few steps of each.
     """
     starts = _starts(scored, effects)
-    promising = _promising(starts)
+    promising = list(starts) if search.loses_step(below) else _promising(starts)
     plain, base = _in_white_noise(search, below)
     seen: _Fitted = dict(known or {})
     _fit_to_the_end(plain, base, {e: starts[e] for e in promising}, seen, rough)
@@ -167,7 +175,7 @@ def ranked(
     contenders = _contenders(base, nearest, seen)
     if structured is None or not contenders:
         rows = _in_one_noise(search, below, nearest, seen, contenders, len(effects))
-        return Ranking(rows, near=seen)
+        return Ranking(rows, near=seen, free=search.free)
     finalists = _finalists(search, seen, contenders)
     base_errors, *all_errors = _cross_validated(
         plain, [base, *(seen[e] for e in finalists)], structured
@@ -176,7 +184,7 @@ def ranked(
     best = min(finalists, key=lambda e: errors[e].sum())
     rows = _in_one_noise(search, below, seen[best], seen, finalists, len(effects))
     rows.sort(key=lambda row: errors[row[0].effect].sum() if row[0].effect in errors else np.inf)
-    return Ranking(rows, errors, base_errors, seen)
+    return Ranking(rows, errors, base_errors, seen, search.free)
 
 
 def _contenders(
@@ -373,8 +381,9 @@ def _screened(
         if plain.budget.spent():
             plain.budget.leave([label(effect)])
             return []
-        least = AS_PROMISING * starts[effect][0].predicted.beyond
-        worth = [start for start in starts[effect] if start.predicted.beyond >= least]
+        first, *others = starts[effect]
+        least = AS_PROMISING * first.predicted.beyond
+        worth = [first, *(start for start in others if start.predicted.beyond >= least)]
         fitted = [_tried(plain, below, start) for start in worth]
         counter.one_more()
         return [f for f in fitted if f]
@@ -422,6 +431,11 @@ def _in_one_noise(
     candidates = [as_they_are.containing(fitted, base) for fitted in fitted_effects]
     rows = [(candidate, candidate.delta_bic(base, number)) for candidate in candidates]
     return sorted(rows, key=lambda row: -row[1])
+
+
+def _has_memory(fitted: FittedCandidate) -> bool:
+    """Return whether the last effect of a candidate has a state of its own."""
+    return bool(fitted.effect.layout.states)
 
 
 def _bic(fitted: FittedCandidate) -> float:

@@ -33,6 +33,7 @@ from orchestration.identify.fitting import (
     error_scales,
     fit_free_run,
     fit_prediction_error,
+    nearest_free_run,
     pooled_error,
     starting_points,
 )
@@ -47,7 +48,8 @@ FAILURES = UserError, ArithmeticError, np.linalg.LinAlgError
 # noise itself.
 STRAYED = 1.25
 # Internal steps per sample that an effect may take, or this share of those that the model may take
-# in a short record: a bend may become sharper than anything seen between two samples.
+# in a short record: a bend may become sharper than anything seen between two samples. In a free
+# response it may take all of them, as dry friction does that holds a plant.
 _EFFORT = 25.0
 _EASIER = 0.2
 # Accuracy of internal steps: a thousandth of the noise of a good record. It costs less than half of
@@ -61,6 +63,11 @@ _AT_ONCE = 0.1
 _ROUNDING = 1.0
 _LOG = logging.getLogger(__name__)
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
+# Of every run, the beginnings that a free response is fitted to one after the other: from about a
+# period of what swings 30 times, and by no more at once than its period is known for by then.
+_BEGINNINGS = 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2
+_FEWEST = 30  # samples of such a beginning
+_MISSED = 2.0  # times the noise, from which on a simulation may be out of step with a record
 
 
 @dataclass
@@ -98,6 +105,8 @@ class Search:
         Factor on the internal steps that a candidate with effects may take.
     shortest_lag : float
         Time constant of a memory, s, from which on down a search steps back: the lag is none.
+    free : bool
+        Whether the record is a free response, which nothing keeps in step with a simulation.
     known : KnownFits
         Fits made so far, over this record and over others.
     """
@@ -116,6 +125,7 @@ class Search:
     method: Method = FULL
     patience: float = 1.0
     shortest_lag: float = 0.0
+    free: bool = False
     known: KnownFits = field(default_factory=KnownFits)
 
     def nominal(self, near: Mapping[str, float] | None = None) -> FittedCandidate:
@@ -124,6 +134,8 @@ class Search:
         problem = self._problem(candidate)
         if near is None:
             starts = starting_points(problem)
+            if self.free:
+                starts = [*self._from_beginnings(candidate, starts[0]), *starts]
         else:
             starts = [problem.inside(problem.position(problem.start | dict(near)))]
         method = FULL if near is None else self.method
@@ -220,7 +232,20 @@ class Search:
             for values in (predicted, below.fit.values)
         ]
         nearest = min(starts, key=lambda q: error_at(problem, q))
+        if self.loses_step(at_rest):
+            neutral = problem.inside(problem.position(problem.start | screened.start))
+            starts = [nearest, *self._from_beginnings(candidate, neutral)]
+            nearest = min(starts, key=lambda q: error_at(problem, q))
         return FittedCandidate(candidate, problem, self._fit(candidate, problem, nearest, None))
+
+    def loses_step(self, fitted: FittedCandidate) -> bool:
+        """Return whether a model may be out of step with a free response, far off as it is.
+
+        What effects do to it there tells nothing of what they do to the plant.
+        """
+        if not self.free:
+            return False
+        return pooled_error(fitted.fit.residual, error_scales(fitted.problem)) > _MISSED
 
     def refine(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit once more from beside the optimum, where there may be others, and from rest."""
@@ -364,7 +389,7 @@ class Search:
         # a constant as long as the record makes an offset of any state that does not begin at rest
         longest = float(data.time[-1] - data.time[0])
         problem.largest = dict.fromkeys(_time_constants(candidate), longest)
-        if candidate.effects:
+        if candidate.effects and not self.free:
             problem.effort = self.patience * max(_EFFORT, _EASIER * problem.effort)
         problem.smallest = dict(_shortest_ways(candidate, float(np.median(np.diff(data.time)))))
         if self.shortest_lag:
@@ -375,6 +400,31 @@ class Search:
     def _problem(self, candidate: Candidate) -> Problem:
         names = [*self.parameters, *candidate.parameters, *candidate.starts]
         return self.problem(candidate, names, self.fixed)
+
+    def _from_beginnings(self, candidate: Candidate, start: Array) -> list[Array]:
+        """Return where a fit to more and more of a free response ends; nothing where it fails.
+
+        A simulation that swings at another frequency than the record is out of step with it after a
+        few periods, and no nearer for a frequency that is a little better. The beginning of a
+        record tells the frequency well enough for the next part of it.
+
+        Parameters
+        ----------
+        candidate : Candidate
+        start : ndarray, shape (p,)
+            Point to begin at.
+        """
+        q = start
+        for share in _BEGINNINGS:
+            data = self.data.beginning(share)
+            if any(np.isfinite(y).sum() < _FEWEST * len(data.runs) for y in data.measured.values()):
+                continue
+            problem = replace(self, data=data)._problem(candidate)
+            try:
+                q = nearest_free_run(problem, q, self._has_prior(problem))
+            except FAILURES:
+                return []
+        return [q]
 
     def fit_from(
         self,

@@ -60,7 +60,7 @@ def predict(validation: ValidationData, model: FittedCandidate) -> Prediction:
     problem = model.problem
     data = validation.data
     values = validation_parameters(validation, model)
-    ran = problem.model.run(data.time, data.inputs, values, runs=data.runs)
+    ran = _simulated(problem, data, values)
     slopes = np.array(
         [scale.slope(q) for scale, q in zip(problem.scales, model.fit.q, strict=True)]
     )
@@ -73,7 +73,16 @@ def simulated_outputs(validation: ValidationData, model: FittedCandidate) -> dic
     """Simulate a fitted model over validation data for its outputs (n,) alone; see `predict`."""
     data = validation.data
     values = validation_parameters(validation, model)
-    return _outputs(model.problem.model.run(data.time, data.inputs, values, runs=data.runs), data)
+    return _outputs(_simulated(model.problem, data, values), data)
+
+
+def _simulated(problem: Problem, data: Dataset, values: Mapping[str, float]) -> Trajectory:
+    """Simulate as accurately as an FMU is; where a bend is too sharp for that, as it was fitted."""
+    try:
+        return problem.model.run(data.time, data.inputs, values, runs=data.runs)
+    except UserError:
+        coarse = problem.tolerance
+        return problem.model.run(data.time, data.inputs, values, runs=data.runs, tolerance=coarse)
 
 
 def _outputs(ran: Trajectory, data: Dataset) -> dict[str, Array]:
@@ -425,7 +434,8 @@ def _slopes_in_run(
     names = names_in([run], dict.fromkeys([*bases, *own]), own)
     runs = ModelOverRuns(model.candidate.cls, names, data.linear or (), [run], outputs)
     inputs = {n: values[run.samples] for n, values in data.inputs.items()}
-    ran = runs.run(data.time[run.samples], inputs, run.values(prediction.parameters))
+    values = run.values(prediction.parameters)
+    ran = runs.run(data.time[run.samples], inputs, values, tolerance=problem.tolerance)
     shared = [n for n in problem.names if n in names and base_name(n) not in own]
     at = [problem.names.index(n) for n in shared]
     by = np.array([problem.scales[i].slope(model.fit.q[i]) for i in at])

@@ -12,6 +12,7 @@ from .prediction_error import choose_credible_fit as choose_credible_fit
 from .prediction_error import fit_free_run as fit_free_run
 from .prediction_error import fit_in_noise as fit_in_noise
 from .prediction_error import fit_prediction_error as fit_prediction_error
+from .prediction_error import nearest_free_run as nearest_free_run
 from .problem import ModelOverRuns as ModelOverRuns
 from .problem import Problem as Problem
 from .problem import Scale as Scale

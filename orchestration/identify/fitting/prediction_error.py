@@ -217,7 +217,8 @@ def fit_prediction_error(
         return fitted
 
     # what is not searched stays where it is
-    q = np.clip(problem.inside(start) if method.trials > 1 else start, *problem.bounds())
+    begun = _off_bounds(problem, start) if method.trials > 1 else start
+    q = np.clip(begun, *problem.bounds())
     residual = problem.evaluate(q)[0]
     begin = one_pass(
         q, noise or (problem.noise(residual) if problem.colour else white_noise(residual))
@@ -238,6 +239,45 @@ def fit_prediction_error(
             break
         best = other
     return _assessed(problem, best, prior)
+
+
+def _off_bounds(problem: Problem, start: Array) -> Array:
+    """Return a start that is at no bound, and farther off if its free run is no farther off there.
+
+    Near a bound steps are small; but a start may be near one because that is where it is right.
+    """
+    inside = problem.inside(start)
+    low, high = problem.bounds()
+    off = np.where((start <= low) | (start >= high), inside, start)
+    if np.array_equal(inside, off):
+        return inside
+    return min((inside, off), key=lambda q: error_at(problem, q))
+
+
+def nearest_free_run(problem: Problem, start: Array, physical: Mask | None = None) -> Array:
+    """Return where plain least squares of the free run ends, without an assessment.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ndarray, shape (p,)
+        Point to begin at.
+    physical : ndarray of bool, shape (p,), optional
+        Parameters that have a prior, see :func:`fit_prediction_error`.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the search starts.
+    """
+    prior = _prior(problem, physical, PRIOR_STD)
+    rows = (prior.residual, prior.jacobian)
+    tolerance = SCREEN.tolerance / problem.samples
+    return fit_simulation_error(problem, [start], error_scales(problem), tolerance, rows).q
 
 
 def fit_free_run(

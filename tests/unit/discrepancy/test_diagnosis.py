@@ -133,7 +133,8 @@ def test_the_five_steps_are_the_diagnosis():
 
 def test_without_excitation_the_model_is_fitted_and_nothing_selected():
     data = measured(3, 4.0)
-    still = replace(data, inputs={"current": np.zeros(data.time.size)})
+    noise = {"voltage": 1e-3 * coloured(0.0, 1, data.time.size)}
+    still = replace(data, inputs={"current": np.zeros(data.time.size)}, measured=noise)
     record = screen(Cell, still, None, {}, ())
     search = Search(record.parts.estimation, Cell, searched_parameters(Cell))
     fitted = fit(search, record)
@@ -141,7 +142,7 @@ def test_without_excitation_the_model_is_fitted_and_nothing_selected():
     selected = select(fitted, [sensor_gain(Cell, "voltage")])
     assert selected.selection.steps == []
     assert not selected.data.informative
-    assert NoteCode.UNKNOWN_START in {note.code for note in selected.data.notes}
+    assert NoteCode.NO_EXCITATION in {note.code for note in selected.data.notes}
 
 
 def test_what_follows_a_gap_starts_where_it_then_was():

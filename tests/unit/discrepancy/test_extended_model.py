@@ -37,7 +37,7 @@ from orchestration.fmu.simulation import simulate_instance
 from studies.emulator.records import draw
 from tests.contract import checks, structure
 from tests.contract.subjects import SUBJECTS
-from tests.support.diagnosis import SHORT, as_measured
+from tests.support.diagnosis import SHORT, as_measured, coloured
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = "lab record.csv"
@@ -205,10 +205,9 @@ def test_doubts_are_told(made):
 def test_nothing_is_made_of_a_record_that_does_not_move():
     data, _ = drawn(None, **SHORT)
     still = {name: np.full_like(values, values[0]) for name, values in data.inputs.items()}
+    noise = {name: 1e-3 * coloured(0.0, 1, y.size) for name, y in data.measured.items()}
     with pytest.raises(UserError, match=r"lab record\.csv: no input moves"):
-        extended_component(
-            diagnose(PpyActuator, Dataset(data.time, still, data.measured), []), RECORD
-        )
+        extended_component(diagnose(PpyActuator, Dataset(data.time, still, noise), []), RECORD)
 
 
 def test_a_value_that_rounding_moved_out_of_its_range_is_at_its_end(made):

@@ -32,9 +32,15 @@ def actuator():
 
 
 def at_rest(record):
-    """Return the same record while no input moves."""
+    """Return the same record while no input moves, nor any output by more than its noise."""
+    rng = np.random.default_rng(1)
     still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
-    return replace(record, signals=record.signals | still)
+    noise = {
+        name: 1e-3 * np.ptp(values) * rng.standard_normal(len(values))
+        for name, values in record.signals.items()
+        if name not in still
+    }
+    return replace(record, signals=still | noise)
 
 
 # --- from a record to data

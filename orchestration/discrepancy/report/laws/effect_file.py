@@ -26,6 +26,7 @@ FORMULAS = {
     "quadratic": "x * x",
     "odd_quadratic": "x * absolute(x)",
     "cubic": "x * (x * x)",
+    "quartic": "(x * x) * (x * x)",
     "saturating": "tanh(x / {w})",
     "sign": "tanh(x / {w})",
     "sign_beyond": "0.5 * (tanh(10.0 * (x / {w} - 1.0)) + tanh(10.0 * (x / {w} + 1.0)))",

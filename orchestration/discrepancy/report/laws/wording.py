@@ -37,6 +37,7 @@ _SHAPES = {
     "quadratic": "a square",
     "odd_quadratic": "a square with the sign of its signal",
     "cubic": "a cube",
+    "quartic": "a fourth power",
     "saturating": "a saturation",
     "sign": "a sign",
     "exponential": "an exponential",

@@ -13,7 +13,7 @@ from orchestration.discrepancy.data.dataset import GAP, PIECE, Dataset
 from orchestration.discrepancy.residuals.correlation import LAGS
 from orchestration.identify.noise.autoregression import ORDER, segments
 from orchestration.identify.noise.model import Noise
-from tests.support.several import with_gaps
+from tests.support.several import several, with_gaps
 
 
 @st.composite
@@ -80,6 +80,15 @@ def test_no_stretch_without_gaps_reaches_from_one_record_into_the_next(given_rec
     at = np.flatnonzero(present)
     for first, last in segments(present):
         assert any(run.first <= at[first] and at[last - 1] < run.last for run in whole.runs)
+
+
+def test_the_beginning_of_several_runs_is_that_of_each():
+    data = several("ab")
+    half = data.beginning(0.5)
+    assert [run.last - run.first for run in half.runs] == [200, 200]
+    for run, whole in zip(half.runs, data.runs, strict=True):
+        first = data.measured["voltage"][whole.first : whole.first + 200]
+        assert np.array_equal(half.measured["voltage"][run.samples], first)
 
 
 def test_what_is_whitened_of_one_record_hangs_on_no_other():

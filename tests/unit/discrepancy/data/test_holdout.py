@@ -30,6 +30,22 @@ def test_what_is_held_out_of_one_record_continues_it():
     assert validation.first == len(estimation.time)
 
 
+@pytest.mark.parametrize(("driven_to_the_end", "fitted_before"), [(True, 2.0 / 3.0), (False, 1.0)])
+def test_of_what_nothing_drives_blocks_from_all_over_are_held_out(driven_to_the_end, fitted_before):
+    """A step at the start moves an output to the end, but what it shows there it has shown."""
+    time = np.arange(900.0)
+    u = np.sin(time) if driven_to_the_end else np.minimum(time, 1.0)
+    record = Dataset(time, {"u": u}, {"y": np.exp(-time / 900.0)})
+    estimation, validation = ValidationData.split(record)
+    last = np.flatnonzero(np.isfinite(estimation.measured["y"]))[-1]
+    assert last == pytest.approx(fitted_before * 900.0, abs=2.0)
+    fitted = int(np.isfinite(estimation.measured["y"]).sum())
+    assert fitted == pytest.approx(600, abs=2)
+    assert (
+        int((validation.judged & np.isfinite(validation.data.measured["y"])).sum()) == 900 - fitted
+    )
+
+
 def test_the_first_sixth_of_each_record_held_out_is_not_judged():
     data = several("ab")
     validation = ValidationData.separate_record(data)

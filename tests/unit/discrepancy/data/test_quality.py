@@ -290,7 +290,7 @@ def test_inputs_that_do_not_move_are_told():
     )
     assert faults[-1].code is NoteCode.NO_EXCITATION
     assert message(faults[-1].note).startswith(
-        "no input moves: neither a cause nor a parameter can be judged"
+        "no input moves, and no output by more than its noise: neither a cause nor a parameter can"
     )
 
 

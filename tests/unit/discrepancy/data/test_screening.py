@@ -12,6 +12,7 @@ import pytest
 from fmus.kit.errors import UserError
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.data.screening import has_transient
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.discrepancy.report.wording import message
@@ -98,6 +99,13 @@ def test_inputs_that_only_jitter_tell_nothing():
     diagnosis = diagnose(PpyActuator, replace(data, inputs=jitter, measured=noise), FEW)
     assert (diagnosis.verdict, diagnosis.causes, diagnosis.changed) == ("ambiguous", [], [])
     assert NoteCode.EXCITATION_BELOW_NOISE in {note.code for note in diagnosis.notes}
+
+
+@pytest.mark.parametrize(("size", "settles"), [(0.0, False), (0.1, False), (1.0, True)])
+def test_what_settles_moves_by_more_than_noise(size, settles):
+    time = np.arange(500.0)
+    decay = size * np.exp(-time / 60.0) + 0.03 * coloured(0.0, 1, time.size)
+    assert has_transient(Dataset(time, {}, {"y": decay})) is settles
 
 
 def test_without_excitation_nothing_is_named():

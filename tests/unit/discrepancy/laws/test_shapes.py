@@ -18,6 +18,7 @@ FORMS = {
     "quadratic": lambda x: x * x,
     "odd_quadratic": lambda x: x * abs(x),
     "cubic": lambda x: x**3,
+    "quartic": lambda x: x**4,
     "saturating": lambda x: np.tanh(x / 0.6),
     "sign": lambda x: np.sign(x) * min(abs(x) / 0.05, 1.0),
     "sign_beyond": lambda x: np.sign(x) * float(abs(x) > 0.9),

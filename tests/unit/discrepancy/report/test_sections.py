@@ -79,7 +79,7 @@ def test_what_is_left_and_not_judged_is_told(made):
         "What could not be judged slack was not judged: it leaves no trace in what was measured"
         in text
     )
-    assert "no input moves: neither a cause nor a parameter can be judged" in words_of(made["idle"])
+    assert "neither a cause nor a parameter can be judged" in words_of(made["idle"])
     assert "current stays at 0.5 A; force stays at 0.5 N." in words_of(made["idle"])
 
 

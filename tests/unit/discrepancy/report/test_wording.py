@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Input, Output, Parameter
+from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.errors import UserError
 from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_lag, sensor_offset
 from fmus.ppy_actuator.effects import EFFECTS
@@ -76,6 +76,27 @@ def with_output(data: Dataset, output: str, values: np.ndarray) -> Dataset:
 
 def faults(data: Dataset) -> list[Note]:
     return [fault.note for fault in assess(data)[1]]
+
+
+class Relaxing(Component):
+    """A store that empties by itself."""
+
+    name = "relaxing"
+    constant = Parameter(2.0, "s", min=1e-3)
+    level = State("1", rate="flow", start=1.0)
+
+    def flow(self):
+        return -self.level / self.constant
+
+    @Output("1")
+    def y(self):
+        return self.level
+
+
+def relaxing() -> Dataset:
+    """Such a store, measured."""
+    time = 0.05 * np.arange(400)
+    return Dataset(time, {}, {"y": 1.5 * np.exp(-time / 3.0) + 1e-3 * coloured(0.0, 1, 400)})
 
 
 class Product(Component):
@@ -244,7 +265,12 @@ def constant_inputs(monkeypatch):
     )
 
 
-@makes(NoteCode.EXCITATION_BELOW_NOISE, NoteCode.UNKNOWN_START)
+@makes(NoteCode.FREE_RESPONSE)
+def free_response(monkeypatch):
+    return diagnose(Relaxing, relaxing(), []).notes
+
+
+@makes(NoteCode.EXCITATION_BELOW_NOISE)
 def jitter(monkeypatch):
     data = short_record()
     inputs = {

@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 
-from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit import Component, Input, Output, Parameter, State, curve
 from fmus.kit.functions import minimum
 from fmus.kit.generic import extra_kelvin
 from fmus.kit.sensors import measurement_effects, sensor_drift, sensor_lag, transport_delay
@@ -23,12 +24,63 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import NoteCode
+from orchestration.discrepancy.selection.scoring import score, screen
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from orchestration.identify.fitting.prediction_error import fit_prediction_error
 from tests.support.gain import Gain
 from tests.support.regression_model import OFFSET, Amplifier
 from tests.support.several import Cell, measured
+
+
+class Twisting(Component):
+    """A torsion balance that nothing drives."""
+
+    name = "twisting"
+    stiffness = Parameter(150.0, "1/s^2", min=1e-6, max=1e6)
+    damping = Parameter(0.2, "1/s", min=0, max=1e6)
+    angle = State("rad", rate="velocity_of_angle")
+    velocity = State("rad/s", rate="acceleration")
+
+    def velocity_of_angle(self):
+        return self.velocity
+
+    def restoring(self):
+        return self.stiffness * self.angle
+
+    def acceleration(self):
+        return -self.restoring() - self.damping * self.velocity
+
+    @Output("rad")
+    def y(self):
+        return self.angle
+
+
+def test_an_effect_that_changes_the_period_is_met_in_a_free_response():
+    """Oracle: SciPy's integrator. The linear model is out of step after the first periods, so that
+    what it predicts of a cubic stiffness is of no use; the beginning of the record leads there.
+    """
+    time = np.linspace(0.0, 24.0, 2400)
+    ran = solve_ivp(
+        lambda _, x: [x[1], -110.0 * x[0] - 45.0 * x[0] ** 3 - 0.2 * x[1]],
+        (0.0, time[-1]),
+        [1.3, 0.3],
+        t_eval=time,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    noise = 0.003 * np.random.default_rng(4).standard_normal(time.size)
+    data = Dataset(time, {}, {"y": ran.y[0] + noise})
+    names = ["stiffness", "damping", "angle_start", "velocity_start"]
+    search = Search(data, Twisting, names, free=True)
+    base = search.nominal()
+    cubic = curve(Twisting, "restoring", "angle", "cubic", "rad/s^2", 100.0)
+    start = screen(score(search, base, [cubic]), [cubic])[0]
+    fitted = search.fit_extended(start, base)
+    assert search.loses_step(base)
+    assert not replace(search, free=False).loses_step(base)
+    assert np.std(fitted.fit.residual["y"]) < 0.0035
+    assert fitted.fit.values["restoring_cubic"] == pytest.approx(45.0, rel=0.01)
 
 
 def recorded(noise):

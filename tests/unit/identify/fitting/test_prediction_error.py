@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from fmus.kit import Component, Input, Output, Parameter, State, where
+from fmus.kit import Component, Input, Output, Parameter, State, sin, where
 from orchestration.identify.fitting import prediction_error
 from orchestration.identify.fitting.least_squares import minimise
 from orchestration.identify.fitting.prediction_error import (
@@ -309,3 +309,23 @@ def test_an_evaluation_stays_where_it_is_however_near_a_bound():
     problem = Problem(Pair, STEP * np.arange(400), {"u": u}, measured, ["share"], start)
     q = problem.position({"share": 0.001})
     assert fit_prediction_error(problem, q, method=EVALUATE).values["share"] == pytest.approx(0.001)
+
+
+class Tone(Component):
+    """A tone of which the frequency is searched linearly, from none on."""
+
+    name = "tone"
+    rate = Parameter(0.0, "rad/s", min=0.0, max=1e6, nominal=100.0)
+
+    @Output("1")
+    def y(self):
+        return sin(self.rate * self.time)
+
+
+def test_a_start_near_a_bound_is_kept_where_it_is_nearer_to_the_record():
+    """A tenth of a unit off the bound the tone is five times as high, and no search leads back."""
+    time = np.linspace(0.0, 20.0, 400)
+    noise = 0.01 * np.random.default_rng(5).standard_normal(time.size)
+    problem = Problem(Tone, time, {}, {"y": np.sin(2.0 * time) + noise}, ["rate"], {})
+    fitted = fit_prediction_error(problem, problem.position({"rate": 2.01}))
+    assert fitted.values["rate"] == pytest.approx(2.0, abs=0.002)

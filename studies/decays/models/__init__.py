@@ -1,0 +1,1 @@
+"""Models of systems that settle, as users write them: under test, not the judge."""
