@@ -237,7 +237,7 @@ def families_for(
     inputs = [v.name for v in layout.inputs if v.type == "real"]
     graph = trace(cls)
     rates = {s.rate: graph.rates[i] for i, s in enumerate(layout.states)}
-    definitions = {s.rate for s in layout.states if rates[s.rate].is_symbolic()}
+    definitions = {s.rate for s in layout.states if _is_definition(s.name, rates[s.rate])}
     laws = list_laws(cls)
     made: list[type[Effect]] = []
     for law in laws:
@@ -319,6 +319,16 @@ def _walls(
         nominal=scale.get(law.name, 1.0),
         scale=declared[first].nominal,
     )
+
+
+def _is_definition(state: str, rate: ca.SX) -> bool:
+    """Return whether a rate is another signal, but for its unit: ``1e3 * self.speed``."""
+    signals = ca.symvar(rate)
+    if len(signals) != 1 or signals[0].name() == state:
+        return False
+    slope = ca.jacobian(rate, signals[0])
+    at_zero = ca.substitute(rate, signals[0], 0.0)
+    return bool(slope.is_constant() and at_zero.is_zero())
 
 
 def _first_constant(kind: str, signal: str, scale: Mapping[str, float]) -> float:

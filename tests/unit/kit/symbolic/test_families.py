@@ -283,3 +283,9 @@ def test_effects_are_in_the_units_of_a_model_and_of_laws_with_numbers_in_them():
     assert units.convert(1.0, node.declared[node.neutral].unit, "W/K") == 1000.0
     assert "quadratic_law(outflow)" in found
     assert {"coulomb_friction(friction)", "cubic_law(restoring)", "force_offset"} <= set(found)
+
+
+def test_the_definition_of_a_state_has_no_effects_whatever_its_units():
+    found = [effect_name(effect) for effect in families_for(Boiler)]
+    assert not [n for n in found if any(law in n for law in ("moving", "driven", "turning"))]
+    assert "quadratic_law(settling)" in found, "of itself"
