@@ -108,7 +108,12 @@ _SPRING = {
     "hysteresis": "bouc_wen_hysteresis",
     "play": "prandtl_play",
 }
-_OUTFLOW = {"linear": "laminar_outflow", "square_root": "square_root_outflow", "weir": "overflow"}
+_OUTFLOW = {
+    "linear": "laminar_outflow",
+    "square_root": "square_root_outflow",
+    "weir": "overflow",
+    "leading": "storing_law",
+}
 # Unit of a law (empty for any), unit of a signal, and the names of the shapes of one over the
 # other.
 _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
@@ -183,6 +188,7 @@ _ANYTHING = {
     "saturating": "saturating_law",
     "exponential": "exponential_law",
     "lagging": "lagging_law",
+    "leading": "storing_law",
 }
 
 

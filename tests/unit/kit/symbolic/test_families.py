@@ -56,6 +56,7 @@ def test_what_fits_a_model_s_laws_is_listed():
     )
     tank = [effect_name(effect) for effect in families_for(Tank)]
     assert {"square_root_outflow(outflow)", "overflow(outflow)"} <= set(tank)
+    assert "storing_law(outflow)" in tank
     assert "laminar_outflow(outflow)" not in tank, "the outlet's own parameter is that"
     assert "viscous_drag(damper_force)" not in names
     assert not any("odd" in name for name in tank)
@@ -275,6 +276,23 @@ def test_the_unit_of_a_law_is_that_of_its_numbers():
     assert registry.Quantity(one.outflow(), found["outflow"]).to("kg/s").magnitude == (
         pytest.approx(flow.to("kg/s").magnitude)
     )
+
+
+def test_a_law_of_any_units_may_have_a_store_beside_it():
+    """Where the field has a name of its own for the store, it is that."""
+    found = {effect_name(effect): effect for effect in families_for(Boiler)}
+    store = found["storing_law(outflow)"]
+    amount, constant, state = store.declared
+    model = stack(Boiler, store)(**{amount: 0.5, constant: 4.0})
+    setattr(model, state, -0.2)
+    more = 0.5 * 0.2  # of the pressure in equilibrium with the store at first
+    assert model.outflow() == pytest.approx(Boiler().outflow() + more)
+    assert getattr(model, f"{state}_rate")() == pytest.approx(0.2 / 4.0)
+    assert {"lagging_law(outflow)", "thermal_node(envelope)"} <= set(found)
+    assert not {"storing_law(envelope)", "storing_law(spring_force)"} & {
+        *found,
+        *map(effect_name, families_for(MASS)),
+    }
 
 
 def test_effects_are_in_the_units_of_a_model_and_of_laws_with_numbers_in_them():
