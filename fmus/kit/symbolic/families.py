@@ -23,7 +23,8 @@ from fmus.kit.component import Component, Effect
 from fmus.kit.curves import SHAPES, EffectNames, curve, variable
 from fmus.kit.declare import Declaration, ParameterDeclaration
 from fmus.kit.generic import force_offset
-from fmus.kit.inputs import INPUT_EFFECTS
+from fmus.kit.inputs import INPUT_CURVES, INPUT_MEMORIES
+from fmus.kit.sampling import Sampling
 from fmus.kit.symbolic.quantities import Quantity, Unit
 from fmus.kit.symbolic.tracing import trace
 
@@ -61,7 +62,6 @@ _PREFERRED_UNITS = (
 )
 _POINTS = 64  # at which a law is compared with a shape
 _TOLERANCE = 1e-4  # share of its standard deviation by which a sum of slopes may miss the shape
-_TIME_CONSTANT = 1.0  # s, where a fit starts if the duration of the record is not known
 # ways until a loop gives, in typical magnitudes of its signal, where a fit starts
 _WAYS = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
 
@@ -222,7 +222,9 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
 
 
 def families_for(
-    cls: type[Component], scales: Mapping[str, float] | None = None
+    cls: type[Component],
+    scales: Mapping[str, float] | None = None,
+    sampling: Sampling | None = None,
 ) -> list[type[Effect]]:
     """Make the effects that fit a component's laws by their units.
 
@@ -231,6 +233,8 @@ def families_for(
     cls : type[Component]
     scales : Mapping of str to float, optional
         Typical magnitudes of signals and laws, SI; nominal values otherwise.
+    sampling : Sampling, optional
+        Of the record that they are made for.
 
     Returns
     -------
@@ -252,17 +256,24 @@ def families_for(
             continue
         signals = [s for s in law.reads if not (law.is_rate and s in inputs)]
         signals += _undamped_velocities(cls, law, rates)
-        made += _effects_of_law(cls, law, signals, scale)
-        made += _walls(cls, law, scale)
+        made += _effects_of_law(cls, law, signals, scale, sampling)
+        made += _walls(cls, law, scale, sampling)
     for law in laws:
         if not law.is_output and any(_same_dimension(law.unit, u) for u in ("N", "N*m")):
             made.append(force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)))
             break  # of the first force only
-    return made + [make(cls, name, scale[name]) for name in inputs for make in INPUT_EFFECTS]
+    for name in inputs:
+        made += [make(cls, name, scale[name]) for make in INPUT_CURVES]
+        made += [make(cls, name, scale[name], sampling) for make in INPUT_MEMORIES]
+    return made
 
 
 def _effects_of_law(
-    cls: type[Component], law: LawOfModel, signals: list[str], scale: Mapping[str, float]
+    cls: type[Component],
+    law: LawOfModel,
+    signals: list[str],
+    scale: Mapping[str, float],
+    sampling: Sampling | None,
 ) -> Iterator[type[Effect]]:
     """Yield the effects of a law over each signal: curves and memories."""
     unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
@@ -284,11 +295,12 @@ def _effects_of_law(
                     law.name,
                     signal,
                     shape,
-                    _first_constant(shape, signal, scale),
+                    _first_constant(shape, signal, scale, sampling),
                     law.unit,
                     nominal=nominal,
                     scale=scale[signal],
                     names=EffectNames(name, (own, f"{own}_constant", f"{own}_state"), qualifier),
+                    sampling=sampling,
                 )
             elif SHAPES[shape].width or not _parameters_make(cls, law.name, signal, shape):
                 yield curve(
@@ -305,7 +317,10 @@ def _effects_of_law(
 
 
 def _walls(
-    cls: type[Component], law: LawOfModel, scale: Mapping[str, float]
+    cls: type[Component],
+    law: LawOfModel,
+    scale: Mapping[str, float],
+    sampling: Sampling | None,
 ) -> Iterator[type[Effect]]:
     """Yield the store within a law that is a flow of heat between two temperatures."""
     declared = {v.name: v for v in (*cls.layout.inputs, *cls.layout.states)}
@@ -320,7 +335,7 @@ def _walls(
         cls,
         law.name,
         (first, second),
-        _first_constant("leading", first, scale),
+        _first_constant("leading", first, scale, sampling),
         law.unit,
         nominal=scale.get(law.name, 1.0),
         scale=declared[first].nominal,
@@ -337,11 +352,13 @@ def _is_definition(state: str, rate: ca.SX) -> bool:
     return bool(slope.is_constant() and at_zero.is_zero())
 
 
-def _first_constant(kind: str, signal: str, scale: Mapping[str, float]) -> float:
+def _first_constant(
+    kind: str, signal: str, scale: Mapping[str, float], sampling: Sampling | None
+) -> float:
     """Return the constant of an arm where a fit starts: a way of a loop, else a time in s."""
     if kind in _WAYS:
         return _WAYS[kind] * scale[signal]
-    return scale.get("time", _TIME_CONSTANT)
+    return (sampling or Sampling()).time_constant
 
 
 def _undamped_velocities(

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.signal import lsim
 
 import orchestration as ppy
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
+from fmus.kit.record import CompiledModel
 from fmus.kit.units import convert
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.candidates.candidate import label
@@ -415,3 +417,62 @@ def test_a_second_volume_is_named_in_the_unit_of_the_model(tmp_path):
         low, high = said.parameters[name].interval
         margin = 0.5 * (high - low)
         assert low - margin <= true <= high + margin, name
+
+
+EFFECTS_IN_TIME = ["transport_delay(speed)", "sensor_lag(speed)", "backlash(voltage)"]
+
+
+def played(voltage, gap):
+    """Return a commanded voltage behind a play, which follows at once."""
+    arrived = [0.0]
+    for u in voltage:
+        arrived.append(float(np.clip(arrived[-1], u - gap, u + gap)))
+    return np.array(arrived[1:])
+
+
+def late_drive(step, kind):
+    """Return commands and readings of a drive, exact in fifths of a sample; noise of a thousandth.
+
+    The time constant is 12 samples; late is the sensor, by 3.4 samples or with a lag of 3, or there
+    is a play of 0.8 V.
+    """
+    rng = np.random.default_rng(3)
+    voltage = np.repeat(rng.uniform(-5.0, 5.0, 60), 20)
+    arrives = np.repeat(played(voltage, 0.8) if kind == "backlash" else voltage, 5)
+    lags = np.polymul([12.0, 1.0], [3.0, 1.0]) if kind == "sensor_lag" else [12.0, 1.0]
+    _, speed, _ = lsim((GAIN, lags), arrives, 0.2 * np.arange(arrives.size), interp=False)
+    if kind == "transport_delay":
+        speed = np.concatenate([np.zeros(17), speed[:-17]])
+    shown = speed[::5] + 0.01 * rng.standard_normal(voltage.size)
+    return step * np.arange(voltage.size), {"voltage": voltage, "speed": shown}
+
+
+@pytest.mark.parametrize("step", [25e-6, pytest.param(60.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["transport_delay", "sensor_lag", "backlash"])
+def test_what_takes_a_few_samples_is_named_whatever_the_clock(tmp_path, step, kind):
+    """The clock is of 40 kHz, or of one sample a minute."""
+    time, signals = late_drive(step, kind)
+    written = DRIVE.replace("0.3", f"{12.0 * step}").replace("1e-3, max=1e3", f"{step}, max=1e6")
+    (tmp_path / "drive.py").write_text(written, encoding="utf-8")
+    write_record(tmp_path / "drive.csv", time, signals, {"voltage": "V", "speed": "rad/s"})
+    said = ppy.diagnose(
+        tmp_path / "drive.csv",
+        f"{tmp_path / 'drive.py'}:Drive",
+        effects=EFFECTS_IN_TIME,
+        hold=["lag"],
+        laws=False,
+        interpolate=False,
+    )
+    (named,) = said.causes
+    assert named.startswith(kind)
+    value, true = {
+        "transport_delay": ("speed_delay", 3.4 * step),
+        "sensor_lag": ("speed_lag_time", 3.0 * step),
+        "backlash": ("voltage_play", 0.8),
+    }[kind]
+    assert said.parameters[value].value == pytest.approx(true, rel=0.03)
+    if kind == "transport_delay":
+        native, _ = said.fmu(tmp_path / "better.fmu", [host_platform()])
+        again = find_model(str(native))
+        found = CompiledModel(again.cls).run(time, {"voltage": signals["voltage"]}, {})
+        assert np.std(found.signals["speed"] - signals["speed"]) < 0.1
