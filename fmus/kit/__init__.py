@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from .curves import SHAPES, EffectNames, curve
     from .generic import describe_effect
     from .integrate import Integrator
+    from .sampling import Sampling
     from .sensors import MEASUREMENTS, measurement_effects, transport_delay
     from .slave import describe_error
 
@@ -83,6 +84,7 @@ __all__ = [
     "Parameter",
     "ParameterDeclaration",
     "Preset",
+    "Sampling",
     "SignalTerm",
     "SmoothTable",
     "State",
@@ -143,6 +145,7 @@ _HOMES = {
     "curve": "curves",
     "describe_effect": "generic",
     "Integrator": "integrate",
+    "Sampling": "sampling",
     "MEASUREMENTS": "sensors",
     "measurement_effects": "sensors",
     "transport_delay": "sensors",

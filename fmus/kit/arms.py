@@ -16,10 +16,10 @@ from .curves import EffectNames, added, coefficient, per, variable
 from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, clip, where
+from .sampling import Sampling
 
 # a sample period, in s, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9
-GIVES = 0.01  # s, in which a play has followed; shorter is as good as at once
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Arm:
         The formula, for people.
     rate : callable
         Time derivative of s: of x, s and the constant. The constant is a time T; of a loop it is
-        the way w until it gives.
+        the way w until it gives. Of a play, which follows at once, the change that is due.
     """
 
     form: Callable[[Any, Any, Any], Any]
@@ -76,7 +76,7 @@ ARMS: dict[str, Arm] = {
     "play": Arm(
         lambda x, s, w: clip(x - s, -w, w),
         "a clip(x - s, -w, w), s being dragged",
-        lambda x, s, w: (x - clip(x - s, -w, w) - s) / GIVES,
+        lambda x, s, w: x - clip(x - s, -w, w) - s,
     ),
 }
 _NORMALISED = ("sliding", "hysteresis")  # the state is a share of its limit
@@ -98,6 +98,7 @@ def lag_effect(
     nominal: float = 1.0,
     scale: float | None = None,
     names: EffectNames | None = None,
+    sampling: Sampling | None = None,
 ) -> type[Effect]:
     """Make an effect that adds a memory of one signal, a state of first order, to a law.
 
@@ -128,6 +129,8 @@ def lag_effect(
         Names of the effect, of the parameter that switches it, of its constant and of the state;
         unless given the effect is called like the kind, and its variables ``<law>_<id>``,
         ``<law>_<id>_constant`` and ``<law>_<id>_state``.
+    sampling : Sampling, optional
+        Of the record that it is made for.
 
     Returns
     -------
@@ -172,7 +175,8 @@ def lag_effect(
         ),
     }
     members |= _constant_and_state(kind, argument, variables, constant, size)
-    more, rate = _behaviour(component, kind, signal, variables)
+    at_once = (sampling or Sampling()).at_once
+    more, rate = _behaviour(component, kind, signal, variables, at_once)
     members[f"{variables[2]}_rate"] = rate
     arguments = {
         "law": law,
@@ -183,6 +187,7 @@ def lag_effect(
         "nominal": nominal,
         "scale": scale,
         "names": names,
+        "sampling": sampling,
     }
     return added(lag_effect, component, arguments, more, members)
 
@@ -338,7 +343,11 @@ def _constant_and_state(
 
 
 def _behaviour(
-    component: type[Component], kind: str, signal: str, variables: tuple[str, ...]
+    component: type[Component],
+    kind: str,
+    signal: str,
+    variables: tuple[str, ...],
+    at_once: float,
 ) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
     """Return the laws that give the value of an arm and the rate of its state."""
     chosen = ARMS[kind]
@@ -353,7 +362,8 @@ def _behaviour(
 
     def rate(self: Any) -> Any:
         x = getattr(self, velocity)() if kind == "hysteresis" else since_start(self)
-        return chosen.rate(x, getattr(self, state), getattr(self, constant))
+        change = chosen.rate(x, getattr(self, state), getattr(self, constant))
+        return change / at_once if kind == "play" else change
 
     def more(self: Any) -> Any:
         value = chosen.form(since_start(self), getattr(self, state), getattr(self, constant))

@@ -12,16 +12,16 @@ the laws.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .arms import GIVES
 from .component import Component, Effect, Term
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, sqrt
+from .sampling import Sampling
 
 _ANY = 1e6  # bound of parameters, in typical magnitudes of the input
 
@@ -89,9 +89,17 @@ class _Change:
 
 
 def _changed(
-    make: Callable[..., type[Effect]], name: str, scale: float | None, doc: str, change: _Change
+    make: Callable[..., type[Effect]],
+    name: str,
+    scale: float | None,
+    doc: str,
+    change: _Change,
+    more: Mapping[str, Any] | None = None,
 ) -> type[Effect]:
-    """Make the effect of an input; ``make`` is the function that the user called."""
+    """Make the effect of an input.
+
+    ``make`` is the function that the user called, and ``more`` its arguments after the scale.
+    """
     arriving = _ArrivingInput(name, change.arrives)
 
     def rate_law(rate: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
@@ -107,7 +115,7 @@ def _changed(
             "assumption": f"{name} arrives as it is commanded",
             "neutral": switch,
             "made_by": make,
-            "made_with": {"input": name, "scale": scale},
+            "made_with": {"input": name, "scale": scale, **(more or {})},
             "__doc__": doc,
             "__module__": __name__,
             name: arriving,
@@ -296,16 +304,23 @@ def input_saturation(
     return _changed(input_saturation, input, scale, doc, change)
 
 
-def backlash(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
+def backlash(
+    component: type[Component],
+    input: str,
+    scale: float | None = None,
+    sampling: Sampling | None = None,
+) -> type[Effect]:
     """Make the effect of play: an input is passed on only after ``d``, in both directions.
 
     ``x - clip(x - z, -d, d)`` arrives, where ``z`` follows it at once, within a hundredth of a
-    second.
+    second unless the record that it is made for has another scale.
 
     Parameters
     ----------
     component, input, scale
         See :func:`dead_zone`.
+    sampling : Sampling, optional
+        Of the record that it is made for.
 
     Returns
     -------
@@ -320,12 +335,13 @@ def backlash(component: type[Component], input: str, scale: float | None = None)
     fed, size = _input(component, input, scale)
     gap = f"{input}_play"
     place = f"{input}_passed_on"
+    at_once = (sampling or Sampling()).at_once
 
     def arrives(self: Any, x: Any) -> Any:
         return x - clip(x - getattr(self, place), -getattr(self, gap), getattr(self, gap))
 
     def rate(self: Any, x: Any) -> Any:
-        return (arrives(self, x) - getattr(self, place)) / GIVES
+        return (arrives(self, x) - getattr(self, place)) / at_once
 
     declared = {
         gap: _switch(fed, size, f"half of the play of {input} (d)"),
@@ -343,16 +359,23 @@ def backlash(component: type[Component], input: str, scale: float | None = None)
     )
     text = "x - clip(x - z, -d, d)"
     change = _Change(text, arrives, declared, {f"{place}_rate": rate}, "loop of {} on its way")
-    return _changed(backlash, input, scale, doc, change)
+    return _changed(backlash, input, scale, doc, change, {"sampling": sampling})
 
 
-def input_lag(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
+def input_lag(
+    component: type[Component],
+    input: str,
+    scale: float | None = None,
+    sampling: Sampling | None = None,
+) -> type[Effect]:
     """Make the effect of an input that arrives late: the share ``p`` of it lags by ``T``.
 
     Parameters
     ----------
     component, input, scale
         See :func:`dead_zone`.
+    sampling : Sampling, optional
+        Of the record that it is made for.
 
     Returns
     -------
@@ -369,6 +392,7 @@ def input_lag(component: type[Component], input: str, scale: float | None = None
     share = f"{input}_lagging_share"
     time = f"{input}_lag"
     lagged = f"{input}_behind"
+    typical = 0.1 * (sampling or Sampling()).time_constant
 
     def arrives(self: Any, x: Any) -> Any:
         return x + getattr(self, share) * (getattr(self, lagged) - x)
@@ -385,7 +409,14 @@ def input_lag(component: type[Component], input: str, scale: float | None = None
             nominal=0.3,
             doc=f"share of {input} that lags (p); 0 is without",
         ),
-        time: Parameter(0.1, "s", min=1e-4, max=1e6, nominal=0.1, doc="time by which it lags (T)"),
+        time: Parameter(
+            typical,
+            "s",
+            min=1e-3 * typical,
+            max=1e6,
+            nominal=typical,
+            doc="time by which it lags (T)",
+        ),
         lagged: State(
             fed.unit,
             rate=f"{lagged}_rate",
@@ -397,14 +428,8 @@ def input_lag(component: type[Component], input: str, scale: float | None = None
     doc = "Input that arrives late: the share ``p`` of it lags by ``T`` behind the command."
     text = "x + p (s - x) with T ds/dt = x - s"
     change = _Change(text, arrives, declared, {f"{lagged}_rate": rate}, "{} arriving late")
-    return _changed(input_lag, input, scale, doc, change)
+    return _changed(input_lag, input, scale, doc, change, {"sampling": sampling})
 
 
-INPUT_EFFECTS = (
-    dead_zone,
-    asymmetric_dead_zone,
-    input_offset,
-    input_saturation,
-    backlash,
-    input_lag,
-)
+INPUT_CURVES = (dead_zone, asymmetric_dead_zone, input_offset, input_saturation)
+INPUT_MEMORIES = (backlash, input_lag)  # made for a record's sampling

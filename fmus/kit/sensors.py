@@ -22,17 +22,11 @@ from .component import Component, Effect
 from .declare import Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, exp, maximum, minimum, where
+from .sampling import DELAY_SAMPLES, Sampling
 
 Law = Callable[[Any], Any]
-Factory = Callable[[type[Component], str], type[Effect]]
+Factory = Callable[..., type[Effect]]
 
-# Lags shorter than this, in seconds, are only half resolved. A lag of zero time would be infinitely
-# stiff.
-SHORTEST_LAG = 0.01
-# The register of the delay reaches back by the product of the two; it rounds off the curvature
-# within one period.
-DELAY_PERIOD = 0.02  # s
-DELAY_SAMPLES = 64
 # a sample period, in seconds, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9
 _ANY = 1e9  # bound of parameters that may have any value
@@ -43,6 +37,8 @@ _ARGUMENTS = """
     component : type[Component]
     output : str
         One of its real outputs.
+    sampling : Sampling, optional
+        Of the record that it is made for.
 
     Returns
     -------
@@ -57,13 +53,17 @@ _ARGUMENTS = """
 
 @dataclass(frozen=True)
 class _Quantity:
-    """The output that an effect is made for, and the law that gives its value below the effect."""
+    """The output that an effect is made for, and the law that gives its value below the effect.
+
+    Its sampling is that of the record that the effect is made for.
+    """
 
     name: str
     unit: str
     nominal: float
     display: str | None
     below: Law
+    sampling: Sampling
 
     def about(self, per: str = "", scale: float = 1.0) -> dict[str, Any]:
         """Return unit, nominal value and display unit of a variable measured like the output.
@@ -85,7 +85,9 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
     The docstring of that function is the docstring of the effects, unless the body has one.
     """
 
-    def make(component: type[Component], output: str) -> type[Effect]:
+    def make(
+        component: type[Component], output: str, sampling: Sampling | None = None
+    ) -> type[Effect]:
         declared = {o.name: o for o in component.layout.outputs if o.type == "real"}
         if output not in declared:
             label = component.name or component.__name__
@@ -98,7 +100,14 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
         def below(self: Any) -> Any:
             return getattr(super(effect, self), output)()
 
-        quantity = _Quantity(output, measured.unit, measured.nominal, measured.display, below)
+        quantity = _Quantity(
+            output,
+            measured.unit,
+            measured.nominal,
+            measured.display,
+            below,
+            sampling or Sampling(),
+        )
         members = {
             "id": body.__name__,
             "output": output,
@@ -106,7 +115,7 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
             "__module__": __name__,
             # by which the effect can be made anew, in a package or a report
             "made_by": make,
-            "made_with": {"output": output},
+            "made_with": {"output": output, "sampling": sampling},
         }
         title = f"{body.__name__}_of_{output}".title().replace("_", "")
         effect: type[Effect] = type(title, (Effect,), members | body(quantity))
@@ -122,10 +131,13 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
 def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     """First-order lag of a sensor, in equilibrium at the start.
 
-    It reads ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))`` and ``m`` = 10 ms: the
-    first-order lag of time ``T`` where that is several times ``m``, nothing at ``T = 0``, and late
-    by ``T`` on a ramp everywhere. The state is the change of ``w`` since the start, when ``w = u``.
+    It reads ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))``: the first-order lag of
+    time ``T`` where that is several times ``m``, nothing at ``T = 0``, and late by ``T`` on a ramp
+    everywhere. ``m`` is 10 ms unless the record that it is made for has another scale: a lag of no
+    time would be infinitely stiff. The state is the change of ``w`` since the start, when
+    ``w = u``.
     """
+    shortest = quantity.sampling.at_once
     lag = f"{quantity.name}_lag_time"
     change = f"{quantity.name}_lag_change"
     reference = f"{quantity.name}_lag_reference"
@@ -137,7 +149,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
         # until the first sample, which is taken when the first step begins, the start is now
         at_start = where(getattr(self, started), getattr(self, reference), value)
         return (value - at_start - getattr(self, change)) / (
-            time + SHORTEST_LAG * exp(-time / SHORTEST_LAG)
+            time + shortest * exp(-time / shortest)
         )
 
     def measured(self: Any) -> Any:
@@ -151,6 +163,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
             "s",
             min=0,
             max=1e6,
+            nominal=quantity.sampling.time_constant,
             doc=f"time constant of the sensor of {quantity.name}; 0 is without",
         ),
         change: State(
@@ -180,15 +193,17 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
 
 @_measurement
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
-    """Pure delay of up to 1.28 s.
+    """Pure delay, of up to 64 periods of 20 ms.
 
-    The output is sampled every 20 ms into a shift register and interpolated linearly at the time
-    that lies the delay ago, the present value being the newest point. That is exact for a ramp, for
-    a smooth signal it errs by at most an eighth of the period squared times the second derivative,
-    and a jump becomes a slope over one period. Before the start the output is taken to be a line,
-    given by two states; they start at 0, which is at rest at the value at the start.
+    The period is another if the record that it is made for has another scale. The output is sampled
+    every period into a shift register and interpolated linearly at the time that lies the delay
+    ago, the present value being the newest point. That is exact for a ramp, for a smooth signal it
+    errs by at most an eighth of the period squared times the second derivative, and a jump becomes
+    a slope over one period. Before the start the output is taken to be a line, given by two states;
+    they start at 0, which is at rest at the value at the start.
     """
     delay = f"{quantity.name}_delay"
+    period = quantity.sampling.delay_period
     latest = f"{delay}_sample"
     instant = f"{delay}_instant"
     started = f"{delay}_started"
@@ -206,10 +221,10 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         value = quantity.below(self)
         delay_time = getattr(self, delay)
         # since the latest sample: straight from there to here, never in no time
-        age = maximum(self.time - getattr(self, instant), 1e-9 * DELAY_PERIOD)
+        age = maximum(self.time - getattr(self, instant), 1e-9 * period)
         undone = minimum(delay_time / age, 1.0) * change_since_sample(self, value)
         # and in the periods before it, straight from sample to sample
-        periods = (delay_time - age) / DELAY_PERIOD
+        periods = (delay_time - age) / period
         for k, change in enumerate(changes):
             undone = undone + clip(periods - k, 0.0, 1.0) * getattr(self, change)
         # the register holds no change from before the start: there the value was that at the start
@@ -218,7 +233,7 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         return value - undone + where(delay_time > elapsed, getattr(self, history), 0.0)
 
     def sampled(about: str, **kind: Any) -> Any:
-        return Discrete(period=DELAY_PERIOD, doc=about, **kind)
+        return Discrete(period=period, doc=about, **kind)
 
     def value_of(name: str) -> Law:
         return lambda self: getattr(self, name)
@@ -230,8 +245,8 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
             0.0,
             "s",
             min=0,
-            max=DELAY_PERIOD * DELAY_SAMPLES,
-            nominal=0.1,
+            max=period * DELAY_SAMPLES,
+            nominal=5.0 * period,
             doc=f"delay of {quantity.name}; 0 is without",
         ),
         latest: sampled(
@@ -347,16 +362,22 @@ MEASUREMENTS: dict[str, Factory] = {
 }
 
 
-def measurement_effects(component: type[Component]) -> list[type[Effect]]:
+def measurement_effects(
+    component: type[Component], sampling: Sampling | None = None
+) -> list[type[Effect]]:
     """Make every effect of measurements: each of `MEASUREMENTS` for each real output.
 
     Parameters
     ----------
     component : type[Component]
+    sampling : Sampling, optional
+        Of the record that they are made for.
 
     Returns
     -------
     list of type[Effect]
     """
     outputs = [o.name for o in component.layout.outputs if o.type == "real"]
-    return [make(component, output) for output in outputs for make in MEASUREMENTS.values()]
+    return [
+        make(component, output, sampling) for output in outputs for make in MEASUREMENTS.values()
+    ]

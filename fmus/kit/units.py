@@ -131,8 +131,8 @@ def _split(name: str) -> tuple[str, str]:
     return "", name
 
 
-def coherent_exponents(unit: str) -> dict[str, int] | None:
-    """Return the exponents of a product of SI base units without a factor.
+def powers_of_names(unit: str) -> dict[str, int]:
+    """Split a unit into the names that it is a product of.
 
     Parameters
     ----------
@@ -140,11 +140,25 @@ def coherent_exponents(unit: str) -> dict[str, int] | None:
 
     Returns
     -------
-    dict of str to int or None
-        None for any other unit, and for one that only pint knows.
+    dict of str to int
+        Power of each name, in order of appearance; of the unit itself if it is no such product. A
+        scale with a zero of its own, such as degC, is there as that of differences, delta_degC.
+
+    Examples
+    --------
+    >>> powers_of_names("N*s/mm")
+    {'N': 1, 's': 1, 'mm': -1}
     """
-    known = _without_pint(unit)
-    return known.exponents if known is not None and known.factor == 1.0 else None
+    for spelt in (unit, from_modelica(unit)):
+        try:
+            powers = _powers(_parsed(spelt))
+        except (SyntaxError, ValueError):
+            continue
+        return {
+            f"delta_{name}" if base_unit(name).offset else name: power
+            for name, power in powers.items()
+        }
+    return {unit: 1}
 
 
 def parse(unit: str) -> pint.Unit:
@@ -462,10 +476,8 @@ def to_modelica(unit: str) -> str:
     >>> [to_modelica(u) for u in ("N*m", "ohm", "m/s/s", "A/V/s", "kg*m^2", "1/s", "1", "degC")]
     ['N.m', 'Ohm', 'm/s2', 'A/(V.s)', 'kg.m2', '1/s', '1', 'degC']
     """
-    text = unit.strip().replace("^", "**").replace("·", "*").replace(".", "*").replace("°C", "degC")
-    text = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
     try:
-        powers = _powers(ast.parse(text, mode="eval").body)
+        powers = _powers(_parsed(unit))
     except (SyntaxError, ValueError):
         return unit
     above: list[str] = []
@@ -480,6 +492,13 @@ def to_modelica(unit: str) -> str:
         return numerator
     denominator = ".".join(below)
     return f"{numerator}/({denominator})" if len(below) > 1 else f"{numerator}/{denominator}"
+
+
+def _parsed(unit: str) -> ast.expr:
+    """Parse a unit as an expression of Python; SyntaxError if it is none."""
+    text = unit.strip().replace("^", "**").replace("·", "*").replace(".", "*").replace("°C", "degC")
+    text = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
+    return ast.parse(text, mode="eval").body
 
 
 def _powers(node: ast.expr) -> dict[str, int]:

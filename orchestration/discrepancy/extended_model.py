@@ -9,7 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import Component, Effect, ParameterDeclaration, UserError, files, stack, summary
+from fmus.kit import (
+    Component,
+    Effect,
+    ParameterDeclaration,
+    UserError,
+    files,
+    stack,
+    summary,
+    transport_delay,
+    unstack,
+)
 from fmus.kit.arrays import Array
 from fmus.kit.build import build, build_cached
 from fmus.kit.record import with_knots
@@ -69,9 +79,27 @@ def extended_component(diagnosis: Diagnosis, record: str) -> type[Component]:
         raise UserError(f"{record}: no input moves, so that there is nothing to make an FMU of")
     best = diagnosis.final
     defaults = fitted_defaults(best)
-    made = stack(best.candidate.cls, name=f"{best.candidate.cls.name}_fitted", defaults=defaults)
+    made = _with_fine_delays(best.candidate.cls, defaults)
     made.remark = "\n".join(_remarks(diagnosis, record, defaults))
     return made
+
+
+def _with_fine_delays(cls: type[Component], defaults: Mapping[str, float]) -> type[Component]:
+    """Return a model with fitted defaults, the registers of its delays as fine as these allow.
+
+    A fit reads a delayed output at earlier instants and needs none; those of a search reach far.
+    """
+    base, effects = unstack(cls)
+    finer = []
+    for effect in effects:
+        sampling = vars(effect).get("made_with", {}).get("sampling")
+        delay = defaults.get(effect.neutral, 0.0)
+        if sampling and delay > 0.0 and vars(effect)["made_by"] is transport_delay:
+            finer.append(transport_delay(base, effect.output, sampling.holding(delay)))
+        else:
+            finer.append(effect)
+    given = vars(cls).get("stacked_with", {}) | dict(defaults)
+    return stack(base, *finer, name=f"{cls.name}_fitted", defaults=given)
 
 
 def fitted_defaults(best: FittedCandidate) -> dict[str, float]:

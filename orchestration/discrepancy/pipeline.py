@@ -13,7 +13,7 @@ import numpy as np
 from fmus.kit import Component, Effect, UserError, suggestion
 from fmus.kit.build import build_cached
 from orchestration.discrepancy.budget import Budget, default_time
-from orchestration.discrepancy.candidates import catalogue, label, signal_scales
+from orchestration.discrepancy.candidates import catalogue, label, sampling_of, signal_scales
 from orchestration.discrepancy.conclude import Diagnosis, Verdict
 from orchestration.discrepancy.data import (
     Dataset,
@@ -394,14 +394,15 @@ def _considered_effects(
     Unless some are wanted, they are the component's own, or families if it lists none.
     """
     own = known_effects(cls)
-    known = catalogue(cls, own, data.measured)
+    sampling = sampling_of(data.time)
+    known = catalogue(cls, own, data.measured, sampling)
     if wanted is None and own:
         return known
     names = (FAMILIES,) if wanted is None else wanted
     if _names_of(known).issuperset(names):
         return [effect for effect in known if _is_named(effect, names)]
     scales = signal_scales(cls, data.time, data.inputs, fixed)
-    known += families(cls, scales).values()
+    known += families(cls, scales, sampling).values()
     there = {FAMILIES} | _names_of(known)
     for name in names:
         if name not in there:

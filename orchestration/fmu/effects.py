@@ -10,7 +10,7 @@ from fmus.kit import UserError, effect_name, suggestion, unstack
 from orchestration.fmu.loading import is_subclass
 
 if TYPE_CHECKING:
-    from fmus.kit import Component, Effect
+    from fmus.kit import Component, Effect, Sampling
 
 
 def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
@@ -44,20 +44,31 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     return dict(listed)
 
 
-def known_effects(cls: type[Component]) -> dict[str, type[Effect]]:
-    """Return the catalogue by id, and the measurement effects of the outputs as ``id(output)``."""
+def known_effects(
+    cls: type[Component], sampling: Sampling | None = None
+) -> dict[str, type[Effect]]:
+    """Return the catalogue by id, and the measurement effects of the outputs as ``id(output)``.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    sampling : Sampling, optional
+        Of the record that measurement effects are made for.
+    """
     from fmus.kit import measurement_effects
 
     if cls.engine is not None:
         return {}
     return {
         effect_name(effect): effect
-        for effect in (*catalogue(cls).values(), *measurement_effects(cls))
+        for effect in (*catalogue(cls).values(), *measurement_effects(cls, sampling))
     }
 
 
 def families(
-    cls: type[Component], scales: Mapping[str, float] | None = None
+    cls: type[Component],
+    scales: Mapping[str, float] | None = None,
+    sampling: Sampling | None = None,
 ) -> dict[str, type[Effect]]:
     """Return generic effects that fit a component's laws by their units, beside its catalogue.
 
@@ -67,6 +78,8 @@ def families(
     scales : Mapping of str to float, optional
         Typical magnitudes of signals and laws, SI, from which searches begin; default nominal
         values.
+    sampling : Sampling, optional
+        Of the record that they are made for.
 
     Returns
     -------
@@ -79,14 +92,20 @@ def families(
         return {}
     own = {_term_key(effect) for effect in catalogue(cls).values()}
     base = unstack(cls)[0]
-    return {effect_name(e): e for e in families_for(base, scales) if _term_key(e) not in own}
+    made = families_for(base, scales, sampling)
+    return {effect_name(e): e for e in made if _term_key(e) not in own}
 
 
 def _term_key(effect: type[Effect]) -> tuple[str, ...]:
     return effect.term.law, effect.term.signal, effect.term.shape
 
 
-def find_effects(cls: type[Component], names: Sequence[str], model_name: str) -> list[type[Effect]]:
+def find_effects(
+    cls: type[Component],
+    names: Sequence[str],
+    model_name: str,
+    sampling: Sampling | None = None,
+) -> list[type[Effect]]:
     """Return effects of a component by their names.
 
     Parameters
@@ -96,6 +115,8 @@ def find_effects(cls: type[Component], names: Sequence[str], model_name: str) ->
         Such as ``strain_saturation`` or ``sensor_lag(voltage)``.
     model_name : str
         Name of the component in messages.
+    sampling : Sampling, optional
+        Of the record that they are made for.
 
     Raises
     ------
@@ -106,9 +127,9 @@ def find_effects(cls: type[Component], names: Sequence[str], model_name: str) ->
 
     if not names:
         return []
-    known = known_effects(cls)
+    known = known_effects(cls, sampling)
     if any(name not in known for name in names):
-        known = families(cls) | known
+        known = families(cls, sampling=sampling) | known
     for name in names:
         if name not in known:
             outputs = list(dict.fromkeys(e.output for e in known.values() if e.output))

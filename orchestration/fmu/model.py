@@ -294,7 +294,11 @@ def restore_class(
     from fmus.kit import stack
 
     base = _base_class(made_from)
-    effects = find_effects(base, made_from.effects, made_from.place)
+    effects = [
+        effect
+        for name in made_from.effects
+        for effect in find_effects(base, [name], made_from.place, made_from.samplings.get(name))
+    ]
     layout = stack(base, *effects, name=name).layout
     declared = {
         parameter.name: declared_signal(parameter).default

@@ -16,7 +16,12 @@ from scipy.optimize import least_squares
 
 from fmus.kit import Component, Effect, UserError, effect_name, stack
 from fmus.kit.arrays import Array
-from orchestration.discrepancy.candidates import catalogue, own_parameters, signal_scales
+from orchestration.discrepancy.candidates import (
+    catalogue,
+    own_parameters,
+    sampling_of,
+    signal_scales,
+)
 from orchestration.fmu import families, known_effects
 from orchestration.identify.fitting import Problem
 from studies.clean import CleanRecord, noise_scale
@@ -48,8 +53,10 @@ def listed(
     cls: type[Component], drawn: CleanRecord, settings: Mapping[str, float]
 ) -> dict[str, type[Effect]]:
     """Return effects that a diagnosis with families looks at, by label."""
-    known = catalogue(cls, known_effects(cls), drawn.outputs)
-    known += families(cls, signal_scales(cls, drawn.time, drawn.inputs, settings)).values()
+    sampling = sampling_of(drawn.time)
+    known = catalogue(cls, known_effects(cls), drawn.outputs, sampling)
+    scales = signal_scales(cls, drawn.time, drawn.inputs, settings)
+    known += families(cls, scales, sampling).values()
     return {effect_name(effect): effect for effect in known}
 
 

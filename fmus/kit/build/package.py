@@ -33,6 +33,7 @@ RUNTIME_MODULES = (
     "inputs",
     "integrate",
     "layout",
+    "sampling",
     "sensors",
     "slave",
 )

@@ -12,18 +12,22 @@ parameters. It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6)::
       </MadeFrom>
     </Tool>
 
-A user's class is given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="...">``.
+A user's class is given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="...">``. Of an
+effect that was made for a record, sample time and length of that are given in seconds:
+``<Effect name="transport_delay(voltage)" step="60" duration="86400"/>``.
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit.component import Component, effect_name, unstack
+from fmus.kit.component import Component, Effect, effect_name, unstack
+from fmus.kit.sampling import Sampling
 
 _TOOL = "ppy-rig"
 
@@ -46,6 +50,8 @@ class Provenance:
         :func:`fmus.kit.component.effect_name`.
     remarks : tuple of str
         Further statements about it.
+    samplings : Mapping of str to Sampling
+        Of the records that effects were made for, by the names of these.
     """
 
     component: str = ""
@@ -54,6 +60,7 @@ class Provenance:
     sha256: str = ""
     effects: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    samplings: Mapping[str, Sampling] = field(default_factory=dict)
 
     @property
     def place(self) -> str:
@@ -81,9 +88,15 @@ def annotate(root: Element, cls: type[Component]) -> None:
     tool = SubElement(SubElement(root, "VendorAnnotations"), "Tool", name=_TOOL)
     made_from = SubElement(tool, "MadeFrom", origin)
     for effect in effects:
-        SubElement(made_from, "Effect", name=effect_name(effect))
+        SubElement(made_from, "Effect", {"name": effect_name(effect)} | _sampling_of(effect))
     for remark in cls.remark.splitlines():
         SubElement(made_from, "Remark").text = remark
+
+
+def _sampling_of(effect: type[Effect]) -> dict[str, str]:
+    """Return the attributes that give the sampling of the record an effect was made for."""
+    sampling = vars(effect).get("made_with", {}).get("sampling")
+    return {name: repr(value) for name, value in vars(sampling).items()} if sampling else {}
 
 
 def _origin(base: type[Component]) -> dict[str, str] | None:
@@ -121,11 +134,17 @@ def read_provenance(root: Element) -> Provenance | None:
     element = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
     if element is None:
         return None
+    effects = {effect.get("name", ""): effect.attrib for effect in element.iterfind("Effect")}
     return Provenance(
         component=element.get("component", ""),
         file=element.get("file", ""),
         cls=element.get("class", ""),
         sha256=element.get("sha256", ""),
-        effects=tuple(effect.get("name", "") for effect in element.iterfind("Effect")),
+        effects=tuple(effects),
         remarks=tuple(remark.text or "" for remark in element.iterfind("Remark")),
+        samplings={
+            name: Sampling(float(given["step"]), float(given["duration"]))
+            for name, given in effects.items()
+            if "step" in given
+        },
     )

@@ -1,14 +1,16 @@
 """Effects made for a model by the units of its laws, over every signal that a law reads.
 
-Nobody has to list them. The laws are called once on dimensioned numbers, which gives their units,
-and once on a component that records which law reads which signal. The units of a law and a signal
+Nobody has to list them. The laws are called once on numbers with units, which gives theirs, and
+once on a component that records which law reads which signal. The units of a law and a signal
 decide which shapes fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from math import isclose
 from typing import Any
 
 import casadi as ca
@@ -21,8 +23,9 @@ from fmus.kit.component import Component, Effect
 from fmus.kit.curves import SHAPES, EffectNames, curve, variable
 from fmus.kit.declare import Declaration, ParameterDeclaration
 from fmus.kit.generic import force_offset
-from fmus.kit.inputs import INPUT_EFFECTS
-from fmus.kit.symbolic.quantities import Quantity, UnknownOperationError
+from fmus.kit.inputs import INPUT_CURVES, INPUT_MEMORIES
+from fmus.kit.sampling import Sampling
+from fmus.kit.symbolic.quantities import Quantity, Unit
 from fmus.kit.symbolic.tracing import trace
 
 # Derived units as people write them; of units of one dimension the first is preferred.
@@ -59,7 +62,6 @@ _PREFERRED_UNITS = (
 )
 _POINTS = 64  # at which a law is compared with a shape
 _TOLERANCE = 1e-4  # share of its standard deviation by which a sum of slopes may miss the shape
-_TIME_CONSTANT = 1.0  # s, where a fit starts if the duration of the record is not known
 # ways until a loop gives, in typical magnitudes of its signal, where a fit starts
 _WAYS = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
 
@@ -73,7 +75,7 @@ class LawOfModel:
     name : str
         The method.
     unit : str
-        SI; empty where units in it do not fit together.
+        That its numbers are in; empty where units in it do not fit together.
     reads : tuple of str
         Inputs and states that it reads itself, not through another law.
     is_rate, is_output : bool
@@ -106,7 +108,12 @@ _SPRING = {
     "hysteresis": "bouc_wen_hysteresis",
     "play": "prandtl_play",
 }
-_OUTFLOW = {"linear": "laminar_outflow", "square_root": "square_root_outflow", "weir": "overflow"}
+_OUTFLOW = {
+    "linear": "laminar_outflow",
+    "square_root": "square_root_outflow",
+    "weir": "overflow",
+    "leading": "storing_law",
+}
 # Unit of a law (empty for any), unit of a signal, and the names of the shapes of one over the
 # other.
 _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
@@ -190,6 +197,7 @@ _ANYTHING = {
     "saturating": "saturating_law",
     "exponential": "exponential_law",
     "lagging": "lagging_law",
+    "leading": "storing_law",
 }
 
 
@@ -208,8 +216,11 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
     rates = [state.rate for state in layout.states]
     outputs = [output.name for output in layout.outputs]
     signals = [v.name for v in (*layout.inputs, *layout.states) if v.type == "real"]
-    reads = _reads(cls, [*rates, *outputs], set(signals))
-    units_of = _units(cls, list(reads))
+    calls = _Calls(cls, set(signals))
+    for name in (*rates, *outputs):
+        getattr(calls.one, name)()
+    reads = calls.reads
+    units_of = _units(cls, reads)
     laws = []
     for name, read in reads.items():
         in_order = tuple(signal for signal in signals if signal in read)
@@ -220,7 +231,9 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
 
 
 def families_for(
-    cls: type[Component], scales: Mapping[str, float] | None = None
+    cls: type[Component],
+    scales: Mapping[str, float] | None = None,
+    sampling: Sampling | None = None,
 ) -> list[type[Effect]]:
     """Make the effects that fit a component's laws by their units.
 
@@ -229,6 +242,8 @@ def families_for(
     cls : type[Component]
     scales : Mapping of str to float, optional
         Typical magnitudes of signals and laws, SI; nominal values otherwise.
+    sampling : Sampling, optional
+        Of the record that they are made for.
 
     Returns
     -------
@@ -241,26 +256,33 @@ def families_for(
     inputs = [v.name for v in layout.inputs if v.type == "real"]
     graph = trace(cls)
     rates = {s.rate: graph.rates[i] for i, s in enumerate(layout.states)}
+    definitions = {s.rate for s in layout.states if _is_definition(s.name, rates[s.rate])}
     laws = list_laws(cls)
     made: list[type[Effect]] = []
     for law in laws:
-        is_definition = law.is_rate and rates[law.name].is_symbolic()
         # errors of measurements are effects of the sensors, and a definition cannot be wrong
-        if law.is_output or not law.unit or is_definition:
+        if law.is_output or not law.unit or law.name in definitions:
             continue
         signals = [s for s in law.reads if not (law.is_rate and s in inputs)]
         signals += _undamped_velocities(cls, law, rates)
-        made += _effects_of_law(cls, law, signals, scale)
-        made += _walls(cls, law, scale)
+        made += _effects_of_law(cls, law, signals, scale, sampling)
+        made += _walls(cls, law, scale, sampling)
     for law in laws:
         if not law.is_output and any(_same_dimension(law.unit, u) for u in ("N", "N*m")):
             made.append(force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)))
             break  # of the first force only
-    return made + [make(cls, name, scale[name]) for name in inputs for make in INPUT_EFFECTS]
+    for name in inputs:
+        made += [make(cls, name, scale[name]) for make in INPUT_CURVES]
+        made += [make(cls, name, scale[name], sampling) for make in INPUT_MEMORIES]
+    return made
 
 
 def _effects_of_law(
-    cls: type[Component], law: LawOfModel, signals: list[str], scale: Mapping[str, float]
+    cls: type[Component],
+    law: LawOfModel,
+    signals: list[str],
+    scale: Mapping[str, float],
+    sampling: Sampling | None,
 ) -> Iterator[type[Effect]]:
     """Yield the effects of a law over each signal: curves and memories."""
     unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
@@ -282,11 +304,12 @@ def _effects_of_law(
                     law.name,
                     signal,
                     shape,
-                    _first_constant(shape, signal, scale),
+                    _first_constant(shape, signal, scale, sampling),
                     law.unit,
                     nominal=nominal,
                     scale=scale[signal],
                     names=EffectNames(name, (own, f"{own}_constant", f"{own}_state"), qualifier),
+                    sampling=sampling,
                 )
             elif SHAPES[shape].width or not _parameters_make(cls, law.name, signal, shape):
                 yield curve(
@@ -303,7 +326,10 @@ def _effects_of_law(
 
 
 def _walls(
-    cls: type[Component], law: LawOfModel, scale: Mapping[str, float]
+    cls: type[Component],
+    law: LawOfModel,
+    scale: Mapping[str, float],
+    sampling: Sampling | None,
 ) -> Iterator[type[Effect]]:
     """Yield the store within a law that is a flow of heat between two temperatures."""
     declared = {v.name: v for v in (*cls.layout.inputs, *cls.layout.states)}
@@ -318,18 +344,30 @@ def _walls(
         cls,
         law.name,
         (first, second),
-        _first_constant("leading", first, scale),
+        _first_constant("leading", first, scale, sampling),
         law.unit,
         nominal=scale.get(law.name, 1.0),
         scale=declared[first].nominal,
     )
 
 
-def _first_constant(kind: str, signal: str, scale: Mapping[str, float]) -> float:
+def _is_definition(state: str, rate: ca.SX) -> bool:
+    """Return whether a rate is another signal, but for its unit: ``1e3 * self.speed``."""
+    signals = ca.symvar(rate)
+    if len(signals) != 1 or signals[0].name() == state:
+        return False
+    slope = ca.jacobian(rate, signals[0])
+    at_zero = ca.substitute(rate, signals[0], 0.0)
+    return bool(slope.is_constant() and at_zero.is_zero())
+
+
+def _first_constant(
+    kind: str, signal: str, scale: Mapping[str, float], sampling: Sampling | None
+) -> float:
     """Return the constant of an arm where a fit starts: a way of a loop, else a time in s."""
     if kind in _WAYS:
         return _WAYS[kind] * scale[signal]
-    return scale.get("time", _TIME_CONSTANT)
+    return (sampling or Sampling()).time_constant
 
 
 def _undamped_velocities(
@@ -408,109 +446,108 @@ def _same_dimension(one: str, other: str) -> bool:
     return bool(one) and units.base_unit(one).exponents == units.base_unit(other).exponents
 
 
-def _preferred(unit: str) -> str:
-    """Return a unit in base units as people write it, if they do."""
-    return next((known for known in _PREFERRED_UNITS if _same_dimension(known, unit)), unit)
+def _written(unit: Unit) -> str:
+    """Return the unit of a law as people write it, if they do; empty if FMI does not have it."""
+    exponents = unit.exponents
+    if not all(float(power).is_integer() for power in exponents.values()):
+        return ""
+    # a force by a lever arm, or damping by an angular velocity, has no angle
+    passive = exponents.get("rad", 0.0) > 0.0 and bool(exponents.keys() - {"rad", "s"})
+
+    def without_angle(powers: Mapping[str, float]) -> Unit:
+        return Unit({name: p for name, p in powers.items() if not (passive and name == "rad")})
+
+    declared = str(without_angle(unit.powers))
+    if declared in _PREFERRED_UNITS or not isclose(unit.factor, 1.0, rel_tol=1e-9):
+        return declared
+    in_bases = str(without_angle(dict(sorted(exponents.items()))))
+    return next((known for known in _PREFERRED_UNITS if _same_dimension(known, in_bases)), in_bases)
 
 
-def _reads(cls: type[Component], names: list[str], signals: set[str]) -> dict[str, set[str]]:
-    """Return the signals that every law reads by itself, by law, in the order of the calls."""
-    calls: list[str] = []
-    reads: dict[str, set[str]] = {}
+class _Calls:
+    """The calls of the laws of a component, in their order.
 
-    def get(self: Any, name: str) -> Any:
-        value = object.__getattribute__(self, name)
-        if name in signals:
-            if calls:
-                reads[calls[-1]].add(name)
-            return value
-        is_law = callable(value) and not name.startswith("_") and not hasattr(Component, name)
-        return recorded(name, value) if is_law else value
+    Parameters
+    ----------
+    cls : type[Component]
+    signals : set of str
+        Inputs and states that laws may read.
 
-    def recorded(name: str, law: Callable[..., Any]) -> Callable[..., Any]:
+    Attributes
+    ----------
+    one : Component
+        An instance whose laws are followed.
+    reads : dict of str to set of str
+        The signals that every law reads by itself.
+    values : dict of str to list
+        What every law gave where it takes no arguments.
+    """
+
+    def __init__(self, cls: type[Component], signals: set[str]):
+        self.reads: dict[str, set[str]] = {}
+        self.values: dict[str, list[Any]] = {}
+        self._running: list[str] = []
+
+        def get(one: Any, name: str) -> Any:
+            value = object.__getattribute__(one, name)
+            if name in signals:
+                if self._running:
+                    self.reads[self._running[-1]].add(name)
+                return value
+            is_law = callable(value) and not name.startswith("_") and not hasattr(Component, name)
+            return self._followed(name, value) if is_law else value
+
+        self.one = type(cls.__name__, (cls,), {"__getattribute__": get})()
+
+    def _followed(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a law whose calls are noted."""
+
         def call(*arguments: Any) -> Any:
-            calls.append(name)
-            reads.setdefault(name, set())
+            self._running.append(name)
+            self.reads.setdefault(name, set())
             try:
-                return law(*arguments)
+                value = law(*arguments)
             finally:
-                calls.pop()
+                self._running.pop()
+            if not arguments:
+                self.values.setdefault(name, []).append(value)
+            return value
 
         return call
 
-    spy = type(cls.__name__, (cls,), {"__getattribute__": get})
-    one = spy()
-    for name in names:
-        getattr(one, name)()
-    return reads
 
+def _units(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
+    """Return the unit of every law in which units fit together.
 
-def _units(cls: type[Component], laws: list[str]) -> dict[str, str]:
-    """Return the SI unit of every law in which units fit together."""
+    Those of rates and outputs are declared. Of what these call, a law with a factor written into it
+    may be in the unit that they show.
+    """
     layout = cls.layout
-    real = [
-        v
-        for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes)
-        if v.type == "real"
-    ]
-    exponents = {v.name: units.coherent_exponents(v.unit) for v in real}
-    known = {name: powers for name, powers in exponents.items() if powers is not None}
-    if len(known) == len(exponents):
+    declared = {v.name: Unit(units.powers_of_names(v.unit)) for v in layout.outputs}
+    for state in layout.states:
+        per_second = Counter(units.powers_of_names(state.unit))
+        per_second.subtract(["s"])
+        declared[state.rate] = Unit(per_second)
+    calls = _Calls(cls, set())
+    for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
+        if v.type == "real":
+            calls.one.__dict__[v.name] = Quantity(_size(v), units.powers_of_names(v.unit))
+    calls.one.time = Quantity(1.0, {"s": 1.0})
+    for law in laws:
         try:
-            return _units_in_si(
-                cls, laws, {v.name: Quantity(_size(v), known[v.name]) for v in real}
-            )
-        except UnknownOperationError:
-            pass
-    return _units_by_pint(cls, laws, real)
+            value = getattr(calls.one, law)()
+            if law in declared and isinstance(value, Quantity):
+                declared[law].meet(value.unit)
+        except Exception:  # a law may do anything to a number that has a unit
+            continue
+    known = {}
+    for law, values in calls.values.items():
+        own = [value.unit for value in values if isinstance(value, Quantity)]
+        if own:
+            known[law] = min(own, key=lambda unit: unit.is_open)
+    return {law: _written(unit) for law, unit in (known | declared).items()}
 
 
 def _size(v: Declaration) -> float:
     """Return a number of which laws have the size that they usually have."""
     return float(getattr(v, "start", 0.0) or v.nominal)
-
-
-def _units_in_si(
-    cls: type[Component], laws: list[str], values: Mapping[str, Quantity]
-) -> dict[str, str]:
-    """Return the units of laws where all variables are in products of SI base units.
-
-    Raises
-    ------
-    UnknownOperationError
-        If only pint knows.
-    """
-    one = cls()
-    one.__dict__.update(values)
-    one.time = Quantity(1.0, {"s": 1.0})
-    known = {}
-    for law in laws:
-        try:
-            value = getattr(one, law)()
-            if isinstance(value, Quantity):
-                known[law] = _preferred(value.unit)
-        except UnknownOperationError:
-            raise
-        except Exception:  # a law may do anything to a number that has a unit
-            continue
-    return known
-
-
-def _units_by_pint(
-    cls: type[Component], laws: list[str], real: Sequence[Declaration]
-) -> dict[str, str]:
-    """Return the units of laws where variables are in any that pint knows."""
-    registry = units.registry()
-    one = cls()
-    for v in real:
-        one.__dict__[v.name] = registry.Quantity(_size(v), units.parse(v.unit))
-    one.time = registry.Quantity(1.0, "s")
-    known = {}
-    for law in laws:
-        try:
-            value = getattr(one, law)()
-            unit = f"{value.to_base_units().units:~C}".replace("**", "^") or "1"
-            known[law] = _preferred(unit)
-        except Exception:  # a law may do anything to a number that has a unit
-            continue
-    return known

@@ -1,86 +1,144 @@
-"""Numbers with the exponents of SI base units: which unit a law has, told without pint.
+"""Numbers with the units that a model declares: which unit a law is in, without pint.
 
-pint's registry takes half a second to make. What it says of numbers in SI units is a sum of
-exponents, by rules that are repeated here: an angle has a unit and no dimension, a sum has the unit
-of its first part, and nothing, like NaN, may be added to anything.
+pint's registry takes half a second to make, and it converts where a model does not: the numbers of
+a model in kW and mm are in kW and mm. So a number here has powers of the units that its variables
+are declared in. An angle has a unit and no dimension, a sum has the unit of its first part, and a
+number that is written into a law has any unit: as a summand that of the rest of the sum. As a
+factor it may convert (``1e3 * self.speed`` for mm/s of m/s); where a sum, or the declaration of the
+result, shows another unit than the declared ones make, that is taken to be so.
 """
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from math import isclose
 from typing import Any
 
 import numpy as np
 
-# as pint orders them
-_ORDER = ("A", "cd", "K", "kg", "m", "mol", "rad", "s")
+from fmus.kit import units
+
 # of NumPy, by what they take and give: all in one unit, and that
-_MATCHING = {"absolute", "fabs", "floor", "ceil", "rint", "hypot", "maximum", "minimum"}
+_MATCHING = {
+    "absolute",
+    "fabs",
+    "floor",
+    "ceil",
+    "rint",
+    "hypot",
+    "maximum",
+    "minimum",
+    "remainder",
+    "fmin",
+    "fmax",
+}
 _PURE = {"exp", "expm1", "log", "log10", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh"}
 _ANGLES = {"arccos", "arcsin", "arctan"}
+_ROOTS = {"sqrt": 0.5, "square": 2}
 _COMPARISONS = {"equal", "not_equal", "less", "less_equal", "greater", "greater_equal"}
 _OF_TWO = {"add", "subtract", "arctan2"} | _MATCHING | _COMPARISONS
-# that pint refuses of numbers with a unit
-_REFUSED = {"fmin", "fmax", "logical_and", "logical_or", "logical_not"}
 _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "multiply": operator.mul,
     "divide": operator.truediv,
+    "floor_divide": operator.floordiv,
     "power": operator.pow,
 }
-Exponents = Mapping[str, float]
+Powers = Mapping[str, float]
 
 
 class UnitError(ValueError):
-    """Numbers of different dimensions where they must have the same."""
+    """Numbers of different dimensions where they must have the same, or an unknown operation."""
 
 
-class UnknownOperationError(Exception):
-    """An operation of which it is not known here what pint makes of it."""
-
-
-class Quantity:
-    """A number in a product of SI base units.
+class Unit:
+    """The unit of a number, which may become known after the number.
 
     Parameters
     ----------
-    value : float
-    exponents : Mapping of str to float
-        By the symbol of the base unit, an angle's ``rad`` among them.
+    powers : Mapping of str to float
+        Of units by name, an angle's ``rad`` among them.
+    is_open : bool
+        Whether a number that is written into a law was a factor, so that it may be another unit.
     """
 
-    def __init__(self, value: Any, exponents: Exponents):
-        self.value = value
-        self.exponents = {base: power for base, power in exponents.items() if power}
+    def __init__(self, powers: Powers, is_open: bool = False):
+        self.powers = {name: power for name, power in powers.items() if power}
+        self.is_open = is_open
 
     @property
-    def unit(self) -> str:
-        """The unit as pint writes it, ``kg*m/s^2``; ``"1"`` if there is none."""
-        powers = {base: self.exponents[base] for base in _ORDER if base in self.exponents}
-        above = "*".join(_factor(base, power) for base, power in powers.items() if power > 0.0)
-        below = [f"/{_factor(base, -power)}" for base, power in powers.items() if power < 0.0]
-        return "".join([above or "1", *below])
+    def exponents(self) -> dict[str, float]:
+        """Powers of SI base units."""
+        total: dict[str, float] = {}
+        for name, power in self.powers.items():
+            for base, exponent in units.base_unit(name).exponents.items():
+                total[base] = total.get(base, 0.0) + power * exponent
+        return {base: exponent for base, exponent in total.items() if exponent}
+
+    @property
+    def factor(self) -> float:
+        """Value in SI of the number one in this unit."""
+        product = 1.0
+        for name, power in self.powers.items():
+            product *= units.base_unit(name).factor ** power
+        return product
 
     @property
     def is_pure(self) -> bool:
         """True without a dimension, which an angle does not have."""
         return not self.exponents.keys() - {"rad"}
 
+    def meet(self, other: Unit) -> None:
+        """Make this and another unit, in which numbers are added or compared, fit together.
+
+        One that is open becomes the other where they differ.
+
+        Raises
+        ------
+        UnitError
+            If they are of different dimensions.
+        """
+        if self.powers == other.powers:
+            return
+        is_same = _dimension(self) == _dimension(other)
+        if is_same and isclose(self.factor, other.factor, rel_tol=1e-9):
+            return
+        if self.is_open and not other.is_open:
+            self.powers, self.is_open = other.powers, False
+        elif other.is_open and not self.is_open:
+            other.powers, other.is_open = self.powers, False
+        elif not is_same and not self.is_open:
+            raise UnitError(f"{self} and {other}")
+
+    def __str__(self) -> str:
+        above = "*".join(_factor(name, power) for name, power in self.powers.items() if power > 0.0)
+        below = [f"/{_factor(name, -power)}" for name, power in self.powers.items() if power < 0.0]
+        return "".join([above or "1", *below])
+
+
+class Quantity:
+    """A number in a unit.
+
+    Parameters
+    ----------
+    value : float
+    unit : Unit or Mapping of str to float
+        A unit that it shares with other numbers, or powers of units by name.
+    """
+
+    def __init__(self, value: Any, unit: Unit | Powers):
+        self.value = value
+        self.unit = unit if isinstance(unit, Unit) else Unit(unit)
+
     def _same(self, other: Any) -> Any:
         """Return the value of another number that must have the same dimension."""
         if isinstance(other, Quantity):
-            if _dimension(self) != _dimension(other):
-                raise UnitError(f"{self.unit} and {other.unit}")
+            self.unit.meet(other.unit)
             return other.value
-        if not self.is_pure and not _is_nothing(other):
-            raise UnitError(f"{self.unit} and a number")
         return other
 
     def __add__(self, other: Any) -> Quantity:
-        value = self.value + self._same(other)
-        keeps = isinstance(other, Quantity) or _is_nothing(other)
-        return Quantity(value, self.exponents if keeps else {})
+        return Quantity(self.value + self._same(other), self.unit)
 
     __radd__ = __add__
 
@@ -91,41 +149,51 @@ class Quantity:
         return (-self).__add__(other)
 
     def __neg__(self) -> Quantity:
-        return Quantity(-self.value, self.exponents)
+        return Quantity(-self.value, self.unit)
 
     def __pos__(self) -> Quantity:
         return self
 
     def __abs__(self) -> Quantity:
-        return Quantity(abs(self.value), self.exponents)
+        return Quantity(abs(self.value), self.unit)
 
     def __mul__(self, other: Any) -> Quantity:
         if isinstance(other, Quantity):
-            return Quantity(self.value * other.value, _product(self, other, 1.0))
-        return Quantity(self.value * other, self.exponents)
+            return Quantity(self.value * other.value, _product(self.unit, other.unit, 1.0))
+        return Quantity(self.value * other, _converted(self.unit, other, 1.0))
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Quantity:
         if isinstance(other, Quantity):
-            return Quantity(self.value / other.value, _product(self, other, -1.0))
-        return Quantity(self.value / other, self.exponents)
+            return Quantity(self.value / other.value, _product(self.unit, other.unit, -1.0))
+        return Quantity(self.value / other, _converted(self.unit, other, 1.0))
 
     def __rtruediv__(self, other: Any) -> Quantity:
-        return Quantity(other / self.value, {n: -power for n, power in self.exponents.items()})
+        return Quantity(other / self.value, _converted(self.unit, other, -1.0))
+
+    __floordiv__ = __truediv__
+    __rfloordiv__ = __rtruediv__
+
+    def __mod__(self, other: Any) -> Quantity:
+        return Quantity(self.value % self._same(other), self.unit)
+
+    def __rmod__(self, other: Any) -> Quantity:
+        return Quantity(other % self.value, self.unit)
+
+    def __round__(self, digits: int | None = None) -> Quantity:
+        return Quantity(round(self.value, digits), self.unit)
 
     def __pow__(self, other: Any) -> Quantity:
-        if isinstance(other, Quantity) and not other.is_pure:
-            raise UnitError(f"a power of {other.unit}")
-        power = other.value if isinstance(other, Quantity) else other
-        exponents = {n: float(power) * of_base for n, of_base in self.exponents.items()}
-        return Quantity(self.value**power, exponents)
+        power = float(other)
+        powers = {name: power * of_unit for name, of_unit in self.unit.powers.items()}
+        return Quantity(self.value**power, Unit(powers, self.unit.is_open))
 
     def __rpow__(self, other: Any) -> Any:
         return other ** float(self)
 
     def __float__(self) -> float:
-        if not self.is_pure:
+        if not self.unit.is_pure and not self.unit.is_open:
             raise UnitError(f"{self.unit} is no pure number")
         return float(self.value)
 
@@ -152,52 +220,41 @@ class Quantity:
     def __ge__(self, other: Any) -> Any:
         return self.value >= self._same(other)
 
-    def _unknown(self, *arguments: Any) -> Any:
-        raise UnknownOperationError
-
-    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = _unknown
-    __round__ = __int__ = __index__ = __len__ = __iter__ = __getitem__ = _unknown
-
-    def __getattr__(self, name: str) -> Any:
-        # Python and NumPy look for names of their own, and go without
-        raise AttributeError(name) if name.startswith("__") else UnknownOperationError
-
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **named: Any) -> Any:
         """Do what NumPy's functions of elements do."""
         name = function.__name__
         if method != "__call__" or named:
-            raise UnknownOperationError
-        if name in _REFUSED:
-            raise UnitError(f"{name} of numbers with a unit")
+            raise UnitError(f"{function.__name__} of numbers with a unit")
         if name in _OPERATORS:
             one, other = (_own_kind(each) for each in inputs)
             return _OPERATORS[name](one, other)
         first = next(each for each in inputs if isinstance(each, Quantity))
         if len(inputs) > 1:
             if name not in _OF_TWO:
-                raise UnknownOperationError
+                raise UnitError(f"{function.__name__} of numbers with a unit")
             return _of_two(name, first, function(*map(first._same, inputs)))
         return _of_one(name, first, function)
 
     def __array_function__(
         self, function: Any, types: Any, inputs: Sequence[Any], named: Mapping[str, Any]
     ) -> Any:
-        """Do what NumPy's choice between two values does; it is the only one that laws call."""
-        if function is not np.where or len(inputs) != 3 or named:
-            raise UnknownOperationError
-        condition, *values = inputs
-        if isinstance(condition, Quantity):
-            condition = condition.value
+        """Do what NumPy's choice between two values, or within two, does."""
+        if function not in (np.where, np.clip) or len(inputs) != 3 or named:
+            raise UnitError(f"{function.__name__} of numbers with a unit")
+        plain = [each.value if isinstance(each, Quantity) else each for each in inputs]
+        values = inputs[1:] if function is np.where else inputs
         first = next((each for each in values if isinstance(each, Quantity)), None)
         if first is None:
-            return np.where(condition, *values)
-        return Quantity(np.where(condition, *map(first._same, values)), first.exponents)
+            return function(*plain)
+        for each in values:
+            first._same(each)
+        return Quantity(function(*plain), first.unit)
 
 
 def _of_two(name: str, first: Quantity, value: Any) -> Any:
     """Return the result of a function of NumPy of two numbers in one unit, the first's."""
     if name in ("add", "subtract") or name in _MATCHING:
-        return Quantity(value, first.exponents)
+        return Quantity(value, first.unit)
     if name == "arctan2":
         return Quantity(value, {"rad": 1.0})
     return value  # of a comparison
@@ -206,17 +263,16 @@ def _of_two(name: str, first: Quantity, value: Any) -> Any:
 def _of_one(name: str, one: Quantity, function: Any) -> Any:
     """Return the result of a function of NumPy of one number."""
     if name in _MATCHING:
-        return Quantity(function(one.value), one.exponents)
+        return Quantity(function(one.value), one.unit)
     if name in _PURE or name in _ANGLES:
         return Quantity(function(float(one)), {"rad": 1.0} if name in _ANGLES else {})
-    if name == "sqrt":
-        halves = {base: 0.5 * power for base, power in one.exponents.items()}
-        return Quantity(function(one.value), halves)
+    if name in _ROOTS:
+        return Quantity(function(one.value), (one ** _ROOTS[name]).unit)
     if name == "negative":
         return -one
     if name == "sign":
         return function(one.value)
-    raise UnknownOperationError
+    raise UnitError(f"{function.__name__} of numbers with a unit")
 
 
 def _own_kind(one: Any) -> Any:
@@ -224,22 +280,24 @@ def _own_kind(one: Any) -> Any:
     return one.item() if isinstance(one, np.generic) else one
 
 
-def _is_nothing(number: Any) -> bool:
-    """Return whether a number is zero or NaN, which have every unit."""
-    return bool(number == 0) or math.isnan(number)
-
-
-def _dimension(one: Quantity) -> dict[str, float]:
+def _dimension(unit: Unit) -> dict[str, float]:
     """Return the exponents without those of an angle."""
-    return {base: power for base, power in one.exponents.items() if base != "rad"}
+    return {base: power for base, power in unit.exponents.items() if base != "rad"}
 
 
-def _product(one: Quantity, other: Quantity, sign: float) -> dict[str, float]:
-    """Return the exponents of a product, or of a quotient with sign -1."""
-    bases = {**one.exponents, **other.exponents}
-    return {n: one.exponents.get(n, 0.0) + sign * other.exponents.get(n, 0.0) for n in bases}
+def _product(one: Unit, other: Unit, sign: float) -> Unit:
+    """Return the unit of a product, or of a quotient with sign -1."""
+    names = {**one.powers, **other.powers}
+    powers = {n: one.powers.get(n, 0.0) + sign * other.powers.get(n, 0.0) for n in names}
+    return Unit(powers, one.is_open or other.is_open)
 
 
-def _factor(base: str, power: float) -> str:
-    """Write a base unit with its power."""
-    return base if power == 1.0 else f"{base}^{power:g}"
+def _converted(unit: Unit, by: Any, sign: float) -> Unit:
+    """Return a unit, or its inverse with sign -1, after a factor that is written into a law."""
+    powers = {name: sign * power for name, power in unit.powers.items()}
+    return Unit(powers, unit.is_open or bool(abs(by) != 1))
+
+
+def _factor(name: str, power: float) -> str:
+    """Write a unit with its power."""
+    return name if power == 1.0 else f"{name}^{power:g}"

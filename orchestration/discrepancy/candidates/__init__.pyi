@@ -12,6 +12,7 @@ from .linearised_model import strongest as strongest
 from .paired_scores import PairedInnovations as PairedInnovations
 from .paired_scores import PairedScore as PairedScore
 from .paired_scores import paired_score as paired_score
+from .scales import sampling_of as sampling_of
 from .scales import signal_scales as signal_scales
 from .score_test import ScoreDirections as ScoreDirections
 from .score_test import score_directions as score_directions

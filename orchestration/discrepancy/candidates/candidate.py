@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fmus.kit import Component, Effect, measurement_effects, stack, unstack
+from fmus.kit import Component, Effect, Sampling, measurement_effects, stack, unstack
 from fmus.kit import effect_name as label
 
 
@@ -48,7 +48,10 @@ def own_parameters(effect: type[Effect]) -> list[str]:
 
 
 def catalogue(
-    cls: type[Component], physics: Mapping[str, type[Effect]], measured: Iterable[str]
+    cls: type[Component],
+    physics: Mapping[str, type[Effect]],
+    measured: Iterable[str],
+    sampling: Sampling | None = None,
 ) -> list[type[Effect]]:
     """Return the effects that a record of these outputs can show, without those already present.
 
@@ -59,6 +62,8 @@ def catalogue(
         The component's own effects by id.
     measured : iterable of str
         Outputs in the record.
+    sampling : Sampling, optional
+        Of the record.
 
     Returns
     -------
@@ -67,5 +72,6 @@ def catalogue(
     outputs = set(measured)
     _, stacked = unstack(cls)
     present = {label(effect) for effect in stacked}
-    of_sensors = [effect for effect in measurement_effects(cls) if effect.output in outputs]
+    made = measurement_effects(cls, sampling)
+    of_sensors = [effect for effect in made if effect.output in outputs]
     return [effect for effect in (*physics.values(), *of_sensors) if label(effect) not in present]

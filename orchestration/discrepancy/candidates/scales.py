@@ -1,4 +1,4 @@
-"""Typical magnitudes of the signals and laws of a model on a record, where searches start."""
+"""Typical magnitudes of the signals and laws of a model on a record, and of its times."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fmus.kit import Component, UserError
+from fmus.kit import Component, Sampling, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import list_laws
@@ -44,6 +44,12 @@ def signal_scales(
         pass
     magnitudes = {name: _rounded_magnitude(values) for name, values in sizes.items()}
     return {name: magnitude for name, magnitude in magnitudes.items() if magnitude > 0.0}
+
+
+def sampling_of(time: Array) -> Sampling:
+    """Return sample time and length of a record, of time (n,) in seconds, to two figures."""
+    step = float(np.median(np.diff(time)))
+    return Sampling(float(f"{step:.2g}"), float(f"{time[-1] - time[0]:.2g}"))
 
 
 def _law_values(

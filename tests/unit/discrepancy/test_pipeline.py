@@ -7,11 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from scipy.signal import lsim
 
 import orchestration as ppy
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
+from fmus.kit.record import CompiledModel
+from fmus.kit.units import convert
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.candidates.candidate import label
 from orchestration.discrepancy.data.dataset import dataset_of
@@ -347,3 +351,134 @@ def test_one_of_them_can_be_asked_for_by_name(drive):
     cls = load_class(model)
     (effect,) = find_effects(cls, ["backlash(voltage)"], "drive")
     assert effect.id == "backlash"
+
+
+VESSEL = '''
+from fmus.kit import Component, Input, Output, Parameter, State
+
+
+class Vessel(Component):
+    """An isothermal volume that a valve fills, in bar and g/s."""
+
+    name = "vessel"
+    volume = Parameter(12.0, "g/bar", min=1e-3, max=1e6, nominal=10.0, doc="capacity")
+    feed = Parameter(5.0, "g/s", min=1e-4, max=1e4, doc="flow through the open valve")
+    leak = Parameter(1.5, "g/s/bar", min=1e-6, max=1e4, doc="conductance of the outlet")
+    opening = Input("1", nominal=0.5, doc="opening of the valve")
+    pressure = State("bar", rate="pressure_rate", nominal=1.0, doc="above the atmosphere's")
+
+    def inflow(self):
+        """Through the valve."""
+        return self.feed * self.opening
+
+    def outflow(self):
+        """Through the outlet."""
+        return self.leak * self.pressure
+
+    def pressure_rate(self):
+        """Balance."""
+        return (self.inflow() - self.outflow()) / self.volume
+
+    @Output("bar")
+    def gauge(self):
+        """As measured."""
+        return self.pressure
+
+    @Output("g/s")
+    def meter(self):
+        """Flow that comes in."""
+        return self.inflow()
+'''
+
+
+def test_a_second_volume_is_named_in_the_unit_of_the_model(tmp_path):
+    """Oracle: the matrix exponential of the vessel with a second volume behind a pipe."""
+    (tmp_path / "vessel.py").write_text(VESSEL, encoding="utf-8")
+    feed, leak, volume, pipe, time_constant, step = 4.0, 2.0, 16.0, 0.6, 25.0, 0.5
+    rng = np.random.default_rng(11)
+    opening = np.repeat(rng.uniform(0.1, 0.9, 30), 30)
+    system = np.zeros((3, 3))
+    system[0] = [-(leak + pipe) / volume, pipe / volume, feed / volume]
+    system[1, :2] = [1.0 / time_constant, -1.0 / time_constant]
+    over_step = expm(step * system)
+    pressures = [np.array([1.0, 1.0])]
+    for u in opening[:-1]:
+        pressures.append((over_step @ [*pressures[-1], u])[:2])
+    signals = {
+        "opening": opening,
+        "gauge": np.array(pressures)[:, 0] + 0.005 * rng.standard_normal(opening.size),
+        "meter": feed * opening + 0.02 * rng.standard_normal(opening.size),
+    }
+    record = tmp_path / "vessel.csv"
+    units = {"opening": "1", "gauge": "bar", "meter": "g/s"}
+    write_record(record, step * np.arange(opening.size), signals, units)
+    said = ppy.diagnose(record, f"{tmp_path / 'vessel.py'}:Vessel", laws=False)
+    assert said.causes[0] == "storing_law(outflow)"
+    amount = said.parameters["outflow_storing_law"]
+    assert convert(1.0, amount.unit, "kg/s/Pa") == pytest.approx(1e-8)
+    for name, true in (
+        ("outflow_storing_law", pipe),
+        ("outflow_storing_law_constant", time_constant),
+    ):
+        low, high = said.parameters[name].interval
+        margin = 0.5 * (high - low)
+        assert low - margin <= true <= high + margin, name
+
+
+EFFECTS_IN_TIME = ["transport_delay(speed)", "sensor_lag(speed)", "backlash(voltage)"]
+
+
+def played(voltage, gap):
+    """Return a commanded voltage behind a play, which follows at once."""
+    arrived = [0.0]
+    for u in voltage:
+        arrived.append(float(np.clip(arrived[-1], u - gap, u + gap)))
+    return np.array(arrived[1:])
+
+
+def late_drive(step, kind):
+    """Return commands and readings of a drive, exact in fifths of a sample; noise of a thousandth.
+
+    The time constant is 12 samples; late is the sensor, by 3.4 samples or with a lag of 3, or there
+    is a play of 0.8 V.
+    """
+    rng = np.random.default_rng(3)
+    voltage = np.repeat(rng.uniform(-5.0, 5.0, 60), 20)
+    arrives = np.repeat(played(voltage, 0.8) if kind == "backlash" else voltage, 5)
+    lags = np.polymul([12.0, 1.0], [3.0, 1.0]) if kind == "sensor_lag" else [12.0, 1.0]
+    _, speed, _ = lsim((GAIN, lags), arrives, 0.2 * np.arange(arrives.size), interp=False)
+    if kind == "transport_delay":
+        speed = np.concatenate([np.zeros(17), speed[:-17]])
+    shown = speed[::5] + 0.01 * rng.standard_normal(voltage.size)
+    return step * np.arange(voltage.size), {"voltage": voltage, "speed": shown}
+
+
+@pytest.mark.parametrize("step", [25e-6, pytest.param(60.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["transport_delay", "sensor_lag", "backlash"])
+def test_what_takes_a_few_samples_is_named_whatever_the_clock(tmp_path, step, kind):
+    """The clock is of 40 kHz, or of one sample a minute."""
+    time, signals = late_drive(step, kind)
+    written = DRIVE.replace("0.3", f"{12.0 * step}").replace("1e-3, max=1e3", f"{step}, max=1e6")
+    (tmp_path / "drive.py").write_text(written, encoding="utf-8")
+    write_record(tmp_path / "drive.csv", time, signals, {"voltage": "V", "speed": "rad/s"})
+    said = ppy.diagnose(
+        tmp_path / "drive.csv",
+        f"{tmp_path / 'drive.py'}:Drive",
+        effects=EFFECTS_IN_TIME,
+        hold=["lag"],
+        laws=False,
+        interpolate=False,
+    )
+    (named,) = said.causes
+    assert named.startswith(kind)
+    value, true = {
+        "transport_delay": ("speed_delay", 3.4 * step),
+        "sensor_lag": ("speed_lag_time", 3.0 * step),
+        "backlash": ("voltage_play", 0.8),
+    }[kind]
+    assert said.parameters[value].value == pytest.approx(true, rel=0.03)
+    if kind == "transport_delay":
+        native, _ = said.fmu(tmp_path / "better.fmu", [host_platform()])
+        again = find_model(str(native))
+        found = CompiledModel(again.cls).run(time, {"voltage": signals["voltage"]}, {})
+        assert np.std(found.signals["speed"] - signals["speed"]) < 0.1

@@ -12,6 +12,7 @@ from scipy.signal import cont2discrete, dlsim
 from fmus.kit import Component, EffectNames, Input, Output, Parameter, State, UserError, stack
 from fmus.kit.arms import lag_effect, storing_wall
 from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.sampling import Sampling
 from tests.support.pushed_mass import ARM_CASES, MASS, SPRING, Tank, follows
 
 
@@ -36,6 +37,16 @@ def test_mistakes_are_told_in_one_line():
         lag_effect(MASS, *SPRING, "laging", 1.0)
     with pytest.raises(UserError, match="hysteresis is over a state, which 'force' is not"):
         lag_effect(MASS, "spring_force", "force", "hysteresis", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("sampling", "at_once"), [(None, 0.01), (Sampling(25e-6, 0.05), 25e-6), (Sampling(60.0), 0.6)]
+)
+def test_a_play_is_followed_at_once_on_the_clock_of_its_record(sampling, at_once):
+    effect = lag_effect(MASS, *SPRING, "play", 0.1, sampling=sampling)
+    model = stack(MASS, effect)()
+    model.elongation = 0.5
+    assert model.spring_force_play_state_rate() == pytest.approx((0.5 - 0.1) / at_once)
 
 
 def test_variables_are_named_after_the_law_and_the_effect():

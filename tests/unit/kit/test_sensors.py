@@ -15,11 +15,9 @@ from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import (
-    DELAY_PERIOD,
-    DELAY_SAMPLES,
     MEASUREMENTS,
-    SHORTEST_LAG,
     measurement_effects,
     sensor_drift,
     sensor_gain,
@@ -44,6 +42,7 @@ PARAMETERS = {
     "sensor_drift": ("drift", 0.0, 2e-3),
 }
 VOLTAGE = {f"voltage_{name}": value for name, _, value in PARAMETERS.values()}
+SHORTEST_LAG, DELAY_PERIOD, DELAY_SAMPLES = 0.01, 0.02, 64  # s, s: on a bench
 each = pytest.mark.parametrize("name", MEASUREMENTS)
 # An actuator that is a spring of 1 N/m: its displacement is the force, and anything can be
 # measured.
@@ -266,6 +265,32 @@ def test_delay_is_within_its_bound_on_a_sine(delay):
             error = error[np.abs(time - delay) > DELAY_PERIOD]
         assert error.max() <= bound * (1.0 + 1e-6)
         assert delay == 0.0 or error.max() > 0.1 * bound, "the bound is that of what is done"
+
+
+@pytest.mark.parametrize(("scale", "period"), [(1e-3, 1e-4), (1e3, 50.0)])
+def test_a_delay_is_held_on_the_clock_of_its_record(scale, period):
+    """A sine of 1/s in the scale; between samples the error is an eighth of period^2 curvature."""
+    step, delay = 0.05 * scale, 0.3 * scale
+    sampling = Sampling(step, 1280.0 * period / 2.0)
+    cls = stack(PpyActuator, transport_delay(PpyActuator, "displacement", sampling))
+    time = step * np.arange(200)
+    inputs = {"force": np.sin(time / scale)}
+    given = SPRING | {"displacement_delay": delay}
+    shown = CompiledModel(cls).run(time, inputs, given, linear=True).signals["displacement"]
+    error = np.abs(shown - np.sin((time - delay) / scale))[time > 2.0 * delay]
+    assert 0.0 < error.max() <= (period**2 + step**2) / 8.0 / scale**2 * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_a_lag_of_a_few_samples_is_a_lag_whatever_the_clock(scale):
+    force = np.where(np.arange(200) % 40 < 15, 1.0, -0.5)
+    step, lag = 0.05 * scale, 0.3 * scale
+    cls = stack(PpyActuator, sensor_lag(PpyActuator, "displacement", Sampling(step, 200 * step)))
+    time = step * np.arange(200)
+    given = SPRING | {"displacement_lag_time": lag}
+    shown = CompiledModel(cls).run(time, {"force": force}, given).signals["displacement"]
+    _, exact, _ = lsim(([1.0], [lag, 1.0]), force - force[0], time, interp=False)
+    assert shown == pytest.approx(force[0] + exact, abs=2e-3)
 
 
 def test_a_jump_arrives_after_the_delay_and_within_one_period():

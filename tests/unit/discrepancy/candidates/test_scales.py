@@ -1,11 +1,13 @@
-"""Claims: a magnitude is what 95 % of a signal stay below, rounded down to 1, 2 or 5."""
+"""Claims: a magnitude is what 95 % of a signal stay below, rounded down to 1, 2 or 5; the sampling
+is that of the record.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fmus.kit import Component, Input, Output, Parameter, State
-from orchestration.discrepancy.candidates.scales import signal_scales
+from orchestration.discrepancy.candidates.scales import sampling_of, signal_scales
 
 
 class Drive(Component):
@@ -37,3 +39,9 @@ def test_magnitudes_are_those_of_the_record_to_one_figure():
     # it comes to 72 rad/s; its rate is 240 rad/s^2 exp(-t / 0.3 s), which after 5 % of the 40 s is
     # 0.3
     assert found == {"voltage": 2.0, "omega": 50.0, "drag": 50.0, "speed": 50.0, "omega_rate": 0.2}
+
+
+def test_the_sampling_is_the_median_step_and_the_length_to_two_figures():
+    time = np.delete(60.03 * np.arange(1001), [7, 8, 500])
+    found = sampling_of(time)
+    assert (found.step, found.duration) == (60.0, 60000.0)

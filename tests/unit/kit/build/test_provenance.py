@@ -6,6 +6,7 @@ from xml.etree.ElementTree import Element
 
 from fmus.kit import stack
 from fmus.kit.build.provenance import Provenance, annotate, read_provenance
+from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
@@ -29,6 +30,14 @@ def test_a_component_of_ours_is_given_back_with_its_effects_and_remarks():
         remarks=("Fitted to hidden.csv", "Once"),
     )
     assert origin.place == "ppy_actuator"
+
+
+def test_the_sampling_that_an_effect_was_made_for_is_given_back():
+    sampling = Sampling(2.5e-05, 0.05)
+    lag = sensor_lag(PpyActuator, "voltage", sampling)
+    origin = read_provenance(annotated(stack(PpyActuator, EFFECTS["quadratic_strain"], lag)))
+    assert origin.effects == ("quadratic_strain", "sensor_lag(voltage)")
+    assert origin.samplings == {"sensor_lag(voltage)": sampling}
 
 
 def test_a_user_s_class_is_given_back_by_its_file(monkeypatch):
