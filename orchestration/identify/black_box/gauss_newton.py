@@ -14,7 +14,6 @@ from fmus.kit.arrays import Array
 from orchestration.identify.black_box.polynomials import solved
 
 _ITERATIONS = 100
-# share of the cost that a whole Gauss-Newton step promises, below which a search has converged
 _ENOUGH = 1e-9
 # singular value, relative to the largest, that is zero: free responses of equal paths are collinear
 _UNDETERMINED = 1e-12
@@ -103,7 +102,11 @@ class _Linearised(NamedTuple):
 
 
 def minimise(
-    problem: ResidualProblem, theta: Array, iterations: int = _ITERATIONS, longest: float = np.inf
+    problem: ResidualProblem,
+    theta: Array,
+    iterations: int = _ITERATIONS,
+    longest: float = np.inf,
+    enough: float = _ENOUGH,
 ) -> GaussNewtonMinimum:
     """Minimise the sum of squared prediction errors among stable models.
 
@@ -116,6 +119,8 @@ def minimise(
         At most.
     longest : float
         Largest change of any parameter in one step.
+    enough : float
+        Share of the cost that a whole step promises, below which the search has converged.
 
     Returns
     -------
@@ -127,7 +132,7 @@ def minimise(
     damping = _FIRST_DAMPING
     for _ in range(iterations):
         linearised = _linearised(problem, best)
-        if linearised.most <= _ENOUGH * best.cost:
+        if linearised.most <= enough * best.cost:
             return GaussNewtonMinimum(best.theta, best.cost, True)
         better = None
         while better is None:

@@ -101,7 +101,7 @@ def reflections(polynomial: Array) -> Array:
     coefficients = []
     remaining = np.asarray(polynomial, dtype=np.float64)
     while len(remaining) > 1:
-        k = remaining[-1]
+        k = np.clip(remaining[-1], -_INSIDE, _INSIDE)  # rounding can put it at one
         coefficients.append(k)
         remaining = (remaining - k * remaining[::-1])[:-1] / (1.0 - k * k)
     return np.array(coefficients[::-1])

@@ -16,6 +16,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.gauss_newton import GaussNewtonMinimum, minimise
 from orchestration.identify.black_box.orders import Orders
+from orchestration.identify.black_box.polynomials import roots
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 from orchestration.identify.black_box.start_values import (
     denominators,
@@ -25,14 +26,19 @@ from orchestration.identify.black_box.start_values import (
 from orchestration.identify.black_box.variable_projection import ReducedPredictionError
 
 _ONE = np.ones(1)
-_SHORT = 4  # iterations after which starts are compared
-_FOLLOWED = 2  # starts that are followed to the end, of each set
 _LONGEST = 2.0  # change of a coordinate in a step: a pole from 0 to 0.96, or from 0.9 to 0.998
-_ROUNDS = 2  # of drawing anew, at least
-_MOST_ROUNDS = 4
-_DRAWS = 4  # of the roots of each polynomial, in a round
+_SHORT = 4  # iterations after which starts are compared
+_FOLLOWED = 3  # starts that are followed farther, of each set
+_LONGER = 12  # iterations after which one must be about as low as the lowest before
+_LONG = 60  # iterations of those that are
+_NEAR = 3e-4  # relative cost by which it may still be above
+_ROUNDS = 3  # of drawing roots anew, at least
+_MOST_ROUNDS = 6
+_CONTAINED = 2  # best of the contained models that are starting points
+_DRAWS = 4  # for each path and for the noise model, in a round
 _OSCILLATING = 0.5  # share of pairs of roots that are drawn complex
-_NEGLIGIBLE = 1e-4  # relative fall of the cost, for which no further round is made
+_NEGLIGIBLE = 1e-4  # relative difference of costs that makes no difference
+_ROUGH = 1e-7  # share of the cost that a step promises, below which minima are compared
 
 
 class Optimum(NamedTuple):
@@ -74,15 +80,18 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
     if not reduced.size:
         return _end(reduced, np.empty(0))
     known = [*contained, *_missing(problem, contained)]
-    best = _lowest(reduced, list(_begin(reduced, known)))
+    best, *others = _minima(reduced, list(_begin(reduced, known)), np.inf)
+    if all(other.cost <= (1.0 + _NEGLIGIBLE) * best.cost for other in others):
+        # where all starts lead to one minimum there are hardly others
+        return _end(reduced, best.theta)
     random = np.random.default_rng(0)
     for k in range(_MOST_ROUNDS):
-        again = _lowest(reduced, list(_redrawn(reduced, best.theta, random)))
-        gained = again.cost < (1.0 - _NEGLIGIBLE) * best.cost
+        before = best.cost
+        again = _minima(reduced, list(_redrawn(reduced, best.theta, random)), before)[0]
         best = min(best, again, key=lambda minimum: minimum.cost)
-        if k + 1 >= _ROUNDS and not gained:
+        if k + 1 >= _ROUNDS and best.cost > (1.0 - _NEGLIGIBLE) * before:
             break
-    return _as_optimum(reduced, best)
+    return _end(reduced, best.theta)
 
 
 def evaluated(problem: PredictionError, near: Coefficients) -> float:
@@ -99,23 +108,31 @@ def refined(problem: PredictionError, near: Coefficients) -> Optimum:
 
 
 def _end(reduced: ReducedPredictionError, x: Array) -> Optimum:
-    """Return the minimum that a search from one point ends at."""
-    return _as_optimum(reduced, minimise(reduced, x, longest=_LONGEST))
-
-
-def _as_optimum(reduced: ReducedPredictionError, minimum: GaussNewtonMinimum) -> Optimum:
-    """Return the model at a minimum."""
+    """Return the model at the minimum that a search from one point ends at."""
     problem = reduced.problem
+    minimum = minimise(reduced, x, longest=_LONGEST)
     parts = problem.coefficients(reduced.theta(minimum.theta))
     return Optimum(problem.orders, parts, minimum.cost, problem.samples, minimum.converged)
 
 
-def _lowest(reduced: ReducedPredictionError, points: Sequence[Array]) -> GaussNewtonMinimum:
-    """Return the lowest minimum from some starting points."""
-    short = [minimise(reduced, x, _SHORT, _LONGEST) for x in points]
+def _minima(
+    reduced: ReducedPredictionError, points: Sequence[Array], known: float
+) -> list[GaussNewtonMinimum]:
+    """Return the lowest minima from some starting points, beside one of a known cost."""
+
+    def followed(x: Array, iterations: int) -> GaussNewtonMinimum:
+        return minimise(reduced, x, iterations, _LONGEST, _ROUGH)
+
+    short = [followed(x, _SHORT) for x in points]
     short.sort(key=lambda minimum: minimum.cost)
-    ends = [minimise(reduced, begun.theta, longest=_LONGEST) for begun in short[:_FOLLOWED]]
-    return min(ends, key=lambda minimum: minimum.cost)
+    ends = []
+    for begun in short[:_FOLLOWED]:
+        end = followed(begun.theta, _LONGER)
+        if end.cost <= (1.0 + _NEAR) * known:
+            end = followed(end.theta, _LONG)
+        known = min(known, end.cost)
+        ends.append(end)
+    return sorted(ends, key=lambda minimum: minimum.cost)
 
 
 def _missing(problem: PredictionError, contained: Sequence[Optimum]) -> Iterator[Optimum]:
@@ -142,7 +159,7 @@ def _begin(reduced: ReducedPredictionError, known: Sequence[Optimum]) -> Iterato
             yield _with_noise(reduced, reduced.coordinates([*f, _ONE, _ONE]))
     lifted = [(other.cost, reduced.coordinates(lift(other, problem.orders))) for other in known]
     lifted.sort(key=lambda pair: pair[0])
-    for _, x in lifted[:_FOLLOWED]:
+    for _, x in lifted[:_CONTAINED]:
         yield x
     for other in known:
         if not other.orders.has_noise_model:
@@ -176,34 +193,42 @@ def _with_noise(reduced: ReducedPredictionError, x: Array) -> Array:
 def _redrawn(
     reduced: ReducedPredictionError, x: Array, random: np.random.Generator
 ) -> Iterator[Array]:
-    """Yield points with the roots of one F, or of C and D, drawn anew.
+    """Yield points with some roots of one F, or of C and D, drawn anew.
 
     With every other F that is drawn, the noise model is estimated anew, too.
     """
-    *paths, c, d = reduced.blocks(x)
+    *paths, c, d = reduced.polynomials(x)
     samples = reduced.problem.samples
     for k in range(_DRAWS):
-        for i, path in enumerate(paths):
-            if len(path):
-                drawn = [_ONE for _ in reduced.blocks(x)]
-                drawn[i] = _drawn(len(path), samples, random)
-                new = reduced.blocks(reduced.coordinates(drawn))[i]
-                point = np.concatenate([*paths[:i], new, *paths[i + 1 :], c, d])
+        for i, f in enumerate(paths):
+            if len(f) > 1:
+                new = _with_other_roots(f, samples, random)
+                point = reduced.coordinates([*paths[:i], new, *paths[i + 1 :], c, d])
                 yield _with_noise(reduced, point) if k % 2 else point
-        if len(c) + len(d):
-            drawn = [_drawn(len(block), samples, random) for block in (c, d)]
-            noise = reduced.coordinates([*(_ONE for _ in paths), *drawn])
-            yield np.concatenate([*paths, *reduced.blocks(noise)[-2:]])
+        if len(c) + len(d) > 2:
+            noise = [_with_other_roots(own, samples, random) for own in (c, d)]
+            yield reduced.coordinates([*paths, *noise])
 
 
-def _drawn(order: int, samples: int, random: np.random.Generator) -> Array:
-    """Draw a stable polynomial, with time constants from one sample to the record's length."""
-    drawn: list[complex] = []
-    while len(drawn) < order:
+def _with_other_roots(polynomial: Array, samples: int, random: np.random.Generator) -> Array:
+    """Return a stable polynomial of which one root, two or a pair are drawn anew.
+
+    Time constants are from one sample to the record's length, alike likely on a logarithmic scale.
+    """
+    order = len(polynomial) - 1
+    present = roots(polynomial)
+    factors = [[z, z.conjugate()] if z.imag > 0.0 else [z] for z in present if z.imag >= 0.0]
+    factors += [[0.0] for _ in range(order - len(present))]  # `roots` leaves out those at zero
+    random.shuffle(factors)
+    kept: list[complex] = []
+    most = max(order - int(random.integers(1, 3)), 0)
+    for factor in factors:
+        kept += factor if len(kept) + len(factor) <= most else []
+    while len(kept) < order:
         modulus = np.exp(-(samples ** -random.random()))
-        if order - len(drawn) > 1 and random.random() < _OSCILLATING:
+        if order - len(kept) > 1 and random.random() < _OSCILLATING:
             angle = np.pi * samples ** -random.random()
-            drawn += [modulus * np.exp(1j * angle), modulus * np.exp(-1j * angle)]
+            kept += [modulus * np.exp(1j * angle), modulus * np.exp(-1j * angle)]
         else:
-            drawn.append(modulus)
-    return np.atleast_1d(np.real(np.poly(drawn)))
+            kept.append(modulus)
+    return np.atleast_1d(np.real(np.poly(kept)))

@@ -96,6 +96,13 @@ class ReducedPredictionError:
             blocks.append(np.arctanh(np.clip(reflections(filled), -farthest, farthest)))
         return np.concatenate(blocks)
 
+    def polynomials(self, x: Array) -> list[Array]:
+        """Return every F, C and D at a point."""
+        return [
+            radius ** np.arange(len(block) + 1) * from_reflections(np.tanh(block))[0]
+            for block, radius in zip(self.blocks(x), self._radii, strict=True)
+        ]
+
     def admissible(self, x: Array) -> bool:
         """Tell whether coordinates are where a search may go."""
         return bool(np.abs(x).max(initial=0.0) <= _FARTHEST)
