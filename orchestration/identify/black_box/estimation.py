@@ -14,7 +14,13 @@ from orchestration.identify.black_box.models import PolynomialModel
 from orchestration.identify.black_box.orders import Count, Orders, orders
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 from orchestration.identify.black_box.result import Identification, Parameter
-from orchestration.identify.black_box.search import Optimum, evaluated, optimum, refined
+from orchestration.identify.black_box.search import (
+    Optimum,
+    evaluated,
+    is_contained,
+    optimum,
+    refined,
+)
 from orchestration.identify.noise import Noise, fit_autoregression
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
@@ -24,6 +30,7 @@ _HOPELESS = 10.0
 # sum of the coefficients of A, relative to that of their absolute values, below which A has a root
 # at one
 _INTEGRATES = 1e-9
+_ROUNDING = 1e-6  # relative difference of losses that two ways to compute one may have
 
 
 def arx(data: InputOutputData, na: int, nb: Count, nk: Count = 1) -> Identification:
@@ -167,10 +174,23 @@ def identify(
     known = [_as_optimum(smaller) for smaller in contained]
     best = optimum(problem, known)
     plain = PredictionError(data.inputs, data.output, chosen, first, offset=False)
+    messages = (*messages, *_search_doubts(problem, best, known))
     through_zero = _through_zero(plain, best, known)
     if through_zero is not None:
         return _result(data, structure, plain, through_zero, messages)
     return _result(data, structure, problem, best, messages)
+
+
+def _search_doubts(
+    problem: PredictionError, best: Optimum, contained: Sequence[Optimum]
+) -> list[str]:
+    """Return a message for each contained model whose loss is lower, which is a fault of ours."""
+    return [
+        f"a model with {smaller.orders} has a lower loss, although this one contains it: the search"
+        " failed, please report it"
+        for smaller in contained
+        if is_contained(smaller, problem) and best.cost > smaller.cost * (1.0 + _ROUNDING)
+    ]
 
 
 def _as_optimum(identification: Identification) -> Optimum:

@@ -184,12 +184,13 @@ class PredictionError:
         free = count - sum(n.nf)
         for regressors, f in zip(self._past_inputs, parts.f, strict=True):
             nb, nf = len(regressors), len(f) - 1
-            denominator = np.convolve(parts.c, f)
-            impulse = -filtered(parts.d, denominator, self._impulse)
+            # one filter after the other: the product of polynomials with roots near one is inexact
+            begun = filtered(_ONE, f, np.array([self._impulse, regressors[0]]))
+            impulse, driven = -filtered(parts.d, parts.c, begun)
             _delay(slopes[free : free + nf], impulse)
             # a delayed input passes the filter as the input itself does, but for what it has
             # before the first sample
-            _delay(slopes[own : own + nb], -filtered(parts.d, denominator, regressors[0]))
+            _delay(slopes[own : own + nb], driven)
             for k in range(nb):
                 for j in range(k):
                     slopes[own + k, j:] += regressors[k, j] * impulse[: self.samples - j]
@@ -209,7 +210,7 @@ class PredictionError:
         for f, w in zip(parts.f, paths, strict=True):
             nf = len(f) - 1
             if nf:
-                answer = filtered(parts.d, np.convolve(parts.c, f), w)
+                answer = filtered(parts.d, parts.c, filtered(_ONE, f, w))
                 _delay(slopes[position : position + nf], answer, 1)
             position += nf
         nc = self.orders.nc

@@ -38,6 +38,7 @@ _CONTAINED = 2  # best of the contained models that are starting points
 _DRAWS = 4  # for each path and for the noise model, in a round
 _OSCILLATING = 0.5  # share of pairs of roots that are drawn complex
 _NEGLIGIBLE = 1e-4  # relative difference of costs that makes no difference
+_SAME = 1e-9  # coefficients that differ by less are the same
 _ROUGH = 1e-7  # share of the cost that a step promises, below which minima are compared
 
 
@@ -92,6 +93,22 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
         if k + 1 >= _ROUNDS and best.cost > (1.0 - _NEGLIGIBLE) * before:
             break
     return _end(reduced, best.theta)
+
+
+def is_contained(other: Optimum, problem: PredictionError) -> bool:
+    """Tell whether a model is one of those searched, and judged by the same samples.
+
+    It is none of them if its A is a factor of D, but no stationary noise has it.
+    """
+    if not (problem.orders.contains(other.orders) and problem.samples == other.samples):
+        return False
+    reduced = ReducedPredictionError(problem)
+    lifted = lift(other, problem.orders)
+    restored = reduced.polynomials(reduced.coordinates(lifted))
+    return all(
+        np.allclose(own[: len(given)], given, rtol=0.0, atol=_SAME)
+        for own, given in zip(restored, lifted, strict=True)
+    )
 
 
 def evaluated(problem: PredictionError, near: Coefficients) -> float:
