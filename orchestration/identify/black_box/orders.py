@@ -71,9 +71,7 @@ class Orders:
             and all(own <= delay for own, delay in zip(self.nk, other.nk, strict=True))
             and all(
                 b + k >= other_b + other_k
-                for b, k, other_b, other_k in zip(
-                    self.nb, self.nk, other.nb, other.nk, strict=True
-                )
+                for b, k, other_b, other_k in zip(self.nb, self.nk, other.nb, other.nk, strict=True)
             )
         )
 

@@ -63,7 +63,6 @@ def noise_numerator(problem: PredictionError) -> Array:
 
     The innovations of a long ARX model stand for those of the model.
     """
-    n = problem.orders
     e = _fit_long_model(problem).innovations[problem.first :]
     slopes = problem.linear_slopes(problem.coefficients(np.zeros(problem.size)))
     past = [_delayed(e, k + 1) for k in range(problem.orders.nc)]

@@ -25,7 +25,7 @@ from orchestration.identify.black_box.polynomials import (
     reflections,
     stabilised,
 )
-from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
+from orchestration.identify.black_box.prediction_error import PredictionError
 
 # largest coordinate: a reflection coefficient of 1 - 1e-7
 _FARTHEST = 8.4
@@ -98,10 +98,18 @@ class ReducedPredictionError:
 
     def polynomials(self, x: Array) -> list[Array]:
         """Return every F, C and D at a point."""
-        return [
-            radius ** np.arange(len(block) + 1) * from_reflections(np.tanh(block))[0]
-            for block, radius in zip(self.blocks(x), self._radii, strict=True)
-        ]
+        return [polynomial for polynomial, _ in self._shapes(x)]
+
+    def _shapes(self, x: Array) -> list[tuple[Array, Array]]:
+        """Return every F, C and D, and the derivatives of their coefficients by coordinates."""
+        shapes = []
+        for block, radius in zip(self.blocks(x), self._radii, strict=True):
+            k = np.tanh(block)
+            scale = radius ** np.arange(len(k) + 1)
+            polynomial, slopes = from_reflections(k)
+            by_coordinates = scale[:, np.newaxis] * slopes * (1.0 - k**2)
+            shapes.append((scale * polynomial, by_coordinates[1:]))
+        return shapes
 
     def admissible(self, x: Array) -> bool:
         """Tell whether coordinates are where a search may go."""
@@ -132,29 +140,41 @@ class ReducedPredictionError:
 
     def _projected(self, x: Array) -> _Projection:
         """Return the optimum of the linear parameters."""
-        polynomials = []
-        slopes = []
-        for block, radius in zip(self.blocks(x), self._radii, strict=True):
-            k = np.tanh(block)
-            scale = radius ** np.arange(len(k) + 1)
-            polynomial, by_reflections = from_reflections(k)
-            polynomials.append(scale * polynomial)
-            slopes.append((scale[:, np.newaxis] * by_reflections * (1.0 - k**2))[1:])
         problem = self.problem
+        polynomials, slopes = zip(*self._shapes(x), strict=True)
         theta = np.zeros(problem.size)
         theta[~problem.linear] = np.concatenate([p[1:] for p in polynomials])
         regressors = problem.linear_slopes(problem.coefficients(theta))
-        *_, c, d = polynomials
-        begin = filtered(d, c, problem.present_output)
         length = np.sqrt(np.einsum("ij,ij->i", regressors, regressors))
         length[length == 0.0] = 1.0
         regressors /= length[:, np.newaxis]
-        count = len(regressors)
-        triangle = np.linalg.qr(np.vstack([regressors, begin]).T, mode="r")
-        u, s, v = np.linalg.svd(triangle[:count, :count])
-        kept = s > _UNDETERMINED * s[0]
-        weights = v[kept] / s[kept, np.newaxis]
-        solution = -(u[:, kept].T @ triangle[:count, count]) @ weights
+        *_, c, d = polynomials
+        begin = filtered(d, c, problem.present_output)
+        solution, weights = _least_squares(regressors, begin)
         theta[problem.linear] = solution / length
         errors = begin + solution @ regressors
         return _Projection(theta, errors, regressors, weights, block_diag(*slopes))
+
+
+def _least_squares(regressors: Array, begin: Array) -> tuple[Array, Array]:
+    """Return the least squares of errors over regressors.
+
+    Parameters
+    ----------
+    regressors : ndarray, shape (q, n)
+    begin : ndarray, shape (n,)
+        The errors without them.
+
+    Returns
+    -------
+    solution : ndarray, shape (q,)
+    weights : ndarray, shape (r, q)
+        Combinations of the regressors that are orthonormal.
+    """
+    count = len(regressors)
+    # a triangle of a few rows holds all there is in many thousand
+    triangle = np.linalg.qr(np.vstack([regressors, begin]).T, mode="r")
+    u, s, v = np.linalg.svd(triangle[:count, :count])
+    kept = s > _UNDETERMINED * s.max(initial=0.0)
+    weights = v[kept] / s[kept, np.newaxis]
+    return -(u[:, kept].T @ triangle[:count, count]) @ weights, weights

@@ -86,9 +86,7 @@ class BlackBox:
     @property
     def _others(self) -> str:
         """The free runs of the other structures, the best first, in a sentence after a space."""
-        others = [
-            f"{row.structure} {row.validation_fit:.1f} %" for row in self.search.ranked[1:]
-        ]
+        others = [f"{row.structure} {row.validation_fit:.1f} %" for row in self.search.ranked[1:]]
         return f" Others: {', '.join(others)}." if others else ""
 
     def __str__(self) -> str:
