@@ -420,8 +420,9 @@ class StudyOptions(TypedDict, total=False):
     criterion: Annotated[
         str,
         Option(
-            "What chooses: BIC or AIC.",
-            "What chooses the model.",
+            "What chooses the orders: BIC or AIC.",
+            "What chooses the orders of every structure; the free run over the rest of the record"
+            " chooses among structures.",
             default="BIC",
             choices=("BIC", "AIC"),
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,21 +10,27 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
-from orchestration.identify.black_box.gauss_newton import GaussNewtonMinimum, minimise
 from orchestration.identify.black_box.models import PolynomialModel
 from orchestration.identify.black_box.orders import Count, Orders, orders
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 from orchestration.identify.black_box.result import Identification, Parameter
-from orchestration.identify.black_box.start_values import least_squares, starts
+from orchestration.identify.black_box.search import (
+    Optimum,
+    evaluated,
+    is_contained,
+    optimum,
+    refined,
+)
 from orchestration.identify.noise import Noise, fit_autoregression
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
-# If a linear estimate without the offset costs more than BIC grants an offset, times this factor,
-# no search without it is made.
+# If a model costs more without the offset than BIC grants an offset, times this factor, no search
+# without it is made.
 _HOPELESS = 10.0
 # sum of the coefficients of A, relative to that of their absolute values, below which A has a root
 # at one
 _INTEGRATES = 1e-9
+_ROUNDING = 1e-6  # relative difference of losses that two ways to compute one may have
 
 
 def arx(data: InputOutputData, na: int, nb: Count, nk: Count = 1) -> Identification:
@@ -125,7 +132,11 @@ def box_jenkins(
 
 
 def identify(
-    data: InputOutputData, structure: str, chosen: Orders, first: int = 0
+    data: InputOutputData,
+    structure: str,
+    chosen: Orders,
+    first: int = 0,
+    contained: Sequence[Identification] = (),
 ) -> Identification:
     """Identify a polynomial model.
 
@@ -143,6 +154,8 @@ def identify(
     first : int
         First sample whose error counts, so that models of different orders are judged by the same
         samples.
+    contained : sequence of Identification
+        Models of the same data and samples that this one contains: its loss is above that of none.
 
     Returns
     -------
@@ -158,76 +171,90 @@ def identify(
     inputs = data.inputs - data.inputs.mean(axis=0)
     output = data.output - float(data.output.mean())
     problem = PredictionError(inputs, output, chosen, first)
-    best = _search(problem)
+    known = [_as_optimum(smaller) for smaller in contained]
+    best = optimum(problem, known)
     plain = PredictionError(data.inputs, data.output, chosen, first, offset=False)
-    through_zero = _through_zero(plain, best, chosen.parameters)
+    messages = (*messages, *_search_doubts(problem, best, known))
+    through_zero = _through_zero(plain, best, known)
     if through_zero is not None:
         return _result(data, structure, plain, through_zero, messages)
     return _result(data, structure, problem, best, messages)
 
 
-def _search(problem: PredictionError) -> GaussNewtonMinimum:
-    """Find the parameters with the least prediction errors, from all starting points."""
-    if _is_linear(problem.orders):
-        return _refined(problem, np.zeros(problem.size))
-    searches = (minimise(problem, start) for start in starts(problem))
-    return min(searches, key=lambda search: search.cost)
+def _search_doubts(
+    problem: PredictionError, best: Optimum, contained: Sequence[Optimum]
+) -> list[str]:
+    """Return a message for each contained model whose loss is lower, which is a fault of ours."""
+    return [
+        f"a model with {smaller.orders} has a lower loss, although this one contains it: the search"
+        " failed, please report it"
+        for smaller in contained
+        if is_contained(smaller, problem) and best.cost > smaller.cost * (1.0 + _ROUNDING)
+    ]
 
 
-def _is_linear(chosen: Orders) -> bool:
-    """Tell whether the prediction errors are linear in the parameters."""
-    return not (chosen.nc or chosen.nd or any(chosen.nf))
-
-
-def _refined(problem: PredictionError, theta: Array) -> GaussNewtonMinimum:
-    """Return the minimum that a search from one starting point ends at."""
-    if not _is_linear(problem.orders):
-        return minimise(problem, theta)
-    solution = least_squares(problem)
-    e = problem.errors(solution)
-    return GaussNewtonMinimum(solution, float(e @ e), True)
+def _as_optimum(identification: Identification) -> Optimum:
+    """Return the optimum that an identified polynomial model is."""
+    model = identification.model
+    assert isinstance(model, PolynomialModel)
+    delays = model.orders.nk
+    return Optimum(
+        orders=model.orders,
+        parts=Coefficients(
+            a=model.a,
+            b=tuple(b[k:] for b, k in zip(model.b, delays, strict=True)),
+            f=model.f,
+            c=model.c,
+            d=model.d,
+            offset=0.0,
+            transient=tuple(np.zeros(count) for count in model.orders.nf),
+        ),
+        cost=float(identification.residual @ identification.residual),
+        samples=len(identification.residual),
+        converged=identification.converged,
+    )
 
 
 def _through_zero(
-    plain: PredictionError, best: GaussNewtonMinimum, offset: int
-) -> GaussNewtonMinimum | None:
+    plain: PredictionError, best: Optimum, contained: Sequence[Optimum]
+) -> Optimum | None:
     """Search without an offset; return None where BIC prefers one.
+
+    None, too, where a contained model would then be better, because its offset is estimated.
 
     Parameters
     ----------
     plain : PredictionError
         Without an offset.
-    best : GaussNewtonMinimum
+    best : Optimum
         With an offset.
-    offset : int
-        Index of the offset among its parameters.
+    contained : sequence of Optimum
     """
-    start = np.delete(best.theta, offset)
     granted = np.log(plain.samples) / plain.samples
-    e = plain.errors(start)
-    slopes = plain.jacobian(start)
-    linear = e - slopes @ np.linalg.lstsq(slopes, e, rcond=None)[0]
-    if float(linear @ linear) > best.cost * np.exp(_HOPELESS * granted):
+    if evaluated(plain, best.parts) > best.cost * np.exp(_HOPELESS * granted):
         return None
-    refined = _refined(plain, start)
-    return refined if refined.cost <= best.cost * np.exp(granted) else None
+    through_zero = refined(plain, best.parts)
+    limits = [smaller.cost for smaller in contained if smaller.cost >= best.cost]
+    limit = min([best.cost * np.exp(granted), *limits])
+    return through_zero if through_zero.cost <= limit else None
 
 
 def _result(
     data: InputOutputData,
     structure: str,
     problem: PredictionError,
-    best: GaussNewtonMinimum,
+    best: Optimum,
     messages: tuple[str, ...],
 ) -> Identification:
     """Assemble the result: model, standard errors, residual and messages."""
     count = problem.orders.parameters
     variance = best.cost / max(problem.samples - problem.size, 1)
-    jacobian = problem.jacobian(best.theta)
-    residual = problem.errors(best.theta)
+    theta = problem.vector(best.parts)
+    jacobian = problem.jacobian(theta)
+    residual = problem.errors(theta)
     spread = _spread(problem, jacobian, residual, variance)
-    model = _model(data, structure, problem, problem.coefficients(best.theta), variance)
-    values = zip(problem.orders.names(), best.theta, spread.standard_errors, strict=False)
+    model = _model(data, structure, problem, best.parts, variance)
+    values = zip(problem.orders.names(), theta, spread.standard_errors, strict=False)
     return Identification(
         model=model,
         data=data,

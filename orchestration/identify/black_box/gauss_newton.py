@@ -14,14 +14,19 @@ from fmus.kit.arrays import Array
 from orchestration.identify.black_box.polynomials import solved
 
 _ITERATIONS = 100
-# share of the cost that a whole Gauss-Newton step promises, below which a search has converged
 _ENOUGH = 1e-9
 # singular value, relative to the largest, that is zero: free responses of equal paths are collinear
 _UNDETERMINED = 1e-12
-_WHOLE = 0.8  # share of a step that is as good as all of it
+_FIRST_DAMPING = 1e-3  # as Marquardt's
 _LEAST_DAMPING = 1e-12  # below it there is none
-_FIRST_DAMPING = 1e-3  # after a first failure
 _MOST_DAMPING = 1e12  # beyond it no step downhill is to be expected
+# Shares of the promised fall of the cost above which damping is lowered, and below which it is
+# raised (Nocedal and Wright, algorithm 4.1), and by which factors; more after a step that failed.
+_GOOD = 0.75
+_POOR = 0.25
+_LOWERED = 0.1
+_RAISED = 4.0
+_FAILED = 8.0
 
 
 class ResidualProblem(Protocol):
@@ -80,21 +85,29 @@ class _Linearised(NamedTuple):
 
     def step(self, damping: float) -> Array:
         """Return the damped Gauss-Newton step (p,) in scaled parameters."""
-        if damping == 0.0:
-            whole = np.linalg.lstsq(self.slopes, -self.errors, rcond=_UNDETERMINED)[0]
-            return np.asarray(whole, dtype=np.float64)
         count = self.slopes.shape[1]
         rows = np.vstack([self.slopes, np.sqrt(damping) * np.eye(count)])
         return solved(rows, -np.concatenate([self.errors, np.zeros(count)]))
 
+    def promised(self, step: Array) -> float:
+        """Return the fall of the cost with a step in scaled parameters, if errors were linear."""
+        after = self.errors + self.slopes @ step
+        return float(self.errors @ self.errors) - float(after @ after)
+
     @property
-    def promised(self) -> float:
+    def most(self) -> float:
         """The fall of the cost with a whole step, if errors were linear."""
-        after = self.errors + self.slopes @ self.step(0.0)
-        return float(self.errors @ self.errors) - float(np.sum(after**2))
+        whole = np.linalg.lstsq(self.slopes, -self.errors, rcond=_UNDETERMINED)[0]
+        return self.promised(whole)
 
 
-def minimise(problem: ResidualProblem, theta: Array) -> GaussNewtonMinimum:
+def minimise(
+    problem: ResidualProblem,
+    theta: Array,
+    iterations: int = _ITERATIONS,
+    longest: float = np.inf,
+    enough: float = _ENOUGH,
+) -> GaussNewtonMinimum:
     """Minimise the sum of squared prediction errors among stable models.
 
     Parameters
@@ -102,27 +115,47 @@ def minimise(problem: ResidualProblem, theta: Array) -> GaussNewtonMinimum:
     problem : ResidualProblem
     theta : ndarray, shape (p,)
         Where to start; admissible.
+    iterations : int
+        At most.
+    longest : float
+        Largest change of any parameter in one step.
+    enough : float
+        Share of the cost that a whole step promises, below which the search has converged.
 
     Returns
     -------
     GaussNewtonMinimum
     """
     best = _point(problem, theta)
-    damping = 0.0
-    for _ in range(_ITERATIONS):
+    if not theta.size:
+        return GaussNewtonMinimum(best.theta, best.cost, True)
+    damping = _FIRST_DAMPING
+    for _ in range(iterations):
         linearised = _linearised(problem, best)
-        if linearised.promised <= _ENOUGH * best.cost:
+        if linearised.most <= enough * best.cost:
             return GaussNewtonMinimum(best.theta, best.cost, True)
-        better = _better_point(problem, best, linearised, damping)
+        better = None
         while better is None:
-            damping = max(10.0 * damping, _FIRST_DAMPING)
             if damping > _MOST_DAMPING:
                 # rounding, or the edge of stability, forbids any step downhill
                 return GaussNewtonMinimum(best.theta, best.cost, True)
-            better = _better_point(problem, best, linearised, damping)
+            step = linearised.step(damping)
+            step *= min(1.0, longest / np.abs(step / linearised.scale).max())
+            better = _lower_point(problem, best, step / linearised.scale)
+            damping *= _factor(best, better, linearised.promised(step))
+        damping = max(damping, _LEAST_DAMPING)
         best = better
-        damping = 0.0 if damping < _LEAST_DAMPING else 0.1 * damping
     return GaussNewtonMinimum(best.theta, best.cost, False)
+
+
+def _factor(begin: _Point, end: _Point | None, promised: float) -> float:
+    """Return by how much damping changes after a step; it failed where there is no end."""
+    if end is None:
+        return _FAILED
+    fallen = begin.cost - end.cost
+    if fallen < _POOR * promised:
+        return _RAISED
+    return _LOWERED if fallen > _GOOD * promised else 1.0
 
 
 def _point(problem: ResidualProblem, theta: Array) -> _Point:
@@ -142,28 +175,10 @@ def _linearised(problem: ResidualProblem, point: _Point) -> _Linearised:
     return _Linearised(slopes / scale, triangle[:, -1], scale)
 
 
-def _better_point(
-    problem: ResidualProblem, begin: _Point, linearised: _Linearised, damping: float
-) -> _Point | None:
-    """Return the better of two points along a damped step; None if neither costs less.
-
-    The first is the end of the step. The second is the lowest point of the parabola through both
-    costs and the slope at the beginning: where a model cannot describe the data, whole steps go too
-    far again and again.
-    """
-    step = linearised.step(damping)
-    slope = 2.0 * float(linearised.errors @ (linearised.slopes @ step))
-    share = 1.0
-    best = None
-    for _ in range(2):
-        theta = begin.theta + share * step / linearised.scale
-        if not problem.admissible(theta):
-            break
-        tried = _point(problem, theta)
-        if tried.cost < (begin.cost if best is None else best.cost):
-            best = tried
-        bend = tried.cost - begin.cost - slope
-        share = -0.5 * slope / bend if bend > 0.0 else 1.0
-        if share > _WHOLE:
-            break
-    return best
+def _lower_point(problem: ResidualProblem, begin: _Point, step: Array) -> _Point | None:
+    """Return the point a step away; None if it is not admissible or costs no less."""
+    theta = begin.theta + step
+    if not problem.admissible(theta):
+        return None
+    tried = _point(problem, theta)
+    return tried if tried.cost < begin.cost else None

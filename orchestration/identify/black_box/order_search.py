@@ -10,6 +10,7 @@ from typing import NamedTuple
 from fmus.kit import UserError, suggestion
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.estimation import identify
+from orchestration.identify.black_box.models import PolynomialModel
 from orchestration.identify.black_box.orders import Count, Orders, orders
 from orchestration.identify.black_box.result import Identification
 from orchestration.identify.black_box.subspace import state_space
@@ -87,12 +88,22 @@ class OrderSearch:
 
     @property
     def chosen(self) -> Row:
-        """The row that the criterion prefers."""
-        return min(self.rows, key=self._value)
+        """The first of :attr:`ranked`."""
+        return self.ranked[0]
+
+    @property
+    def ranked(self) -> tuple[Row, ...]:
+        """The best row of every structure, by the free run over validation data.
+
+        The criterion, which judges predictions by one sample, parts fits that are shown as equal.
+        """
+        return tuple(
+            sorted(self.best, key=lambda row: (-round(row.validation_fit, 1), self._value(row)))
+        )
 
     @property
     def best(self) -> tuple[Row, ...]:
-        """The row that the criterion prefers of every structure."""
+        """The row that the criterion prefers of every structure, in the order of the structures."""
         best = []
         for structure in STRUCTURES:
             rows = [row for row in self.rows if row.structure == structure]
@@ -155,8 +166,8 @@ def search_orders(
     nk : int or sequence of int
         Delays in samples.
     criterion : str
-        AIC or BIC. AIC is what the thesis minimised; BIC does not prefer ever larger models as
-        records grow.
+        AIC or BIC, which chooses the orders of every structure. AIC is what the thesis minimised;
+        BIC does not prefer ever larger models as records grow.
     progress : callable
         Called with how many models are done, and of how many.
 
@@ -185,7 +196,10 @@ def search_orders(
     for done, (trial, chosen) in enumerate(planned):
         progress(done, len(planned))
         try:
-            rows.append(_row(estimation, validation, trial, chosen, first))
+            contained = [
+                row.identification for row in rows if _contains(chosen, row.identification)
+            ]
+            rows.append(_row(estimation, validation, trial, chosen, first, contained))
         except UserError as error:
             left_out.append(f"{trial}: {error}")
     if not rows:
@@ -225,7 +239,8 @@ def _grid(
     """Yield every structure with every combination of orders that it has."""
     combinations = sorted(set(product(path_orders, repeat=inputs)))
     states = [(total,) for total in sorted({sum(path) for path in combinations})]
-    for structure in structures:
+    # models that others contain come before them
+    for structure in sorted(set(structures), key=STRUCTURES.index):
         paths = states if structure == "SS" else combinations
         noises = sorted(set(noise_orders)) if structure in ("ARMAX", "BJ") else [0]
         for path, noise in product(paths, noises):
@@ -246,12 +261,19 @@ def _orders(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
     return orders(data, nb, nk, nf=path, nc=noise, nd=noise)
 
 
+def _contains(chosen: Orders, identification: Identification) -> bool:
+    """Tell whether models of some orders contain one that is identified."""
+    model = identification.model
+    return isinstance(model, PolynomialModel) and chosen.contains(model.orders)
+
+
 def _row(
     estimation: InputOutputData,
     validation: InputOutputData,
     trial: _Trial,
     chosen: Orders,
     first: int,
+    contained: Sequence[Identification],
 ) -> Row:
     """Identify one model of the grid, and assess it."""
     if trial.structure == "SS":
@@ -259,7 +281,7 @@ def _row(
         result = state_space(estimation, trial.path_orders[0], chosen.nk, first)
     else:
         noise_order = trial.noise_order
-        result = identify(estimation, trial.structure, chosen, first)
+        result = identify(estimation, trial.structure, chosen, first, contained)
     return Row(
         trial.structure,
         trial.path_orders,

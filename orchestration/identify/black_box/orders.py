@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import index
 
 from fmus.kit import UserError
@@ -50,6 +50,46 @@ class Orders:
     def highest(self) -> int:
         """Largest order of any polynomial."""
         return max(self.na, self.nc, self.nd, *self.nb, *self.nf)
+
+    @property
+    def has_noise_model(self) -> bool:
+        """Whether the disturbance has another colour than white."""
+        return bool(self.na or self.nc or self.nd)
+
+    def contains(self, other: Orders) -> bool:
+        """Tell whether every model of other orders is one of these, if its A is stable.
+
+        A is a factor of every F and of D where there is no A: ``A y = B u + C e`` is
+        ``y = B/A u + C/A e``.
+        """
+        moved = other.na if self.na < other.na else 0
+        denominators = [(self.nd, other.nd), *zip(self.nf, other.nf, strict=True)]
+        return (
+            self.na + moved >= other.na
+            and self.nc >= other.nc
+            and all(own >= count + moved for own, count in denominators)
+            and all(own <= delay for own, delay in zip(self.nk, other.nk, strict=True))
+            and all(
+                b + k >= other_b + other_k
+                for b, k, other_b, other_k in zip(self.nb, self.nk, other.nb, other.nk, strict=True)
+            )
+        )
+
+    def beneath(self) -> tuple[Orders, ...]:
+        """Return the largest orders of simpler structures that these contain.
+
+        Of Box-Jenkins those of output error and of ARMAX; of ARMAX with one input those of output
+        error, which it contains but for the free response.
+        """
+        white = replace(self, nc=0, nd=0)
+        shared = min(*self.nf, self.nd)
+        none = tuple(0 for _ in self.nf)
+        if not self.na:
+            output_error = (white,) if any(self.nf) and self.nc + self.nd else ()
+            armax = (replace(self, na=shared, nd=0, nf=none),) if shared else ()
+            return (*output_error, *armax)
+        single = min(self.na, self.nc) if len(self.nf) == 1 else 0
+        return (replace(white, na=0, nf=(single,)),) if single else ()
 
     def excitation(self, i: int) -> int:
         """Return the order to which input i must excite persistently (Ljung, section 13.2).

@@ -61,12 +61,50 @@ def stabilised(polynomial: Array, within: float = 0.995) -> Array:
 
 
 def filtered(numerator: Array, denominator: Array, values: Array) -> Array:
-    """Filter values along the first axis, from rest."""
+    """Filter values along the last axis, from rest."""
     from scipy.signal import lfilter  # half a second to load, which only a black box needs
 
     if not values.size:
         return values  # SciPy refuses an empty array
-    return np.asarray(lfilter(numerator, denominator, values, axis=0), dtype=np.float64)
+    return np.asarray(lfilter(numerator, denominator, values), dtype=np.float64)
+
+
+def from_reflections(coefficients: Array) -> tuple[Array, Array]:
+    """Return the monic polynomial of reflection coefficients, and its derivatives by them.
+
+    All its roots are within the unit circle if the coefficients are within -1 and 1, and every such
+    polynomial has its coefficients there (Levinson's recursion; Ljung, section 10.1).
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (p,)
+
+    Returns
+    -------
+    polynomial : ndarray, shape (p + 1,)
+    slopes : ndarray, shape (p + 1, p)
+    """
+    order = len(coefficients)
+    polynomial = np.zeros(order + 1)
+    polynomial[0] = 1.0
+    slopes = np.zeros((order + 1, order))
+    for i, k in enumerate(coefficients):
+        grown = slice(i + 2)
+        slopes[grown, :i] += k * slopes[i + 1 :: -1, :i]
+        slopes[grown, i] = polynomial[i + 1 :: -1]
+        polynomial[grown] += k * polynomial[i + 1 :: -1]
+    return polynomial, slopes
+
+
+def reflections(polynomial: Array) -> Array:
+    """Return the reflection coefficients (p,) of a stable monic polynomial (p + 1,)."""
+    coefficients = []
+    remaining = np.asarray(polynomial, dtype=np.float64)
+    while len(remaining) > 1:
+        k = np.clip(remaining[-1], -_INSIDE, _INSIDE)  # rounding can put it at one
+        coefficients.append(k)
+        remaining = (remaining - k * remaining[::-1])[:-1] / (1.0 - k * k)
+    return np.array(coefficients[::-1])
 
 
 def solved(columns: Array, target: Array) -> Array:

@@ -20,7 +20,9 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
-from orchestration.identify.black_box.polynomials import filtered, is_stable, monic
+from orchestration.identify.black_box.polynomials import filtered, monic
+
+_ONE = np.ones(1)
 
 
 class Coefficients(NamedTuple):
@@ -72,6 +74,26 @@ class PredictionError:
         self.offset = offset
         self.first = max(first, orders.first)
         self.samples = len(output) - self.first
+        self.present_output = self._past(output, 0)
+        self._past_outputs = self._delayed(output, 1, orders.na)
+        self._past_inputs = [
+            self._delayed(values, delay, count)
+            for values, delay, count in zip(inputs.T, orders.nk, orders.nb, strict=True)
+        ]
+        self._impulse = np.zeros(self.samples)
+        self._impulse[0] = 1.0
+        # which parameters the errors are linear in: all but the coefficients of F, C and D
+        self.linear = self.vector(
+            Coefficients(
+                a=np.ones(orders.na + 1),
+                b=tuple(map(np.ones, orders.nb)),
+                f=tuple(np.zeros(count + 1) for count in orders.nf),
+                c=np.zeros(orders.nc + 1),
+                d=np.zeros(orders.nd + 1),
+                offset=1.0,
+                transient=tuple(map(np.ones, orders.nf)),
+            )
+        ).astype(bool)
 
     @property
     def size(self) -> int:
@@ -82,16 +104,10 @@ class PredictionError:
         """Return a signal delayed by so many samples, from the first sample on."""
         return values[self.first - lag : len(values) - lag]
 
-    def past_inputs(self, i: int) -> Array:
-        """Return the regressors of B_i (samples, nb): input i, delayed."""
-        delay = self.orders.nk[i]
-        lags = range(delay, delay + self.orders.nb[i])
-        return np.array([self._past(self.inputs[:, i], lag) for lag in lags]).T
-
-    def past_outputs(self) -> Array:
-        """Return the regressors of the coefficients of A: delayed outputs (samples, na)."""
-        columns = [self._past(self.output, lag) for lag in range(1, self.orders.na + 1)]
-        return np.array(columns).reshape(len(columns), self.samples).T
+    def _delayed(self, values: Array, first: int, count: int) -> Array:
+        """Return a signal delayed by ``first`` and more samples (count, samples)."""
+        rows = [self._past(values, lag) for lag in range(first, first + count)]
+        return np.array(rows).reshape(count, self.samples)
 
     def coefficients(self, theta: Array) -> Coefficients:
         """Split a vector of parameters (p,) into polynomials, offset and free responses."""
@@ -123,28 +139,19 @@ class PredictionError:
             [parts.a[1:], *paths, parts.c[1:], parts.d[1:], offset, *parts.transient]
         )
 
-    def admissible(self, theta: Array) -> bool:
-        """Tell whether the predictor and the noise model are stable."""
-        parts = self.coefficients(theta)
-        return all(is_stable(polynomial) for polynomial in (*parts.f, parts.c, parts.d))
-
     def _paths(self, parts: Coefficients) -> list[Array]:
         """Return the output of every path (samples,), its free response included."""
         paths = []
         for i, (b, f, transient) in enumerate(zip(parts.b, parts.f, parts.transient, strict=True)):
-            driven = self.past_inputs(i) @ b
+            driven = b @ self._past_inputs[i]
             driven[: len(transient)] += transient
-            paths.append(filtered(np.ones(1), f, driven))
+            paths.append(filtered(_ONE, f, driven))
         return paths
 
     def _disturbance(self, parts: Coefficients, paths: list[Array]) -> Array:
         """Return v (samples,): the part of the output that the paths do not explain."""
-        return (
-            self._past(self.output, 0)
-            + self.past_outputs() @ parts.a[1:]
-            - sum(paths)
-            - parts.offset
-        )
+        equation = self.present_output + parts.a[1:] @ self._past_outputs
+        return equation - sum(paths) - parts.offset
 
     def disturbance(self, theta: Array) -> Array:
         """Return v (samples,): the part of the output that the inputs do not explain."""
@@ -159,29 +166,60 @@ class PredictionError:
     def jacobian(self, theta: Array) -> Array:
         """Return the derivatives of the prediction errors (samples, p)."""
         parts = self.coefficients(theta)
+        slopes = np.empty((self.size, self.samples))
+        slopes[self.linear] = self.linear_slopes(parts)
+        slopes[~self.linear] = self.nonlinear_slopes(parts)
+        return slopes.T
+
+    def linear_slopes(self, parts: Coefficients) -> Array:
+        """Return the derivatives by A, B, the offset and the free responses, one a row.
+
+        They depend on F, C and D alone.
+        """
+        n = self.orders
+        count = n.na + sum(n.nb) + self.offset + sum(n.nf)
+        slopes = np.zeros((count, self.samples))
+        slopes[: n.na] = filtered(parts.d, parts.c, self._past_outputs)
+        own = n.na
+        free = count - sum(n.nf)
+        for regressors, f in zip(self._past_inputs, parts.f, strict=True):
+            nb, nf = len(regressors), len(f) - 1
+            # one filter after the other: the product of polynomials with roots near one is inexact
+            begun = filtered(_ONE, f, np.array([self._impulse, regressors[0]]))
+            impulse, driven = -filtered(parts.d, parts.c, begun)
+            _delay(slopes[free : free + nf], impulse)
+            # a delayed input passes the filter as the input itself does, but for what it has
+            # before the first sample
+            _delay(slopes[own : own + nb], driven)
+            for k in range(nb):
+                for j in range(k):
+                    slopes[own + k, j:] += regressors[k, j] * impulse[: self.samples - j]
+            own += nb
+            free += nf
+        if self.offset:
+            slopes[own] = -filtered(parts.d, parts.c, np.ones(self.samples))
+        return slopes
+
+    def nonlinear_slopes(self, parts: Coefficients) -> Array:
+        """Return the derivatives by the coefficients of every F, C and D, one a row."""
         paths = self._paths(parts)
         v = self._disturbance(parts, paths)
         e = filtered(parts.d, parts.c, v)
-        impulse = np.zeros(self.samples)
-        impulse[0] = 1.0
-        columns = [filtered(parts.d, parts.c, self.past_outputs())]
-        free = []
-        for i, (f, w) in enumerate(zip(parts.f, paths, strict=True)):
-            denominator = np.convolve(parts.c, f)
-            count = len(f) - 1
-            columns.append(-filtered(parts.d, denominator, self.past_inputs(i)))
-            columns.append(_lags(filtered(parts.d, denominator, w), count))
-            free.append(-_lags(filtered(parts.d, denominator, impulse), count, 0))
-        columns.append(-_lags(filtered(np.ones(1), parts.c, e), self.orders.nc))
-        columns.append(_lags(filtered(np.ones(1), parts.c, v), self.orders.nd))
-        columns.append(-filtered(parts.d, parts.c, np.ones((self.samples, int(self.offset)))))
-        return np.hstack(columns + free)
+        slopes = np.zeros((int(np.count_nonzero(~self.linear)), self.samples))
+        position = 0
+        for f, w in zip(parts.f, paths, strict=True):
+            nf = len(f) - 1
+            if nf:
+                answer = filtered(parts.d, parts.c, filtered(_ONE, f, w))
+                _delay(slopes[position : position + nf], answer, 1)
+            position += nf
+        nc = self.orders.nc
+        _delay(slopes[position : position + nc], -filtered(_ONE, parts.c, e), 1)
+        _delay(slopes[position + nc :], filtered(_ONE, parts.c, v), 1)
+        return slopes
 
 
-def _lags(values: Array, count: int, first: int = 1) -> Array:
-    """Return a signal that began at rest, delayed by ``first`` and more samples (n, count)."""
-    delayed = np.zeros((len(values), count))
-    for k in range(count):
-        lag = k + first
-        delayed[lag:, k] = values[: len(values) - lag]
-    return delayed
+def _delay(rows: Array, values: Array, first: int = 0) -> None:
+    """Write a signal that began at rest into rows of zeros, delayed by ``first`` and more."""
+    for k, row in enumerate(rows, start=first):
+        row[k:] = values[: len(values) - k]

@@ -18,7 +18,8 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import filtered, monic, solved, stabilised
-from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
+from orchestration.identify.black_box.prediction_error import PredictionError
+from orchestration.identify.black_box.variable_projection import ReducedPredictionError
 
 _ONE = np.ones(1)
 _ROUNDS = 20  # of Steiglitz and McBride
@@ -48,26 +49,25 @@ class _LongModel(NamedTuple):
     innovations: Array
 
 
-def least_squares(problem: PredictionError) -> Array:
-    """Return the parameters of an ARX model, found by linear least squares (Ljung, section 7.3).
-
-    Parameters
-    ----------
-    problem : PredictionError
-        Of orders with neither C, D nor F.
-
-    Returns
-    -------
-    ndarray, shape (p,)
-    """
-    start = np.zeros(problem.size)
-    return solved(problem.jacobian(start), -problem.errors(start))
-
-
-def starts(problem: PredictionError) -> Iterator[Array]:
-    """Yield starting points (p,) for a search, the likely best first; all of them admissible."""
+def denominators(problem: PredictionError) -> Iterator[list[Array]]:
+    """Yield F of every path, the likely best first, where each has its own; all are stable."""
     long = _fit_long_model(problem)
-    yield from _shared(problem, long) if problem.orders.na else _separate(problem, long)
+    inputs = range(len(problem.orders.nb))
+    yield [_steiglitz_mcbride(problem, long, i) for i in inputs]
+    yield [_instruments(problem, long, i) for i in inputs]
+    yield [_steiglitz_mcbride(problem, long, i, rounds=1) for i in inputs]
+
+
+def noise_numerator(problem: PredictionError) -> Array:
+    """Return C of an ARMAX model by extended least squares; it is stable.
+
+    The innovations of a long ARX model stand for those of the model.
+    """
+    e = _fit_long_model(problem).innovations[problem.first :]
+    slopes = problem.linear_slopes(problem.coefficients(np.zeros(problem.size)))
+    past = [_delayed(e, k + 1) for k in range(problem.orders.nc)]
+    columns = np.column_stack([-slopes.T, *past])
+    return stabilised(monic(solved(columns, problem.present_output)[len(slopes) :]))
 
 
 def _fit_long_model(problem: PredictionError) -> _LongModel:
@@ -80,7 +80,7 @@ def _fit_long_model(problem: PredictionError) -> _LongModel:
     order = max(1, min(order, len(output) // (_LONG_SAMPLES * (m + 1)) - max(n.nk)))
     nb = tuple(order + n.nb[i] for i in range(m))
     arx = PredictionError(inputs, output, Orders(order, nb, 0, 0, (0,) * m, n.nk))
-    parts = arx.coefficients(least_squares(arx))
+    parts = arx.coefficients(ReducedPredictionError(arx).theta(np.empty(0)))
     a = stabilised(parts.a)
     responses = [
         filtered(np.r_[np.zeros(k), b], a, u)
@@ -90,14 +90,6 @@ def _fit_long_model(problem: PredictionError) -> _LongModel:
     disturbance = output - paths.sum(axis=1)
     disturbance -= disturbance.mean()
     return _LongModel(a, paths, disturbance, filtered(a, _ONE, disturbance))
-
-
-def _separate(problem: PredictionError, long: _LongModel) -> Iterator[Array]:
-    """Yield start values where every path has its own denominator (output error, Box-Jenkins)."""
-    inputs = range(len(problem.orders.nb))
-    yield _with_noise(problem, [_steiglitz_mcbride(problem, long, i) for i in inputs])
-    yield _with_noise(problem, [_instruments(problem, long, i) for i in inputs])
-    yield _with_noise(problem, [_steiglitz_mcbride(problem, long, i, rounds=1) for i in inputs])
 
 
 def _regressors(problem: PredictionError, i: int, signal: Array, inputs: Array) -> Array:
@@ -115,23 +107,20 @@ def _delayed(values: Array, lag: int) -> Array:
 
 def _steiglitz_mcbride(
     problem: PredictionError, long: _LongModel, i: int, rounds: int = _ROUNDS
-) -> tuple[Array, Array]:
-    """Reduce a path of the long model to B and F, by the iteration of Steiglitz and McBride."""
+) -> Array:
+    """Reduce a path of the long model to F, by the iteration of Steiglitz and McBride."""
     nf = problem.orders.nf[i]
     first = problem.first
     f = _ONE
-    b = np.zeros(problem.orders.nb[i])
-    for _ in range(rounds if nf else 1):
+    for _ in range(rounds if nf else 0):
         signal = filtered(long.a, f, long.paths[:, i])
         columns = _regressors(problem, i, signal, filtered(long.a, f, problem.inputs[:, i]))
-        solution = solved(columns[first:], signal[first:])
-        f = stabilised(monic(solution[:nf]))
-        b = solution[nf:]
-    return b, f
+        f = stabilised(monic(solved(columns[first:], signal[first:])[:nf]))
+    return f
 
 
-def _instruments(problem: PredictionError, long: _LongModel, i: int) -> tuple[Array, Array]:
-    """Return B and F of a path by instrumental variables.
+def _instruments(problem: PredictionError, long: _LongModel, i: int) -> Array:
+    """Return F of a path by instrumental variables.
 
     The instruments are the outputs of the long model, which hold no noise.
     """
@@ -143,24 +132,23 @@ def _instruments(problem: PredictionError, long: _LongModel, i: int) -> tuple[Ar
     columns = _regressors(problem, i, noisy, u)[first:]
     instruments = _regressors(problem, i, clean, u)[first:]
     solution = solved(instruments.T @ columns, instruments.T @ noisy[first:])
-    return solution[nf:], stabilised(monic(solution[:nf]))
+    return stabilised(monic(solution[:nf]))
 
 
-def _with_noise(problem: PredictionError, paths: list[tuple[Array, Array]]) -> Array:
-    """Return parameters with B and F of every path, and a noise model of their residual."""
-    n = problem.orders
-    b = tuple(path[0] for path in paths)
-    f = tuple(path[1] for path in paths)
-    still = tuple(np.zeros(count) for count in n.nf)
-    white = Coefficients(_ONE, b, f, monic(np.zeros(n.nc)), monic(np.zeros(n.nd)), 0.0, still)
-    disturbance = problem.disturbance(problem.vector(white))
-    offset = float(disturbance.mean())
-    c, d = _hannan_rissanen(disturbance - offset, n.nc, n.nd)
-    return problem.vector(white._replace(c=c, d=d, offset=offset))
+def hannan_rissanen(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
+    """Return C and D of ``D v = C e``, by least squares on the innovations of an autoregression.
 
+    Parameters
+    ----------
+    v : ndarray, shape (n,)
+    nc, nd : int
+        Orders of C and D.
 
-def _hannan_rissanen(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
-    """Return C and D of ``D v = C e``, by least squares on the innovations of an autoregression."""
+    Returns
+    -------
+    c, d : ndarray
+        Monic and stable.
+    """
     if not nc + nd:
         return _ONE, _ONE
     e = innovations(v, nc + nd)
@@ -181,30 +169,3 @@ def innovations(v: Array, order: int) -> Array:
     long = max(1, min(max(_LONG_LEAST, _LONG_TIMES * order), len(v) // _LONG_SAMPLES))
     past = np.stack([_delayed(v, k + 1) for k in range(long)], axis=1)
     return v - past @ solved(past[long:], v[long:])
-
-
-def _shared(problem: PredictionError, long: _LongModel) -> Iterator[Array]:
-    """Yield start values where all paths share the denominator A (ARMAX).
-
-    The first are those of extended least squares, the second those of ARX.
-    """
-    n = problem.orders
-    inputs = [problem.past_inputs(i) for i in range(len(n.nb))]
-    past = [_delayed(long.innovations, k + 1)[problem.first :] for k in range(n.nc)]
-    e = np.array(past).reshape(n.nc, problem.samples).T
-    plain = np.hstack([-problem.past_outputs(), *inputs, np.ones((problem.samples, 1))])
-    output = problem.output[problem.first :]
-    ends = np.cumsum([n.na, *n.nb])
-    for columns in (np.hstack([plain, e]), plain):
-        a, *b, end = np.split(solved(columns, output), ends)
-        c = np.r_[end[1:], np.zeros(n.nc)][: n.nc]
-        parts = Coefficients(
-            a=monic(a),
-            b=tuple(b),
-            f=tuple(_ONE for _ in b),
-            c=stabilised(monic(c)),
-            d=_ONE,
-            offset=float(end[0]),
-            transient=tuple(np.empty(0) for _ in b),
-        )
-        yield problem.vector(parts)

@@ -155,11 +155,11 @@ def _free_responses(samples: int, denominators: list[Array], numerator: Array) -
     ndarray, shape (samples, states)
     """
     distinct = {tuple(denominator): denominator for denominator in denominators}
-    columns = [np.empty((samples, 0))]
+    rows = [np.empty((0, samples))]
     for denominator in distinct.values():
-        impulses = np.eye(samples, min(len(denominator) - 1, samples))
-        columns.append(filtered(numerator, denominator, impulses))
-    return np.hstack(columns)
+        impulses = np.eye(min(len(denominator) - 1, samples), samples)
+        rows.append(filtered(numerator, denominator, impulses))
+    return np.vstack(rows).T
 
 
 def _in_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:

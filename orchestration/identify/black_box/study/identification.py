@@ -46,7 +46,7 @@ class BlackBox:
 
     @property
     def chosen(self) -> Row:
-        """The model that the criterion prefers."""
+        """The model that follows unseen data best, free running; the criterion has its orders."""
         return self.search.chosen
 
     @property
@@ -80,8 +80,14 @@ class BlackBox:
         return (
             f"{article} {row.structure} model follows the part of {self.columns.path.name} that it"
             f" has not seen by {row.validation_fit:.1f} %, free running; its one-step residual"
-            f" {verdict}."
+            f" {verdict}.{self._others}"
         )
+
+    @property
+    def _others(self) -> str:
+        """The free runs of the other structures, the best first, in a sentence after a space."""
+        others = [f"{row.structure} {row.validation_fit:.1f} %" for row in self.search.ranked[1:]]
+        return f" Others: {', '.join(others)}." if others else ""
 
     def __str__(self) -> str:
         return "\n".join(

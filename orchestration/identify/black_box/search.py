@@ -1,0 +1,251 @@
+"""Search for the parameters with the least prediction errors, from several starting points.
+
+The criterion of a model with denominators has many minima (Ljung, section 10.5; Söderström and
+Stoica: Automatica 18, 1982). A search begins at estimates from a long ARX model, at the optima of
+the models that are contained in the one searched for, and at its own lowest minimum with the roots
+of one polynomial drawn anew. All starts are followed a few steps, the best of them to the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.identify.black_box.gauss_newton import GaussNewtonMinimum, minimise
+from orchestration.identify.black_box.orders import Orders
+from orchestration.identify.black_box.polynomials import roots
+from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
+from orchestration.identify.black_box.start_values import (
+    denominators,
+    hannan_rissanen,
+    noise_numerator,
+)
+from orchestration.identify.black_box.variable_projection import ReducedPredictionError
+
+_ONE = np.ones(1)
+_LONGEST = 2.0  # change of a coordinate in a step: a pole from 0 to 0.96, or from 0.9 to 0.998
+_SHORT = 4  # iterations after which starts are compared
+_FOLLOWED = 3  # starts that are followed farther, of each set
+_LONGER = 12  # iterations after which one must be about as low as the lowest before
+_LONG = 60  # iterations of those that are
+_NEAR = 3e-4  # relative cost by which it may still be above
+_ROUNDS = 3  # of drawing roots anew, at least
+_MOST_ROUNDS = 6
+_CONTAINED = 2  # best of the contained models that are starting points
+_DRAWS = 4  # for each path and for the noise model, in a round
+_OSCILLATING = 0.5  # share of pairs of roots that are drawn complex
+_NEGLIGIBLE = 1e-4  # relative difference of costs that makes no difference
+_SAME = 1e-9  # coefficients that differ by less are the same
+_ROUGH = 1e-7  # share of the cost that a step promises, below which minima are compared
+
+
+class Optimum(NamedTuple):
+    """The model of some orders with the least prediction errors.
+
+    Attributes
+    ----------
+    orders : Orders
+    parts : Coefficients
+    cost : float
+        Sum of squared prediction errors.
+    samples : int
+        How many errors.
+    converged : bool
+    """
+
+    orders: Orders
+    parts: Coefficients
+    cost: float
+    samples: int
+    converged: bool
+
+
+def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Optimum:
+    """Search for the model with the least prediction errors.
+
+    Parameters
+    ----------
+    problem : PredictionError
+    contained : sequence of Optimum
+        Optima of models that this one contains.
+
+    Returns
+    -------
+    Optimum
+        Its cost is above that of none that is contained, from the same samples.
+    """
+    reduced = ReducedPredictionError(problem)
+    if not reduced.size:
+        return _end(reduced, np.empty(0))
+    known = [*contained, *_missing(problem, contained)]
+    best, *others = _minima(reduced, list(_begin(reduced, known)), np.inf)
+    if all(other.cost <= (1.0 + _NEGLIGIBLE) * best.cost for other in others):
+        # where all starts lead to one minimum there are hardly others
+        return _end(reduced, best.theta)
+    random = np.random.default_rng(0)
+    for k in range(_MOST_ROUNDS):
+        before = best.cost
+        again = _minima(reduced, list(_redrawn(reduced, best.theta, random)), before)[0]
+        best = min(best, again, key=lambda minimum: minimum.cost)
+        if k + 1 >= _ROUNDS and best.cost > (1.0 - _NEGLIGIBLE) * before:
+            break
+    return _end(reduced, best.theta)
+
+
+def is_contained(other: Optimum, problem: PredictionError) -> bool:
+    """Tell whether a model is one of those searched, and judged by the same samples.
+
+    It is none of them if its A is a factor of D, but no stationary noise has it.
+    """
+    if not (problem.orders.contains(other.orders) and problem.samples == other.samples):
+        return False
+    reduced = ReducedPredictionError(problem)
+    lifted = lift(other, problem.orders)
+    restored = reduced.polynomials(reduced.coordinates(lifted))
+    return all(
+        np.allclose(own[: len(given)], given, rtol=0.0, atol=_SAME)
+        for own, given in zip(restored, lifted, strict=True)
+    )
+
+
+def evaluated(problem: PredictionError, near: Coefficients) -> float:
+    """Return the cost with F, C and D of one model, and all other parameters at their optimum."""
+    reduced = ReducedPredictionError(problem)
+    e = reduced.errors(reduced.coordinates([*near.f, near.c, near.d]))
+    return float(e @ e)
+
+
+def refined(problem: PredictionError, near: Coefficients) -> Optimum:
+    """Return the minimum that a search from F, C and D of one model ends at."""
+    reduced = ReducedPredictionError(problem)
+    return _end(reduced, reduced.coordinates([*near.f, near.c, near.d]))
+
+
+def _end(reduced: ReducedPredictionError, x: Array) -> Optimum:
+    """Return the model at the minimum that a search from one point ends at."""
+    problem = reduced.problem
+    minimum = minimise(reduced, x, longest=_LONGEST)
+    parts = problem.coefficients(reduced.theta(minimum.theta))
+    return Optimum(problem.orders, parts, minimum.cost, problem.samples, minimum.converged)
+
+
+def _minima(
+    reduced: ReducedPredictionError, points: Sequence[Array], known: float
+) -> list[GaussNewtonMinimum]:
+    """Return the lowest minima from some starting points, beside one of a known cost."""
+
+    def followed(x: Array, iterations: int) -> GaussNewtonMinimum:
+        return minimise(reduced, x, iterations, _LONGEST, _ROUGH)
+
+    short = [followed(x, _SHORT) for x in points]
+    short.sort(key=lambda minimum: minimum.cost)
+    ends = []
+    for begun in short[:_FOLLOWED]:
+        end = followed(begun.theta, _LONGER)
+        if end.cost <= (1.0 + _NEAR) * known:
+            end = followed(end.theta, _LONG)
+        known = min(known, end.cost)
+        ends.append(end)
+    return sorted(ends, key=lambda minimum: minimum.cost)
+
+
+def _missing(problem: PredictionError, contained: Sequence[Optimum]) -> Iterator[Optimum]:
+    """Search for the largest contained models of simpler structures, where they are not known."""
+    known = list(contained)
+    for beneath in problem.orders.beneath():
+        if all(other.orders != beneath for other in known):
+            smaller = PredictionError(
+                problem.inputs, problem.output, beneath, problem.first, problem.offset
+            )
+            known.append(optimum(smaller, [o for o in known if beneath.contains(o.orders)]))
+            yield known[-1]
+
+
+def _begin(reduced: ReducedPredictionError, known: Sequence[Optimum]) -> Iterator[Array]:
+    """Yield starting points from data, and the best of those that contained models give."""
+    problem = reduced.problem
+    paths = [_ONE for _ in problem.orders.nf]
+    if problem.orders.na:
+        yield reduced.coordinates([*paths, noise_numerator(problem), _ONE])
+        yield reduced.coordinates([*paths, _ONE, _ONE])
+    else:
+        for f in denominators(problem):
+            yield _with_noise(reduced, reduced.coordinates([*f, _ONE, _ONE]))
+    lifted = [(other.cost, reduced.coordinates(lift(other, problem.orders))) for other in known]
+    lifted.sort(key=lambda pair: pair[0])
+    for _, x in lifted[:_CONTAINED]:
+        yield x
+    for other in known:
+        if not other.orders.has_noise_model:
+            yield _with_noise(reduced, reduced.coordinates(lift(other, problem.orders)))
+
+
+def lift(contained: Optimum, orders: Orders) -> list[Array]:
+    """Return F of every input, C and D with which a model of some orders is a contained one.
+
+    ``A y = B/F u + C/D e`` is ``y = B/(A F) u + C/(A D) e``, and ``y = B/F u + e`` of one input is
+    ``F y = B u + F e``.
+    """
+    parts = contained.parts
+    if orders.na < contained.orders.na:
+        f = [np.convolve(parts.a, own) for own in parts.f]
+        return [*f, parts.c, np.convolve(parts.a, parts.d)]
+    if orders.nf[0] < contained.orders.nf[0]:
+        return [_ONE, parts.f[0], _ONE]
+    return [*parts.f, parts.c, parts.d]
+
+
+def _with_noise(reduced: ReducedPredictionError, x: Array) -> Array:
+    """Return a point with a noise model of the errors that it leaves without one."""
+    *paths, c, d = reduced.blocks(x)
+    white = np.concatenate([*paths, 0.0 * c, 0.0 * d])
+    noise = hannan_rissanen(reduced.errors(white), len(c), len(d))
+    noise_alone = reduced.coordinates([*(_ONE for _ in paths), *noise])
+    return np.concatenate([*paths, *reduced.blocks(noise_alone)[-2:]])
+
+
+def _redrawn(
+    reduced: ReducedPredictionError, x: Array, random: np.random.Generator
+) -> Iterator[Array]:
+    """Yield points with some roots of one F, or of C and D, drawn anew.
+
+    With every other F that is drawn, the noise model is estimated anew, too.
+    """
+    *paths, c, d = reduced.polynomials(x)
+    samples = reduced.problem.samples
+    for k in range(_DRAWS):
+        for i, f in enumerate(paths):
+            if len(f) > 1:
+                new = _with_other_roots(f, samples, random)
+                point = reduced.coordinates([*paths[:i], new, *paths[i + 1 :], c, d])
+                yield _with_noise(reduced, point) if k % 2 else point
+        if len(c) + len(d) > 2:
+            noise = [_with_other_roots(own, samples, random) for own in (c, d)]
+            yield reduced.coordinates([*paths, *noise])
+
+
+def _with_other_roots(polynomial: Array, samples: int, random: np.random.Generator) -> Array:
+    """Return a stable polynomial of which one root, two or a pair are drawn anew.
+
+    Time constants are from one sample to the record's length, alike likely on a logarithmic scale.
+    """
+    order = len(polynomial) - 1
+    present = roots(polynomial)
+    factors = [[z, z.conjugate()] if z.imag > 0.0 else [z] for z in present if z.imag >= 0.0]
+    factors += [[0.0] for _ in range(order - len(present))]  # `roots` leaves out those at zero
+    random.shuffle(factors)
+    kept: list[complex] = []
+    most = max(order - int(random.integers(1, 3)), 0)
+    for factor in factors:
+        kept += factor if len(kept) + len(factor) <= most else []
+    while len(kept) < order:
+        modulus = np.exp(-(samples ** -random.random()))
+        if order - len(kept) > 1 and random.random() < _OSCILLATING:
+            angle = np.pi * samples ** -random.random()
+            kept += [modulus * np.exp(1j * angle), modulus * np.exp(-1j * angle)]
+        else:
+            kept.append(modulus)
+    return np.atleast_1d(np.real(np.poly(kept)))

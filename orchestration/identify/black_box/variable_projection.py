@@ -1,0 +1,180 @@
+"""Prediction errors as functions of F, C and D alone, by variable projection.
+
+Given F, C and D, the errors are linear in A, B, the offset and the free responses, which are at
+their optimum wherever errors are evaluated (Golub and Pereyra: SIAM J. Numerical Analysis 10,
+1973). Slopes are those of Kaufman (BIT 15, 1975): of the errors by F, C and D, less what the
+linear parameters can undo.
+
+Coordinates are the inverse hyperbolic tangents of reflection coefficients, so that every point is
+a model whose F, C and D are stable (Monahan: Biometrika 71, 1984), and none ends at the edge of
+what is admissible because it went straight there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from fmus.kit.arrays import Array
+from orchestration.identify.black_box.polynomials import (
+    filtered,
+    from_reflections,
+    reflections,
+    stabilised,
+)
+from orchestration.identify.black_box.prediction_error import PredictionError
+
+# largest coordinate: a reflection coefficient of 1 - 1e-7
+_FARTHEST = 8.4
+# singular value, relative to the largest, that is zero: free responses of equal paths are collinear
+_UNDETERMINED = 1e-12
+
+
+class _Projection(NamedTuple):
+    """The optimum of the linear parameters, at one point.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (p,)
+        All parameters.
+    errors : ndarray, shape (samples,)
+    regressors : ndarray, shape (q, samples)
+        What linear parameters change of the errors, each row of length one.
+    weights : ndarray, shape (r, q)
+        Their combinations that are orthonormal.
+    slopes : ndarray, shape (k, size)
+        Derivatives of the coefficients of F, C and D by coordinates.
+    """
+
+    theta: Array
+    errors: Array
+    regressors: Array
+    weights: Array
+    slopes: Array
+
+
+class ReducedPredictionError:
+    """Prediction errors as functions of the coordinates of F, C and D.
+
+    Parameters
+    ----------
+    problem : PredictionError
+    """
+
+    def __init__(self, problem: PredictionError):
+        n = problem.orders
+        self.problem = problem
+        self._counts = (*n.nf, n.nc, n.nd)
+        # Noise whose time constant exceeds the record cannot be told from a random walk, which is
+        # not stationary: poles of the noise model keep that much inside the unit circle. A path of
+        # such a time constant shows in the response to its input.
+        self._radii = (*(1.0 for _ in n.nf), 1.0, float(np.exp(-1.0 / problem.samples)))
+        self._last: tuple[bytes, _Projection] | None = None
+
+    @property
+    def size(self) -> int:
+        """The number of coordinates."""
+        return sum(self._counts)
+
+    def blocks(self, x: Array) -> list[Array]:
+        """Divide coordinates into those of every F, C and D."""
+        return np.split(x, np.cumsum(self._counts)[:-1])
+
+    def coordinates(self, polynomials: Sequence[Array]) -> Array:
+        """Return the coordinates of every F, C and D, given as monic polynomials.
+
+        Lower orders are filled up with zeros; roots outside of what is admissible are reflected.
+        """
+        blocks = []
+        for polynomial, count, radius in zip(polynomials, self._counts, self._radii, strict=True):
+            scaled = polynomial / radius ** np.arange(len(polynomial))
+            filled = np.pad(stabilised(scaled), (0, count + 1 - len(scaled)))
+            farthest = np.tanh(_FARTHEST)
+            blocks.append(np.arctanh(np.clip(reflections(filled), -farthest, farthest)))
+        return np.concatenate(blocks)
+
+    def polynomials(self, x: Array) -> list[Array]:
+        """Return every F, C and D at a point."""
+        return [polynomial for polynomial, _ in self._shapes(x)]
+
+    def _shapes(self, x: Array) -> list[tuple[Array, Array]]:
+        """Return every F, C and D, and the derivatives of their coefficients by coordinates."""
+        shapes = []
+        for block, radius in zip(self.blocks(x), self._radii, strict=True):
+            k = np.tanh(block)
+            scale = radius ** np.arange(len(k) + 1)
+            polynomial, slopes = from_reflections(k)
+            by_coordinates = scale[:, np.newaxis] * slopes * (1.0 - k**2)
+            shapes.append((scale * polynomial, by_coordinates[1:]))
+        return shapes
+
+    def admissible(self, x: Array) -> bool:
+        """Tell whether coordinates are where a search may go."""
+        return bool(np.abs(x).max(initial=0.0) <= _FARTHEST)
+
+    def theta(self, x: Array) -> Array:
+        """Return all parameters (p,), the linear ones at their optimum."""
+        return self._projection(x).theta
+
+    def errors(self, x: Array) -> Array:
+        """Return the prediction errors (samples,)."""
+        return self._projection(x).errors
+
+    def jacobian(self, x: Array) -> Array:
+        """Return their derivatives (samples, size), less what linear parameters can undo."""
+        at = self._projection(x)
+        parts = self.problem.coefficients(at.theta)
+        rows = at.slopes.T @ self.problem.nonlinear_slopes(parts)
+        undone = rows @ at.regressors.T @ at.weights.T @ at.weights
+        return (rows - undone @ at.regressors).T
+
+    def _projection(self, x: Array) -> _Projection:
+        """Return the optimum of the linear parameters, which is kept for the point it is of."""
+        key = x.tobytes()
+        if self._last is None or self._last[0] != key:
+            self._last = (key, self._projected(x))
+        return self._last[1]
+
+    def _projected(self, x: Array) -> _Projection:
+        """Return the optimum of the linear parameters."""
+        problem = self.problem
+        polynomials, slopes = zip(*self._shapes(x), strict=True)
+        theta = np.zeros(problem.size)
+        theta[~problem.linear] = np.concatenate([p[1:] for p in polynomials])
+        regressors = problem.linear_slopes(problem.coefficients(theta))
+        length = np.sqrt(np.einsum("ij,ij->i", regressors, regressors))
+        length[length == 0.0] = 1.0
+        regressors /= length[:, np.newaxis]
+        *_, c, d = polynomials
+        begin = filtered(d, c, problem.present_output)
+        solution, weights = _least_squares(regressors, begin)
+        theta[problem.linear] = solution / length
+        errors = begin + solution @ regressors
+        return _Projection(theta, errors, regressors, weights, block_diag(*slopes))
+
+
+def _least_squares(regressors: Array, begin: Array) -> tuple[Array, Array]:
+    """Return the least squares of errors over regressors.
+
+    Parameters
+    ----------
+    regressors : ndarray, shape (q, n)
+    begin : ndarray, shape (n,)
+        The errors without them.
+
+    Returns
+    -------
+    solution : ndarray, shape (q,)
+    weights : ndarray, shape (r, q)
+        Combinations of the regressors that are orthonormal.
+    """
+    count = len(regressors)
+    # a triangle of a few rows holds all there is in many thousand
+    triangle = np.linalg.qr(np.vstack([regressors, begin]).T, mode="r")
+    u, s, v = np.linalg.svd(triangle[:count, :count])
+    kept = s > _UNDETERMINED * s.max(initial=0.0)
+    weights = v[kept] / s[kept, np.newaxis]
+    return -(u[:, kept].T @ triangle[:count, count]) @ weights, weights
