@@ -9,7 +9,19 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .component import Component, Effect, Engine, Term, effect_name, effects_by_name, stack, unstack
+from .component import (
+    Component,
+    Effect,
+    Engine,
+    Term,
+    effect_name,
+    effects_by_name,
+    made_by,
+    made_with,
+    make_effect,
+    stack,
+    unstack,
+)
 from .declare import (
     Declaration,
     Discrete,
@@ -52,7 +64,7 @@ from .functions import (
     tanh,
     where,
 )
-from .layout import Layout
+from .layout import Layout, law_of
 
 if TYPE_CHECKING:
     from .arms import lag_effect, storing_wall
@@ -107,10 +119,14 @@ __all__ = [
     "floor",
     "hypot",
     "lag_effect",
+    "law_of",
     "log",
     "logical_and",
     "logical_not",
     "logical_or",
+    "made_by",
+    "made_with",
+    "make_effect",
     "make_start_parameter",
     "maximum",
     "measurement_effects",

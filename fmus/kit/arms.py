@@ -163,9 +163,6 @@ def lag_effect(
     power = _POWERS.get(kind, 1)
     loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"
     members = {
-        "id": called.id or kind,
-        "term": Term(law, signal, ARMS[kind].text, loop, called.qualifier),
-        "assumption": f"{law} remembers nothing of {signal}",
         "__doc__": f"More in {law}: {ARMS[kind].text}, x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, argument.unit, power),
@@ -189,7 +186,16 @@ def lag_effect(
         "names": names,
         "sampling": sampling,
     }
-    return added(lag_effect, component, arguments, more, members)
+    return added(
+        lag_effect,
+        component,
+        arguments,
+        more,
+        members,
+        id=called.id or kind,
+        term=Term(law, signal, ARMS[kind].text, loop, called.qualifier),
+        assumption=f"{law} remembers nothing of {signal}",
+    )
 
 
 def storing_wall(
@@ -258,9 +264,6 @@ def storing_wall(
         return between(self) - at_start - getattr(self, change)
 
     members = {
-        "id": "storing_wall",
-        "term": Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
-        "assumption": f"nothing is stored between {one.name} and {other.name}",
         "__doc__": (
             f"Store between {one.name} and {other.name}, such as the capacity of a wall; G = 0 is"
             " the base model."
@@ -291,6 +294,8 @@ def storing_wall(
         arguments,
         lambda self: getattr(self, conductance) * beyond(self),
         members,
+        term=Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
+        assumption=f"nothing is stored between {one.name} and {other.name}",
     )
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 from zlib import crc32
 
-from .declare import Declaration, Preset
+from .declare import Declaration, OutputDeclaration, Preset, name_declaration
 from .errors import UserError, suggestion
-from .layout import Layout, arrange, check, extract
+from .layout import APART, Layout, arrange, check, check_laws, extract
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Engine:
     libraries: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+_SAID = frozenset({"id", "output", "term", "neutral", "assumption"})  # of an effect
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
 
@@ -105,6 +106,7 @@ class Component:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        check_laws(cls)
         cls.declared = extract(cls)
         inherited: dict[str, Declaration] = {}
         for base in reversed(cls.__mro__):
@@ -180,7 +182,54 @@ class Term:
     qualifier: str = ""
 
 
-class Effect(Component):
+class EffectType(type):
+    """The type of effects, which keeps what is said of one apart from its laws.
+
+    A law of a component may have any name; laid over it, an effect that has an ``id`` must not take
+    the law of that name away.
+    """
+
+    _about: dict[str, Any]
+
+    def __new__(
+        mcs, title: str, bases: tuple[type, ...], body: dict[str, Any], **about: Any
+    ) -> EffectType:
+        """Make a class; in its body, what is said of it are numbers, texts and a term."""
+        alike = {name: body[name] for name in _SAID & body.keys()}
+        own = {name: value for name, value in alike.items() if isinstance(value, str | int | Term)}
+        apart = {
+            name: name_declaration(value, name)
+            for name, value in alike.items()
+            if isinstance(value, Declaration)
+        }
+        laws = {name: value for name, value in body.items() if name not in own | apart}
+        laws |= {n: v.law for n, v in apart.items() if isinstance(v, OutputDeclaration)}
+        return super().__new__(mcs, title, bases, laws | {"_about": own | about, APART: apart})
+
+    def __init__(
+        cls, title: str, bases: tuple[type, ...], body: dict[str, Any], **about: Any
+    ) -> None:
+        super().__init__(title, bases, body)
+
+
+def _said_of_effect(name: str) -> property:
+    """Return the attribute of an effect's class that is said of it, or of the nearest base."""
+
+    def value(cls: type) -> Any:
+        abouts = (vars(part).get("_about", {}) for part in cls.__mro__)
+        return next(about[name] for about in abouts if name in about)
+
+    def say(cls: EffectType, value: Any) -> None:
+        cls._about[name] = value
+
+    return property(value, say)
+
+
+for _name in _SAID:
+    setattr(EffectType, _name, _said_of_effect(_name))
+
+
+class Effect(Component, metaclass=EffectType):
     """An unmodelled effect of known form: a mixin that overrides a law through ``super()``.
 
     An effect of the physics overrides laws; an output is for effects of its measurement, which no
@@ -205,6 +254,35 @@ class Effect(Component):
     term: ClassVar[Term] = Term()
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
+
+
+def make_effect(title: str, body: Mapping[str, Any], **about: Any) -> type[Effect]:
+    """Make the class of an effect.
+
+    Parameters
+    ----------
+    title : str
+        Name of the class.
+    body : Mapping of str to object
+        Laws and declared variables, ``__doc__`` and ``__module__``.
+    **about
+        What is said of it: the attributes of `Effect`; ``made_by`` and ``made_with``, a function
+        and its arguments after the component by which it can be made anew.
+    """
+    effect = cast("type[Effect]", EffectType(title, (Effect,), dict(body), **about))
+    return effect
+
+
+def made_by(cls: type[Component]) -> Callable[..., type[Effect]] | None:
+    """Return the function by which an effect can be made anew; None for a class that is written."""
+    function: Callable[..., type[Effect]] | None = vars(cls).get("_about", {}).get("made_by")
+    return function
+
+
+def made_with(cls: type[Component]) -> Mapping[str, Any]:
+    """Return the arguments of that function after the component."""
+    arguments: Mapping[str, Any] = vars(cls).get("_about", {}).get("made_with", {})
+    return arguments
 
 
 def effect_name(effect: type[Effect]) -> str:
@@ -321,7 +399,7 @@ def stack(
         raise UserError(
             f"{prefix} has no laws that an effect could change: it stands for something outside"
         )
-    values = {**vars(base).get("stacked_with", {}), **(defaults or {})}
+    values = {**stacked_with(base), **(defaults or {})}
     component, earlier = unstack(base)
     layers = (*earlier, *effects)
     _check_effects(prefix, component, layers)
@@ -330,8 +408,8 @@ def stack(
         "remark": base.remark,
         "__doc__": component.__doc__,
         "__module__": component.__module__,
-        "stacked": (component, layers),
-        "stacked_with": values,
+        "_stacked": (component, layers),
+        "_stacked_with": values,
     }
     title = "".join(effect.__name__ for effect in reversed(layers)) + component.__name__
     return type(
@@ -343,5 +421,11 @@ def stack(
 
 def unstack(cls: type[Component]) -> tuple[type[Component], tuple[type[Effect], ...]]:
     """Return a component without effects, and the effects stacked on it, innermost first."""
-    parts: tuple[type[Component], tuple[type[Effect], ...]] = vars(cls).get("stacked", (cls, ()))
+    parts: tuple[type[Component], tuple[type[Effect], ...]] = vars(cls).get("_stacked", (cls, ()))
     return parts
+
+
+def stacked_with(cls: type[Component]) -> Mapping[str, float | str]:
+    """Return the defaults that replace those of a component and of the effects stacked on it."""
+    values: Mapping[str, float | str] = vars(cls).get("_stacked_with", {})
+    return values

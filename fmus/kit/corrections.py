@@ -8,18 +8,19 @@ be of a memory of any of these.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from inspect import signature
 from math import inf, isfinite
 from typing import Any
 
-from .component import Component, Effect, Term
+from .component import Component, Effect, Term, make_effect
 from .curves import ANY, SHAPES, coefficient, in_brackets, per, width_parameter
 from .declare import Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
+from .layout import law_of
 
 KINDS = ("add", "multiply")
 MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
@@ -244,14 +245,28 @@ def correction(
         more = function.value(self, argument(self))
         return below + more if kind == "add" else below * (1.0 + more)
 
-    about = {
-        "id": law,
-        "term": Term(
-            law, source.words, function.text, effect_family(law, source.name, source.memory), suffix
+    body = {
+        "__doc__": (
+            f"{law} hangs on {source.words}: {function.text}, "
+            + ("added." if kind == "add" else "multiplied with one and it.")
         ),
-        "neutral": own,
-        "made_by": correction,
-        "made_with": {
+        "__module__": __name__,
+        law: corrected,
+    }
+    remembers = _remembering(law, source, memory, now) if source.memory else {}
+    family = effect_family(law, source.name, source.memory)
+    effect = make_effect(
+        f"{own}_correction".title().replace("_", ""),
+        body | function.declared | remembers,
+        id=law,
+        term=Term(law, source.words, function.text, family, suffix),
+        neutral=own,
+        assumption=(
+            f"{law} does not hang on {source.words}"
+            + (" like this" if isinstance(given, str) else "")
+        ),
+        made_by=correction,
+        made_with={
             "law": law,
             "signal": source,
             "shape": given,
@@ -261,20 +276,7 @@ def correction(
             "number": number,
             "beside": beside,
         },
-        "assumption": (
-            f"{law} does not hang on {source.words}"
-            + (" like this" if isinstance(given, str) else "")
-        ),
-        "__doc__": (
-            f"{law} hangs on {source.words}: {function.text}, "
-            + ("added." if kind == "add" else "multiplied with one and it.")
-        ),
-        "__module__": __name__,
-        law: corrected,
-    }
-    remembers = _remembering(law, source, memory, now) if source.memory else {}
-    title = f"{own}_correction".title().replace("_", "")
-    effect: type[Effect] = type(title, (Effect,), about | function.declared | remembers)
+    )
     return effect
 
 
@@ -450,7 +452,7 @@ def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> Non
     """Check that the law and the signal exist, are single numbers, and make no loop."""
     layout = component.layout
     label = component.name or component.__name__
-    laws = list(_laws(component))
+    laws = _laws(component)
     if law not in laws:
         raise UserError(f"{label}: no law named {law!r}{suggestion(law, laws)}")
     variables = [v.name for v in (*layout.inputs, *layout.states, *layout.discretes)] + ["time"]
@@ -460,7 +462,7 @@ def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> Non
             f"{label}: no input, state or law named {signal.name!r}{suggestion(signal.name, known)}"
         )
     for name in {law, signal.name} - set(variables):  # the laws among the two
-        arguments = len(signature(getattr(component, name)).parameters) - 1
+        arguments = len(signature(laws[name]).parameters) - 1
         if arguments and name == signal.name:
             raise UserError(f"{label}: {name} takes arguments, and is no signal")
         if not arguments and isinstance(_evaluated(component, name)[0], Sequence):
@@ -471,12 +473,10 @@ def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> Non
         raise UserError(f"{label}: {law} cannot hang on {signal.name}, which is computed from it")
 
 
-def _laws(component: type[Component]) -> Iterator[str]:
-    """Yield the names of methods that the component has beyond those of every component."""
-    common = set(dir(Component))
-    for name in dir(component):
-        if name not in common and callable(getattr(component, name)):
-            yield name
+def _laws(component: type[Component]) -> dict[str, Callable[..., Any]]:
+    """Return the methods that the component has beyond those of every component, by name."""
+    methods = {name: law_of(component, name) for name in dir(component)}
+    return {n: law for n, law in methods.items() if law is not None and not hasattr(Component, n)}
 
 
 def _evaluated(component: type[Component], law: str, other: str = "") -> tuple[Any, bool]:

@@ -15,10 +15,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Term
+from .component import Component, Effect, Term, make_effect
 from .declare import Declaration, Parameter
 from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
+from .layout import law_of
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
 # exponent beyond which an exponential is cut off: ten million million times its unit
@@ -179,9 +180,6 @@ def curve(
         return getattr(self, amount) * chosen.form(x, w, argument.nominal)
 
     members: dict[str, Any] = {
-        "id": called.id or shape,
-        "term": Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
-        "assumption": f"{law} has no part {chosen.text} with x = {signal}",
         "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, argument.unit, chosen.power),
@@ -203,7 +201,16 @@ def curve(
         "names": names,
         "either_way": either_way,
     }
-    return added(curve, component, arguments, added_value, members)
+    return added(
+        curve,
+        component,
+        arguments,
+        added_value,
+        members,
+        id=called.id or shape,
+        term=Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
+        assumption=f"{law} has no part {chosen.text} with x = {signal}",
+    )
 
 
 def variable(component: type[Component], name: str) -> Declaration:
@@ -254,7 +261,8 @@ def added(
     component: type[Component],
     arguments: Mapping[str, Any],
     more: Callable[[Any], Any],
-    members: dict[str, Any],
+    members: Mapping[str, Any],
+    **about: Any,
 ) -> type[Effect]:
     """Make the effect that adds to a law.
 
@@ -268,9 +276,11 @@ def added(
         Arguments of `make` after the component, by name; the law is the first.
     more : callable
         Gives the value that is added, from the component instance.
-    members : dict of str to object
+    members : Mapping of str to object
         Further members of the class, its docstring among them; the first parameter switches the
         effect.
+    **about
+        What is said of the effect; see `make_effect`.
 
     Raises
     ------
@@ -278,24 +288,21 @@ def added(
         If the component has no such law.
     """
     law = arguments["law"]
-    if not callable(getattr(component, law, None)):
+    if law_of(component, law) is None:
         raise UserError(f"{_label(component)}: no law named {law!r}")
 
     def enlarged(self: Any) -> Any:
         return getattr(super(effect, self), law)() + more(self)
 
-    standard = {
-        "id": make.__name__,
-        "term": Term(law),
-        "neutral": next(name for name, value in members.items() if isinstance(value, Declaration)),
-        "made_by": make,
-        "made_with": arguments,
-        "__module__": __name__,
-        law: enlarged,
-    }
-    body = standard | members
-    title = f"{body['id']}_of_{law}".title().replace("_", "")
-    effect: type[Effect] = type(title, (Effect,), body)
+    switch = next(name for name, value in members.items() if isinstance(value, Declaration))
+    said = {"id": make.__name__, "term": Term(law), "neutral": switch, **about}
+    effect = make_effect(
+        f"{said['id']}_of_{law}".title().replace("_", ""),
+        {"__module__": __name__, **members, law: enlarged},
+        made_by=make,
+        made_with=arguments,
+        **said,
+    )
     return effect
 
 

@@ -130,10 +130,10 @@ def force_offset(
                 "Constant force more, as of a weight or a drive with an offset; 0 is the base"
                 " model."
             ),
-            "assumption": "nothing pushes at rest",
-            "term": Term(law, "", "a"),
             offset: coefficient(unit, nominal, f"constant part of {law}"),
         },
+        term=Term(law, "", "a"),
+        assumption="nothing pushes at rest",
     )
 
 

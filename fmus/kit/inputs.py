@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .component import Component, Effect, Term
+from .component import Component, Effect, Term, make_effect
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
@@ -106,22 +106,21 @@ def _changed(
         return lambda self: rate(self, arriving.below(self))
 
     switch = next(n for n, value in change.declared.items() if isinstance(value, Declaration))
-    effect: type[Effect] = type(
+    effect = make_effect(
         f"{make.__name__}_of_{name}".title().replace("_", ""),
-        (Effect,),
         {
-            "id": make.__name__,
-            "term": Term("", name, change.text, change.family.format(name), name),
-            "assumption": f"{name} arrives as it is commanded",
-            "neutral": switch,
-            "made_by": make,
-            "made_with": {"input": name, "scale": scale, **(more or {})},
             "__doc__": doc,
             "__module__": __name__,
             name: arriving,
             **change.declared,
             **{law: rate_law(rate) for law, rate in change.rates.items()},
         },
+        id=make.__name__,
+        term=Term("", name, change.text, change.family.format(name), name),
+        assumption=f"{name} arrives as it is commanded",
+        neutral=switch,
+        made_by=make,
+        made_with={"input": name, "scale": scale, **(more or {})},
     )
     arriving.effect = effect
     return effect

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from inspect import isfunction
 from math import inf
 from typing import Any
 
@@ -23,6 +24,7 @@ from .declare import (
 from .errors import UserError
 
 _TYPES = ("real", "integer", "boolean")
+APART = "_apart"  # declarations of a class body that have left it already
 _LONGEST_TEXT = 511  # bytes, of fmi2/engine.h
 
 
@@ -99,6 +101,21 @@ class Layout:
         ]
 
 
+def law_of(owner: type, name: str) -> Callable[..., Any] | None:
+    """Return a method of a class; None if it has none of that name.
+
+    It may have the name of something that is said of an effect, such as its id, which is what
+    ``getattr`` gives.
+    """
+    held = _held(owner, name)
+    return held if callable(held) else None
+
+
+def _held(owner: type, name: str) -> Any:
+    """Return what stands under a name in the body of a class, or of its nearest base; or None."""
+    return next((vars(part)[name] for part in owner.__mro__ if name in vars(part)), None)
+
+
 def extract(owner: type) -> dict[str, Declaration]:
     """Take the declarations out of a class body, leaving an output's law as an ordinary method.
 
@@ -116,12 +133,13 @@ def extract(owner: type) -> dict[str, Declaration]:
     declared = {
         name: value for name, value in vars(owner).items() if isinstance(value, Declaration)
     }
+    apart: dict[str, Declaration] = vars(owner).get(APART, {})
     for name, declaration in declared.items():
         if isinstance(declaration, OutputDeclaration):
             setattr(owner, name, declaration.law)
         else:
             delattr(owner, name)
-    return declared
+    return declared | apart
 
 
 def arrange(declarations: Iterable[Declaration]) -> Layout:
@@ -162,6 +180,28 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
         outputs=of_kind(OutputDeclaration),
         texts=of_kind(TextDeclaration),
     )
+
+
+def check_laws(owner: Any) -> None:
+    """Check that no law of a class body has the name of something that every component has.
+
+    Parameters
+    ----------
+    owner : type
+
+    Raises
+    ------
+    UserError
+        Naming class and law.
+    """
+    component = owner.__mro__[-2]
+    taken = {*component.__annotations__, *vars(component)}
+    for name, law in vars(owner).items():
+        if owner is not component and name in taken and isfunction(law) and name[0] != "_":
+            raise UserError(
+                f"{owner.__module__}.{owner.__qualname__}: law {name!r} has the name of something"
+                " that every component has"
+            )
 
 
 def check(owner: Any, layout: Layout) -> None:
@@ -211,20 +251,6 @@ def _check_variables(owner: Any, layout: Layout) -> None:
             _check_type_and_start(owner, v)
 
 
-def _is_taken(owner: Any, holder: Any, name: str) -> bool:
-    """Return whether the name of a variable is that of something else in a class.
-
-    What is said of an effect, such as the output it is of, is read of its class alone, so that
-    variables of the component below it may have such names.
-    """
-    if not hasattr(holder, name):
-        return False
-    bases = owner.__mro__
-    declaring = next((part for part in bases if name in vars(part).get("declared", {})), owner)
-    others = [part for part in bases if part not in declaring.__mro__]
-    return not any(name in vars(part).get("__annotations__", {}) for part in others)
-
-
 def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
     """Check that the name of a variable is an identifier and names nothing else."""
     component = owner.__mro__[-2]
@@ -236,7 +262,10 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
         )
     if v.name in taken:
         raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
-    if v.name in component.__annotations__ or _is_taken(owner, holder, v.name):
+    held = _held(holder, v.name)
+    # what has a setter computes the variable, as an input that arrives late
+    is_taken = held is not None and not hasattr(held, "__set__")
+    if v.name in component.__annotations__ or is_taken:
         raise _mistake(owner, v, "has the name of something else in the class")
 
 
@@ -285,7 +314,7 @@ def _check_references(owner: Any, layout: Layout) -> None:
 
 def _check_method(owner: Any, variable: Declaration, kind: str, name: str) -> None:
     """Check that a declaration names a method of the class."""
-    if not callable(getattr(owner, name, None)):
+    if law_of(owner, name) is None:
         raise _mistake(owner, variable, f"has the {kind} {name!r}, which is no method of the class")
 
 

@@ -18,8 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect
-from .declare import Discrete, Parameter, State
+from .component import Component, Effect, make_effect
+from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, exp, maximum, minimum, where
 from .sampling import DELAY_SAMPLES, Sampling
@@ -79,11 +79,17 @@ class _Quantity:
         return {"unit": self.unit + per, "nominal": self.nominal * scale, "display": display}
 
 
-def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
+def _measurement(assumption: str) -> Callable[[Callable[[_Quantity], dict[str, Any]]], Factory]:
     """Make a factory of effects from a function that returns the class body for one output.
 
-    The docstring of that function is the docstring of the effects, unless the body has one.
+    The docstring of that function is the docstring of the effects, unless the body has one; the
+    first variable of the body switches them.
     """
+    return lambda body: _factory(assumption, body)
+
+
+def _factory(assumption: str, body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
+    """Make a factory of effects that relax an assumption."""
 
     def make(
         component: type[Component], output: str, sampling: Sampling | None = None
@@ -108,17 +114,18 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
             below,
             sampling or Sampling(),
         )
-        members = {
-            "id": body.__name__,
-            "output": output,
-            "__doc__": body.__doc__,
-            "__module__": __name__,
+        members = {"__doc__": body.__doc__, "__module__": __name__, **body(quantity)}
+        effect = make_effect(
+            f"{body.__name__}_of_{output}".title().replace("_", ""),
+            members,
+            id=body.__name__,
+            output=output,
+            neutral=next(n for n, value in members.items() if isinstance(value, Declaration)),
+            assumption=assumption,
             # by which the effect can be made anew, in a package or a report
-            "made_by": make,
-            "made_with": {"output": output, "sampling": sampling},
-        }
-        title = f"{body.__name__}_of_{output}".title().replace("_", "")
-        effect: type[Effect] = type(title, (Effect,), members | body(quantity))
+            made_by=make,
+            made_with={"output": output, "sampling": sampling},
+        )
         return effect
 
     # not functools.wraps: the signature is that of the factory
@@ -127,7 +134,7 @@ def _measurement(body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
     return make
 
 
-@_measurement
+@_measurement("the sensor follows at once")
 def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     """First-order lag of a sensor, in equilibrium at the start.
 
@@ -156,8 +163,6 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
         return quantity.below(self) - getattr(self, lag) * rate(self)
 
     return {
-        "neutral": lag,
-        "assumption": "the sensor follows at once",
         lag: Parameter(
             0.0,
             "s",
@@ -191,7 +196,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement
+@_measurement("the measurement arrives at once")
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     """Pure delay, of up to 64 periods of 20 ms.
 
@@ -239,8 +244,6 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         return lambda self: getattr(self, name)
 
     members = {
-        "neutral": delay,
-        "assumption": "the measurement arrives at once",
         delay: Parameter(
             0.0,
             "s",
@@ -288,13 +291,11 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     return members
 
 
-@_measurement
+@_measurement("the sensor is calibrated")
 def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     """Scale error of a sensor: it reads ``g u``; ``g = 1`` is without."""
     gain = f"{quantity.name}_gain"
     return {
-        "neutral": gain,
-        "assumption": "the sensor is calibrated",
         gain: Parameter(
             1.0,
             "1",
@@ -306,13 +307,11 @@ def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement
+@_measurement("the sensor has its zero at zero")
 def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
     """Bias of a sensor: it reads ``u + b``; ``b = 0`` is without."""
     offset = f"{quantity.name}_offset"
     return {
-        "neutral": offset,
-        "assumption": "the sensor has its zero at zero",
         offset: Parameter(
             0.0,
             min=-_ANY,
@@ -324,7 +323,7 @@ def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement
+@_measurement("the zero of the sensor stays")
 def sensor_drift(quantity: _Quantity) -> dict[str, Any]:
     """Bias of a sensor that grows steadily: it reads ``u + d t`` at the time ``t``."""
     drift = f"{quantity.name}_drift"
@@ -334,8 +333,6 @@ def sensor_drift(quantity: _Quantity) -> dict[str, Any]:
             "Bias of a sensor that grows steadily: it reads ``u + d t``, ``t`` being the time since"
             " the start."
         ),
-        "neutral": drift,
-        "assumption": "the zero of the sensor stays",
         drift: Parameter(
             0.0,
             min=-_ANY,

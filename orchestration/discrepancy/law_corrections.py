@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from scipy.special import chdtrc
 from threadpoolctl import threadpool_limits
 
-from fmus.kit import Component, Effect, effect_name
+from fmus.kit import Component, Effect, effect_name, made_with
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.conclude import Diagnosis, DiagnosisData, Verdict, conclude
 from orchestration.discrepancy.laws import (
@@ -235,7 +235,7 @@ def same_effect(cls: type[Component], correction: type[Effect]) -> type[Effect] 
     correction : type[Effect]
         Made by `fmus.kit.corrections.correction`.
     """
-    given = vars(correction)["made_with"]
+    given = made_with(correction)
     signal = given["signal"]
     shape = given["shape"]
     if given["kind"] != "add" or not isinstance(shape, str) or signal.zero:
@@ -254,7 +254,7 @@ def same_effect(cls: type[Component], correction: type[Effect]) -> type[Effect] 
 
 def _is_lag_effect(effect: type[Effect], memory: str) -> bool:
     """Return whether an effect adds a lag of its signal of a certain kind."""
-    kind = getattr(effect, "made_with", {}).get("kind")
+    kind = made_with(effect).get("kind")
     return kind is not None and kind == _ARMS.get(memory)
 
 

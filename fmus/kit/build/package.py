@@ -16,8 +16,9 @@ from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from fmus.kit.component import Component, unstack
+from fmus.kit.component import Component, made_by, made_with, stacked_with, unstack
 from fmus.kit.errors import UserError
+from fmus.kit.layout import law_of
 
 # Modules of the kit that every Python FMU brings along: they need the standard library only.
 RUNTIME_MODULES = (
@@ -108,7 +109,7 @@ def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]],
         model = parts[base]
     else:
         stacked = ", ".join(_part(used, parts) for used in (base, *effects))
-        values = vars(cls).get("stacked_with")
+        values = stacked_with(cls)
         defaults = f", defaults={values!r}" if values else ""
         model = f"stack({stacked}, name={cls.name!r}{defaults})"
     lines = [
@@ -129,7 +130,7 @@ def _kit_names(effects: Iterable[type[Component]]) -> list[str]:
     """Return the names of the kit that the entry module uses."""
     names = {"stack"}
     for effect in effects:
-        for value in vars(effect).get("made_with", {}).values():
+        for value in made_with(effect).values():
             if is_dataclass(value):
                 names.add(type(value).__name__)
     return sorted(names)
@@ -140,14 +141,14 @@ def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
 
     An effect that was made for an output, a law or an input is made for it again.
     """
-    if "made_by" not in vars(cls):
+    arguments = made_with(cls)
+    if not arguments:
         return parts[cls]
-    arguments = vars(cls)["made_with"]
     subject = next(iter(arguments.values()))  # the output, the law or the input
     owner = next(
         name
         for part, name in parts.items()
-        if hasattr(part, subject) or subject in {v.name for v in part.layout.inputs}
+        if law_of(part, subject) is not None or subject in {v.name for v in part.layout.inputs}
     )
     written = [f"{name}={value!r}" for name, value in arguments.items()]
     return f"{parts[cls]}({', '.join([owner, *written])})"
@@ -192,7 +193,7 @@ def bundle(
 
 def _imported_from(cls: type[Component], collected: Bundle) -> tuple[str, str]:
     """Return module and name that give a class, or the function that makes it, collecting them."""
-    source: Any = vars(cls).get("made_by", cls)
+    source: Any = made_by(cls) or cls
     module = source.__module__
     name = source.__name__
     is_at_top = getattr(sys.modules.get(module), name, None) is source

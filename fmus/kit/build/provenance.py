@@ -79,7 +79,7 @@ def annotate(root: Element, cls: type[Component]) -> None:
         ``fmiModelDescription``, complete up to ``DefaultExperiment``.
     cls : type[Component]
     """
-    if "stacked" not in vars(cls):
+    if cls is unstack(cls)[0]:
         return
     base, effects = unstack(cls)
     origin = _origin(base)

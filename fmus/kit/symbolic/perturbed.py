@@ -17,6 +17,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
+from fmus.kit.layout import law_of
 from fmus.kit.symbolic.tracing import Graph, trace
 
 _NUMBERS = ca.SX, float, int
@@ -82,9 +83,7 @@ class PerturbedLaws:
         """Make a class that records which laws and signals are read, and adds to the laws."""
         # an input that an effect changes stands in the class, and has no value there
         own = {
-            name
-            for name in dir(cls)
-            if callable(getattr(cls, name, None)) and not name.startswith("_")
+            name for name in dir(cls) if law_of(cls, name) is not None and not name.startswith("_")
         }
         laws = own - set(dir(Component))
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect, UserError, transport_delay
+from fmus.kit import Component, Effect, UserError, made_by, transport_delay
 from fmus.kit.arrays import Array
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Points
 from orchestration.discrepancy.candidates.candidate import own_parameters
@@ -218,7 +218,7 @@ def _first_order(
 ) -> ScoreDirections:
     """Return the directions of one effect."""
     settings = _settings(effect, problem.time)
-    if getattr(effect, "made_by", None) is transport_delay:
+    if made_by(effect) is transport_delay:
         changes = [_delayed(course, effect, settings) for course in courses]
         settings = settings[1:]
     else:
@@ -357,7 +357,7 @@ def _simulated(problem: Problem, effect: type[Effect], setting: ScoreDirection) 
 
 def _trials(effect: type[Effect], switch: Any, time: Array) -> list[float]:
     """Return values of a switch at which a difference is taken, within its range."""
-    if getattr(effect, "made_by", None) is transport_delay:
+    if made_by(effect) is transport_delay:
         step = float(np.median(np.diff(time)))
         most = switch.max
         samples = np.unique(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from inspect import isfunction
 from typing import Any
 
-from fmus.kit import Component, Effect, correction, effect_name, unstack
+from fmus.kit import Component, Effect, correction, effect_name, made_by, unstack
 from orchestration.discrepancy.candidates import PairedScore
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
@@ -130,7 +130,7 @@ def _cause(diagnosis: Diagnosis, step: Step) -> dict[str, Any]:
 
 def _effect_id(effect: type[Effect]) -> str:
     """Return the id of an effect; one in no catalogue is known by its law and its signal."""
-    if getattr(effect, "made_by", None) is correction:
+    if made_by(effect) is correction:
         return effect_name(effect)
     return effect.id
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit import Component, Effect, stack, transport_delay, unstack
+from fmus.kit import Component, Effect, made_by, stack, transport_delay, unstack
 from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
 from orchestration.identify.fitting.block_simulation import LONGEST, simulate_in_blocks
@@ -53,7 +53,7 @@ class DelayedModel:
         measured: Collection[str] | None = None,
     ):
         base, effects = unstack(cls)
-        delays = [e for e in effects if getattr(e, "made_by", None) is transport_delay]
+        delays = [e for e in effects if made_by(e) is transport_delay]
         others = tuple(e for e in effects if e not in delays)
         own = {p.name for delay in delays for p in delay.layout.parameters}
         self.layout = cls.layout

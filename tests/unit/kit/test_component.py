@@ -9,13 +9,23 @@ import fmus
 from fmus.kit import (
     Component,
     Effect,
+    Input,
     Output,
     Parameter,
+    SignalTerm,
     State,
+    Term,
     UserError,
+    correction,
+    curve,
+    law_of,
+    made_with,
     stack,
+    unstack,
 )
 from fmus.kit.build.provenance import effect_name
+from fmus.kit.inputs import dead_zone
+from fmus.kit.sensors import sensor_gain
 from tests.support.kit_samples import Divider, Doubled, Thermostat, Warmer
 
 
@@ -93,7 +103,7 @@ def test_effects_bring_their_own_variables_after_the_base():
 def test_stacks_are_named_and_remember_their_parts():
     cls = stack(Thermostat, Warmer, Doubled)
     assert cls.name == "thermostat_with_warmer_with_doubled"
-    assert cls.stacked == (Thermostat, (Warmer, Doubled))
+    assert unstack(cls) == (Thermostat, (Warmer, Doubled))
     assert stack(Thermostat, Warmer, name="mine").name == "mine"
     assert cls.__doc__ == Thermostat.__doc__
     assert cls.experiment == (60.0, 0.5)
@@ -112,7 +122,7 @@ def test_a_long_name_is_cut_and_stays_its_own():
 
 def test_stacking_on_a_stack_is_stacking_at_once():
     twice, once = stack(stack(Thermostat, Warmer), Doubled), stack(Thermostat, Warmer, Doubled)
-    assert twice.stacked == once.stacked
+    assert unstack(twice) == unstack(once)
     assert (twice.name, twice.__name__) == (once.name, once.__name__)
     assert twice.layout.names == once.layout.names
     assert stack(stack(Thermostat, Warmer, name="mine"), Doubled).name == "mine_with_doubled"
@@ -252,3 +262,47 @@ def test_a_component_without_variables():
 
     assert Empty.layout.names == []
     assert Empty().rates() == Empty().outputs() == []
+
+
+SAID = ["output", "id", "term", "neutral", "assumption"]
+
+
+@pytest.mark.parametrize("name", SAID)
+@pytest.mark.parametrize("kind", ["law", "input", "output"])
+def test_effects_leave_laws_and_inputs_whatever_they_are_called(name, kind):
+    law, fed, shown = ({"law": 0, "input": 1, "output": 2}[kind] == k for k in range(3))
+    law_name = name if law else "doubled"
+    input_name = name if fed else "u"
+    output_name = name if shown else "y"
+
+    def value(self):
+        return 2.0 * getattr(self, input_name)
+
+    def seen(self):
+        return getattr(self, law_name)()
+
+    body = {
+        "name": "named",
+        input_name: Input("V"),
+        law_name: value,
+        output_name: Output("V")(seen),
+    }
+    base = type("Named", (Component,), body)
+    effects = [
+        curve(base, law_name, input_name, "quadratic"),
+        dead_zone(base, input_name),
+        sensor_gain(base, output_name),
+        correction(base, law_name, SignalTerm(input_name), "quadratic"),
+    ]
+    assert [e.output for e in effects] == ["", "", output_name, ""]
+    assert all(isinstance(e.id, str) and isinstance(e.term, Term) for e in effects)
+    at = {input_name: 3.0}
+    expected = [2 * 3.0 + 0.5 * 9.0, 2 * 2.5, 0.5 * 6.0, 2 * 3.0 + 0.5 * 9.0]
+    for effect, of_it in zip(effects, expected, strict=True):
+        one = stack(base, effect)(**{effect.neutral: 0.5}, **at)
+        assert one.outputs() == pytest.approx([of_it])
+        assert stack(base, effect)(**at).outputs() == [6.0]
+    everything = stack(base, *effects)
+    assert law_of(everything, law_name) is not None
+    assert made_with(effects[0])["law"] == law_name
+    assert [e.neutral for e in unstack(everything)[1]] == [e.neutral for e in effects]

@@ -13,7 +13,7 @@ from scipy.signal import lsim
 
 from fmus.galvanostat.model import Galvanostat
 from fmus.kit import UserError, smooth_table, stack, units
-from fmus.kit.component import effect_name
+from fmus.kit.component import effect_name, made_by, made_with
 from fmus.kit.corrections import KINDS, MEMORIES, SignalTerm, SmoothTable, correction, with_constant
 from fmus.kit.curves import SHAPES
 from fmus.kit.record.compiled import CompiledModel
@@ -483,10 +483,10 @@ def test_it_is_made_again_from_what_it_was_made_with():
     of = SignalTerm("drive", "lagged", np.float64(0.5), "V", 2.0, 0.3)
     for shape in ("cubic", SmoothTable(np.array([0.0, 1.0]), np.array([2.0, 3.0]))):
         one = correction(Plain, "base", of, shape, "V", np.float64(2.0), kind="multiply")
-        assert "np." not in repr(one.made_with)
-        again = one.made_by(Plain, **eval(repr(one.made_with)))
+        assert "np." not in repr(made_with(one))
+        again = made_by(one)(Plain, **eval(repr(made_with(one))))
         assert repr(again.declared) == repr(one.declared)
-        assert again.made_with == one.made_with
+        assert made_with(again) == made_with(one)
 
 
 # --- what is refused

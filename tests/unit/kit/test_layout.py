@@ -9,7 +9,6 @@ import fmus
 from fmus.kit import (
     Component,
     Discrete,
-    Effect,
     Input,
     Output,
     Parameter,
@@ -235,10 +234,19 @@ def test_a_variable_may_be_called_like_what_is_said_of_effects(name):
     base = type("Named", (Component,), body)
     laid_over = stack(base, sensor_gain(base, "shown"))
     assert laid_over(shown_gain=3.0).shown() == 6.0
-    with pytest.raises(UserError, match=f"'{name}' has the name of something else"):
-        type("Taken", (Effect,), {name: Parameter(1.0, "1")})
+    assert stack(base, defaults={f"{name}_start": 5.0})().shown() == 5.0
+    again = stack(laid_over, defaults={f"{name}_start": 5.0, "shown_gain": 2.0})
+    assert again().shown() == 10.0
 
 
 def test_a_plain_value_over_a_declaration_is_refused():
     with pytest.raises(UserError, match="'R1' has the name of something else"):
         type("Stiffer", (PpyActuator,), {"name": "stiffer", "R1": 0.6})
+
+
+@pytest.mark.parametrize(
+    "name", ["laws", "rates", "outputs", "layout", "declared", "start", "name"]
+)
+def test_a_law_with_the_name_of_what_every_component_has_is_refused(name):
+    with pytest.raises(UserError, match=f"law '{name}' has the name of something that every"):
+        type("Taken", (Component,), {"name": "taken", name: lambda self: 1.0})

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import median_filter
 
-from fmus.kit import Component, Effect, Input, UserError
+from fmus.kit import Component, Effect, Input, UserError, make_effect
 from fmus.kit.arrays import Array
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.candidates import Candidate, FittedCandidate
@@ -49,11 +49,11 @@ def disturbed(cls: type[Component], laws: Iterable[str]) -> type[Effect]:
 
         return more
 
-    about: dict[str, Any] = {"id": "addition", "__module__": cls.__module__}
+    body: dict[str, Any] = {"__module__": cls.__module__}
     for law in laws:
-        about[law] = with_addition(law)
-        about[_input_of(law)] = Input("1", doc=f"added to {law}")
-    effect: type[Effect] = type("Addition", (Effect,), about)
+        body[law] = with_addition(law)
+        body[_input_of(law)] = Input("1", doc=f"added to {law}")
+    effect = make_effect("Addition", body, id="addition")
     return effect
 
 

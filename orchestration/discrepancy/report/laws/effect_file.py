@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus.kit import Component, Declaration, files
+from fmus.kit import Component, Declaration, files, law_of
 from orchestration.discrepancy.extended_model import fitted_defaults
 from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report.laws import wording
@@ -206,9 +206,10 @@ class _ClassBody:
         self._values = values
         self._number = number
         self._law, self._signal = law_and_signal(self._effect)
-        has_arguments = len(inspect.signature(getattr(cls, self._law)).parameters) > 1
+        law: Any = law_of(cls, self._law)
+        has_arguments = len(inspect.signature(law).parameters) > 1
         self._arguments = "*arguments" if has_arguments else ""
-        is_law = callable(getattr(cls, self._signal.name, None))
+        is_law = law_of(cls, self._signal.name) is not None
         self._signal_value = f"self.{self._signal.name}{'()' if is_law else ''}"
 
     def lines(self) -> Iterator[str]:

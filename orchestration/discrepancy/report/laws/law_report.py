@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import SHAPES, Component, Effect, SignalTerm, effect_name
+from fmus.kit import SHAPES, Component, Effect, SignalTerm, effect_name, made_with
 from fmus.kit.arrays import Array
 from fmus.kit.units import base_unit
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
@@ -169,13 +169,13 @@ def shape_estimates(correction: Correction) -> dict[str, Estimate]:
 
 def law_and_signal(effect: type[Effect]) -> tuple[str, SignalTerm]:
     """Return the law that a correction changes, and the signal that it depends on."""
-    given = vars(effect)["made_with"]
+    given = made_with(effect)
     return given["law"], given["signal"]
 
 
 def knots_and_values(effect: type[Effect]) -> tuple[Sequence[float], Sequence[float]]:
     """Return knots and values of a correction that is a table."""
-    table = vars(effect)["made_with"]["shape"]
+    table = made_with(effect)["shape"]
     return table.knots, table.values
 
 

@@ -12,7 +12,7 @@ import pytest
 from fmus.kit import Component, Input, Output, Parameter, State, sin, stack, units
 from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
-from fmus.kit.component import effect_name
+from fmus.kit.component import effect_name, made_with
 from fmus.kit.curves import curve
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.families import families_for, list_laws
@@ -159,7 +159,7 @@ def test_a_flow_between_two_temperatures_may_store(way, sides):
     cls = type("Way", (House,), {"way": way, "name": "way"})
     wall = next(e for e in families_for(cls) if e.id == "storing_wall")
     assert effect_name(wall) == "storing_wall(flow)"
-    assert wall.made_with["sides"] == (("room", "outdoor") if way > 0.0 else ("outdoor", "room"))
+    assert made_with(wall)["sides"] == (("room", "outdoor") if way > 0.0 else ("outdoor", "room"))
     assert not [e for e in families_for(MASS) if e.id == "storing_wall"]
 
 
