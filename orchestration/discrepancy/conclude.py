@@ -582,7 +582,8 @@ def _large_errors(best: FittedCandidate) -> dict[str, float]:
     for output, noise in best.fit.noise.items():
         measured = best.problem.measured[output][best.problem.present[output]]
         residual = best.fit.residual[output]
-        share = float(np.std(residual) / np.std(measured))
+        spread = float(np.std(measured))
+        share = float(np.std(residual)) / spread if spread else 0.0
         follows = robust_power(best.fit.innovation[output]) * noise.deviation**2
         if share > _LARGE and follows < _SLOW * robust_power(residual):
             missed[output] = share

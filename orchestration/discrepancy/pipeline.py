@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit import Component, Effect, UserError, suggestion
+from fmus.kit import Component, Effect, UserError, measurement_effects, suggestion
 from fmus.kit.build import build_cached
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates import catalogue, label, sampling_of, signal_scales
@@ -404,7 +404,13 @@ def _considered_effects(
     scales = signal_scales(cls, data.time, data.inputs, fixed)
     known += families(cls, scales, sampling).values()
     there = {FAMILIES} | _names_of(known)
+    unmeasured = _names_of(measurement_effects(cls))
     for name in names:
+        if name not in there and name in unmeasured:
+            outputs = ", ".join(data.measured)
+            raise UserError(
+                f"effects: {name} is of an output that the record does not have (it has: {outputs})"
+            )
         if name not in there:
             raise UserError(f"effects: no effect named {name!r}{suggestion(name, sorted(there))}")
     return [effect for effect in known if FAMILIES in names or _is_named(effect, names)]

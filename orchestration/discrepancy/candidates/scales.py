@@ -10,7 +10,9 @@ from fmus.kit import Component, Sampling, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import list_laws
+from orchestration.identify.fitting import usual_effort
 
+_LARGEST = 1e30  # no signal is that large, and its powers are still numbers
 _QUANTILE = 0.95  # of the modulus: the largest value may be a glitch
 
 
@@ -32,18 +34,20 @@ def signal_scales(
     -------
     dict of str to float
         To one figure, 1, 2 or 5 with a power of ten, so that records alike have models alike;
-        without what is zero, or what cannot be simulated.
+        without what is zero, runs away, or cannot be simulated.
     """
     inputs = {name: np.nan_to_num(u) for name, u in fed.items()}
     sizes = dict(inputs)
     try:
-        signals = CompiledModel(cls).run(time, inputs, values).signals
+        signals = (
+            CompiledModel(cls).run(time, inputs, values, effort=usual_effort(len(time))).signals
+        )
         sizes |= {state.name: signals[state.name] for state in cls.layout.states}
         sizes |= _law_values(cls, sizes, values)
     except UserError:  # at its nominal parameters it may not run; the declared values have to do
         pass
     magnitudes = {name: _rounded_magnitude(values) for name, values in sizes.items()}
-    return {name: magnitude for name, magnitude in magnitudes.items() if magnitude > 0.0}
+    return {name: magnitude for name, magnitude in magnitudes.items() if 0.0 < magnitude < _LARGEST}
 
 
 def sampling_of(time: Array) -> Sampling:

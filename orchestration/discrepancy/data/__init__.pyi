@@ -12,10 +12,12 @@ from .intersample import classify_course as classify_course
 from .intersample import white_noise as white_noise
 from .quality import is_on_grid as is_on_grid
 from .quality import resolution_of as resolution_of
+from .screening import OVER_RECORD as OVER_RECORD
 from .screening import DividedData as DividedData
 from .screening import has_transient as has_transient
 from .screening import is_excited as is_excited
 from .screening import screen_and_divide as screen_and_divide
+from .screening import telling_of_simulation as telling_of_simulation
 from .stretch import longer_stretch as longer_stretch
 from .stretch import searched_stretch as searched_stretch
 from .stretch import stretch_notes as stretch_notes

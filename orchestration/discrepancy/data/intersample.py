@@ -51,6 +51,8 @@ def classify_course(values: Array) -> IntersampleCourse:
     changes = np.diff(values)
     if not changes.any():
         return IntersampleCourse.STILL
+    if changes.size < 2:  # one change goes any way
+        return IntersampleCourse.UNCLEAR
     noise = white_noise(values)
     grid = _resolution(values)
     if noise > _LOST * np.std(values):

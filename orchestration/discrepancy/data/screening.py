@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +24,8 @@ _LASTING = 0.5  # of the record, before which an output ends too early
 _FEWEST = 20  # samples that an output must have
 _LOST = 0.05  # of the noise, below which a response is lost even in thousands of samples
 _SEEN = 5.0  # times the noise, from which on a movement is none of noise, be it of some colour
+OVER_RECORD = "the record from where it starts"
+_DERIVATIVE = re.compile(r"\bd\(\w+\)/d\(")  # in the message of a simulation that fails
 _HUGE = 1e30  # no measurement is that large, and its square is still a number
 
 
@@ -210,7 +214,42 @@ def has_transient(data: Dataset) -> bool:
 
 
 def _simulated(cls: type[Component], data: Dataset, fixed: Mapping[str, float]) -> dict[str, Array]:
-    """Simulate a model with its start values; return outputs and states."""
+    """Simulate a model with its start values; return outputs and states.
+
+    Raises
+    ------
+    UserError
+        If it cannot be simulated.
+    """
     values = {p.name: float(p.start) for p in cls.layout.parameters} | dict(fixed)
     model = ModelOverRuns(cls, (), data.linear or (), data.runs)
-    return model.run(data.time, data.inputs, values, runs=data.runs).signals
+    with telling_of_simulation(cls, OVER_RECORD):
+        return model.run(data.time, data.inputs, values, runs=data.runs).signals
+
+
+@contextmanager
+def telling_of_simulation(cls: type[Component], over: str) -> Iterator[None]:
+    """Say of a simulation that fails which it is.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        The model.
+    over : str
+        The data, and the values of parameters.
+
+    Raises
+    ------
+    UserError
+        If it fails.
+    """
+    try:
+        yield
+    except (UserError, np.linalg.LinAlgError) as error:
+        reason = str(error)
+        if _DERIVATIVE.search(reason):
+            reason += "; a slope of some law is infinite there, as that of sqrt(x) is at 0"
+        raise UserError(
+            f"{cls.name} cannot be simulated over {over}: {reason}; give other values with --set,"
+            " or another law"
+        ) from error

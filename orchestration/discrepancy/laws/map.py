@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import MEMORIES, correction, effect_family
+from fmus.kit import MEMORIES, correction, effect_family, made_by
 from fmus.kit.arrays import Array
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.candidates import FittedCandidate
@@ -45,6 +46,7 @@ _MEMORIES = {"add": MEMORIES, "multiply": tuple(m for m in MEMORIES if m != "lea
 _QUANTILES = np.linspace(0.0, 1.0, 101)
 _AT_ONCE = 48  # signals whose columns are in memory together
 _STILL = 1e-9  # of its size, within which a law is a constant
+_NOTHING = float(np.finfo(float).tiny)  # sum of squares of what is not there
 _SURE = 0.95  # share of records without anything hidden in which no entry gains more
 
 
@@ -86,9 +88,7 @@ class LawMap:
         self._fitted = fitted
         self._families = set(families)
         # of corrections that the model has already: what they remember, and what they are curves of
-        corrections = [
-            e for e in fitted.candidate.effects if getattr(e, "made_by", None) is correction
-        ]
+        corrections = [e for e in fitted.candidate.effects if made_by(e) is correction]
         self._memories = {
             name
             for e in corrections
@@ -208,10 +208,15 @@ class LawMap:
 
     def _noise_floor(self) -> Mapping[str, Noise]:
         """Estimate the noise from the least residual that any unknown input leaves."""
-        nearest = min(
-            self.courses.values(),
-            key=lambda course: sum(np.log(np.sum(e**2)) for e in course.unexplained.values()),
-        )
+        if not self.courses:  # no law changes what was measured
+            return self._fitted.fit.noise
+
+        def size(course: UnknownInput) -> float:
+            # of a record without noise nothing may be left
+            squares = [float(np.sum(e**2)) for e in course.unexplained.values()]
+            return sum(math.log(max(square, _NOTHING)) for square in squares)
+
+        nearest = min(self.courses.values(), key=size)
         problem = self._fitted.problem
         return {
             o: estimate_noise(e, problem.present[o], 0, problem.noise_samples[o])

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from fmus.kit import Effect, summary
 from fmus.kit.units import Described, format_value
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
+from orchestration.discrepancy.report.wording import NOT_DETERMINED
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import FITTED, Markup, escaped
 
@@ -265,7 +266,7 @@ def format_estimate(e: Estimate, declared: Described) -> FormattedEstimate:
         ends = [format_value(end, declared, digits).removesuffix(unit) for end in e.interval]
         interval = " … ".join(ends)
     else:
-        interval = "the record does not tell"
+        interval = NOT_DETERMINED
     return FormattedEstimate(
         format_quantities(format_value(e.value, declared, digits)),
         format_quantities(interval),

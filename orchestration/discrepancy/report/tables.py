@@ -116,7 +116,10 @@ def error_table(diagnosis: Diagnosis) -> tuple[list[str], list[list[str]]]:
     rows = []
     for part, errors in parts.items():
         for output in next(iter(errors.values()), {}):
-            cells = [f"{errors[name][output]:.4g}" if name in errors else "" for name in models]
+            cells = [
+                wording.format_error(errors[name][output]) if name in errors else ""
+                for name in models
+            ]
             rows.append([output, part, *cells])
     return ["output", "where", *(_MODELS[name] for name in models)], rows
 

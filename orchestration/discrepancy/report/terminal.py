@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -106,7 +107,7 @@ def _errors_by_record(runs: Sequence[RunError]) -> Table:
     for run in runs:
         part = "held out" if run.held_out else "fitted"
         for output, error in run.nrmse.items():
-            table.add_row(run.label, part, output, f"{error:.4g}")
+            table.add_row(run.label, part, output, wording.format_error(error))
     return table
 
 
@@ -125,7 +126,7 @@ def _parameters(diagnosis: Diagnosis) -> Table:
     table = plain_table("parameters", "name", "value", "95 % interval", "nominal")
     for name, e in diagnosis.estimates.items():
         declared = diagnosis.final.problem.declared[name]
-        interval = " … ".join(format_value(end, declared) for end in e.interval)
+        interval = wording.format_interval(e.interval, partial(format_value, variable=declared))
         value = format_value(e.value, declared)
         table.add_row(shown_name(name), value, interval, format_value(e.nominal, declared))
     return table

@@ -34,8 +34,10 @@ _VERDICTS = {
     ),
 }
 _BESIDE = " Beside that, something is left that nothing in the catalogue accounts for: {left}."
+NOT_DETERMINED = "not determined"  # in place of an interval
 REFUTED = "unseen data refute it"
 _LISTED = 5  # names of many that are listed
+_UNCOUNTED = 1e4  # percent, from which on a share is not written out
 _NO_DIFFERENCE = 0.05  # of BIC, below which a choice makes none
 # notes without which a verdict is misread
 IN_HEADLINE = (
@@ -394,9 +396,32 @@ def _format_margin(margin: float) -> str:
     return f" (BIC {'falls' if margin > 0.0 else 'rises'} by {abs(margin):.3g})"
 
 
+def format_error(error: float) -> str:
+    """Return an error over the spread of a signal; a dash where the signal or the model has none.
+
+    That is where the signal is constant, or the simulation runs away.
+    """
+    return f"{error:.4g}" if math.isfinite(error) else "–"
+
+
+def format_interval(interval: tuple[float, float], write: Callable[[float], str]) -> str:
+    """Return an interval, whose ends a function writes; in words if an end is infinite."""
+    if not all(map(math.isfinite, interval)):
+        return NOT_DETERMINED
+    return " … ".join(map(write, interval))
+
+
 def format_percent(share: float) -> str:
-    """Return a share in percent, with two digits; from 100 % on with those before the point."""
+    """Return a share in percent, with two digits; from 100 % on with those before the point.
+
+    A simulation that runs away misses a record by any number, which tells no more; of a constant
+    signal there is no share.
+    """
     value = 100.0 * share
+    if math.isnan(value):
+        return "–"
+    if not value < _UNCOUNTED:
+        return f"more than {_UNCOUNTED:.0f} %"
     is_whole = value >= 99.5  # it is 100 in two digits, which `.2g` writes as 1e+02
     return f"{value:.0f} %" if is_whole else f"{value:.2g} %"
 

@@ -13,6 +13,7 @@ from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.records import join_records
 
+_RUNAWAY = 1e30  # beyond which nothing is measured; below, squares are numbers
 _CONSTANT = 1e-9  # of a signal's size; what varies less does not vary
 
 
@@ -142,7 +143,13 @@ def _transformed(
 
 
 def _varying(signals: Sequence[Regressor]) -> list[Regressor]:
-    return [s for s in signals if np.ptp(s.values) > _CONSTANT * np.max(np.abs(s.values))]
+    """Return the signals that vary, without those that run away unseen by any output."""
+    sizes = [float(np.max(np.abs(s.values))) for s in signals]
+    return [
+        signal
+        for signal, size in zip(signals, sizes, strict=True)
+        if size < _RUNAWAY and np.ptp(signal.values) > _CONSTANT * size
+    ]
 
 
 def _product(unit: str, factor: str) -> str:

@@ -26,6 +26,7 @@ from orchestration.identify.fitting import FitResult, Problem
 
 _LARGE = 0.15  # error over the spread, from which on it is worth a look
 _MUCH_NEARER = 0.5  # of that error, up to which it must fall
+_SPREAD = 1.0  # that error where a model is no nearer than the mean, which explains nothing
 _ALIKE = 1.2  # times the least error, among which the usual parameters decide
 _HALF = 0.5  # of the spread, up to which an error tells something of parameters
 _AS_NEAR = 1.05  # times that error, which another unit may leave where parameters come to reason
@@ -133,7 +134,7 @@ def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     if not readings:
         return []
     near = errors <= _ALIKE * np.min(errors)
-    if as_is.error > _LARGE and np.min(errors) < _MUCH_NEARER * as_is.error:
+    if as_is.error > _LARGE and np.min(errors) < min(_MUCH_NEARER * as_is.error, _SPREAD):
         return [_note(readings, near, as_is, worths)]
     in_units = np.array([reading.code is NoteCode.OTHER_UNIT for reading in readings])
     reasonable = in_units & (errors <= _AS_NEAR * as_is.error) & (distances <= _USUAL)
@@ -216,13 +217,15 @@ def _with(data: Dataset, columns: dict[str, Array]) -> Dataset:
 
 
 def _worth(problem: Problem, fit: FitResult) -> _Worth:
-    """Return what a reading is worth by a fit of the model."""
-    shares = []
+    """Return what a reading is worth by a fit of the model, in the outputs that vary."""
+    shares: list[float] = []
     with np.errstate(over="ignore"):  # a simulation that runs away is far off
         for output, residual in fit.residual.items():
             measured = problem.measured[output][problem.present[output]]
-            least = max(float(np.var(measured)), np.finfo(float).tiny)
-            shares.append(np.mean(residual**2) / least)
+            power = float(np.var(measured))
+            if power > 0.0:
+                shares.append(float(np.mean(residual**2)) / power)
     change = np.abs(fit.q - problem.position(problem.start))
     physical = [not problem.declared[name].starts for name in problem.names]
-    return _Worth(float(np.mean(shares)) ** 0.5, float(np.max(change[physical], initial=0.0)))
+    error = float(np.mean(shares or [0.0])) ** 0.5
+    return _Worth(error, float(np.max(change[physical], initial=0.0)))

@@ -17,7 +17,7 @@ from orchestration.discrepancy.candidates import (
     ScreenedCandidate,
     own_parameters,
 )
-from orchestration.discrepancy.data import Dataset
+from orchestration.discrepancy.data import OVER_RECORD, Dataset, telling_of_simulation
 from orchestration.discrepancy.note import Note
 from orchestration.discrepancy.selection.known_fits import KnownFits, fit_key
 from orchestration.identify.fitting import (
@@ -42,6 +42,8 @@ from orchestration.records import base_name, names_in
 
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to start from once more
 # Errors that end one fit of many; the others stand.
+_STEEPEST = 1e100  # of a derivative, by a parameter that may be small; its square is a number
+_RUNAWAY = 1e30  # of a signal, as nothing measured is that large; its powers are still numbers
 FAILURES = UserError, ArithmeticError, np.linalg.LinAlgError
 # Times the least error of the nominal model's free run, which no noise model may take a fit beyond.
 # Fits to slow noise of few independent samples are that far above the least, which follows the
@@ -139,7 +141,9 @@ class Search:
         else:
             starts = [problem.inside(problem.position(problem.start | dict(near)))]
         method = FULL if near is None else self.method
-        free_run = fit_free_run(problem, starts, self._has_prior(problem), method=method)
+        with telling_of_simulation(self.base, OVER_RECORD):
+            free_run = fit_free_run(problem, starts, self._has_prior(problem), method=method)
+            _refuse_runaway(problem, free_run)
         self.farthest = STRAYED * pooled_error(free_run.residual, error_scales(problem))
         self.freedom = problem.freedom = {o: noise.freedom for o, noise in free_run.noise.items()}
         fit = self._fit(candidate, problem, free_run.q, free_run.noise)
@@ -385,7 +389,7 @@ class Search:
         problem.out_of_time = self.budget.spent
         problem.freedom = self.freedom
         problem.colour = self.colour
-        problem.tolerance = _TOLERANCE
+        problem.tolerance = problem.model.fitted_tolerance = _TOLERANCE
         # a constant as long as the record makes an offset of any state that does not begin at rest
         longest = float(data.time[-1] - data.time[0])
         problem.largest = dict.fromkeys(_time_constants(candidate), longest)
@@ -532,3 +536,17 @@ def _starts(effect: type[Effect]) -> list[str]:
     """Return the start values of the states of an effect, but for clocks, which start with it."""
     layout = effect.layout
     return [layout.start_of[state.name] for state in layout.states if state.unit != "s"]
+
+
+def _refuse_runaway(problem: Problem, fit: FitResult) -> None:
+    """Refuse a fit of which a signal, or a derivative, is beyond all reason; UserError."""
+    values = problem.start | fit.values
+    ran = problem.model.run(
+        problem.time, problem.inputs, values, problem.effort, problem.runs, problem.tolerance
+    )
+    kinds = (("", ran.signals, _RUNAWAY), ("a derivative of ", ran.sensitivities, _STEEPEST))
+    for kind, courses, most in kinds:
+        for name, course in courses.items():
+            largest = float(np.abs(course).max(initial=0.0))
+            if not largest < most:
+                raise UserError(f"{kind}{name} runs away, to {largest:.0e}")

@@ -383,10 +383,13 @@ def whitens_residual(below: FittedCandidate, richer: FittedCandidate) -> bool:
 def _memory(fitted: FittedCandidate) -> dict[str, float]:
     """Return the mean square of a residual over that of its innovations, by output."""
     fit = fitted.fit
-    return {
-        o: robust_power(fit.residual[o]) / (robust_power(fit.innovation[o]) * n.deviation**2)
-        for o, n in fit.noise.items()
-    }
+    memory = {}
+    for o, noise in fit.noise.items():
+        power = robust_power(fit.residual[o])
+        unforeseen = robust_power(fit.innovation[o]) * noise.deviation**2
+        # an output without noise, such as one that rests, leaves nothing to remember
+        memory[o] = power / unforeseen if unforeseen else 1.0
+    return memory
 
 
 def _is_sure(selection: Selection, below: FittedCandidate, chosen: FittedCandidate) -> bool:

@@ -16,13 +16,14 @@ from orchestration.discrepancy.candidates import (
     PairedScore,
     paired_score,
 )
-from orchestration.discrepancy.data import ValidationData, is_at_rest
+from orchestration.discrepancy.data import ValidationData, is_at_rest, telling_of_simulation
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection import FAILURES, Selection, Step
 from orchestration.discrepancy.validation.prediction import Prediction, judged_innovations, predict
 
 _BLOCKS = 24  # that a standard error is estimated from
 _LEAST = 32  # samples in each: more than the memory of the noise
+_OVER_UNSEEN = "the data held out, as it was fitted"
 _OTHERS = 3  # candidates that are judged in the place of one that is refuted
 _SURE = 2.0  # standard errors
 # of the error of a free run, up to which it must fall for that alone to confirm a cause
@@ -157,7 +158,8 @@ def confirm(
     reported : callable
         Returns a model as it is reported, given the one below it.
     """
-    predictions = [predict(validation, selection.base)]
+    with telling_of_simulation(selection.base.candidate.cls, _OVER_UNSEEN):
+        predictions = [predict(validation, selection.base)]
     notes: list[Note] = []
     confirmations = dict[str, Confirmation]()
     at_rest = is_at_rest(validation.data, validation.judged)

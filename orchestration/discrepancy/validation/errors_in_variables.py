@@ -230,8 +230,9 @@ def _replica(
     disturbed = simulated(search, base, noisy)
     measured = {}
     for output, model in base.fit.noise.items():
-        by_inputs = np.var(disturbed[output] - truth[output]) / np.var(base.fit.residual[output])
-        own = np.sqrt(max(_OWN, 1.0 - float(by_inputs)))
+        whole = float(np.var(base.fit.residual[output]))
+        by_inputs = float(np.var(disturbed[output] - truth[output]))
+        own = np.sqrt(max(_OWN, 1.0 - by_inputs / whole if whole else 0.0))
         white = own * model.deviation * random.standard_normal(len(search.data.time))
         values = truth[output] + autoregression([1.0, *-model.coefficients], white)
         measured[output] = np.where(base.problem.present[output], values, np.nan)

@@ -117,7 +117,8 @@ def significantly_changed(
         is_near_zero = abs(nominal) <= slope * errors[i]
         noticed = _moves(model, i, difference) if is_near_zero else change
         if noticed > NOTICEABLE and change > SIGNIFICANT * errors[i]:
-            t_statistics[name] = change / errors[i]
+            # of a record without noise there is no error
+            t_statistics[name] = change / errors[i] if errors[i] else np.inf
     return sorted(t_statistics, key=lambda name: -t_statistics[name])
 
 

@@ -118,6 +118,8 @@ def _estimate_own_values(
         linear=run_in.linear or (),
         runs=run_in.several,
     )
+    if not problem.measured:  # all of a run-in may be missing
+        return {}
     noise = model.fit.noise
 
     def whitened(parts: Mapping[str, Array]) -> Array:
@@ -280,12 +282,12 @@ def _unpredicted_runs(
 ) -> dict[str, dict[str, float]]:
     """Return the outputs that are not predicted: by run, the error over the error to expect."""
     data = validation.data
-    residual = {
-        o: e for o, e in prediction.model.fit.residual.items() if o in data.measured and e.any()
-    }
-    beyond: dict[str, dict[str, float]] = {o: {} for o in residual}
-    for run in data.runs:
-        for output, ratio in _ratios_to_expected(validation, prediction, run, residual).items():
+    residual = prediction.model.fit.residual
+    sizes = {o: rms(_without_largest(e)) for o, e in residual.items() if o in data.measured}
+    sizes = {o: size for o, size in sizes.items() if size > 0.0}
+    beyond: dict[str, dict[str, float]] = {o: {} for o in sizes}
+    for run in data.runs if sizes else ():
+        for output, ratio in _ratios_to_expected(validation, prediction, run, sizes).items():
             if ratio > _BEYOND:
                 beyond[output][run.label] = ratio
     return {output: ratios for output, ratios in beyond.items() if ratios}
@@ -295,7 +297,7 @@ def _ratios_to_expected(
     validation: ValidationData,
     prediction: Prediction,
     run: MeasuredRun,
-    residual: Mapping[str, Array],
+    sizes: Mapping[str, float],
 ) -> dict[str, float]:
     """Return the error of every output in a run, over the error to expect there.
 
@@ -304,12 +306,12 @@ def _ratios_to_expected(
     validation : ValidationData
     prediction : Prediction
     run : MeasuredRun
-    residual : Mapping of str to ndarray
-        Of the fit, by output.
+    sizes : Mapping of str to float
+        RMS of the residual of the fit, by output.
     """
-    sizes = {o: rms(_without_largest(e)) for o, e in residual.items()}
     slopes_in_run = _judged_slopes(validation, prediction, run)
     variance = _variance_of_estimates(validation, prediction, run, sizes)
+    fitted = prediction.model.fit.residual
     ratios = {}
     judged = validation.judged[run.samples]
     for output, size in sizes.items():
@@ -321,7 +323,7 @@ def _ratios_to_expected(
         slopes = slopes_in_run[output][present]
         errors = measured[present] - simulated
         modelled = np.column_stack([simulated, slopes])
-        expected = size * _noise_growth(errors, modelled, residual[output])
+        expected = size * _noise_growth(errors, modelled, fitted[output])
         uncertain = float(np.sqrt(variance[output][present].mean()))
         ratios[output] = rms(_without_largest(errors)) / float(np.hypot(expected, uncertain))
     return ratios

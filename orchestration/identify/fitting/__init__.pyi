@@ -18,6 +18,7 @@ from .problem import Problem as Problem
 from .problem import Scale as Scale
 from .problem import Subject as Subject
 from .problem import scale_of as scale_of
+from .problem import usual_effort as usual_effort
 from .simulation_error import error_at as error_at
 from .simulation_error import error_scales as error_scales
 from .simulation_error import pooled_error as pooled_error

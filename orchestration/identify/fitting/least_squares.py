@@ -50,6 +50,8 @@ class Minimum(NamedTuple):
     promised: float = np.inf
 
 
+# a simulation may run away, and a trust region vanishes where nothing is to gain
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")
 def minimise(
     residual: Function,
     jacobian: Function,
@@ -89,6 +91,8 @@ def minimise(
     if not np.isfinite(q).all():
         raise UserError("the search starts at a point that is not finite")
     search = _Search(residual, jacobian, np.clip(q, low, high), low < high)
+    if search.least == np.inf:  # a simulation that runs away tells no way
+        return Minimum(search.best, False)
     fallen = np.inf
     # A trust region that has become small makes steps that gain little. A new search begins with a
     # large one.
@@ -171,21 +175,22 @@ class _Search:
         def slopes(steps: Array) -> Array:
             if at_origin:
                 return at_origin.pop() * size
-            return _triangle(_columns(self._jacobian(moved(steps)), free), self._last) * size
+            triangle = _triangle(_columns(self._jacobian(moved(steps)), free), self._last)
+            if not np.isfinite(triangle).all():
+                raise SearchEndedError("the derivatives are not finite where the search came to")
+            return triangle * size
 
         bounds = (start + (low - origin)[free] / size, start + (high - origin)[free] / size)
-        # of a trust region that vanishes where nothing is to gain
-        with np.errstate(over="ignore", divide="ignore"):
-            solution = least_squares(
-                rows,
-                start,
-                slopes,
-                bounds,
-                ftol=tolerance,
-                xtol=_ROUNDING,
-                gtol=_ROUNDING,
-                max_nfev=max(1, trials - self._tried),
-            )
+        solution = least_squares(
+            rows,
+            start,
+            slopes,
+            bounds,
+            ftol=tolerance,
+            xtol=_ROUNDING,
+            gtol=_ROUNDING,
+            max_nfev=max(1, trials - self._tried),
+        )
         # a coordinate at its bound is off it by a rounding error
         active = solution.active_mask
         end = moved(solution.x)
@@ -257,11 +262,12 @@ def _promised(jacobian: Array, residual: Array) -> float:
 
 
 def residual_or_none(residual: Function, q: Array) -> Array | None:
-    """Return the residual at a point; None where it is not finite or raises a UserError."""
+    """Return the residual at a point; None where its square is not finite, or it is not known."""
     try:
         values = residual(q)
     except SearchEndedError:
         raise
     except UserError:
         return None
-    return values if np.isfinite(values).all() else None
+    with np.errstate(over="ignore"):
+        return values if np.isfinite(values @ values) else None

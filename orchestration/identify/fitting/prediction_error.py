@@ -316,7 +316,8 @@ def fit_free_run(
     )
     fitted = _assessed(problem, _passed(problem, minimum, prior), prior)
     slopes = problem.evaluate(minimum.q)[1]
-    information = sum(j.T @ j / scales[o] ** 2 for o, j in slopes.items())
+    with np.errstate(over="ignore", invalid="ignore"):  # what runs away is not determined
+        information = sum(j.T @ j / scales[o] ** 2 for o, j in slopes.items())
     weighted = (j / scales[o] for o, j in slopes.items())
     noise = [replace(n, deviation=n.deviation / scales[o]) for o, n in fitted.noise.items()]
     bread = parameter_covariance(np.asarray(information), prior.precision)
@@ -347,7 +348,7 @@ def _is_curved(observed: Array, expected: Array) -> bool:
     It is compared with the expected one.
     """
     scale = np.sqrt(np.diag(expected))
-    seen = scale > 0.0
+    seen = (scale > 0.0) & np.isfinite(scale)
     size = np.outer(scale[seen], scale[seen])
 
     def least(information: Array) -> float:

@@ -27,9 +27,12 @@ Subject = type[Component] | FmuWithDifferences
 # parameters that make the model stiff.
 _STEPS_PER_SAMPLE = 50.0
 _STEPS = 3e5
+_PATIENCE = 10.0  # times as many in a single simulation, which is no step of a search
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
 # searched coordinate from which a search goes on where another took a positive value to zero
 _SMALLEST = float(np.log(np.finfo(float).tiny))
+# of a logarithm, short of where its number is infinite, and products with it too
+_HIGHEST = 0.5 * float(np.log(np.finfo(float).max))
 # distance, in searched coordinates, from the ends of a range at which a search starts
 _NUDGE = 0.1
 
@@ -53,12 +56,17 @@ class Scale:
     def position(self, value: float) -> float:
         """Return the searched coordinate of a value."""
         if self.logarithmic:
-            return float(np.log(value)) if value > 0.0 else -np.inf
+            return min(float(np.log(value)), _HIGHEST) if value > 0.0 else -np.inf
         return value / self.size
 
     def slope(self, q: float) -> float:
         """Return d value / d q."""
         return float(np.exp(q)) if self.logarithmic else self.size
+
+
+def usual_effort(samples: int) -> float:
+    """Return the internal steps per sample that a simulation of so many samples may take."""
+    return max(_STEPS_PER_SAMPLE, _STEPS / samples)
 
 
 class ModelOverRuns:
@@ -103,13 +111,14 @@ class ModelOverRuns:
         )
         self.layout = self._model.layout
         self.delays = self._model.delays
+        self.fitted_tolerance = 0.0
 
     def run(
         self,
         time: Array,
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
-        effort: float = 1e6,
+        effort: float | None = None,
         runs: Sequence[MeasuredRun] = (),
         tolerance: float = 0.0,
     ) -> Trajectory:
@@ -123,8 +132,9 @@ class ModelOverRuns:
             SI.
         parameters : Mapping of str to float
             SI, by names of all runs and of single ones.
-        effort : float
-            Internal steps per sample, beyond which the model has become too stiff.
+        effort : float, optional
+            Internal steps per sample, beyond which the model has become too stiff; several times as
+            many as in a fit unless given.
         runs : sequence of MeasuredRun
             They may be others than those that were fitted, whose own values then have no effect.
         tolerance : float
@@ -142,6 +152,7 @@ class ModelOverRuns:
         """
         chosen = runs or [MeasuredRun(self._runs[0].label, 0, len(time))]
         done = []
+        most = _PATIENCE * usual_effort(len(time)) if effort is None else effort
         for run in chosen:
             clock = time[run.samples] - run.ahead
             fed = {
@@ -149,7 +160,14 @@ class ModelOverRuns:
                 for name, values in inputs.items()
             }
             values = run.values(parameters)
-            done.append(self._of_run(run, self._model.run(clock, fed, values, effort, tolerance)))
+            try:
+                ran = self._model.run(clock, fed, values, most, tolerance)
+            except UserError:
+                if not tolerance < self.fitted_tolerance:
+                    raise
+                # what was fitted is simulated, even if no more exactly than it was fitted
+                ran = self._model.run(clock, fed, values, most, self.fitted_tolerance)
+            done.append(self._of_run(run, ran))
         if len(chosen) == 1 and chosen[0].last - chosen[0].first == len(time):
             return done[0]
         signals = {
@@ -293,7 +311,7 @@ class Problem:
         }
         self.scales = [scale_of(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
-        self.effort = max(_STEPS_PER_SAMPLE, _STEPS / len(time))
+        self.effort = usual_effort(len(time))
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
         self.freedom: Mapping[str, float] = {}

@@ -48,10 +48,12 @@ def estimate_colour(residual: Array, present: Mask, order: int = ORDER) -> Array
         return np.empty(0)
     n = len(residual)
     ends = segments(present)
-    covariance = [
-        sum(float(residual[a : b - lag] @ residual[a + lag : b]) for a, b in ends if b - a > lag)
-        for lag in range(_highest_order(order, n) + 1)
-    ]
+    lags = range(_highest_order(order, n) + 1)
+    with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away, as below
+        covariance = [
+            sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k)
+            for k in lags
+        ]
     return yule_walker(np.array(covariance) / n, n)[0]
 
 

@@ -76,8 +76,10 @@ def parameter_covariance(information: Array, prior: ArrayLike = 0.0) -> Covarian
     Covariance
     """
     known = information + np.diag(np.broadcast_to(prior, len(information)))
-    scale = np.sqrt(np.diag(known))
-    unidentifiable = scale <= 0.0
+    # of an observed information one that is not seen may be less than zero; of a simulation that
+    # runs away it is no number
+    scale = np.sqrt(np.maximum(np.diag(known), 0.0))
+    unidentifiable = ~((scale > 0.0) & np.isfinite(scale))
     matrix = np.zeros_like(known)
     seen = np.flatnonzero(~unidentifiable)
     if seen.size:
@@ -106,8 +108,9 @@ def weighted_square(jacobian: Array, weights: Array) -> Array:
     """
     count = jacobian.shape[1]
     square = np.zeros((count, count))
-    for block in _blocks(len(jacobian)):
-        square += (jacobian[block].T * weights[block]) @ jacobian[block]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for block in _blocks(len(jacobian)):
+            square += (jacobian[block].T * weights[block]) @ jacobian[block]
     return square
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -205,3 +206,17 @@ def test_a_cause_that_the_record_needs_keeps_its_name_whatever_its_interval(monk
     assert found.causes == [label(OTHERS[1])]
     low, high = found.estimates[OTHERS[1].neutral].interval
     assert 0.0 < low < 0.1 < high
+
+
+def test_of_an_output_that_rests_no_error_is_a_share():
+    rest = np.full(50, 3.0)
+    wide = np.linspace(-1.0, 1.0, 50)
+    outputs = {"rests": rest, "moves": wide}
+    fit = SimpleNamespace(
+        noise={output: SimpleNamespace(deviation=1.0) for output in outputs},
+        residual=dict.fromkeys(outputs, wide),
+        innovation=dict.fromkeys(outputs, 0.1 * wide),
+    )
+    present = dict.fromkeys(outputs, np.ones(50, dtype=bool))
+    best = SimpleNamespace(fit=fit, problem=SimpleNamespace(measured=outputs, present=present))
+    assert conclusion._large_errors(best) == {"moves": pytest.approx(1.0)}

@@ -27,6 +27,7 @@ from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection import Search, scoring
 from orchestration.records.joined import base_name
 from tests.support.diagnosis import FEW, coloured, short_record
+from tests.support.regression_model import GAIN, OFFSET, OTHERS, Amplifier
 from tests.support.several import (
     OCVS,
     STARTS,
@@ -228,3 +229,15 @@ def test_more_records_tell_parameters_more_closely():
             e.interval[1] - e.interval[0] for e in (one.estimates[name], four.estimates[name])
         ]
         assert widths[1] < 0.7 * widths[0]
+
+
+@pytest.mark.parametrize("gain", [GAIN, 1.5 * GAIN])
+def test_a_record_without_noise_is_followed_exactly(gain):
+    """No residual has a size that anything could be held against; nothing warns."""
+    time = 0.1 * np.arange(400)
+    signal = np.sin(time) + 0.3 * np.sin(3.7 * time)
+    data = Dataset(time, {"signal": signal}, {"shown": gain * signal})
+    diagnosis = diagnose(Amplifier, data, [OFFSET, *OTHERS])
+    assert diagnosis.causes == []
+    assert diagnosis.estimates["gain"].value == pytest.approx(gain)
+    assert diagnosis.changed == ([] if gain == GAIN else ["gain"])

@@ -177,6 +177,15 @@ def test_names_that_are_unknown_are_refused(actuator, options, message):
         diagnose(rig_record(), actuator, options=options)
 
 
+def test_an_effect_of_an_output_that_was_not_measured_is_refused_as_such(actuator):
+    record = rig_record()
+    signals = {n: values for n, values in record.signals.items() if n != "displacement"}
+    less = replace(record, signals=signals)
+    message = r"effects: sensor_gain\(displacement\) is of an output that .* \(it has: voltage\)"
+    with pytest.raises(UserError, match=message):
+        diagnose(less, actuator, options=DiagnosisOptions(effects=["sensor_gain(displacement)"]))
+
+
 def test_a_model_without_equations_is_refused(actuator):
     with pytest.raises(
         UserError, match=r"ppy_actuator is an FMU without equations; name a component or file\.py"

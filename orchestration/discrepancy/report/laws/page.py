@@ -17,6 +17,7 @@ from orchestration.discrepancy.report.laws.law_report import (
     shape_formula,
 )
 from orchestration.discrepancy.report.sections import add_data, add_notes, add_reproduction
+from orchestration.discrepancy.report.wording import format_interval
 from orchestration.discrepancy.validation import parameter_estimates
 from orchestration.reporting import Markup, Page, escaped
 
@@ -186,7 +187,7 @@ def _add_parameters(page: Page, law_report: LawReport, best: Correction) -> None
     rows = []
     for name, e in {**own, **parameter_estimates(best.model)}.items():
         unit = wording.parameter_unit(law_report, best, e) if name in own else e.unit
-        interval = " … ".join(f"{end:.4g}" for end in e.interval)
+        interval = format_interval(e.interval, "{:.4g}".format)
         rows.append(
             [
                 html_elements.two_lines(name, declared[name].doc),

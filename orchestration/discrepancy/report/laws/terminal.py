@@ -12,7 +12,7 @@ from orchestration.discrepancy.report.laws.law_report import (
     describe_signal,
     shape_estimates,
 )
-from orchestration.discrepancy.report.wording import message
+from orchestration.discrepancy.report.wording import format_interval, message
 from orchestration.reporting import plain_table
 
 
@@ -67,7 +67,7 @@ def _errors(best: Correction) -> RenderableType:
 def _parameters(law_report: LawReport, best: Correction) -> RenderableType:
     table = plain_table("parameters of the correction", "name", "value", "95 % interval", "unit")
     for name, e in shape_estimates(best).items():
-        interval = " … ".join(f"{end:.4g}" for end in e.interval)
+        interval = format_interval(e.interval, "{:.4g}".format)
         unit = wording.parameter_unit(law_report, best, e)
         table.add_row(name, f"{e.value:.4g}", interval, unit)
     return table

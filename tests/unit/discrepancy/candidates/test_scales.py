@@ -45,3 +45,25 @@ def test_the_sampling_is_the_median_step_and_the_length_to_two_figures():
     time = np.delete(60.03 * np.arange(1001), [7, 8, 500])
     found = sampling_of(time)
     assert (found.step, found.duration) == (60.0, 60000.0)
+
+
+class Growing(Component):
+    """It grows without bounds."""
+
+    name = "growing"
+    rate = Parameter(1.0, "1/s")
+    level = State("m", rate="growth", start=1.0)
+
+    def growth(self):
+        """In proportion."""
+        return self.rate * self.level
+
+    @Output("m")
+    def shown(self):
+        """As measured."""
+        return self.level
+
+
+def test_what_runs_away_has_no_magnitude():
+    assert set(signal_scales(Growing, np.linspace(0.0, 10.0, 50), {}, {})) >= {"level", "growth"}
+    assert "level" not in signal_scales(Growing, np.linspace(0.0, 300.0, 50), {}, {})

@@ -66,3 +66,7 @@ def test_white_noise_is_seen_beside_a_smooth_course_and_beside_steps(kind):
     noise = 0.005 * np.random.default_rng(3).standard_normal(len(values))
     assert white_noise(values + noise) == pytest.approx(0.005, rel=0.35)
     assert white_noise(values) < 0.0015
+
+
+def test_two_samples_tell_no_course():
+    assert classify_course(np.array([0.0, 1.0])) is IntersampleCourse.UNCLEAR

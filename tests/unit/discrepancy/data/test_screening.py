@@ -4,6 +4,7 @@ measurement.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,11 @@ import pytest
 from fmus.kit.errors import UserError
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.screening import has_transient
+from orchestration.discrepancy.data.screening import (
+    OVER_RECORD,
+    has_transient,
+    telling_of_simulation,
+)
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.discrepancy.report.wording import message
@@ -117,3 +122,19 @@ def test_without_excitation_nothing_is_named():
     assert diagnosis.verdict == "ambiguous"
     assert diagnosis.inconclusive
     assert diagnosis.notes[0].code is NoteCode.NO_EXCITATION
+
+
+@pytest.mark.parametrize(
+    ("reason", "part"),
+    [
+        ("not finite: x at 1 s", "from where it starts: not finite: x at 1 s; give other values"),
+        ("not finite: d(x)/d(k) at 0 s", "infinite there, as that of sqrt(x) is at 0"),
+    ],
+)
+def test_a_start_that_cannot_be_simulated_is_told_with_the_model(reason, part):
+    with (
+        pytest.raises(UserError, match=re.escape(part)) as told,
+        telling_of_simulation(PpyActuator, OVER_RECORD),
+    ):
+        raise UserError(reason)
+    assert str(told.value).startswith("ppy_actuator cannot be simulated over the record")

@@ -12,6 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fmus.kit import Component, Input, Output, Parameter
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.laws import discovery
 from orchestration.discrepancy.laws.discovery import discover
 from orchestration.discrepancy.laws.map import LawMap
@@ -146,3 +149,24 @@ def test_a_shape_is_told_where_it_is_about_as_good_as_the_curve(gain, behind, to
         [("cubic", shape), ("linear", shape)], SimpleNamespace(criterion=-gain), 0.0
     )
     assert found == (("cubic", shape) if told else None)
+
+
+class Beacon(Component):
+    """A constant that no law changes, beside a gain that does nothing."""
+
+    name = "beacon"
+    gain = Parameter(2.0, "1", min=1e-6, max=1e6)
+    signal = Input("V")
+
+    @Output("V")
+    def shown(self):
+        """Always the same."""
+        return 2.5
+
+
+def test_where_no_law_changes_what_was_measured_none_lacks_anything():
+    time = 0.1 * np.arange(400)
+    signal = np.sin(time)
+    noise = np.random.default_rng(1).normal(size=400)
+    data = Dataset(time, {"signal": signal}, {"shown": 3.0 * signal + 0.1 * noise})
+    assert discover(diagnose(Beacon, data, [])).corrections == []

@@ -692,3 +692,19 @@ def test_an_input_that_is_forced_against_its_course_is_in_the_headline(actuator,
         rig_record(), actuator, options=pipeline.DiagnosisOptions(effects=[], interpolate=asked)
     )
     assert ("its course is one of steps" in wording.headline(result)) is asked
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.123, "12 %"), (1.0, "100 %"), (np.inf, "more than 10000 %"), (np.nan, "–")],
+)
+def test_a_share_is_a_number_that_people_read(share, text):
+    assert wording.format_percent(share) == text
+
+
+def test_an_error_and_an_interval_that_are_no_numbers_are_words():
+    assert wording.format_error(0.12345) == "0.1235"
+    assert [wording.format_error(e) for e in (np.nan, np.inf)] == ["–", "–"]
+    assert wording.format_interval((1.0, 2.0), "{:.1f}".format) == "1.0 … 2.0"
+    for open_one in ((-np.inf, np.inf), (0.0, np.inf)):
+        assert wording.format_interval(open_one, str) == "not determined"

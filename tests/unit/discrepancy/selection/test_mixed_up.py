@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
@@ -62,3 +65,11 @@ def test_of_what_is_as_it_should_be_nothing_is_said(noise):
     diagnosis = diagnose(Motor, wired(noise=noise), [FRICTION])
     assert not [note for note in diagnosis.notes if note.code in MIXED_UP]
     assert diagnosis.verdict in (Verdict.CONSISTENT, Verdict.RECALIBRATE)
+
+
+def test_a_reading_that_explains_nothing_is_not_told():
+    """What is measured has to do with nothing, and is as large as nothing that the model does."""
+    data = wired()
+    noise = 100.0 * np.random.default_rng(4).standard_normal(len(data.time))
+    diagnosis = diagnose(Motor, replace(data, measured={"shown": 1e4 + noise}), [])
+    assert [note for note in diagnosis.notes if note.code in MIXED_UP] == []

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 
-from fmus.kit import Component, Input, Output, Parameter, State, curve
+from fmus.kit import Component, Input, Output, Parameter, State, UserError, curve
 from fmus.kit.functions import minimum
 from fmus.kit.generic import extra_kelvin
 from fmus.kit.sensors import measurement_effects, sensor_drift, sensor_lag, transport_delay
@@ -294,3 +294,27 @@ def test_a_search_that_leaves_an_extension_below_its_base_is_logged_as_a_fault(m
     assert logged.levelname == "WARNING"
     assert "force_offset" in logged.getMessage()
     caplog.clear()
+
+
+class Growing(Component):
+    """It grows without bounds from where it starts."""
+
+    name = "growing"
+    rate = Parameter(1.0, "1/s", min=0.9, max=1.1)
+    level = State("m", rate="growth", start=1.0, min=0.5)
+
+    def growth(self):
+        """In proportion."""
+        return self.rate * self.level
+
+    @Output("m")
+    def shown(self):
+        """As measured."""
+        return self.level
+
+
+def test_a_model_that_runs_away_is_refused_with_its_name():
+    time = np.linspace(0.0, 300.0, 300)
+    data = Dataset(time, {}, {"shown": np.sin(time)})
+    with pytest.raises(UserError, match="growing cannot be simulated over the record from where"):
+        Search(data, Growing, ["rate"]).nominal()

@@ -232,3 +232,22 @@ def test_a_search_that_starts_where_a_slope_is_not_finite_is_refused():
             -np.ones(1),
             2.0 * np.ones(1),
         )
+
+
+@pytest.mark.parametrize("size", [1e160, 1e300])
+def test_what_runs_away_where_a_search_starts_leaves_it_there(size):
+    """Its square is no number, so that no way down is known; nothing warns, and nothing ends."""
+    found = minimise(
+        lambda q: size * (q + 1.0), lambda q: size * np.eye(2), np.ones(2), -np.ones(2), np.ones(2)
+    )
+    assert not found.converged
+    assert found.q == pytest.approx([1.0, 1.0])
+
+
+def test_where_derivatives_are_no_numbers_a_search_ends_at_the_best():
+    def slopes(q):
+        return np.array([[1.0 if q[0] > 2.5 else np.nan]])
+
+    found = minimise(lambda q: q - 1.0, slopes, np.array([3.0]), np.zeros(1), np.full(1, 9.0))
+    assert not found.converged
+    assert 1.0 <= found.q[0] < 3.0

@@ -226,3 +226,32 @@ def test_below_the_least_value_of_a_parameter_nothing_is_simulated(data, model):
         problem.evaluate(q + np.log([1.0, 0.4]))
     assert problem.model.run(data.time, data.inputs, VALUES, runs=data.runs)
     assert problem.evaluations == made + 2
+
+
+def test_the_end_of_an_unbounded_range_has_a_value_and_a_slope():
+    """A search may come to it, where a product of the two must be a number."""
+    scale = Scale(True, 1.0)
+    end = scale.position(np.inf)
+    assert np.isfinite([scale.value(end), scale.slope(end), 1e3 * scale.slope(end)]).all()
+    assert scale.position(7.0) == pytest.approx(np.log(7.0))
+
+
+def test_what_was_fitted_less_exactly_is_simulated_less_exactly_if_it_must_be(
+    model, data, monkeypatch
+):
+    tried = []
+
+    def run(time, inputs, parameters, effort, tolerance):
+        tried.append(tolerance)
+        if tolerance < 1e-6:
+            raise UserError("accuracy 1e-08 cannot be reached")
+        return trajectory(time, inputs, parameters, effort, tolerance)
+
+    trajectory = model._model.run
+    monkeypatch.setattr(model._model, "run", run)
+    with pytest.raises(UserError, match="cannot be reached"):
+        model.run(data.time, data.inputs, VALUES, runs=data.runs)
+    monkeypatch.setattr(model, "fitted_tolerance", 1e-6)
+    ran = model.run(data.time, data.inputs, VALUES, runs=data.runs)
+    assert tried == [0.0, 0.0, 1e-6, 0.0, 1e-6, 0.0, 1e-6]
+    assert np.isfinite(ran.signals["voltage"]).all()

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from orchestration.identify.noise.autoregression import fit_autoregression, yule_walker
+from orchestration.identify.noise.autoregression import (
+    estimate_colour,
+    fit_autoregression,
+    yule_walker,
+)
 
 
 @pytest.mark.parametrize(
@@ -30,3 +34,9 @@ def test_a_residual_that_has_run_away_is_no_complaint_of_lapack(bad, lags, capfd
     with pytest.raises(np.linalg.LinAlgError):
         yule_walker(np.full(lags, bad), 100)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_residual_that_runs_away_has_no_autoregression_and_nothing_warns():
+    residual = np.geomspace(1.0, 1e200, 300)
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        estimate_colour(residual, np.ones(300, dtype=bool), 2)

@@ -149,3 +149,14 @@ def test_sums_over_blocks_of_many_rows_are_those_over_all():
     ratio = robust / np.diag(bread.matrix)
     residual = errors - columns @ np.linalg.lstsq(columns, errors)[0]
     assert excess_variance(bread, columns, residual) == pytest.approx(ratio, rel=1e-6)
+
+
+@pytest.mark.parametrize("other", [-1e-18, 0.0, np.inf])
+def test_what_is_not_seen_or_runs_away_is_not_determined_and_nothing_warns(other):
+    found = parameter_covariance(np.diag([4.0, other]))
+    assert found.unidentifiable.tolist() == [False, True]
+    assert found.matrix[0, 0] == pytest.approx(0.25)
+
+
+def test_a_square_that_is_no_number_warns_of_nothing():
+    assert weighted_square(np.full((3, 1), 1e200), np.ones(3)) == np.inf
