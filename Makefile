@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: fuzz demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -18,6 +18,7 @@ help:
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
 	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"
 	@echo "make public-laws what the laws of four measured systems lack; records where PPY_PUBLIC_DATA says"
+	@echo "make fuzz-models models and records drawn at random, diagnosed; SEED=N and CASES=N likewise"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
 	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
@@ -33,6 +34,9 @@ test: $(VENV)/installed-dev check chromium
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)
+
+fuzz-models: $(VENV)/installed-dev
+	$(BIN)/python -m tests.support.fuzz_models --cases $(or $(CASES),2000) --seed $(or $(SEED),0)
 
 test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -n 2 --dist loadfile -m slow
