@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit import Component, Effect, UserError
+from fmus.kit import Component, Effect, UserError, made_with
 from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import (
@@ -510,10 +510,10 @@ def _shortest_ways(candidate: Candidate, period: float) -> Iterator[tuple[str, f
         Between samples, s.
     """
     for effect in candidate.effects:
-        made_with = getattr(effect, "made_with", {})
-        if made_with.get("kind") == "sliding":
+        given = made_with(effect)
+        if given.get("kind") == "sliding":
             _, way = own_parameters(effect)
-            yield way, _AT_ONCE * (made_with["scale"] or effect.declared[way].nominal) * period
+            yield way, _AT_ONCE * (given["scale"] or effect.declared[way].nominal) * period
 
 
 def _are_of_one_record(one: FitResult, other: FitResult) -> bool:

@@ -162,11 +162,14 @@ class ModelOverRuns:
             values = run.values(parameters)
             try:
                 ran = self._model.run(clock, fed, values, most, tolerance)
-            except UserError:
+            except UserError as failure:
                 if not tolerance < self.fitted_tolerance:
                     raise
                 # what was fitted is simulated, even if no more exactly than it was fitted
-                ran = self._model.run(clock, fed, values, most, self.fitted_tolerance)
+                try:
+                    ran = self._model.run(clock, fed, values, most, self.fitted_tolerance)
+                except UserError:
+                    raise failure from None
             done.append(self._of_run(run, ran))
         if len(chosen) == 1 and chosen[0].last - chosen[0].first == len(time):
             return done[0]

@@ -22,7 +22,6 @@ from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.validation import confirmation
 from orchestration.discrepancy.validation.confirmation import Confirmation, FreeRunGain, Outcome
 from tests.support.cubic_regression import drawn_scores
 from tests.support.regression_model import (
@@ -93,23 +92,6 @@ def test_what_acts_in_the_last_third_is_confirmed_there():
     assert found.outcome is Outcome.CONFIRMED
     assert diagnosis.verdict is Verdict.CAUSE
     assert "cubic_stiffness (confirmed on the held-out third)" in wording.sentence(diagnosis)
-
-
-def test_what_cannot_be_simulated_over_unseen_data_is_no_cause_and_ends_nothing(monkeypatch):
-    """As of a law that has no value where nothing was fitted."""
-
-    def predict(validation, model):
-        if CUBE in model.candidate.effects:
-            raise UserError("not finite: shown at 120 s")
-        return predicted(validation, model)
-
-    predicted = confirmation.predict
-    monkeypatch.setattr(confirmation, "predict", predict)
-    diagnosis = diagnose(Amplifier, cubed(2.0), [CUBE])
-    assert diagnosis.causes == []
-    (note,) = [note for note in diagnosis.notes if note.code is NoteCode.NOT_SIMULATED]
-    assert wording.message(note).startswith("cubic_stiffness was not judged: ")
-    assert wording.message(note).endswith("not finite: shown at 120 s")
 
 
 def test_what_comes_next_stands_in_the_place_of_what_is_refuted():
