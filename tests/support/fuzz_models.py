@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import random
 import re
 import shlex
@@ -338,10 +339,13 @@ def _run_apart(seed: int, first: int, last: int) -> Iterator[dict[str, Any]]:
         words = ["--seed", seed, "--from", first, "--to", until]
         command = [sys.executable, "-m", "tests.support.fuzz_models", *map(str, words)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            for line in process.stdout or ():
-                if line.startswith('{"case"'):
-                    yield json.loads(line)
-                    first += 1
+            try:
+                for line in process.stdout or ():
+                    if line.startswith('{"case"'):
+                        yield json.loads(line)
+                        first += 1
+            finally:
+                process.kill()
         if first < until:
             finding = f"the process ended with {process.returncode}"
             yield {"case": first, "findings": [finding], "seconds": 0.0}
@@ -353,6 +357,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cases", type=int, default=2000)
+    parser.add_argument("--seconds", type=float, default=math.inf)
     parser.add_argument("--case", type=int)
     parser.add_argument("--without", nargs="*", default=[])
     parser.add_argument("--shrink", action="store_true")
@@ -379,12 +384,15 @@ def main() -> None:
         sys.exit(bool(found))
     kinds: Counter[str] = Counter()
     done, slowest = 0, 0.0
+    end = time.monotonic() + chosen.seconds
     for answer in _run_apart(seed, chosen.first, chosen.first + chosen.cases):
         done += 1
         slowest = max(slowest, answer["seconds"])
         for finding in dict.fromkeys(answer["findings"]):
             kinds[kind_of(finding)] += 1
             print(f"{repeated(seed, answer['case'])}: {finding}", flush=True)
+        if time.monotonic() > end:
+            break
     print(
         f"{done} cases, {sum(kinds.values())} findings, slowest {slowest:.1f} s of processor time"
     )
