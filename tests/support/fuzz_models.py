@@ -48,7 +48,7 @@ FAULTS: tuple[str, ...] = (
     r"the input '\w+' has no value in rows \d+ to \d+: \d+ samples \(interpolated are at most",
     r"cannot be simulated over (the record from where it starts|the data held out, as)",
     r"law '\w+' has the name of something that every component has",
-    r"the input '\w+' has no value in rows \d+ to \d+, at the \w+ of the record",
+    r"the input '\w+' has no value in rows? \d+( to \d+)?, at the \w+ of the record",
     r"only one instant \(row \d+\); a record needs at least two different times",
     r"it lacks an output of the record before",
     r"--set .* is out of range; allowed is",
