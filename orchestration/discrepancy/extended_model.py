@@ -15,6 +15,8 @@ from fmus.kit import (
     ParameterDeclaration,
     UserError,
     files,
+    made_by,
+    made_with,
     stack,
     summary,
     transport_delay,
@@ -92,9 +94,9 @@ def _with_fine_delays(cls: type[Component], defaults: Mapping[str, float]) -> ty
     base, effects = unstack(cls)
     finer = []
     for effect in effects:
-        sampling = vars(effect).get("made_with", {}).get("sampling")
+        sampling = made_with(effect).get("sampling")
         delay = defaults.get(effect.neutral, 0.0)
-        if sampling and delay > 0.0 and vars(effect)["made_by"] is transport_delay:
+        if sampling and delay > 0.0 and made_by(effect) is transport_delay:
             finer.append(transport_delay(base, effect.output, sampling.holding(delay)))
         else:
             finer.append(effect)

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.tables import Table, Topic
-from fmus.kit import Effect, UserError, effect_name
+from fmus.kit import Effect, UserError, effect_name, made_with
 from fmus.kit.arrays import Array
 from studies.hidden_laws import Answer, LawCase, base_of, cases, draw_lack, is_right, series
 from studies.judging.clean import processor_time, settings_of, share
@@ -90,7 +90,7 @@ def is_right_effect(
 
 def _answers(effect: type[Effect]) -> list[Answer]:
     """Return the answers that an effect gives."""
-    made = vars(effect).get("made_with", {})
+    made = made_with(effect)
     signal = made.get("signal")
     if "kind" in made and hasattr(signal, "memory"):
         return [Answer(made["law"], made["kind"], signal.name, signal.memory)]

@@ -26,7 +26,7 @@ from hashlib import sha256
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit.component import Component, Effect, effect_name, unstack
+from fmus.kit.component import Component, Effect, effect_name, made_with, unstack
 from fmus.kit.sampling import Sampling
 
 _TOOL = "ppy-rig"
@@ -95,7 +95,7 @@ def annotate(root: Element, cls: type[Component]) -> None:
 
 def _sampling_of(effect: type[Effect]) -> dict[str, str]:
     """Return the attributes that give the sampling of the record an effect was made for."""
-    sampling = vars(effect).get("made_with", {}).get("sampling")
+    sampling = made_with(effect).get("sampling")
     return {name: repr(value) for name, value in vars(sampling).items()} if sampling else {}
 
 
