@@ -20,6 +20,7 @@ from .component import (
     made_with,
     make_effect,
     stack,
+    stacked_with,
     unstack,
 )
 from .declare import (
@@ -138,6 +139,7 @@ __all__ = [
     "smooth_table",
     "sqrt",
     "stack",
+    "stacked_with",
     "storing_wall",
     "suggestion",
     "summary",

@@ -18,6 +18,7 @@ from fmus.kit import (
     made_by,
     made_with,
     stack,
+    stacked_with,
     summary,
     transport_delay,
     unstack,
@@ -100,7 +101,7 @@ def _with_fine_delays(cls: type[Component], defaults: Mapping[str, float]) -> ty
             finer.append(transport_delay(base, effect.output, sampling.holding(delay)))
         else:
             finer.append(effect)
-    given = vars(cls).get("stacked_with", {}) | dict(defaults)
+    given = {**stacked_with(cls), **defaults}
     return stack(base, *finer, name=f"{cls.name}_fitted", defaults=given)
 
 
