@@ -55,7 +55,7 @@ misuse-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md
 
 laws-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.laws --records 120 --clean 232 --actuator 1 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
+	$(BIN)/python -m studies.judging.laws --records 120 --clean 232 --actuator 1 --catalogue 60 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
 
 public-laws: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.public_laws

@@ -61,8 +61,9 @@ _BEHIND = 6.0  # of BIC, after its first steps, behind which a fit from beside a
 # of the way between two samples at a typical velocity, in which a slide has given: by less, it is
 # friction that changes sign at once, at the price of ever shorter internal steps
 _AT_ONCE = 0.1
-# of BIC, by which two simulations of one model may differ: less than any evidence turns on
-_ROUNDING = 1.0
+# of BIC, a sample, by which two simulations of one model may differ: that is a two-hundredth of the
+# deviation of the noise, which internal steps of their own make where noise is small
+_ROUNDING = 0.01
 _LOG = logging.getLogger(__name__)
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 # Of every run, the beginnings that a free response is fitted to one after the other: from about a
@@ -335,7 +336,8 @@ class Search:
             In noise of the same kind.
         """
         extra = len(fitted.problem.names) - len(below.problem.names)
-        least = below.fit.bic + extra * float(np.log(fitted.fit.samples)) + _ROUNDING
+        samples = fitted.fit.samples
+        least = below.fit.bic + extra * float(np.log(samples)) + _ROUNDING * samples
         if fitted.fit.bic <= least:
             return fitted
         again = self._again(fitted.candidate, below.fit.values, below)

@@ -69,6 +69,7 @@ def test_what_was_named_before_a_law_stays_only_if_it_is_needed_beside_it(diagno
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
     """Effects of the catalogue fit it, and are named before laws are searched."""
     lack = over("series_resistance + charge", lambda q: -0.111 * tanh(q / 1.57))
@@ -78,7 +79,7 @@ def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
     subject = find_model(drawn.plant.model)
     record = [read_record(path, subject)]
     named = diagnose_only(record, subject).diagnosis
-    assert len(named.causes) > 1, "otherwise this record shows nothing"
+    assert named.causes, "otherwise this record shows nothing"
     result = diagnose_only(record, subject, options=DiagnosisOptions(laws=True)).diagnosis
     assert result.causes == ["immediate_resistance(charge)"]
     strength = result.estimates["immediate_resistance_of_charge"]
