@@ -1,6 +1,7 @@
 from . import before_after as before_after
 from . import pipeline as pipeline
 from .changes import Change as Change
+from .conclude import Diagnosis as Diagnosis
 from .conclude import Verdict as Verdict
 from .diagnosis import diagnose as diagnose
 from .extended_model import export as export

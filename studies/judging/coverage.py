@@ -29,7 +29,7 @@ from studies.judging.kept import Row, add_options, among, judged
 from studies.plants import PLANTS
 
 if TYPE_CHECKING:
-    from orchestration.discrepancy.diagnosis import Diagnosis
+    from orchestration.discrepancy import Diagnosis
 
 _STRENGTHS = 0.5, 1.5  # of a hidden term
 

@@ -98,7 +98,7 @@ class _Linearised(NamedTuple):
     def most(self) -> float:
         """The fall of the cost with a whole step, if errors were linear."""
         whole = np.linalg.lstsq(self.slopes, -self.errors, rcond=_UNDETERMINED)[0]
-        return self.promised(whole)
+        return self.promised(np.asarray(whole, dtype=float))
 
 
 def minimise(

@@ -173,7 +173,7 @@ def _least_squares(regressors: Array, begin: Array) -> tuple[Array, Array]:
     """
     count = len(regressors)
     # a triangle of a few rows holds all there is in many thousand
-    triangle = np.linalg.qr(np.vstack([regressors, begin]).T, mode="r")
+    triangle = np.asarray(np.linalg.qr(np.vstack([regressors, begin]).T, mode="r"), dtype=float)
     u, s, v = np.linalg.svd(triangle[:count, :count])
     kept = s > _UNDETERMINED * s.max(initial=0.0)
     weights = v[kept] / s[kept, np.newaxis]
