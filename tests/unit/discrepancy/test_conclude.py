@@ -205,3 +205,33 @@ def test_a_cause_that_the_record_needs_keeps_its_name_whatever_its_interval(monk
     assert found.causes == [label(OTHERS[1])]
     low, high = found.estimates[OTHERS[1].neutral].interval
     assert 0.0 < low < 0.1 < high
+
+
+def with_friction():
+    """A motor with dry friction, which has a cause."""
+    data = wired()
+    speed = np.zeros(len(data.time))
+    drive = data.inputs["drive"]
+    for k in range(len(speed) - 1):
+        rate = 3.75 * drive[k] - 1.25 * speed[k] - 0.8 * np.tanh(speed[k] / 0.05)
+        speed[k + 1] = speed[k] + 0.1 * rate
+    noise = 0.02 * coloured(0.0, 2, len(speed))
+    return replace(data, measured={"shown": speed + noise})
+
+
+def test_beside_parameters_out_of_all_reason_no_cause_is_named(monkeypatch):
+    named = diagnose(Motor, with_friction(), [FRICTION])
+    assert named.causes == ["coulomb_friction"]
+    monkeypatch.setattr(conclusion, "implausible", lambda *_: {"gain": 159.0})
+    again = conclude_again(named)
+    assert (again.verdict, again.causes) == (Verdict.UNEXPLAINED, [])
+    (note,) = [note for note in again.notes if note.code is NoteCode.IMPLAUSIBLE]
+    assert note.facts["ratios"] == {"gain": 159.0}
+
+
+def test_within_half_a_step_of_the_recorder_no_cause_is_named():
+    named = diagnose(Motor, with_friction(), [FRICTION])
+    coarse = Note(NoteCode.QUANTISED, "shown", {"resolution": 20.0, "share": 1.0})
+    assert conclude_again(named, notes=[coarse]).causes == []
+    fine = Note(NoteCode.QUANTISED, "shown", {"resolution": 0.02, "share": 1.0})
+    assert conclude_again(named, notes=[fine]).causes == named.causes
