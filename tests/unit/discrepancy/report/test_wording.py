@@ -519,10 +519,9 @@ def integrated(monkeypatch):
 
 @makes(NoteCode.MOVES_AHEAD)
 def moves_ahead(monkeypatch):
-    fast = butter(4, 0.2, output="sos")
-    return ahead_of_inputs(
-        with_output(wired(), "shown", sosfiltfilt(fast, wired(noise=0.0).measured["shown"]))
-    )
+    data = products(1.0)
+    smooth = sosfiltfilt(butter(4, 0.2, output="sos"), data.measured["y"])
+    return ahead_of_inputs(with_output(data, "y", smooth))
 
 
 @makes(NoteCode.OVERSAMPLED)
