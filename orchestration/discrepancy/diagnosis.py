@@ -23,6 +23,7 @@ from orchestration.discrepancy.conclude import Verdict as Verdict
 from orchestration.discrepancy.data import (
     Dataset,
     DividedData,
+    ahead_of_inputs,
     has_transient,
     is_excited,
     screen_and_divide,
@@ -334,7 +335,8 @@ def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
         noise = errors_in_variables.no_input_noise(fitted.base)
         data = _conclusion_data(fitted, fitted.base, noise, [])
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
-    mixed_up = mixed_up_columns(fitted.search, fitted.base)
+    ahead = ahead_of_inputs(fitted.search.data)
+    mixed_up = ahead or mixed_up_columns(fitted.search, fitted.base)
     if mixed_up or solver_error_notes(fitted.base):
         noise = errors_in_variables.no_input_noise(fitted.base)
         data = _conclusion_data(fitted, fitted.base, noise, mixed_up)

@@ -26,8 +26,10 @@ class NoteCode(StrEnum):
     DEAD_TO_THE_END = "dead_to_the_end"
     DEAD_WHILE_DRIVEN = "dead_while_driven"
     STANDS_STILL = "stands_still"
+    COPIED = "copied"
     OUTLIERS = "outliers"
     RESAMPLED = "resampled"
+    OVERSAMPLED = "oversampled"
     QUANTISED = "quantised"
     UNUSABLE = "unusable"
     NOTHING_USABLE = "nothing_usable"
@@ -69,6 +71,9 @@ class NoteCode(StrEnum):
     EXCHANGED = "exchanged"
     OTHER_SIGN = "other_sign"
     OTHER_UNIT = "other_unit"
+    DIFFERENTIATED = "differentiated"
+    INTEGRATED = "integrated"
+    MOVES_AHEAD = "moves_ahead"
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"
@@ -83,8 +88,15 @@ class NoteCode(StrEnum):
     TIME_SPENT = "time_spent"
 
 
-# the record may be wired otherwise
-MIXED_UP = (NoteCode.EXCHANGED, NoteCode.OTHER_SIGN, NoteCode.OTHER_UNIT)
+# the record may be wired otherwise, or be of something that was made of what was measured
+MIXED_UP = (
+    NoteCode.EXCHANGED,
+    NoteCode.OTHER_SIGN,
+    NoteCode.OTHER_UNIT,
+    NoteCode.DIFFERENTIATED,
+    NoteCode.INTEGRATED,
+    NoteCode.MOVES_AHEAD,
+)
 
 
 @dataclass(frozen=True)

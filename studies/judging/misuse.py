@@ -43,6 +43,11 @@ _FAULTS = {  # notes on what was done to values
     "resampled ten times finer": {"resampled"},
     "saturated": {"clipped", "clipped_repeatedly"},
     "of six levels": {"quantised"},
+    "output is a copy of the input": {"copied"},
+    "differentiated": {"differentiated", "moves_ahead"},
+    "integrated": {"integrated"},
+    "filtered both ways": {"moves_ahead", "oversampled"},
+    "outputs logged late": {"moves_ahead"},
 }
 _GENERAL = {"large_error", "implausible", "not_followed", "end_not_followed"}
 _HEAD = (

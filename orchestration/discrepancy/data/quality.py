@@ -59,8 +59,8 @@ class DataFault:
     channel : str
         Empty if it is about all of them.
     kind : str
-        "clipped", "stuck", "dead", "standing", "outlier", "quantised", "unusable", "still" or
-        "nothing".
+        "clipped", "stuck", "dead", "standing", "outlier", "quantised", "copied", "unusable",
+        "still" or "nothing".
     code : NoteCode
         How it was recognised.
     facts : Mapping of str to Any
@@ -139,9 +139,10 @@ def assess(
     for name, values in data.measured.items():
         kinds_of_model = set()
         if name in modelled:
-            kinds_of_model = {symptom.kind for symptom in _symptoms(modelled[name], moved)}
+            of_model = (*_copies(modelled[name], data.inputs), *_symptoms(modelled[name], moved))
+            kinds_of_model = {symptom.kind for symptom in of_model}
         bad = np.zeros(len(values), dtype=bool)
-        for symptom in _symptoms(values, moved):
+        for symptom in (*_copies(values, data.inputs), *_symptoms(values, moved)):
             if symptom.kind in kinds_of_model:
                 continue
             left_out = symptom.kind not in _EVIDENCE
@@ -212,6 +213,14 @@ def _still_inputs(data: Dataset) -> Iterator[DataFault]:
     if len(still) == len(data.inputs):
         unexcited = Symptom("still", NoteCode.NO_EXCITATION, everywhere)
         yield _fault(data, "", unexcited, data.time, False)
+
+
+def _copies(values: Array, inputs: Mapping[str, Array]) -> Iterator[Symptom]:
+    """Yield the symptom of an output (n,) that has the values of an input, if it has."""
+    for name, u in inputs.items():
+        if np.ptp(u) > 0.0 and np.allclose(values, u, rtol=0.0, atol=_SAME * float(np.ptp(u))):
+            yield Symptom("copied", NoteCode.COPIED, _everywhere(values), {"input": name})
+            return
 
 
 def _symptoms(values: Array, moved: Mapping[str, Mask]) -> Iterator[Symptom]:

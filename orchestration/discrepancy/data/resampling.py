@@ -1,7 +1,10 @@
-"""Records that were resampled finer than they were measured, by straight lines between samples.
+"""Records that have more samples than what was measured needs.
 
-What lies on the lines was not measured: it counts as evidence many times over, and makes an input
-that was held go smoothly, which looks like a delay.
+What was resampled by straight lines between samples was not measured there: it counts as evidence
+many times over, and makes an input that was held go smoothly, which looks like a delay. What was
+filtered, forwards and backwards or otherwise, has nothing beyond some frequency, no noise either:
+by the sampling theorem a few samples of every period there tell all of it (Åström & Wittenmark,
+section 7.2), and the others are no evidence.
 """
 
 from __future__ import annotations
@@ -17,11 +20,14 @@ from orchestration.discrepancy.note import Note, NoteCode
 _FINEST = 50  # samples on a line
 _KNOTS = 20  # that it takes to know
 _OFF = 1e-6  # of the squared second differences, which may lie beside knots: a file is rounded
+_EMPTY = 1e-10  # of the power of a column, which may lie beyond what it has: a file is rounded
+_A_PERIOD = 8  # samples of the shortest period that are kept, as inputs are lines between them
+_FEWEST = 200  # samples that are kept at least
 _EVEN = 0.1  # scatter of their size over its mean, below which a signal is a triangle by itself
 
 
 def as_measured(data: Dataset) -> tuple[Dataset, list[Note]]:
-    """Return the samples of a record that were measured, where all outputs are lines between them.
+    """Return the samples of a record that tell something that others do not tell.
 
     Parameters
     ----------
@@ -30,7 +36,8 @@ def as_measured(data: Dataset) -> tuple[Dataset, list[Note]]:
     Returns
     -------
     data : Dataset
-        The same where some output is no such lines, has gaps, or where there are several runs.
+        Those between which all outputs are lines, or as many as tell all that is in the columns;
+        the same where an output has gaps, or where there are several runs.
     notes : list of Note
         On samples that were left out.
     """
@@ -43,7 +50,46 @@ def as_measured(data: Dataset) -> tuple[Dataset, list[Note]]:
             kept = slice(firsts.pop(), None, times)
             note = Note(NoteCode.RESAMPLED, "", {"times": times, "samples": len(data.time[kept])})
             return _every(data, kept), [note]
+    times = _oversampling(data)
+    if times > 1:
+        kept = slice(0, None, times)
+        note = Note(NoteCode.OVERSAMPLED, "", {"times": times, "samples": len(data.time[kept])})
+        held = {n: _means(u, times) for n, u in data.inputs.items() if not _is_linear(data, n)}
+        thinned = _every(data, kept)
+        return replace(thinned, inputs={**thinned.inputs, **held}), [note]
     return data, []
+
+
+def _is_linear(data: Dataset, name: str) -> bool:
+    if isinstance(data.linear, bool):
+        return data.linear
+    return name in (data.linear or ())
+
+
+def _means(held: Array, times: int) -> Array:
+    """Return the means of so many samples of an input that is held, which do what they do."""
+    firsts = np.arange(0, len(held), times)
+    counts = np.diff(np.append(firsts, len(held)))
+    return np.asarray(np.add.reduceat(held, firsts) / counts)
+
+
+def _oversampling(data: Dataset) -> int:
+    """Return how many times as many samples a record has as its columns need; 1 if all count."""
+    count = len(data.time)
+    moving = [u for u in data.inputs.values() if np.ptp(u) > 0.0]
+    if not data.even or count < 2 * _FEWEST:
+        return 1
+    highest = max(_highest_frequency(column) for column in (*moving, *data.measured.values()))
+    return max(1, min(int(1.0 / (_A_PERIOD * highest)), count // _FEWEST))
+
+
+def _highest_frequency(column: Array) -> float:
+    """Return the frequency beyond which a column has nothing, in periods a sample."""
+    line = np.linspace(column[0], column[-1], len(column))
+    power = np.abs(np.fft.rfft((column - line) * np.hanning(len(column)))) ** 2
+    beyond = np.cumsum(power[::-1])[::-1]
+    within = np.flatnonzero(beyond > _EMPTY * beyond[0])
+    return float((within[-1] + 1) / len(column)) if len(within) else 1.0
 
 
 def _first_knot(y: Array, times: int) -> int | None:

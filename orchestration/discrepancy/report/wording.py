@@ -77,6 +77,19 @@ _NOTES = {
         "{columns} looks to be in {unit}{others}: as it stands the model misses {share} or needs"
         " parameters that no specimen has, and read as such it misses {instead} with ordinary ones"
     ),
+    NoteCode.DIFFERENTIATED: (
+        "{columns} looks to be a rate of change of what the model shows{others}: the model misses"
+        " {share}, and with it integrated {instead}"
+    ),
+    NoteCode.INTEGRATED: (
+        "{columns} looks to be an integral of what the model shows{others}: the model misses"
+        " {share}, and with it differentiated {instead}"
+    ),
+    NoteCode.MOVES_AHEAD: (
+        "moves before inputs step, which nothing does that follows them: it was filtered forwards"
+        " and backwards, or differentiated about every sample, or its clock is ahead of theirs;"
+        " what was measured is needed as it was"
+    ),
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: (
         "cut off at its {end} {level:.6g}, {times} times, {share} of the samples"
@@ -104,6 +117,7 @@ _NOTES = {
         "stands still at {level:.6g} for up to {samples} samples in a row while inputs move,"
         " {share} of the samples: kept, as what a dead zone, dry friction or a stop does"
     ),
+    NoteCode.COPIED: "has the very values of {input}: a column was copied, and it is not used",
     NoteCode.OUTLIERS: "{count} single samples far from their neighbours",
     NoteCode.QUANTISED: (
         "steps of {resolution:.4g}, coarser than its noise: nothing finer can be judged"
@@ -111,6 +125,10 @@ _NOTES = {
     NoteCode.RESAMPLED: (
         "all outputs are straight lines over {times} samples each: the record was resampled, and"
         " only the {samples} samples between them are used"
+    ),
+    NoteCode.OVERSAMPLED: (
+        "no column has anything as fast as its samples, nor any noise: the record was filtered or"
+        " sampled far too finely, and only {samples} samples, one of {times}, are used"
     ),
     NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
     NoteCode.NOTHING_USABLE: "no output is left that could be trusted: nothing can be judged",

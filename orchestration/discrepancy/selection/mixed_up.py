@@ -2,8 +2,8 @@
 
 A model that misses much of a record, or that follows it only with parameters that no specimen has,
 may be right and the record wired otherwise. That is tried: the model is fitted once more with two
-columns exchanged, with the sign of one changed, and with one of them, or the clock, in another unit
-of its kind.
+columns exchanged, with the sign of one changed, with one of them, or the clock, in another unit of
+its kind, and with outputs integrated or differentiated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Mask
 from fmus.kit.units import BaseUnit, base_unit
-from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.candidates import Candidate, FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import parallel_map
@@ -124,7 +124,7 @@ def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     def worth_of(reading: _Reading) -> _Worth:
         again = replace(search, data=reading.data, progress=lambda text: None)
         try:
-            return _worth(*again.free_run())
+            return _worth(*again.free_run(), reading.code is NoteCode.DIFFERENTIATED)
         except FAILURES:
             return _Worth(np.inf, np.inf)
 
@@ -184,6 +184,25 @@ def _readings(search: Search, data: Dataset) -> Iterator[_Reading]:
         for unit, meant in _confused_with("s").items():
             clock = replace(data, time=meant.factor * data.time)
             yield _Reading(clock, NoteCode.OTHER_UNIT, _CLOCK, unit)
+        yield from _rates_and_integrals(search, data)
+
+
+def _rates_and_integrals(search: Search, data: Dataset) -> Iterator[_Reading]:
+    """Yield the data with all outputs integrated, and differentiated, where none has a gap.
+
+    Each begins where the nominal model does, as neither tells from where it counts.
+    """
+    if data.several or not (data.even and all(_complete(y) for y in data.measured.values())):
+        return
+    problem = search.problem(Candidate((), search.base), list(search.parameters), search.fixed)
+    residual = problem.evaluate(problem.position(problem.start))[0]
+    begin = {o: y[0] - residual[o][0] for o, y in search.data.measured.items()}
+    names = " and ".join(data.measured)
+    step = np.diff(data.time, prepend=data.time[0])
+    sums = {o: begin[o] + np.cumsum(y * step) for o, y in data.measured.items()}
+    yield _Reading(_with(data, sums), NoteCode.DIFFERENTIATED, names)
+    rates = {o: begin[o] + np.gradient(y, data.time) for o, y in data.measured.items()}
+    yield _Reading(_with(data, rates), NoteCode.INTEGRATED, names)
 
 
 def _confused_with(unit: str) -> dict[str, BaseUnit]:
@@ -216,15 +235,19 @@ def _with(data: Dataset, columns: dict[str, Array]) -> Dataset:
     return replace(data, inputs=inputs, measured=measured)
 
 
-def _worth(problem: Problem, fit: FitResult) -> _Worth:
-    """Return what a reading is worth by a fit of the model, in the outputs that vary."""
+def _worth(problem: Problem, fit: FitResult, of_rates: bool = False) -> _Worth:
+    """Return what a reading is worth by a fit of the model, or by the rates of its errors.
+
+    Outputs that do not vary tell nothing. Of a sum noise is small beside the spread, however large
+    it is in what was summed up.
+    """
     shares: list[float] = []
     with np.errstate(over="ignore"):  # a simulation that runs away is far off
         for output, residual in fit.residual.items():
-            measured = problem.measured[output][problem.present[output]]
+            measured = np.diff(problem.measured[output][problem.present[output]], int(of_rates))
             power = float(np.var(measured))
             if power > 0.0:
-                shares.append(float(np.mean(residual**2)) / power)
+                shares.append(float(np.mean(np.diff(residual, int(of_rates)) ** 2)) / power)
     change = np.abs(fit.q - problem.position(problem.start))
     physical = [not problem.declared[name].starts for name in problem.names]
     error = float(np.mean(shares or [0.0])) ** 0.5

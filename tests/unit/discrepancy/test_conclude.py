@@ -220,3 +220,33 @@ def test_of_an_output_that_rests_no_error_is_a_share():
     present = dict.fromkeys(outputs, np.ones(50, dtype=bool))
     best = SimpleNamespace(fit=fit, problem=SimpleNamespace(measured=outputs, present=present))
     assert conclusion._large_errors(best) == {"moves": pytest.approx(1.0)}
+
+
+def with_friction():
+    """A motor with dry friction, which has a cause."""
+    data = wired()
+    speed = np.zeros(len(data.time))
+    drive = data.inputs["drive"]
+    for k in range(len(speed) - 1):
+        rate = 3.75 * drive[k] - 1.25 * speed[k] - 0.8 * np.tanh(speed[k] / 0.05)
+        speed[k + 1] = speed[k] + 0.1 * rate
+    noise = 0.02 * coloured(0.0, 2, len(speed))
+    return replace(data, measured={"shown": speed + noise})
+
+
+def test_beside_parameters_out_of_all_reason_no_cause_is_named(monkeypatch):
+    named = diagnose(Motor, with_friction(), [FRICTION])
+    assert named.causes == ["coulomb_friction"]
+    monkeypatch.setattr(conclusion, "implausible", lambda *_: {"gain": 159.0})
+    again = conclude_again(named)
+    assert (again.verdict, again.causes) == (Verdict.UNEXPLAINED, [])
+    (note,) = [note for note in again.notes if note.code is NoteCode.IMPLAUSIBLE]
+    assert note.facts["ratios"] == {"gain": 159.0}
+
+
+def test_within_half_a_step_of_the_recorder_no_cause_is_named():
+    named = diagnose(Motor, with_friction(), [FRICTION])
+    coarse = Note(NoteCode.QUANTISED, "shown", {"resolution": 20.0, "share": 1.0})
+    assert conclude_again(named, notes=[coarse]).causes == []
+    fine = Note(NoteCode.QUANTISED, "shown", {"resolution": 0.02, "share": 1.0})
+    assert conclude_again(named, notes=[fine]).causes == named.causes

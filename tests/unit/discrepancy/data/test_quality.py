@@ -261,7 +261,7 @@ def test_a_smooth_signal_that_is_cut_needs_no_noise_to_be_seen():
     usable, faults = assess(Dataset(time, {"u": wave}, {"y": np.clip(wave, -1.0, 0.7)}))
     assert kinds(faults) == {("y", "clipped")}
     assert np.array_equal(np.isnan(usable.measured["y"]), wave >= 0.7)
-    assert assess(Dataset(time, {"u": wave}, {"y": wave}))[1] == []
+    assert assess(Dataset(time, {"u": wave}, {"y": 2.0 * wave}))[1] == []
 
 
 def test_gaps_stay_gaps():
@@ -316,3 +316,14 @@ def test_a_fault_of_the_data_is_no_cause(fault):
         low, high = diagnosis.estimates["R1"].interval
         truth = draw(None, 1, duration=300.0, rate=10.0).truth.parameters
         assert low < truth.R1 < high
+
+
+def test_an_output_that_is_the_copy_of_an_input_is_not_used():
+    data = record()
+    usable, faults = assess(changed(data, voltage=data.inputs["current"].copy()))
+    assert ("voltage", "copied") in kinds(faults)
+    assert "voltage" not in usable.measured
+    same = {"voltage": data.inputs["current"]}  # as a model does that passes it on
+    usable, faults = assess(changed(data, voltage=data.inputs["current"].copy()), same)
+    assert ("voltage", "copied") not in kinds(faults)
+    assert "voltage" in usable.measured

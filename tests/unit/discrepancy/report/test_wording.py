@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.errors import UserError
@@ -22,9 +23,11 @@ from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import stretch
+from orchestration.discrepancy.data.causality import ahead_of_inputs
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
 from orchestration.discrepancy.data.quality import assess
+from orchestration.discrepancy.data.resampling import as_measured
 from orchestration.discrepancy.data.screening import drop_truncated, screen_and_divide, screened
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import Note, NoteCode
@@ -494,6 +497,42 @@ def solver_error(monkeypatch):
 @makes(NoteCode.EXCHANGED)
 def exchanged(monkeypatch):
     return diagnose(Motor, wired(exchanged=True), []).notes
+
+
+def of_gain(change: Callable[[np.ndarray], np.ndarray]) -> list[Note]:
+    """Diagnose a static gain on a record of which the output was changed."""
+    rng = np.random.default_rng(5)
+    u = np.convolve(rng.standard_normal(640), np.hanning(41) / 20.0, "valid")
+    shown = change(2.0 * u + 0.002 * rng.standard_normal(600))
+    return diagnose(Product, Dataset(0.1 * np.arange(600), {"u": u}, {"y": shown}, ["u"]), []).notes
+
+
+@makes(NoteCode.DIFFERENTIATED)
+def differentiated(monkeypatch):
+    return of_gain(lambda y: np.diff(y, prepend=y[0]) / 0.1)
+
+
+@makes(NoteCode.INTEGRATED)
+def integrated(monkeypatch):
+    return of_gain(lambda y: 0.1 * np.cumsum(y))
+
+
+@makes(NoteCode.MOVES_AHEAD)
+def moves_ahead(monkeypatch):
+    data = products(1.0)
+    smooth = sosfiltfilt(butter(4, 0.2, output="sos"), data.measured["y"])
+    return ahead_of_inputs(with_output(data, "y", smooth))
+
+
+@makes(NoteCode.OVERSAMPLED)
+def oversampled(monkeypatch):
+    return as_measured(Dataset(0.1 * np.arange(2000), {}, wave().measured))[1]
+
+
+@makes(NoteCode.COPIED)
+def copied(monkeypatch):
+    data = short_record()
+    return faults(with_output(data, "voltage", data.inputs["current"]))
 
 
 @makes(NoteCode.OTHER_SIGN)

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.law_corrections import leaves_something
 from orchestration.discrepancy.note import MIXED_UP, NoteCode
 from orchestration.discrepancy.report import wording
-from tests.support.wired_motor import FRICTION, Motor, wired
+from tests.support.gain import Gain
+from tests.support.wired_motor import FRICTION, STEP, Motor, wired
 
 
 @pytest.mark.parametrize(
@@ -73,3 +75,22 @@ def test_a_reading_that_explains_nothing_is_not_told():
     noise = 100.0 * np.random.default_rng(4).standard_normal(len(data.time))
     diagnosis = diagnose(Motor, replace(data, measured={"shown": 1e4 + noise}), [])
     assert [note for note in diagnosis.notes if note.code in MIXED_UP] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda y: np.diff(y, prepend=y[0]) / STEP, NoteCode.DIFFERENTIATED),
+        (lambda y: STEP * np.cumsum(y), NoteCode.INTEGRATED),
+    ],
+)
+def test_outputs_that_were_differentiated_or_integrated_are_told(change, code):
+    """Of a static gain, which neither its rate nor its integral can be."""
+    rng = np.random.default_rng(5)
+    u = np.convolve(rng.standard_normal(1540), np.hanning(41) / 20.0, "valid")
+    y = 2.0 * u + 0.002 * rng.standard_normal(1500)
+    data = Dataset(STEP * np.arange(1500), {"u": u}, {"y": change(y)}, ["u"])
+    diagnosis = diagnose(Gain, data, [])
+    (note,) = [note for note in diagnosis.notes if note.code in MIXED_UP]
+    assert (note.code, note.facts["columns"]) == (code, "y")
+    assert diagnosis.verdict is Verdict.UNEXPLAINED

@@ -1,0 +1,68 @@
+"""Outputs that move before the inputs step that they should follow.
+
+What follows an input is at its quietest just before the next step of that input. A filter that runs
+forwards and backwards spreads a step to both sides of it, and a clock that is ahead moves it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.kit.arrays import Array, Indices
+from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.discrepancy.note import Note, NoteCode
+
+_STEP = 0.2  # of the range of an input, from which on a change within a sample is a step of it
+_WIDEST = 25  # samples before a step that are looked at,
+_NARROWEST = 5  # and the least of them
+_BEFORE = 4  # of such windows that must be without a step, for one of them to be a quiet one
+_FEWEST = 4  # steps to judge by
+# Power of second differences over that in a quiet window, from which on something moves: of noise
+# half of the steps have more than once, and hardly any four times.
+_MOVES = 4.0
+
+
+def ahead_of_inputs(data: Dataset) -> list[Note]:
+    """Return a note on every output that moves before inputs step.
+
+    Parameters
+    ----------
+    data : Dataset
+
+    Returns
+    -------
+    list of Note
+        None where inputs do not step, or one step comes right after the other.
+    """
+    if data.several:
+        return []
+    steps = _steps(data)
+    spaces = np.diff(steps, prepend=0)
+    width = int(min(_WIDEST, np.median(spaces) // _BEFORE)) if len(steps) else 0
+    alone = steps[spaces >= _BEFORE * width]
+    if width < _NARROWEST or len(alone) < _FEWEST:
+        return []
+    return [
+        Note(NoteCode.MOVES_AHEAD, output)
+        for output, y in data.measured.items()
+        if np.isfinite(y).all() and np.median(_rise(y, alone, width)) > _MOVES
+    ]
+
+
+def _steps(data: Dataset) -> Indices:
+    """Return the samples at which any input steps."""
+    stepped = np.zeros(len(data.time), dtype=bool)
+    for u in data.inputs.values():
+        change = np.abs(np.diff(u, prepend=u[:1]))
+        stepped |= change > _STEP * max(float(np.ptp(u)), np.finfo(float).tiny)
+    return np.flatnonzero(stepped)
+
+
+def _rise(y: Array, steps: Indices, width: int) -> Array:
+    """Return by step the power of second differences just before it over that long before it."""
+    bends = np.zeros_like(y)
+    bends[2:] = np.diff(y, 2) ** 2
+    sums = np.concatenate([[0.0], np.cumsum(bends)])
+    before = sums[steps] - sums[steps - width]
+    long_before = sums[steps - 2 * width] - sums[steps - 3 * width]
+    return before / np.maximum(long_before, np.finfo(float).tiny)
