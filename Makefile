@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -15,6 +15,7 @@ help:
 	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
 	@echo "make book-study  the same in ten models by the book, from um to km and ms to days; SEED=N likewise"
 	@echo "make misuse-study what is said of records with wrong units, columns, signs, clocks or cuts; SEED=N likewise"
+	@echo "make bench-study what is said of benches with an actuator, clean and with dry friction; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
 	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"
 	@echo "make public-laws what the laws of four measured systems lack; records where PPY_PUBLIC_DATA says"
@@ -53,6 +54,9 @@ book-study: $(VENV)/installed-dev
 
 misuse-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md
+
+bench-study: $(VENV)/installed-dev
+	$(BIN)/python -m studies.judging.bench --records 10 --seed $(or $(SEED),20261186) --out docs/bench-records.md
 
 laws-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.laws --records 120 --clean 232 --actuator 1 --catalogue 60 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md

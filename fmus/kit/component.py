@@ -83,6 +83,8 @@ class Component:
         Named sets of parameter values, which the FMU brings along.
     engine : Engine or None
         Computes it in place of laws; None where it has laws.
+    limits : Mapping of str to str
+        Laws that limit another one, each with the law that it is where the limit is not reached.
     declared : dict of str to Declaration
         Variables that this class itself declares, by name.
     layout : Layout
@@ -100,6 +102,7 @@ class Component:
     tolerance: ClassVar[float] = 1e-8
     presets: ClassVar[Mapping[str, Preset]] = {}
     engine: ClassVar[Engine | None] = None
+    limits: ClassVar[Mapping[str, str]] = {}
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]
     time: Any
@@ -111,6 +114,8 @@ class Component:
         inherited: dict[str, Declaration] = {}
         for base in reversed(cls.__mro__):
             inherited |= vars(base).get("declared", {})
+        # an input that a class computes, as a property, is none any more
+        inherited = {n: v for n, v in inherited.items() if not _is_computed(cls, n)}
         cls.layout = arrange(inherited.values())
         check(cls, cls.layout)
 
@@ -283,6 +288,10 @@ def made_with(cls: type[Component]) -> Mapping[str, Any]:
     """Return the arguments of that function after the component."""
     arguments: Mapping[str, Any] = vars(cls).get("_about", {}).get("made_with", {})
     return arguments
+
+
+def _is_computed(cls: type, name: str) -> bool:
+    return isinstance(getattr(cls, name, None), property)
 
 
 def effect_name(effect: type[Effect]) -> str:

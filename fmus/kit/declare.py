@@ -160,12 +160,15 @@ class DiscreteDeclaration(Started):
         Method that gives its next value.
     period : float or str
         Sample period in seconds, or the parameter that holds it.
+    shift : tuple of str
+        Parameters whose sum is the time from the start to the first sample instant, seconds.
     output : bool
         Whether it is an output of the FMU too.
     """
 
     update: str
     period: str | float
+    shift: tuple[str, ...] = ()
     output: bool = False
 
 
@@ -299,13 +302,14 @@ def Discrete(
     period: str | float,
     start: Number = 0.0,
     output: bool = False,
+    shift: tuple[str, ...] = (),
     **about: Any,
 ) -> Any:
     """Declare a state that changes only at sample instants.
 
-    All states of one period are updated together from the values before the instant. Where several
-    periods coincide they are updated in order of declaration, and a later one sees the new values
-    of an earlier one.
+    All states of one clock, which is a period and a shift, are updated together from the values
+    before the instant. Where several clocks coincide they are updated in order of declaration, and
+    a later one sees the new values of an earlier one.
 
     A sample instant at the end of a communication step is taken at the start of the next one, with
     the inputs of that one; so at the start time the state still shows its start value.
@@ -322,11 +326,14 @@ def Discrete(
         Default of its start parameter, SI.
     output : bool
         Whether it is an output of the FMU too.
+    shift : tuple of str
+        Parameters whose sum is the time from the start to the first sample instant, seconds; a
+        shift of a clock as FMI 3.0 has it (section 2.2.8.3).
     **about
         See :func:`Parameter`.
     """
     return DiscreteDeclaration(
-        unit=unit, update=update, period=period, start=start, output=output, **about
+        unit=unit, update=update, period=period, start=start, output=output, shift=shift, **about
     )
 
 

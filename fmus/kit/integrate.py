@@ -15,6 +15,7 @@ from typing import Any
 
 from .component import Component
 from .errors import UserError
+from .layout import Clock
 
 MIN_STEP = 1e-14
 MAX_STEPS = 1_000_000
@@ -139,8 +140,8 @@ class Integrator:
         self.nominal = [state.nominal for state in layout.states]
         self.rates = component.laws([state.rate for state in layout.states])
         self.groups = [
-            (period, [d.name for d in members], component.laws([d.update for d in members]))
-            for period, members in layout.sampled
+            (clock, [d.name for d in members], component.laws([d.update for d in members]))
+            for clock, members in layout.sampled
         ]
         self.hint = math.inf
         self.counters = [0.0] * len(self.groups)
@@ -174,12 +175,13 @@ class Integrator:
         while time < end:
             target = end
             for index, group in enumerate(self.groups):
-                period = self._period(group[0])
-                instant = self.start_time + self.counters[index] * period
+                period, shift = self._seconds(group[0])
+                first = self.start_time + shift
+                instant = first + self.counters[index] * period
                 slack = SAME_INSTANT * period + ROUNDING * abs(end)
                 if instant <= time + slack:
                     self._sample(time, index)
-                    instant = self.start_time + self.counters[index] * period
+                    instant = first + self.counters[index] * period
                 if instant < end - slack:
                     target = min(target, instant)
             target = max(target, time)
@@ -191,9 +193,11 @@ class Integrator:
                 raise self._exhausted(target)
             time = target
 
-    def _period(self, period: str | float) -> float:
-        """Return a sample period in s, which may be the value of a parameter."""
-        return getattr(self.component, period) if isinstance(period, str) else period
+    def _seconds(self, clock: Clock) -> tuple[float, float]:
+        """Return the period and the shift of a clock, which may be values of parameters."""
+        period = clock.period
+        seconds = getattr(self.component, period) if isinstance(period, str) else period
+        return seconds, sum(getattr(self.component, name) for name in clock.shift)
 
     def _sample(self, time: float, index: int) -> None:
         """Update the discrete states of one group."""

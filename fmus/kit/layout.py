@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from inspect import isfunction
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from .declare import (
     Declaration,
@@ -26,6 +26,22 @@ from .errors import UserError
 _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # declarations of a class body that have left it already
 _LONGEST_TEXT = 511  # bytes, of fmi2/engine.h
+LONGEST_SHIFT = 2  # parameters, of fmi2/any_model.h
+
+
+class Clock(NamedTuple):
+    """When a group of discrete states is sampled: sample k at start + shift + k period.
+
+    Attributes
+    ----------
+    period : float or str
+        Seconds, or the parameter that holds it.
+    shift : tuple of str
+        Parameters whose sum is the shift.
+    """
+
+    period: str | float
+    shift: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -84,12 +100,22 @@ class Layout:
         return {state: parameter for parameter, state in self.start_parameters.items()}
 
     @property
-    def sampled(self) -> list[tuple[str | float, tuple[DiscreteDeclaration, ...]]]:
-        """Discrete states grouped by sample period, in order of first appearance."""
-        groups: dict[str | float, list[DiscreteDeclaration]] = {}
+    def sampled(self) -> list[tuple[Clock, tuple[DiscreteDeclaration, ...]]]:
+        """Discrete states grouped by their clock, in order of first appearance."""
+        groups: dict[Clock, list[DiscreteDeclaration]] = {}
         for discrete in self.discretes:
-            groups.setdefault(discrete.period, []).append(discrete)
-        return [(period, tuple(members)) for period, members in groups.items()]
+            groups.setdefault(Clock(discrete.period, discrete.shift), []).append(discrete)
+        return [(clock, tuple(members)) for clock, members in groups.items()]
+
+    @property
+    def clock_parameters(self) -> set[str]:
+        """Parameters that say when something is sampled: periods and shifts."""
+        names: set[str] = set()
+        for clock, _ in self.sampled:
+            names.update(clock.shift)
+            if isinstance(clock.period, str):
+                names.add(clock.period)
+        return names
 
     @property
     def measurable(self) -> list[Declaration]:
@@ -302,6 +328,9 @@ def _check_references(owner: Any, layout: Layout) -> None:
                     " allows"
                 )
     for discrete in layout.discretes:
+        unknown = [name for name in discrete.shift if name not in parameters]
+        if unknown:
+            raise _mistake(owner, discrete, f"has the shift {unknown[0]!r}, which is no parameter")
         period = discrete.period
         known = period in parameters if isinstance(period, str) else 0.0 < period < inf
         if not known:

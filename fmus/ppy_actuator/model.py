@@ -234,12 +234,16 @@ class PpyActuatorLengthDriven(Actuator):
         "m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length"
     )
 
-    def load(self) -> Any:
-        """What the instantaneous spring makes of the elongation that remains for it; slack instead
-        of compression.
-        """
+    limits = {"load": "taut_load"}
+
+    def taut_load(self) -> Any:
+        """What the instantaneous spring makes of the elongation that remains for it."""
         elongation = self.length_change - self.charge_elongation(self.charge) - self.creep()
-        return maximum(self.spring_force(elongation), 0.0)
+        return self.spring_force(elongation)
+
+    def load(self) -> Any:
+        """Load of the chain while it is taut; slack instead of compression."""
+        return maximum(self.taut_load(), 0.0)
 
     @Output("N")
     def tension(self) -> Any:

@@ -123,6 +123,15 @@ class VoiceCoilDma(Component):
         source=_SECTION,
         doc="sample period of controller and output",
     )
+    sample_shift = Parameter(
+        0.0,
+        "s",
+        min=0,
+        max=10.0,
+        nominal=0.01,
+        source="the clocks of controller and record are not started together",
+        doc="time from the start to the first sample of the controller",
+    )
     error_gain = Parameter(
         0.66,
         "V/N",
@@ -177,10 +186,18 @@ class VoiceCoilDma(Component):
     )
 
     voltage_command = Discrete(
-        "V", update="next_command", period="sample_period", doc="controller output, V(t)"
+        "V",
+        update="next_command",
+        period="sample_period",
+        shift=("sample_shift",),
+        doc="controller output, V(t)",
     )
     previous_error = Discrete(
-        "N", update="force_error", period="sample_period", doc="force error at the last sample"
+        "N",
+        update="force_error",
+        period="sample_period",
+        shift=("sample_shift",),
+        doc="force error at the last sample",
     )
 
     # --- coil

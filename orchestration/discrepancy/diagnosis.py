@@ -139,11 +139,11 @@ def searched_parameters(cls: type[Component]) -> list[str]:
     """
     layout = cls.layout
     discrete = {d.name for d in layout.discretes}
-    periods = {d.period for d in layout.discretes}
+    clocks = layout.clock_parameters
     return [
         p.name
         for p in layout.parameters
-        if p.type == "real" and p.name not in periods and p.starts not in discrete
+        if p.type == "real" and p.name not in clocks and p.starts not in discrete
     ]
 
 
@@ -161,6 +161,7 @@ def diagnose(
     held: Sequence[str] = (),
     budget: Budget | None = None,
     each: Sequence[str] = (),
+    mixed_up: bool = True,
 ) -> Diagnosis:
     """Tell what a model gets wrong on a record, or on several with one set of parameters.
 
@@ -185,6 +186,8 @@ def diagnose(
         is judged, and a note says so.
     each : sequence of str
         Parameters that differ from run to run: where they are is no change.
+    mixed_up : bool
+        Whether columns may be mixed up, which is looked at where the model misses much.
 
     Returns
     -------
@@ -204,14 +207,14 @@ def diagnose(
     search = Search(seen, cls, parameters, values, progress, limit, each=each, free=is_free)
     with limit.paused():
         fitted, whole = fit_all_samples(fit(search, record))
-    selected = select(fitted, effects)
+    selected = select(fitted, effects, mixed_up)
     with limit.paused():
         selected = complete(selected, whole)
     if _shows_more(selected, fitted):
         longer = all_samples.over_longer(fitted.search, whole.search, whole.base)
         with limit.paused():
             further = replace(fitted, search=longer, base=longer.nominal())
-        selected = select(further, effects)
+        selected = select(further, effects, mixed_up)
         with limit.paused():
             selected = complete(selected, whole)
     with limit.paused():
@@ -318,7 +321,9 @@ def fit_all_samples(fitted: BaseFit) -> tuple[BaseFit, BaseFit]:
     return replace(fitted, search=worst, base=worst.nominal()), whole
 
 
-def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
+def select(
+    fitted: BaseFit, effects: Sequence[type[Effect]], mixed_up: bool = True
+) -> SelectedEffects:
     """Select the effects that explain what the model gets wrong, and that noise on inputs does not.
 
     Parameters
@@ -326,6 +331,8 @@ def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
     fitted : BaseFit
     effects : sequence of type[Effect]
         The catalogue.
+    mixed_up : bool
+        Whether columns may be mixed up.
 
     Returns
     -------
@@ -335,11 +342,13 @@ def select(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
         noise = errors_in_variables.no_input_noise(fitted.base)
         data = _conclusion_data(fitted, fitted.base, noise, [])
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
-    ahead = ahead_of_inputs(fitted.search.data)
-    mixed_up = ahead or mixed_up_columns(fitted.search, fitted.base)
-    if mixed_up or solver_error_notes(fitted.base):
+    notes: list[Note] = []
+    if mixed_up:
+        ahead = ahead_of_inputs(fitted.search.data)
+        notes = ahead or mixed_up_columns(fitted.search, fitted.base)
+    if notes or solver_error_notes(fitted.base):
         noise = errors_in_variables.no_input_noise(fitted.base)
-        data = _conclusion_data(fitted, fitted.base, noise, mixed_up)
+        data = _conclusion_data(fitted, fitted.base, noise, notes)
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
     way, candidates = interpolation_hypotheses.selected(
         fitted.search, fitted.base, fitted.record.intersample, effects

@@ -96,7 +96,7 @@ def _equations(model: Model) -> Equations:
         {v.name: (float(v.start), v.type == "real") for v in layout.inputs},
         tuple(v.name for v in layout.outputs),
         tuple(v.name for v in (*layout.states, *layout.discretes)),
-        tuple(period for period, _ in layout.sampled if isinstance(period, str)),
+        tuple(sorted(layout.clock_parameters)),
         tolerance,
     )
 

@@ -21,6 +21,7 @@ typedef struct {
 typedef struct {
     double period;        /* s, used when period_parameter is negative */
     int period_parameter; /* index of the parameter that holds the period, or -1 */
+    int shift_parameters[2]; /* indices of parameters whose sum is the time of the first sample after the start, or -1 */
 } Group;
 
 /* A parameter that is a text. */

@@ -44,7 +44,7 @@
  *     [parameters | inputs | states | discretes | outputs | derivatives]
  * then what the engine has to remember, so that a copy of the block is a copy of the instance:
  *     hint                 internal step to try next; +infinity tries the whole communication step
- *     start time           sample k of a group falls on start time + k * period
+ *     start time           sample k of a group falls on start time + shift + k * period
  *     tolerance            relative tolerance of the integration
  *     parameters changed   the front-end sets 1.0 when anything a parameter determines may have changed
  *                          (parameter set, reset, state restored); the engine may clear it

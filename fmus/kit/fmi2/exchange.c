@@ -115,10 +115,9 @@ EXPORT fmi2Status fmi2EnterEventMode(fmi2Component c) {
 
 /* +infinity where nothing is sampled. */
 static double next_sample(const Engine *engine) {
-    const double *counters = engine->memory + MEMORY_COUNTERS;
     double next = INFINITY;
     for (int i = 0; i < MODEL_GROUPS; i++)
-        next = fmin(next, engine->memory[MEMORY_START_TIME] + counters[i] * period_of(engine, i));
+        next = fmin(next, sample_instant(engine, i));
     return next;
 }
 

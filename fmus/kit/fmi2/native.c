@@ -57,19 +57,30 @@ double period_of(const Engine *engine, int group) {
     return of->period_parameter < 0 ? of->period : engine->memory[of->period_parameter];
 }
 
+double sample_instant(const Engine *engine, int group) {
+    const Model *model = model_of(engine);
+    const double *memory = engine->memory;
+    double first = memory[model->start_time];
+    for (int i = 0; i < 2; i++) {
+        int parameter = model->group[group].shift_parameters[i];
+        first += parameter < 0 ? 0.0 : memory[parameter];
+    }
+    return first + memory[model->counters + group] * period_of(engine, group);
+}
+
 bool sample(Engine *engine, double time, double end, double *target, Message message) {
     const Model *model = model_of(engine);
-    double *counters = engine->memory + model->counters, start = engine->memory[model->start_time];
+    double *counters = engine->memory + model->counters;
     *target = end;
     for (int i = 0; i < model->groups; i++) {
-        double period = period_of(engine, i), next = start + counters[i] * period;
+        double next = sample_instant(engine, i);
         /* Times this close are the same instant: hosts round, and late in a simulation more than a share of the period. */
-        double slack = 1e-9 * period + 1e-15 * fabs(end);
+        double slack = 1e-9 * period_of(engine, i) + 1e-15 * fabs(end);
         if (next <= time + slack) {
             if (!update(engine, i, time))
                 return law_failed(message, "update");
             counters[i] += 1.0;
-            next = start + counters[i] * period;
+            next = sample_instant(engine, i);
         }
         if (next < end - slack)
             *target = fmin(*target, next);

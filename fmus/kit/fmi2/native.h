@@ -61,6 +61,7 @@ static bool engine_advance(Engine *engine, double time, double step, Message mes
 static bool sample(Engine *engine, double time, double end, double *target, Message message);
 
 static double period_of(const Engine *engine, int group);
+static double sample_instant(const Engine *engine, int group);
 
 /* Integrates the states from `time` to `target`, all else being held. */
 static bool integrate(Engine *engine, double time, double target, Message message);

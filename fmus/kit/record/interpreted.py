@@ -36,7 +36,11 @@ class Interpreted:
         self._x_starts = [index[layout.start_of[state.name]] for state in layout.states]
         self._z_starts = [index[layout.start_of[discrete.name]] for discrete in layout.discretes]
         self._nominal = np.array([state.nominal for state in layout.states])
-        self._periods = [index[p] if isinstance(p, str) else float(p) for p, _ in layout.sampled]
+        clocks = [clock for clock, _ in layout.sampled]
+        self._periods = [
+            index[c.period] if isinstance(c.period, str) else float(c.period) for c in clocks
+        ]
+        self._shifts = [[index[name] for name in clock.shift] for clock in clocks]
         self._now = np.zeros(1)
         self._parameters = np.zeros(len(layout.parameters))
         self._fed = np.zeros(len(layout.inputs))
@@ -100,6 +104,9 @@ class Interpreted:
         ]
         self._sample_counts = [0] * len(self._periods)
         self._start_time = float(time[0])
+        self._first_samples = [
+            self._start_time + float(parameters[shift].sum()) for shift in self._shifts
+        ]
         self._tolerance = tolerance
         self._hint = math.inf
         self._exponential = None
@@ -156,11 +163,11 @@ class Interpreted:
             target = end
             for i, period in enumerate(self._sample_periods):
                 slack = SAME_INSTANT * period + ROUNDING * abs(end)
-                if self._start_time + self._sample_counts[i] * period <= now + slack:
+                if self._first_samples[i] + self._sample_counts[i] * period <= now + slack:
                     self._feed(now)
                     self._z[:] = self._updates[i]()
                     self._sample_counts[i] += 1
-                instant = self._start_time + self._sample_counts[i] * period
+                instant = self._first_samples[i] + self._sample_counts[i] * period
                 if instant < end - slack:
                     target = min(target, instant)
             target = max(target, now)

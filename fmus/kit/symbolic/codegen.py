@@ -21,7 +21,7 @@ from fmus.kit.declare import (
     ParameterDeclaration,
     StateDeclaration,
 )
-from fmus.kit.layout import Layout
+from fmus.kit.layout import LONGEST_SHIFT, Clock, Layout
 from fmus.kit.storage import scratch
 from fmus.kit.symbolic.tracing import Graph
 
@@ -97,7 +97,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     ]
     index = layout.parameter_index
     starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
-    periods = [f"    {_period(period, index)}," for period, _ in layout.sampled]
+    clocks = [f"    {_clock(clock, index)}," for clock, _ in layout.sampled]
     texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
     body = [
         f"static const char model_name[] = {_c_string(graph.name)};",
@@ -108,7 +108,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         "};",
         f"static const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
         "static const Group model_groups[] = {",
-        *(periods or ["    {0.0, -1},"]),
+        *(clocks or ["    {0.0, -1, {-1, -1}},"]),
         "};",
         "static const Text model_texts[] = {",
         *(texts or ['    {"", ""},']),
@@ -136,11 +136,13 @@ def _variable_rows(layout: Layout) -> list[str]:
     return rows
 
 
-def _period(period: str | float, index: Mapping[str, int]) -> str:
-    """Write a sample period: a number of seconds, or the position of a parameter."""
-    if isinstance(period, str):
-        return f"{{0.0, {index[period]}}}"
-    return f"{{{_c_double(period)}, -1}}"
+def _clock(clock: Clock, index: Mapping[str, int]) -> str:
+    """Write a clock: a number of seconds or the position of a parameter, and those of its shift."""
+    period = clock.period
+    at = index[period] if isinstance(period, str) else -1
+    seconds = 0.0 if isinstance(period, str) else period
+    shifts = ([index[name] for name in clock.shift] + [-1] * LONGEST_SHIFT)[:LONGEST_SHIFT]
+    return f"{{{_c_double(seconds)}, {at}, {{{', '.join(map(str, shifts))}}}}}"
 
 
 def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, str]:

@@ -446,7 +446,8 @@ def _refuse_feedback(
         The last of its effects, which must not act through a discrete state either.
     """
     sampled = set()
-    for period, members in cls.layout.sampled:
+    for clock, members in cls.layout.sampled:
+        period = clock.period
         if float(parameters[period] if isinstance(period, str) else period) < duration:
             sampled |= {d.name for d in members}
     if not sampled:

@@ -43,8 +43,8 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     Raises
     ------
     UserError
-        If a name is not a parameter, or one that holds a sample period: the sample instants would
-        move with it, which has no derivative here.
+        If a name is not a parameter, or one of a clock: the sample instants would move with it,
+        which has no derivative here.
     """
     layout = graph.layout
     positions = _positions(graph, names)
@@ -92,16 +92,19 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
 
 
 def _positions(graph: Graph, names: Sequence[str]) -> list[int]:
-    """Return the positions of parameters, which must not hold a sample period."""
-    index = graph.layout.parameter_index
+    """Return the positions of parameters, which must not be of a clock."""
+    layout = graph.layout
+    index = layout.parameter_index
     unknown = [name for name in names if name not in index]
     if unknown:
         raise UserError(
             f"{graph.name}: no parameter named {unknown[0]!r}; there are: {', '.join(index)}"
         )
-    periods = [name for name in names if name in {d.period for d in graph.layout.discretes}]
-    if periods:
-        raise UserError(f"{graph.name}: no sensitivity to {periods[0]!r}, which is a sample period")
+    moving = [name for name in names if name in layout.clock_parameters]
+    if moving:
+        raise UserError(
+            f"{graph.name}: no sensitivity to {moving[0]!r}, which moves sample instants"
+        )
     return [index[name] for name in names]
 
 

@@ -53,6 +53,8 @@ _REASONS = {
         " widths{adjusted}{complete}{most_telling}"
     ),
     ReasonCode.PARAMETERS_CHANGED: "{parameters}",
+    ReasonCode.CAUSE_NAMED: "{causes} is missing{alternatives}: {parameters}",
+    ReasonCode.NOT_EXCITED: "its loop does not move in this record by more than noise",
     ReasonCode.RESIDUAL_IS_NOISE: "nothing is left that noise cannot account for",
     ReasonCode.OUTPUTS_UNMOVED: "{outputs} does not move in this record, which says little of it",
 }
@@ -81,6 +83,10 @@ def _format_fact(name: str, value: Any) -> Any:
     """Return a fact of a reason as its sentence takes it."""
     if name == "outputs":
         return ", ".join(value)
+    if name == "causes":
+        return " and ".join(value)
+    if name == "alternatives":
+        return f" (or {', '.join(value)}, which this record cannot tell apart)" if value else ""
     if name == "parameters":
         return ", ".join(_describe_change(name, adjusted) for name, adjusted in value.items())
     if name == "adjusted":
@@ -93,7 +99,11 @@ def _format_fact(name: str, value: Any) -> Any:
 
 
 def _describe_change(name: str, parameter: AdjustedParameter) -> str:
-    return f"{name} is {parameter.value:.4g} {parameter.unit} instead of {parameter.nominal:.4g}"
+    changed = f"{name} is {parameter.value:.4g} {parameter.unit} instead of {parameter.nominal:.4g}"
+    if parameter.interval is None:
+        return f"{changed} (not determined closely)"
+    low, high = parameter.interval
+    return f"{changed} ({low:.4g} to {high:.4g})"
 
 
 def describe_dependence(item: CrossCorrelation | OperatingRegion) -> str:
@@ -168,7 +178,7 @@ def _hints(member: MemberDiagnosis, diagnosis: SystemDiagnosis) -> list[str]:
             regions = describe_worst_regions(assessment.regions)[:_REGIONS]
             hints += [f"{member.name}: {region}" for region in regions]
     needs_cause = member.verdict in (MemberVerdict.WRONG, MemberVerdict.RECALIBRATE)
-    if needs_cause and member.equations_known:
+    if needs_cause and member.equations_known and not member.in_loop:
         command = shlex.join(command_for_member(member, diagnosis))
         hints.append(f"to name the cause: {command}")
     return hints
@@ -224,9 +234,19 @@ def _member_summary(member: MemberDiagnosis) -> dict[str, Any]:
         "reasons": reasons,
         "fed": sources,
         "outputs": {output: _output_summary(member, output) for output in member.final},
-        "parameters": {name: asdict(parameter) for name, parameter in member.parameters.items()},
+        "causes": member.causes,
+        "alternatives": member.alternatives,
+        "parameters": {
+            name: _parameter_summary(parameter) for name, parameter in member.parameters.items()
+        },
         "simulations": member.simulations,
     }
+
+
+def _parameter_summary(parameter: AdjustedParameter) -> dict[str, Any]:
+    figures = asdict(parameter)
+    figures["ci95"] = list(figures.pop("interval") or (None, None))
+    return figures
 
 
 def _output_summary(member: MemberDiagnosis, output: str) -> dict[str, Any]:

@@ -25,6 +25,9 @@ _TOLERANCE = 1e-4  # relative fall of the cost that ends a search
 _TRIALS = 12
 # by which the cost, in squared widths of the residual, must fall for a parameter to be adjusted
 _MIN_IMPROVEMENT = 20.0
+# standard error, near that of the prior, from which on a record does not determine a parameter
+_OPEN = 0.6
+NORMAL_95 = 1.96  # standard errors to either side
 _COLLINEAR = 1e-6  # share of the effect of a parameter that remains when others have theirs
 
 
@@ -39,6 +42,8 @@ class AdjustmentResult:
     change, standard_error : dict of str to float
         By how much and its standard error: of the logarithm where a parameter is positive by
         nature, else relative to its size.
+    interval : dict of str to tuple of float, or None
+        95 % confidence intervals; None where the record does not determine a parameter.
     complete : bool
         Whether the search ended by itself, not because there were no more simulations to make.
     """
@@ -47,6 +52,7 @@ class AdjustmentResult:
     nominal: dict[str, float]
     change: dict[str, float]
     standard_error: dict[str, float]
+    interval: dict[str, tuple[float, float] | None]
     complete: bool
 
 
@@ -87,6 +93,10 @@ def adjust(
         nominal={name: search.declared[name].start for name in search.names},
         change=dict(zip(search.names, changes, strict=True)),
         standard_error=dict(zip(search.names, errors, strict=True)),
+        interval={
+            name: search.interval(name, x, error) if error < _OPEN else None
+            for name, x, error in zip(search.names, q.tolist(), errors, strict=True)
+        },
         complete=complete,
     )
 
@@ -217,6 +227,15 @@ class ParameterSearch:
     def values(self, q: Array) -> dict[str, float]:
         """Return the parameters at a point (p,)."""
         return {n: self._scales[n].value(x) for n, x in zip(self.names, q, strict=True)}
+
+    def interval(self, name: str, position: float, standard_error: float) -> tuple[float, float]:
+        """Return the 95 % confidence interval of a parameter within its range."""
+        half = NORMAL_95 * standard_error
+        scale = self._scales[name]
+        declared = self.declared[name]
+        ends = (scale.value(position - half), scale.value(position + half))
+        low, high = (min(max(end, declared.min), declared.max) for end in ends)
+        return low, high
 
     def _residuals(self, simulated: Mapping[str, Array]) -> dict[str, Array]:
         measured = self.simulation.isolated.outputs

@@ -14,6 +14,7 @@ from orchestration.discrepancy.residuals import (
     SignalTests,
     analyse_outputs,
 )
+from orchestration.discrepancy.systems.cut import IsolatedMember
 from orchestration.discrepancy.systems.member import MemberSimulation
 from orchestration.identify import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, noise_std, whiteness
@@ -23,8 +24,9 @@ from orchestration.system import interface
 _NOT_ASSESSABLE = 0.5
 _MATTERS = 0.5  # noise widths that a fault must leave
 # by which the input uncertainty, which is no more than an estimate, must be exceeded: to look, to
-# blame
+# say that a parameter differs, to blame the structure
 SUSPECT_FACTOR = 0.5
+DOUBT_FACTOR = 1.0
 WRONG_FACTOR = 2.0
 _UNMOVED = 1.5  # noise widths below which an output has not moved
 
@@ -81,6 +83,11 @@ class OutputAssessment(SignalTests):
         return self._exceeds(SUSPECT_FACTOR)
 
     @property
+    def beyond_doubt(self) -> bool:
+        """True if more is explained or wanders than lies within the input uncertainty."""
+        return self._exceeds(DOUBT_FACTOR)
+
+    @property
     def wrong(self) -> bool:
         """True if more is explained or wanders than noise and uncertain inputs can account for."""
         return self._exceeds(WRONG_FACTOR)
@@ -130,13 +137,37 @@ def assess_outputs(
     """
     simulated = simulation.simulate(values)
     uncertainty = simulation.input_uncertainty(simulated, values)
-    isolated = simulation.isolated
+    return assessed(simulation.isolated, simulation.time, simulated, uncertainty)
+
+
+def assessed(
+    isolated: IsolatedMember,
+    time: Array,
+    simulated: Mapping[str, Array],
+    uncertainty: Mapping[str, float],
+) -> dict[str, OutputAssessment]:
+    """Assess every output of a member that was measured.
+
+    Parameters
+    ----------
+    isolated : IsolatedMember
+    time : ndarray, shape (n,)
+        Seconds.
+    simulated : Mapping of str to ndarray, shape (n,)
+        Outputs, also such as were not measured.
+    uncertainty : Mapping of str to float
+        RMS of what its inputs leave unknown of every measured output.
+
+    Returns
+    -------
+    dict of str to OutputAssessment
+    """
     inputs = {
         n: source.values for n, source in isolated.inputs.items() if source.values is not None
     }
     model = interface(isolated.member)
     units = {n: s.unit for n, s in (*model.inputs.items(), *model.outputs.items())}
-    tests = analyse_outputs(simulation.time, inputs, simulated, isolated.outputs, units)
+    tests = analyse_outputs(time, inputs, simulated, isolated.outputs, units)
     assessments = {}
     for output, y in isolated.outputs.items():
         residual = (y - simulated[output])[np.isfinite(y)]

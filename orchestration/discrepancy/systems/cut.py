@@ -24,9 +24,11 @@ class ReasonCode(StrEnum):
     SIMULATION_FAILED = "simulation_failed"
     LOOP_SIMULATION_FAILED = "loop_simulation_failed"
     TOO_UNCERTAIN = "too_uncertain"
+    NOT_EXCITED = "not_excited"
     # something is wrong
     RESIDUAL_BEYOND_NOISE = "residual_beyond_noise"
     PARAMETERS_CHANGED = "parameters_changed"
+    CAUSE_NAMED = "cause_named"
     # nothing is wrong
     RESIDUAL_IS_NOISE = "residual_is_noise"
     OUTPUTS_UNMOVED = "outputs_unmoved"

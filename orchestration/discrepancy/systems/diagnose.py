@@ -14,10 +14,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
+from orchestration.discrepancy.systems.by_equations import diagnose_loop, has_shift
 from orchestration.discrepancy.systems.cut import (
     IsolatedMember,
     Reason,
@@ -30,11 +32,13 @@ from orchestration.discrepancy.systems.in_loop import (
     loop_members,
     partners_of,
 )
+from orchestration.discrepancy.systems.loop_verdict import diagnoses_in_loop
 from orchestration.discrepancy.systems.member import MemberSimulation, opened
 from orchestration.discrepancy.systems.system_record import columns_of, read_system_record
 from orchestration.discrepancy.systems.verdict import (
     Effort,
     MemberDiagnosis,
+    MemberVerdict,
     SystemDiagnosis,
     diagnose_member,
     not_assessed,
@@ -49,6 +53,8 @@ _LOOP_SIMULATIONS = 120
 _SHORTEST = 100  # samples
 
 
+# matrices are narrow: a thread for each product would only wait for the others
+@threadpool_limits.wrap(limits=1)
 def diagnose_system(
     record_path: Path,
     ssp_path: Path,
@@ -143,6 +149,8 @@ class _Members:
                 self.diagnoses[isolated.member.name] = self._alone(isolated, stack)
             # those that could be opened stay open until loops are judged
             for name in self.simulations:
+                if self.diagnoses[name].in_loop or self._judged_by_equations(name):
+                    continue
                 if not self.diagnoses[name].assessable:
                     self.diagnoses[name] = self._in_loop(name)
         return list(self.diagnoses.values())
@@ -186,6 +194,36 @@ class _Members:
             alone = self.diagnoses[name]
             reason = Reason(ReasonCode.LOOP_SIMULATION_FAILED, {"message": str(error)})
             return replace(alone, reasons=[*alone.reasons, reason])
+
+    def _judged_by_equations(self, name: str) -> bool:
+        """Judge a member and its partners by their equations; return whether that says anything.
+
+        There is no need where a cut shows a member to be fine, or where one without a sampled clock
+        can be cut; and where a partner is wrong, it would be blamed for that.
+        """
+        alone = self.diagnoses[name]
+        partners = loop_members(self.system, name)
+        isolated = self.simulations[name].isolated
+        can_be_cut = alone.assessable and not has_shift(isolated.member)
+        is_fine = alone.assessable and alone.verdict is MemberVerdict.CONSISTENT
+        wrong = [p for p in partners if self.diagnoses[p].verdict is MemberVerdict.WRONG]
+        is_open = not partners or not self.simulations.keys() >= set(partners)
+        if can_be_cut or is_fine or wrong or is_open:
+            return False
+        try:
+            loop = diagnose_loop(
+                isolated,
+                [self.simulations[partner].isolated for partner in partners],
+                connections_between(self.system, name, partners),
+                self.time,
+                self.progress,
+            )
+        except UserError:
+            return False  # their FMUs tell what can be said
+        if loop is None:
+            return False
+        self.diagnoses |= diagnoses_in_loop(loop, self.diagnoses)
+        return True
 
     def _counter(self, subject: str) -> Callable[[int], None]:
         """Return a function that reports every tenth simulation of a subject."""

@@ -37,12 +37,15 @@ class AdjustedParameter:
     unit : str
     differs : bool
         Surely, and by more than a little.
+    interval : tuple of float or None
+        95 % confidence interval; None where the record does not determine it.
     """
 
     value: float
     nominal: float
     unit: str
     differs: bool
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,10 @@ class MemberDiagnosis:
     parameters : dict of str to AdjustedParameter
     simulations : int
         Number of them that it took.
+    causes, alternatives : list of str
+        Effects that the model of the member lacks, and those that the record cannot tell from them.
+    in_loop : bool
+        Whether it was judged by equations, in the loop with its partners.
     """
 
     name: str
@@ -80,6 +87,9 @@ class MemberDiagnosis:
     after: dict[str, OutputAssessment] = field(default_factory=dict)
     parameters: dict[str, AdjustedParameter] = field(default_factory=dict)
     simulations: int = 0
+    causes: list[str] = field(default_factory=list)
+    alternatives: list[str] = field(default_factory=list)
+    in_loop: bool = False
 
     @property
     def equations_known(self) -> bool:
@@ -195,6 +205,9 @@ def diagnose_member(
             simulation.budget += _LAST_ASSESSMENT
             after = assess_outputs(simulation, adjusted.values)
     parameters = _parameters(simulation.isolated, adjusted) if adjusted else {}
+    if not any(a.beyond_doubt for a in before.values()):
+        # what made parameters move lies within what the inputs leave unknown
+        parameters = {n: replace(p, differs=False) for n, p in parameters.items()}
     verdict, reasons = verdict_of(after or before, parameters, adjusted)
     return replace(
         not_assessed(simulation.isolated, reasons),
@@ -229,9 +242,9 @@ def _parameters(
     parameters = {}
     for name, value in adjusted.values.items():
         differs = is_significantly_different(adjusted.change[name], adjusted.standard_error[name])
-        parameters[name] = AdjustedParameter(
-            value, adjusted.nominal[name], declared[name].unit, differs
-        )
+        unit = declared[name].unit
+        interval = adjusted.interval[name]
+        parameters[name] = AdjustedParameter(value, adjusted.nominal[name], unit, differs, interval)
     return parameters
 
 
@@ -262,24 +275,49 @@ def verdict_of(
         return MemberVerdict.CANNOT_BE_JUDGED, aside
     wrong = [o for o, assessment in final.items() if assessment.wrong]
     if wrong:
-        worst = max(wrong, key=lambda o: final[o].noise_ratio)
-        facts = {
-            "output": worst,
-            "rms": final[worst].rms,
-            "unit": final[worst].unit,
-            "noise_ratio": final[worst].noise_ratio,
-            "adjusted": bool(adjusted and adjusted.values),
-            "complete": adjusted is None or adjusted.complete,
-            "most_telling": final[worst].most_telling,
-        }
-        return MemberVerdict.WRONG, [Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, facts), *aside]
+        complete = adjusted is None or adjusted.complete
+        is_adjusted = bool(adjusted and adjusted.values)
+        reason = residual_reason(final, wrong, is_adjusted, complete)
+        return MemberVerdict.WRONG, [reason, *aside]
     changed = {name: parameter for name, parameter in parameters.items() if parameter.differs}
     if changed:
-        reason = Reason(ReasonCode.PARAMETERS_CHANGED, {"parameters": changed})
-        return MemberVerdict.RECALIBRATE, [reason, *aside]
+        return MemberVerdict.RECALIBRATE, [parameters_reason(changed), *aside]
     still = [o for o, assessment in final.items() if assessment.unmoved]
     unmoved = _about(ReasonCode.OUTPUTS_UNMOVED, still)
     return MemberVerdict.CONSISTENT, [Reason(ReasonCode.RESIDUAL_IS_NOISE), *aside, *unmoved]
+
+
+def residual_reason(
+    final: Mapping[str, OutputAssessment],
+    outputs: Sequence[str],
+    adjusted: bool,
+    complete: bool = True,
+) -> Reason:
+    """Return the reason that the residual of the worst of some outputs is no noise.
+
+    Parameters
+    ----------
+    final : Mapping of str to OutputAssessment
+    outputs : sequence of str
+    adjusted, complete : bool
+        Whether parameters were adjusted, and whether that came to its end.
+    """
+    worst = max(outputs, key=lambda o: final[o].noise_ratio)
+    facts = {
+        "output": worst,
+        "rms": final[worst].rms,
+        "unit": final[worst].unit,
+        "noise_ratio": final[worst].noise_ratio,
+        "adjusted": adjusted,
+        "complete": complete,
+        "most_telling": final[worst].most_telling,
+    }
+    return Reason(ReasonCode.RESIDUAL_BEYOND_NOISE, facts)
+
+
+def parameters_reason(changed: Mapping[str, AdjustedParameter]) -> Reason:
+    """Return the reason that parameters differ."""
+    return Reason(ReasonCode.PARAMETERS_CHANGED, {"parameters": dict(changed)})
 
 
 def _about(code: ReasonCode, outputs: Sequence[str]) -> list[Reason]:

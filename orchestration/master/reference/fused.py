@@ -168,7 +168,8 @@ def _trace_member(system: System, member: Member) -> Graph:
 
     def rename_discrete(discrete: DiscreteDeclaration) -> DiscreteDeclaration:
         period = f"{member.name}.{period_names[discrete.period]}"
-        renamed = replace(rename(discrete), period=period)
+        shift = tuple(f"{member.name}.{name}" for name in discrete.shift)
+        renamed = replace(rename(discrete), period=period, shift=shift)
         return name_declaration(renamed, f"{member.name}.{discrete.name}")
 
     def period_parameter(name: str, period: Any) -> ParameterDeclaration:

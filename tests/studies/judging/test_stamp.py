@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from studies.judging import book, foreign, hidden, laws, misuse, naming, public_laws, stamp
+from studies.judging import bench, book, foreign, hidden, laws, misuse, naming, public_laws, stamp
 
 
 @pytest.mark.parametrize(
@@ -14,6 +14,7 @@ from studies.judging import book, foreign, hidden, laws, misuse, naming, public_
     [
         (hidden.PAGE, hidden.CODE, "make hidden-study"),
         (book.PAGE, book.CODE, "make book-study"),
+        (bench.PAGE, bench.CODE, "make bench-study"),
         (misuse.PAGE, misuse.CODE, "make misuse-study"),
         (naming.PAGE, naming.CODE, "make naming"),
         (laws.PAGE, laws.CODE, "make laws-study"),

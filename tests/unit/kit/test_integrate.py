@@ -22,6 +22,9 @@ from fmus.kit import (
 )
 from fmus.kit import integrate as module
 from fmus.kit.integrate import Integrator
+from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.record.interpreted import Interpreted
+from fmus.kit.symbolic import trace
 
 
 class Decay(Component):
@@ -450,3 +453,54 @@ def test_no_step_is_too_long_to_be_noticed(cls, step, exact):
     model = cls()
     Integrator(model).advance(0.0, step)
     assert model.x == pytest.approx(exact, abs=1e-7)
+
+
+class Shifted(Component):
+    """Counts the samples of a clock that begins after the start."""
+
+    name = "shifted"
+    period = Parameter(0.5, "s", min=1e-3)
+    first = Parameter(0.2, "s", min=0)
+    more = Parameter(0.1, "s", min=0)
+    count = Discrete("1", update="counted", period="period", shift=("first", "more"), output=True)
+    age = State("s", rate="passing")
+
+    def counted(self):
+        return self.count + 1.0
+
+    def passing(self):
+        return 1.0 + 0.0 * self.count
+
+
+@pytest.mark.parametrize("step", [0.07, 0.1, 0.5])
+def test_a_clock_with_a_shift_begins_that_much_later(step):
+    """Samples fall on 0.3, 0.8, 1.3 s and so on; one at the end of a step is of the next."""
+    component = Shifted()
+    integrator = Integrator(component)
+    counts = []
+    for k in range(30):
+        integrator.advance(k * step, step)
+        counts.append(component.count)
+    ends = step * np.arange(1, 31)
+    before = np.array([np.sum(0.3 + 0.5 * np.arange(60) < end - 1e-9) for end in ends])
+    assert counts == before.tolist()
+    time = np.concatenate([[0.0], ends])
+    compiled = CompiledModel(Shifted).run(time, {}).signals["count"]
+    assert compiled[1:].tolist() == counts
+    parameters = np.array([float(p.start) for p in Shifted.layout.parameters])
+    nothing = np.empty((time.size, 0)), np.empty(0)
+    engine = Interpreted(trace(Shifted))
+    _, states = engine.simulate(time, *nothing, parameters, tolerance=1e-8, effort=1e6)
+    assert states[1:, 1].tolist() == counts
+
+
+def test_a_shift_that_is_no_parameter_is_refused():
+    with pytest.raises(UserError, match="has the shift 'late', which is no parameter"):
+        type(
+            "Late",
+            (Shifted,),
+            {
+                "name": "late",
+                "other": Discrete("1", update="counted", period=1.0, shift=("late",)),
+            },
+        )

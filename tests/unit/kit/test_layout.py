@@ -102,7 +102,7 @@ def test_measurable_are_outputs_and_output_states():
 
 def test_sampled_groups_by_period():
     groups = [(period, [d.name for d in members]) for period, members in Thermostat.layout.sampled]
-    assert groups == [("sampling", ["on", "changes"]), (0.3, ["reading"])]
+    assert groups == [(("sampling", ()), ["on", "changes"]), ((0.3, ()), ["reading"])]
 
 
 def declare(concrete=True, **body):

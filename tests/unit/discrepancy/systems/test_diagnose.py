@@ -8,6 +8,7 @@ written of it is documented.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,7 +110,9 @@ def test_the_member_with_another_structure_is_named(saturating):
 
 
 def test_the_fields_documented_of_a_system_are_those_written(saturating):
-    written = json.loads(json.dumps(system_diagnosis_summary(saturating), allow_nan=False))
+    named = replace(saturating.members[0], causes=["one"], alternatives=["another"])
+    shown = replace(saturating, members=[named, *saturating.members[1:]])
+    written = json.loads(json.dumps(system_diagnosis_summary(shown), allow_nan=False))
     assert {path for path, _ in fields(written)} == set(documented(system=True))
 
 
@@ -119,9 +122,11 @@ def test_a_member_with_another_parameter_is_recalibrated(tmp_path):
     changed = {n: c for n, c in diagnosis.members[2].parameters.items() if c.differs}
     assert list(changed) == ["R1"]
     assert changed["R1"].value == pytest.approx(1.4 * 0.43, rel=0.01)
+    low, high = changed["R1"].interval
+    assert low < 1.4 * 0.43 < high
     assert (
         describe_reasons(diagnosis.members[2])
-        == f"R1 is {changed['R1'].value:.4g} ohm instead of 0.43"
+        == f"R1 is {changed['R1'].value:.4g} ohm instead of 0.43 ({low:.4g} to {high:.4g})"
     )
 
 

@@ -1,0 +1,269 @@
+"""Diagnosis of a member in its loop by its equations, with those of its partners.
+
+The loop is one model, closed where it cannot be cut, and is diagnosed like any other: all
+parameters are fitted, and what is left has its cause named among the effects of the member.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
+from fmus.kit.record import CompiledModel
+from orchestration.discrepancy.budget import Budget
+from orchestration.discrepancy.candidates import catalogue
+from orchestration.discrepancy.conclude import Diagnosis
+from orchestration.discrepancy.data import Dataset
+from orchestration.discrepancy.diagnosis import diagnose, searched_parameters
+from orchestration.discrepancy.selection import intersample
+from orchestration.discrepancy.systems.clock_shift import estimate_shift, shifts_of
+from orchestration.discrepancy.systems.closed_loop import close_loop, without_limits
+from orchestration.discrepancy.systems.cut import IsolatedMember
+from orchestration.fmu import catalogue as physics_of
+from orchestration.fmu import find_class, read_description
+from orchestration.identify.noise import noise_std
+from orchestration.system import Connection, Member, interface
+
+# Of a record is looked at, from the first sample on, as only there is it known what a controller
+# remembers: so many seconds, for a loop takes a step for every millisecond, or so many samples.
+_SECONDS = 10.0
+_SAMPLES = 1000
+# of a record, in which the loop forgets where its fast states and its controller started
+_RUN_IN = 0.05
+_FORGOTTEN = 1e-3  # of the largest effect of a start, that may be left of it after that
+# more of them are left to simulations of the FMUs, since each is a sensitivity of every state: the
+# bench with its actuator has 31, a foot with four 90
+_PARAMETERS = 40
+_UNREACHED = 0.5  # noise widths, by which a limit must not matter to be left out
+_TIME = 15.0  # s of processor time for the search for a cause, beside the fits of the base
+
+
+@dataclass(frozen=True)
+class LoopDiagnosis:
+    """What a record of a loop says of the model of all its members.
+
+    Attributes
+    ----------
+    member : str
+        The one whose effects were searched.
+    members : dict of str to IsolatedMember
+        All of them, with what was looked at of them.
+    diagnosis : Diagnosis
+        Variables of the partners have their names before their own.
+    shifts : dict of str to float
+        Of clocks, seconds.
+    time : ndarray, shape (n,)
+        Of what was looked at, seconds.
+    before, after : dict of str to ndarray, shape (n,)
+        Outputs of the model as the system has it, but for the shift of clocks, and of the final
+        one.
+    """
+
+    member: str
+    members: Mapping[str, IsolatedMember]
+    diagnosis: Diagnosis
+    shifts: Mapping[str, float]
+    time: Array
+    before: Mapping[str, Array]
+    after: Mapping[str, Array]
+
+    def full_name(self, member: str, variable: str) -> str:
+        """Return the name of a variable of a member in the loop."""
+        return _prefix(self.member, member) + variable
+
+    def own_name(self, member: str, variable: str) -> str | None:
+        """Return the name that a variable of the loop has in a member; None if it has none."""
+        for name in self.members:
+            prefix = _prefix(self.member, name)
+            if prefix and variable.startswith(prefix):
+                return variable.removeprefix(prefix) if name == member else None
+        return variable if member == self.member else None
+
+
+def equations_of(member: Member) -> type[Component] | None:
+    """Return the class of a member, or None where its equations are not known.
+
+    An FMU tells what it was made from where that has effects; one of a component alone has its
+    name, and must have its parameters.
+    """
+    from fmus import COMPONENTS, component
+
+    name = read_description(member.fmu).modelName
+    try:
+        cls = component(name) if name in COMPONENTS else find_class(str(member.fmu))
+    except UserError:
+        return None
+    is_same = {p.name for p in cls.layout.parameters} == interface(member).parameters.keys()
+    return cls if is_same and cls.engine is None else None
+
+
+def has_shift(member: Member) -> bool:
+    """Return whether a member is known to sample by a clock that may be shifted."""
+    cls = equations_of(member)
+    return cls is not None and bool(shifts_of(cls))
+
+
+def diagnose_loop(
+    isolated: IsolatedMember,
+    partners: Sequence[IsolatedMember],
+    connections: Sequence[Connection],
+    time: Array,
+    progress: Callable[[str], None] = lambda text: None,
+) -> LoopDiagnosis | None:
+    """Diagnose a member together with its partners.
+
+    Parameters
+    ----------
+    isolated : IsolatedMember
+        The member whose effects are searched.
+    partners : sequence of IsolatedMember
+        Those that hold it.
+    connections : sequence of Connection
+        Among them.
+    time : ndarray, shape (n,)
+        Seconds.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    LoopDiagnosis or None
+        None where the equations of one of them are not known, or have too many parameters.
+
+    Raises
+    ------
+    UserError
+        If the loop cannot be closed or simulated.
+    """
+    own = equations_of(isolated.member)
+    others = {p.member.name: equations_of(p.member) for p in partners}
+    known = {name: cls for name, cls in others.items() if cls is not None}
+    if own is None or len(known) < len(others):
+        return None
+    name = isolated.member.name
+    parts = [(_prefix(name, part.member.name), part) for part in (isolated, *partners)]
+    values = _values(parts)
+    cls = close_loop(name, own, known, connections)
+    data = _dataset(cls, parts, time)
+    if len(searched_parameters(cls)) > _PARAMETERS:
+        return None
+    unlimited = {partner: without_limits(partner_cls) for partner, partner_cls in known.items()}
+    free = close_loop(name, own, unlimited, connections)
+    if _matters(cls, free, data, values):
+        free = cls
+    held = _without_trace(free, data, values)
+    parameters = [p for p in searched_parameters(free) if p not in held]
+    shifts: dict[str, float] = {}
+    for shift in shifts_of(free):
+        progress(f"estimating {shift} of {name}")
+        shifts[shift] = estimate_shift(free, data, values | shifts, parameters, shift)
+    values |= shifts
+    effects = catalogue(free, physics_of(own), isolated.outputs)
+    diagnosis = diagnose(
+        free,
+        replace(data, linear=None),  # the fits decide it anew
+        effects,
+        values,
+        progress=lambda text: progress(f"judging {name} in its loop: {text}"),
+        held=held,
+        budget=Budget(_TIME),
+        mixed_up=False,
+    )
+    return LoopDiagnosis(
+        name,
+        {part.member.name: _looked_at(part, data, prefix) for prefix, part in parts},
+        diagnosis,
+        shifts,
+        data.time,
+        _simulated(diagnosis, values),
+        _simulated(diagnosis, values | diagnosis.final.fit.values),
+    )
+
+
+def _prefix(subject: str, member: str) -> str:
+    """Return what the names of the variables of a member begin with in the loop of another."""
+    return "" if member == subject else f"{member}_"
+
+
+def _values(parts: Sequence[tuple[str, IsolatedMember]]) -> dict[str, float]:
+    """Return the parameters that the system sets."""
+    return {
+        prefix + name: float(value)
+        for prefix, part in parts
+        for name, value in part.member.parameters.items()
+        if not isinstance(value, str) and name not in part.inputs
+    }
+
+
+def _dataset(
+    cls: type[Component], parts: Sequence[tuple[str, IsolatedMember]], time: Array
+) -> Dataset:
+    """Return what was measured of a loop, after the time in which it forgets how it started."""
+    within = int(np.searchsorted(time, time[0] + _SECONDS))
+    count = min(time.size, max(within, _SAMPLES))
+    inputs: dict[str, Array] = {}
+    measured: dict[str, Array] = {}
+    fed = {v.name for v in cls.layout.inputs}
+    settled = np.arange(count) >= _RUN_IN * count
+    for prefix, part in parts:
+        for name, source in part.inputs.items():
+            if prefix + name in fed:
+                values = source.value if source.values is None else source.values[:count]
+                inputs[prefix + name] = np.broadcast_to(np.asarray(values, dtype=float), count)
+        for name, values in part.outputs.items():
+            measured[prefix + name] = np.where(settled, values[:count], np.nan)
+    data = Dataset(time[:count], inputs, measured)
+    return replace(data, linear=intersample.linear(intersample.by_course(cls, data)))
+
+
+def _looked_at(isolated: IsolatedMember, data: Dataset, prefix: str) -> IsolatedMember:
+    """Return a member with the part of its signals that was looked at."""
+    count = len(data.time)
+    inputs = {
+        name: source if source.values is None else replace(source, values=source.values[:count])
+        for name, source in isolated.inputs.items()
+    }
+    outputs = {name: data.measured[prefix + name] for name in isolated.outputs}
+    return replace(isolated, inputs=inputs, outputs=outputs)
+
+
+def _matters(
+    limited: type[Component],
+    free: type[Component],
+    data: Dataset,
+    values: Mapping[str, float],
+) -> bool:
+    """Return whether limits of partners are reached in a record."""
+    with_limits, without = (
+        CompiledModel(cls).run(data.time, data.inputs, values, data.linear or ()).signals
+        for cls in (limited, free)
+    )
+    return any(
+        np.sqrt(np.nanmean(np.where(np.isfinite(y), with_limits[o] - without[o], np.nan) ** 2))
+        > _UNREACHED * noise_std(y)
+        for o, y in data.measured.items()
+    )
+
+
+def _without_trace(cls: type[Component], data: Dataset, values: Mapping[str, float]) -> list[str]:
+    """Return parameters without effect on what was measured, and starts that were forgotten."""
+    names = searched_parameters(cls)
+    run = CompiledModel(cls, names).run(data.time, data.inputs, values, data.linear or ())
+    slopes = np.array([np.abs(run.sensitivities[o]) for o in data.measured])
+    seen = np.array([np.isfinite(y) for y in data.measured.values()])
+    largest = slopes.max(1)
+    left = (slopes * seen[:, :, None]).max(1)
+    is_start = np.array([name in cls.layout.start_parameters for name in names])
+    traced = left > np.where(is_start, _FORGOTTEN * largest, 0.0)
+    return [name for name, kept in zip(names, traced.any(0), strict=True) if not kept]
+
+
+def _simulated(diagnosis: Diagnosis, values: Mapping[str, float]) -> dict[str, Array]:
+    """Return the measured outputs as the final model has them with some parameters, (n,) each."""
+    problem = diagnosis.final.problem
+    signals = problem.model.run(problem.time, problem.inputs, problem.start | dict(values)).signals
+    return {output: signals[output] for output in problem.measured}

@@ -1,0 +1,213 @@
+"""Study of the bench as a system: which member is blamed, for what, and in which time.
+
+`python -m studies.judging.bench --records 10 --seed 1` draws benches at any phase of the controller
+with a simulation that shares no code with the components (`studies/benches`), as many without a
+fault as with dry friction of the slide, and diagnoses each from its file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.tables import Table, Topic
+from orchestration.discrepancy.systems import SystemDiagnosis, diagnose_system
+from orchestration.system import library, ssp
+from studies.benches import BenchRecord, draw
+from studies.judging.kept import add_options, among, judged
+from studies.judging.stamp import stamp
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "bench-records.md"
+CODE = (
+    "orchestration/discrepancy/systems",
+    "fmus/kit/fmi2",
+    "fmus/voice_coil_dma",
+    "fmus/ppy_actuator",
+    "studies/benches",
+)
+CLEAN = "clean"
+FRICTION = "dry friction"
+KINDS = (CLEAN, FRICTION)
+_FORCES = {CLEAN: (0.0, 0.0), FRICTION: (0.1, 0.5)}  # N
+_NAME = "coulomb_friction"
+_HEAD = (
+    "# What is said of benches with an actuator\n"
+    "\n"
+    "Drawn by `python -m studies.judging.bench --records {records} --seed {seed}`; `make"
+    " bench-study` draws it anew.\n"
+    "Records of 10 to 25 s at 100 Hz of a voice coil that holds an actuator, by a simulation that"
+    " shares no code with\n"
+    "the models under test. The 30 Hz controller begins at any phase of the record's clock; every"
+    " second bench has\n"
+    "parameters that are not nominal, in every second the noise of the load cell goes through the"
+    " controller, and the\n"
+    "clock of every fourth jitters by 0.3 ms. Each is diagnosed with `ppy diagnose RECORD --system"
+    " dma_bench.ssp`.\n"
+    "\n"
+    "{stamp}\n"
+    "\n"
+)
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class BenchCase:
+    """A record of a bench.
+
+    Attributes
+    ----------
+    kind : str
+    seed : int
+    """
+
+    kind: str
+    seed: int
+
+    def draw(self) -> BenchRecord:
+        """Draw the record."""
+        return draw(self.seed, _FORCES[self.kind])
+
+
+def cases(records: int, seed: int) -> list[BenchCase]:
+    """Return as many cases of every kind."""
+    return [
+        BenchCase(kind, 1000 * seed + 100 * number + k)
+        for k in range(records)
+        for number, kind in enumerate(KINDS)
+    ]
+
+
+def judge(case: BenchCase) -> Row:
+    """Draw a record, diagnose it from its file, and tell what was said and what is true."""
+    record = case.draw()
+    with tempfile.TemporaryDirectory() as folder:
+        path = record.write(Path(folder) / "record.csv")
+        system = Path(folder) / "dma_bench.ssp"
+        ssp.write(library.system("dma_bench"), system)
+        begun = _processor_time()
+        diagnosis = diagnose_system(path, system)
+        seconds = _processor_time() - begun
+    return (
+        asdict(case)
+        | {
+            "seconds": seconds,
+            "friction": record.bench.dry_friction,
+            "phase": record.bench.phase,
+            "changed": sorted(record.changed),
+        }
+        | _said(diagnosis, record)
+    )
+
+
+def _processor_time() -> float:
+    """Return the seconds of processor time of this process and of compilers that it ran."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def _said(diagnosis: SystemDiagnosis, record: BenchRecord) -> Row:
+    """Return what was said, and whether intervals hold what is true."""
+    truth = record.bench.values | {"coulomb_force": record.bench.dry_friction}
+    inside = {
+        name: bool(parameter.interval[0] <= truth[name] <= parameter.interval[1])
+        for member in diagnosis.members
+        for name, parameter in member.parameters.items()
+        if name in truth and parameter.interval is not None
+    }
+    return {
+        "verdict": str(diagnosis.verdict),
+        "verdicts": {member.name: str(member.verdict) for member in diagnosis.members},
+        "causes": [cause for member in diagnosis.members for cause in member.causes],
+        "named": sorted(
+            name
+            for member in diagnosis.members
+            for name, parameter in member.parameters.items()
+            if parameter.differs
+        ),
+        "inside": inside,
+    }
+
+
+def is_right(row: Row) -> bool:
+    """Return whether an answer is right.
+
+    Of a clean bench that is `consistent` or `recalibrate`, where every parameter that is said to
+    differ does so and its interval holds it; with dry friction, that it is named first.
+    """
+    if row["kind"] == FRICTION:
+        return bool(row["causes"][:1] == [_NAME])
+    covered = all(row["inside"].get(name, False) for name in row["named"])
+    is_fine = row["verdict"] in ("consistent", "recalibrate")
+    return is_fine and covered and set(row["named"]) <= set(row["changed"])
+
+
+def report(rows: Sequence[Row]) -> Topic:
+    """Return tables of what was said."""
+    summary = []
+    for kind in KINDS:
+        of = [row for row in rows if row["kind"] == kind]
+        if of:
+            intervals = [held for row in of for held in row["inside"].values()]
+            seconds = sorted(row["seconds"] for row in of)
+            summary.append(
+                [
+                    kind,
+                    f"{sum(map(is_right, of))} of {len(of)}",
+                    f"{sum(intervals)} of {len(intervals)}",
+                    f"{seconds[len(seconds) // 2]:.0f}",
+                    f"{seconds[-1]:.0f}",
+                ]
+            )
+    every = [
+        [
+            row["kind"],
+            f"{1e3 * row['phase']:.1f}",
+            f"{row['friction']:.2f}" if row["friction"] else "",
+            ", ".join(row["changed"]),
+            row["verdict"],
+            ", ".join(row["causes"] or row["named"]),
+            f"{row['seconds']:.0f}",
+        ]
+        for row in rows
+    ]
+    head = ["bench", "phase, ms", "friction, N", "not nominal", "verdict", "named", "s"]
+    return Topic(
+        "Benches",
+        [
+            "Right is `consistent` or `recalibrate` with the true values inside where nothing is"
+            " hidden, and dry friction named first where it is. Seconds are of the processor.",
+            Table(["bench", "right", "true values inside", "s, median", "s, most"], summary),
+            Table(head, every),
+        ],
+    )
+
+
+def _described(row: Row) -> str:
+    return f"{row['verdict']} {row['causes'] or row['named']} in {row['seconds']:.0f} s"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m studies.judging.bench", description=__doc__.split("\n\n")[0]
+    )
+    add_options(parser, 10, "bench")
+    parser.add_argument("--out", type=Path, help="page to write")
+    chosen = parser.parse_args(arguments)
+    kept = chosen.kept or ROOT / "build" / "bench" / f"{chosen.seed}.jsonl"
+    wanted = among(cases(chosen.records, chosen.seed), chosen)
+    text = str(report(judged(wanted, kept, judge, _described)))
+    print("\n" + text)
+    if chosen.out is not None:
+        head = _HEAD.format(records=chosen.records, seed=chosen.seed, stamp=stamp(CODE))
+        chosen.out.write_text(head + text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""Benches of an independent simulation: nobody is blamed for a clock, and friction is named."""
+
+from __future__ import annotations
+
+import pytest
+
+from studies.judging.bench import CLEAN, FRICTION, BenchCase, is_right, judge
+
+
+def test_a_clean_bench_is_not_blamed_for_the_phase_of_its_controller():
+    """The controller begins 4.6 ms after the record."""
+    row = judge(BenchCase(CLEAN, 1004))
+    assert row["verdicts"] == {"bench": "consistent", "actuator": "consistent"}
+    assert all(row["inside"].values())
+
+
+@pytest.mark.slow
+def test_dry_friction_is_named_first():
+    """0.16 N, and a clock that jitters."""
+    row = judge(BenchCase(FRICTION, 2002))
+    assert row["verdicts"]["bench"] == "wrong"
+    assert row["causes"] == ["coulomb_friction"]
+
+
+@pytest.mark.parametrize(
+    ("said", "right"),
+    [
+        ({}, True),
+        ({"verdict": "wrong"}, False),
+        ({"verdict": "recalibrate", "named": ["R1"]}, True),
+        ({"verdict": "recalibrate", "named": ["K"]}, False),
+        ({"verdict": "recalibrate", "named": ["R1"], "inside": {"R1": False}}, False),
+        ({"kind": FRICTION, "causes": ["coulomb_friction", "end_stops"]}, True),
+        ({"kind": FRICTION, "causes": ["end_stops", "coulomb_friction"]}, False),
+    ],
+)
+def test_what_is_right(said, right):
+    row = {
+        "kind": CLEAN,
+        "verdict": "consistent",
+        "named": [],
+        "causes": [],
+        "changed": ["R1"],
+        "inside": {"R1": True},
+    }
+    assert is_right(row | said) is right
