@@ -255,12 +255,9 @@ def _summary(found: dict[Case, dict[str, Figures]]) -> Iterator[str]:
     )
     yield (
         f"- **BJ beside OE**: within 5 % of fit in {cases(0, beside)} cases on identification data,"
-        f" and in {cases(1, beside, 'trend removed')} with the trend removed on validation data. As"
-        " measured it can be the worst: the film flows under its load, and a pole near one of the"
-        " noise model explains that to one sample as well as one of the force path, and leaves it"
-        " out of a free run (last table). The printed fit of BJ suggests that there was no such"
-        " trend, or that it was removed. A search among stable models also need not find its"
-        " optimum where a pole is at the edge of stability."
+        f" and in {cases(1, beside)} on validation data. A search that ends in one of the many"
+        " other minima of its criterion can have a pole of the noise model near one that takes the"
+        " flow of the film out of the force path (last table), and then runs free far worse."
     )
     yield (
         f"- **ARMAX behind ARX**: in {behind[0]} cases by fit, in {behind[1]} by the criterion. It"

@@ -3,6 +3,8 @@
 Its table is laid out like the thesis' table 3-2.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,7 +86,22 @@ def test_the_criterion_can_be_that_of_the_thesis():
     search = search_orders(
         *divided(), structures=["OE", "BJ"], path_orders=[2], noise_orders=[1, 2], criterion="AIC"
     )
-    assert search.chosen.aic == min(row.aic for row in search.rows)
+    bj = [row for row in search.rows if row.structure == "BJ"]
+    assert search.best[-1].aic == min(row.aic for row in bj)
+
+
+def test_free_runs_over_unseen_data_choose_among_structures(search):
+    """The row is chosen by simulation even where another predicts one sample better."""
+    by_criterion, other = search.best[0], search.best[2]
+    rows = (
+        replace(by_criterion, validation_fit=54.6, bic=-9.0),
+        replace(other, validation_fit=92.1, bic=-7.0),
+    )
+    drawn = replace(search, rows=rows)
+    assert [row.structure for row in drawn.ranked] == ["OE", "ARX"]
+    assert drawn.chosen.structure == "OE"
+    level = replace(search, rows=(rows[1], replace(rows[0], validation_fit=92.07)))
+    assert level.chosen.structure == "ARX"
 
 
 def test_what_cannot_be_identified_is_left_out_and_told():
