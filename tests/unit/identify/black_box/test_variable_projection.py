@@ -1,4 +1,4 @@
-"""Claims: reduced errors are those of an independent dense least squares, slopes are differences."""
+"""Claims: reduced errors are those of a dense least squares, their slopes those of differences."""
 
 from __future__ import annotations
 
