@@ -65,4 +65,6 @@ def _rise(y: Array, steps: Indices, width: int) -> Array:
     sums = np.concatenate([[0.0], np.cumsum(bends)])
     before = sums[steps] - sums[steps - width]
     long_before = sums[steps - 2 * width] - sums[steps - 3 * width]
-    return before / np.maximum(long_before, np.finfo(float).tiny)
+    # of a signal without noise nothing is left but rounding
+    rounding = np.finfo(float).eps * float(bends.max()) + np.finfo(float).tiny
+    return before / np.maximum(long_before, rounding)
