@@ -44,6 +44,7 @@ from orchestration.discrepancy.validation import (
     confirm,
     deviation_beside_fit,
     errors_in_variables,
+    free_run_gain,
     identifiability_notes,
     implausible,
     model_errors,
@@ -402,7 +403,8 @@ def _judged_in_final_model(
     """Assess the final model, and drop the causes that may do nothing in it, one after another.
 
     What was named first was judged without what came after it. A cause without which the record is
-    much less likely stays: its interval is then that of the likelihood ratio.
+    much less likely stays, or without which unseen data are surely farther off: its interval is
+    then that of the likelihood ratio, or of how sure that is.
     """
     outcome = _assess_final_model(search, judged, data)
     ratios = dict[type[Effect], float]()
@@ -423,6 +425,10 @@ def _judged_in_final_model(
             continue
         note = _neutral_note(effect, estimates[effect.neutral])
         anew = confirm(reported, data.validation, search.trusted)
+        gain = free_run_gain(data.validation, anew.predictions[-1], outcome.judged.predictions[-1])
+        if gain.surely_nearer:
+            ratios[effect] = gain.fall**2
+            continue
         kept = replace(anew, notes=[*outcome.judged.notes, *anew.notes, note])
         outcome = _assess_final_model(search, kept, data)
     estimates = outcome.parameters.estimates

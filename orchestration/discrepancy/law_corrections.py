@@ -38,7 +38,6 @@ from orchestration.discrepancy.selection import (
 )
 from orchestration.discrepancy.validation import (
     ConfirmedSelection,
-    Outcome,
     confirm,
     errors_in_variables,
 )
@@ -105,15 +104,16 @@ class LawSearch:
 def leaves_something(diagnosis: Diagnosis) -> bool:
     """Return whether neither parameters nor the causes named account for all of a record.
 
-    Where a record cannot tell causes apart, the laws are not searched: they would be one more. Nor
-    are they where columns look mixed up: then the record is wrong, and not a law.
+    Where one of the causes named accounts for all of it, the laws are not searched, though a record
+    cannot tell which: they would be one more. Nor are they where columns look mixed up: then the
+    record is wrong, and not a law.
     """
     if any(note.code in MIXED_UP for note in diagnosis.notes):
         return False
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         return True
     beside = any(note.code is NoteCode.SOMETHING_LEFT for note in diagnosis.notes)
-    return diagnosis.verdict is Verdict.CAUSE and beside
+    return beside and diagnosis.verdict in (Verdict.CAUSE, Verdict.AMBIGUOUS)
 
 
 def search_laws(
@@ -307,8 +307,8 @@ def _with_correction(
     added = _add_correction(search, diagnosis.selection, laws.found, best, cause)
     reported = as_reported_models(search, needed(search, added))
     judged = confirm(reported, diagnosis.validation, search.trusted)
-    confirmation = judged.confirmations.get(cause.effect_name)
-    if confirmation is None or confirmation.outcome is not Outcome.CONFIRMED:
+    # it is confirmed beside the causes named; before them, it need only not be refuted
+    if cause.effect_name not in judged.confirmations:
         return diagnosis
     return _conclude_anew(diagnosis, search, judged)
 

@@ -4,6 +4,7 @@ from .confirmation import ConfirmedSelection as ConfirmedSelection
 from .confirmation import Outcome as Outcome
 from .confirmation import compare as compare
 from .confirmation import confirm as confirm
+from .confirmation import free_run_gain as free_run_gain
 from .confirmation import score as score
 from .estimates import by_likelihood_ratio as by_likelihood_ratio
 from .estimates import deviation_beside_fit as deviation_beside_fit

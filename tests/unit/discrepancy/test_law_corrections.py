@@ -94,7 +94,8 @@ def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
         (Verdict.UNEXPLAINED, [], True),
         (Verdict.CAUSE, [NoteCode.SOMETHING_LEFT], True),
         (Verdict.CAUSE, [NoteCode.NO_GAIN], False),
-        (Verdict.AMBIGUOUS, [NoteCode.SOMETHING_LEFT], False),
+        (Verdict.AMBIGUOUS, [NoteCode.SOMETHING_LEFT], True),
+        (Verdict.AMBIGUOUS, [], False),
         (Verdict.RECALIBRATE, [], False),
     ],
 )
