@@ -382,13 +382,17 @@ class _FinalModel:
 def _judged_in_reason(
     search: Search, judged: ConfirmedSelection, data: DiagnosisData
 ) -> _FinalModel:
-    """Assess the final model, and drop causes that lead there only beside impossible parameters.
+    """Assess the final model, and drop causes that leave something beside impossible parameters.
 
-    What is nearer to a record only with a plant that no specimen is explains nothing of one.
+    What comes nearer to a record, but not all the way, and only with a plant that no specimen is,
+    explains nothing of one.
     """
     outcome = _judged_in_final_model(search, judged, data)
     beside = outcome.parameters
-    if not (beside.implausible and outcome.judged.selection.steps):
+    selection = outcome.judged.selection
+    if not (beside.implausible and selection.steps):
+        return outcome
+    if not _has_unexplained_structure(selection, outcome.residuals, frozenset()):
         return outcome
     bare = _assess_final_model(search, judged.without_steps(data.validation), data)
     if bare.parameters.implausible:

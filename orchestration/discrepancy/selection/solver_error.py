@@ -19,6 +19,7 @@ from orchestration.discrepancy.note import Note, NoteCode
 SOLVER_ERROR = 5e-3
 # Of that spread: less noise, or finer steps, than a converter of 16 bit has.
 _NOISELESS = 1e-5
+_ROUNDING = 1e-9  # of its spread, up to which an output is met but for rounding
 
 
 def solver_error_notes(model: FittedCandidate) -> list[Note]:
@@ -30,9 +31,12 @@ def solver_error_notes(model: FittedCandidate) -> list[Note]:
     for output, residual in model.fit.residual.items():
         measured = model.problem.measured[output][model.problem.present[output]]
         spread = float(np.std(measured))
-        if not _is_noiseless(measured, residual, _NOISELESS * spread):
+        error = float(np.std(residual))
+        is_met = error <= _ROUNDING * spread  # even if it is of a few levels
+        if not (is_met or _is_noiseless(measured, residual, _NOISELESS * spread)):
             return []
-        shares.append(float(np.std(residual)) / spread)
+        if spread > 0.0:
+            shares.append(error / spread)
     if not shares or max(shares) > SOLVER_ERROR:
         return []
     return [Note(NoteCode.SOLVER_ERROR, "", {"share": max(shares)})]

@@ -222,22 +222,24 @@ def test_of_an_output_that_rests_no_error_is_a_share():
     assert conclusion._large_errors(best) == {"moves": pytest.approx(1.0)}
 
 
-def with_friction():
-    """A motor with dry friction, which has a cause."""
+def with_friction(wave=0.0):
+    """A motor with dry friction, which has a cause, and a wave beside it, which has none."""
     data = wired()
     speed = np.zeros(len(data.time))
     drive = data.inputs["drive"]
     for k in range(len(speed) - 1):
         rate = 3.75 * drive[k] - 1.25 * speed[k] - 0.8 * np.tanh(speed[k] / 0.05)
         speed[k + 1] = speed[k] + 0.1 * rate
-    noise = 0.02 * coloured(0.0, 2, len(speed))
+    noise = 0.02 * coloured(0.0, 2, len(speed)) + wave * np.sin(0.9 * data.time)
     return replace(data, measured={"shown": speed + noise})
 
 
-def test_beside_parameters_out_of_all_reason_no_cause_is_named(monkeypatch):
-    named = diagnose(Motor, with_friction(), [FRICTION])
-    assert named.causes == ["coulomb_friction"]
+def test_beside_parameters_out_of_all_reason_no_cause_is_named_that_leaves_something(monkeypatch):
+    whole = diagnose(Motor, with_friction(), [FRICTION])
+    named = diagnose(Motor, with_friction(wave=0.1), [FRICTION])
+    assert whole.causes == named.causes == ["coulomb_friction"]
     monkeypatch.setattr(conclusion, "implausible", lambda *_: {"gain": 159.0})
+    assert conclude_again(whole).causes == whole.causes
     again = conclude_again(named)
     assert (again.verdict, again.causes) == (Verdict.UNEXPLAINED, [])
     (note,) = [note for note in again.notes if note.code is NoteCode.IMPLAUSIBLE]
