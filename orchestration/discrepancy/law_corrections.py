@@ -95,6 +95,12 @@ class LawSearch:
         """The correction that is judged on unseen data, if there is any."""
         return next(iter(self.found.corrections), None)
 
+    def with_errors(self, before: Mapping[str, float], after: Mapping[str, float]) -> LawSearch:
+        """Return the same with the errors of the models reported without and with the best one."""
+        best, *others = self.found.corrections
+        judged = replace(best, errors=(dict(before), dict(after)))
+        return replace(self, found=replace(self.found, corrections=[judged, *others]))
+
     @property
     def cause(self) -> FittedCandidate | None:
         """The model with the best correction, as the catalogue has it if it has it."""
@@ -197,7 +203,10 @@ def _search_in_rounds(
     laws = _search_once(diagnosis, progress, only)
     corrected = _with_correction(diagnosis, laws, progress)
     best = laws.best
-    if corrected is diagnosis or best is None or rounds == 1:
+    if corrected is diagnosis or best is None:
+        return laws, corrected
+    laws = laws.with_errors(diagnosis.after, corrected.after)
+    if rounds == 1:
         return laws, corrected
     if best.relaxation:
         beside, both = _search_in_rounds(corrected, progress, best.entry, rounds - 1)
