@@ -35,7 +35,9 @@ CLEAN = "clean"
 FRICTION = "dry friction"
 KINDS = (CLEAN, FRICTION)
 _FORCES = {CLEAN: (0.0, 0.0), FRICTION: (0.1, 0.5)}  # N
-_NAME = "coulomb_friction"
+# Dry friction is one law over one signal: Stribeck's curve that falls off beyond all velocities of
+# a record is Coulomb's, with as many parameters. Said before the study was drawn.
+_NAMES = ("coulomb_friction", "stribeck_friction")
 _HEAD = (
     "# What is said of benches with an actuator\n"
     "\n"
@@ -138,10 +140,11 @@ def is_right(row: Row) -> bool:
     """Return whether an answer is right.
 
     Of a clean bench that is `consistent` or `recalibrate`, where every parameter that is said to
-    differ does so and its interval holds it; with dry friction, that it is named first.
+    differ does so and its interval holds it; with dry friction, that it is named first, as
+    Coulomb's or Stribeck's.
     """
     if row["kind"] == FRICTION:
-        return bool(row["causes"][:1] == [_NAME])
+        return bool(row["causes"]) and row["causes"][0] in _NAMES
     covered = all(row["inside"].get(name, False) for name in row["named"])
     is_fine = row["verdict"] in ("consistent", "recalibrate")
     return is_fine and covered and set(row["named"]) <= set(row["changed"])
@@ -181,7 +184,9 @@ def report(rows: Sequence[Row]) -> Topic:
         "Benches",
         [
             "Right is `consistent` or `recalibrate` with the true values inside where nothing is"
-            " hidden, and dry friction named first where it is. Seconds are of the processor.",
+            " hidden, and dry friction named first where it is, by Coulomb's law or by Stribeck's"
+            " curve, which is that law where it falls off beyond all velocities of a record."
+            " Seconds are of the processor.",
             Table(["bench", "right", "true values inside", "s, median", "s, most"], summary),
             Table(head, every),
         ],

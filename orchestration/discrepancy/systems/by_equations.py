@@ -6,7 +6,7 @@ parameters are fitted, and what is left has its cause named among the effects of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
+from fmus.kit.symbolic import trace
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import catalogue
 from orchestration.discrepancy.conclude import Diagnosis
@@ -155,7 +156,7 @@ def diagnose_loop(
     free = close_loop(name, own, unlimited, connections)
     if _matters(cls, free, data, values):
         free = cls
-    held = _without_trace(free, data, values)
+    held = [*_without_trace(free, data, values), *program_constants(free, data.measured)]
     parameters = [p for p in searched_parameters(free) if p not in held]
     shifts: dict[str, float] = {}
     for shift in shifts_of(free):
@@ -179,8 +180,8 @@ def diagnose_loop(
         diagnosis,
         shifts,
         data.time,
-        _simulated(diagnosis, values),
-        _simulated(diagnosis, values | diagnosis.final.fit.values),
+        _simulated(diagnosis, data, values),
+        _simulated(diagnosis, data, values | diagnosis.final.fit.values),
     )
 
 
@@ -262,8 +263,42 @@ def _without_trace(cls: type[Component], data: Dataset, values: Mapping[str, flo
     return [name for name, kept in zip(names, traced.any(0), strict=True) if not kept]
 
 
-def _simulated(diagnosis: Diagnosis, values: Mapping[str, float]) -> dict[str, Array]:
+def program_constants(cls: type[Component], measured: Collection[str]) -> list[str]:
+    """Return parameters that sampled laws alone depend on, where no measured output shows them.
+
+    Whoever programs a controller knows them exactly; fitted, they make up for what drives the
+    plant wrongly. An output that depends on a discrete state without delay shows them.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    measured : collection of str
+        Outputs.
+
+    Returns
+    -------
+    list of str
+    """
+    graph = trace(cls)
+    layout = cls.layout
+    shown = {d.name for d in layout.discretes}
+    of_discretes = graph.depends(graph.outputs, graph.discretes)
+    shown |= {o.name for o, found in zip(layout.outputs, of_discretes, strict=True) if found}
+    if not shown.isdisjoint(measured):
+        return []
+    continuous, sampled = (
+        {k for column in laws for row in graph.depends(column, graph.parameters) for k in row}
+        for laws in ((graph.rates, graph.outputs), graph.updates)
+    )
+    constants = {layout.parameters[k].name for k in sampled - continuous}
+    return [name for name in searched_parameters(cls) if name in constants]
+
+
+def _simulated(
+    diagnosis: Diagnosis, data: Dataset, values: Mapping[str, float]
+) -> dict[str, Array]:
     """Return the measured outputs as the final model has them with some parameters, (n,) each."""
     problem = diagnosis.final.problem
-    signals = problem.model.run(problem.time, problem.inputs, problem.start | dict(values)).signals
-    return {output: signals[output] for output in problem.measured}
+    # not over the samples of the problem: the last third is missing where that fit failed
+    signals = problem.model.run(data.time, data.inputs, problem.start | dict(values)).signals
+    return {output: signals[output] for output in data.measured}

@@ -31,6 +31,9 @@ def test_dry_friction_is_named_first():
         ({"verdict": "recalibrate", "named": ["K"]}, False),
         ({"verdict": "recalibrate", "named": ["R1"], "inside": {"R1": False}}, False),
         ({"kind": FRICTION, "causes": ["coulomb_friction", "end_stops"]}, True),
+        ({"kind": FRICTION, "causes": ["stribeck_friction"]}, True),
+        ({"kind": FRICTION, "causes": ["asymmetric_friction"]}, False),
+        ({"kind": FRICTION, "causes": []}, False),
         ({"kind": FRICTION, "causes": ["end_stops", "coulomb_friction"]}, False),
     ],
 )
