@@ -84,8 +84,10 @@ def screen_and_divide(
     Raises
     ------
     UserError
-        If the record is too short, or no output can be both fitted and judged.
+        If a value is no measurement, the record is too short, or no output can be both fitted and
+        judged.
     """
+    _check_sizes(data)
     data, notes = as_measured(data)
     least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
     samples = int(data.within.sum())
@@ -122,11 +124,19 @@ def _screened_holdout(
 ) -> tuple[Dataset, list[Note]]:
     """Screen records to judge by, of which an error says so."""
     try:
+        _check_sizes(holdout)
         data, notes = as_measured(holdout)
         usable, faults = screened(cls, data, fixed)
         return usable, notes + faults
     except UnusableRecordError as error:
         raise UnusableRecordError([note.of_holdout() for note in error.notes]) from error
+
+
+def _check_sizes(data: Dataset) -> None:
+    """Refuse values whose powers may be no number; nothing is computed of a record before."""
+    for name, values in (*data.inputs.items(), *data.measured.items()):
+        if np.abs(values[np.isfinite(values)]).max(initial=0.0) > _HUGE:
+            raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
 
 
 def screened(
@@ -139,9 +149,6 @@ def screened(
     UserError
         If nothing is left.
     """
-    for name, values in (*data.inputs.items(), *data.measured.items()):
-        if np.abs(values[np.isfinite(values)]).max(initial=0.0) > _HUGE:
-            raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
     try:
         simulated = _simulated(cls, data, fixed)
     except UserError:

@@ -475,7 +475,7 @@ def test_a_value_out_of_range_is_refused_by_an_fmu(tmp_path):
     effect = correction(Plain, "base", SignalTerm("drive", "lagged", 0.5, "V"), "saturating", "V")
     cls = stack(Plain, effect, name="corrected")
     check_that_bad_values_are_refused(
-        cls, {"base_of_drive_lagged_width": 0.0}, "[1e-09, 1000] V", tmp_path
+        cls, {"base_of_drive_lagged_width": 0.0}, "[0.0001, 1000] V", tmp_path
     )
 
 

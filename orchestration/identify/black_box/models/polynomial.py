@@ -68,12 +68,12 @@ class PolynomialModel(LinearModel):
         return level
 
     def _innovations(self, deviations: Array, output: Array) -> Array:
-        problem = PredictionError(deviations, output, self.orders, offset=False)
-        if problem.samples < 1:
+        if len(output) <= self.orders.first:
             raise UserError(
                 f"{len(output)} samples: a model with {self.orders} needs at least"
                 f" {self.orders.first + 1}"
             )
+        problem = PredictionError(deviations, output, self.orders, offset=False)
         parts = Coefficients(
             a=self.a,
             b=tuple(b[k:] for b, k in zip(self.b, self.orders.nk, strict=True)),

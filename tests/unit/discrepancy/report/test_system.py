@@ -36,6 +36,11 @@ FACTS = {
     ReasonCode.TOO_UNCERTAIN: {"outputs": ["x", "y"]},
     ReasonCode.RESIDUAL_BEYOND_NOISE: OFF,
     ReasonCode.PARAMETERS_CHANGED: {"parameters": {"tau": AdjustedParameter(1.4, 1.0, "s", True)}},
+    ReasonCode.CAUSE_NAMED: {
+        "causes": ["drag(v)"],
+        "alternatives": ["stiction(v)"],
+        "parameters": {"tau": AdjustedParameter(1.4, 1.0, "s", True)},
+    },
     ReasonCode.OUTPUTS_UNMOVED: {"outputs": ["x"]},
 }
 

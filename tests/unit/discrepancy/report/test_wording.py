@@ -35,7 +35,7 @@ from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.residuals.analysis import residual_notes
 from orchestration.discrepancy.selection import all_samples, scoring
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.validation.confirmation import confirm
+from orchestration.discrepancy.validation.confirmation import FreeRunGain, confirm
 from orchestration.discrepancy.validation.estimates import identifiability_notes
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import find_model
@@ -422,6 +422,7 @@ def may_be_neutral(monkeypatch):
     monkeypatch.setattr(
         conclusion, "undetermined_effects", lambda model, _: [*model.candidate.effects]
     )
+    monkeypatch.setattr(conclusion, "free_run_gain", lambda *arguments: FreeRunGain())
     return diagnose(Product, with_offset(), [OFFSET]).notes
 
 
@@ -584,10 +585,13 @@ def fmu_failed(monkeypatch):
 
 @makes(NoteCode.NO_EXPERIMENT)
 def no_experiment(monkeypatch):
+    """Nothing moves: an experiment is designed that would tell something."""
     monkeypatch.setattr(pipeline, "design_experiment", fails)
     record = rig_record()
+    rng = np.random.default_rng(1)
     still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
-    record = replace(record, signals=record.signals | still)
+    noise = {name: 1e-5 * rng.standard_normal(len(record.time)) for name in record.signals}
+    record = replace(record, signals=noise | still)
     return pipeline.diagnose(
         record, find_model("ppy_actuator"), options=pipeline.DiagnosisOptions(effects=[])
     ).notes

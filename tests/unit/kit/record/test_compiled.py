@@ -316,7 +316,7 @@ def test_a_graph_is_compiled_as_its_class_is():
 
 def test_mistakes_are_told():
     with pytest.raises(
-        UserError, match="sampled: no sensitivity to 'period', which is a sample period"
+        UserError, match="sampled: no sensitivity to 'period', which moves sample instants"
     ):
         CompiledModel(Sampled, ["gain", "period"])
     with pytest.raises(

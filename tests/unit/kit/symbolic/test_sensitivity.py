@@ -46,5 +46,7 @@ def test_the_variational_equations_are_those_of_paper():
 def test_parameters_without_a_derivative_are_refused():
     with pytest.raises(UserError, match=r"decay: no parameter named 'b'; there are: a, gain"):
         with_sensitivities(trace(Decay), ["b"])
-    with pytest.raises(UserError, match="no sensitivity to 'sampling', which is a sample period"):
+    with pytest.raises(
+        UserError, match="no sensitivity to 'sampling', which moves sample instants"
+    ):
         with_sensitivities(trace(Thermostat), ["sampling"])
