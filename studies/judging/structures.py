@@ -255,9 +255,9 @@ def _summary(found: dict[Case, dict[str, Figures]]) -> Iterator[str]:
     )
     yield (
         f"- **BJ beside OE**: within 5 % of fit in {cases(0, beside)} cases on identification data,"
-        f" and in {cases(1, beside)} on validation data. A search that ends in one of the many"
-        " other minima of its criterion can have a pole of the noise model near one that takes the"
-        " flow of the film out of the force path (last table), and then runs free far worse."
+        f" and in {cases(1, beside)} on validation data. The flow of the film is in its force path"
+        " (last table). A search that ends in one of the other minima of its criterion can have it"
+        " in a pole of the noise model near one, and then runs free far worse."
     )
     yield (
         f"- **ARMAX behind ARX**: in {behind[0]} cases by fit, in {behind[1]} by the criterion. It"
