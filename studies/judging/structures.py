@@ -220,7 +220,8 @@ def _summary(found: dict[Case, dict[str, Figures]]) -> Iterator[str]:
         )
 
     def first(name: str) -> Callable[[dict[str, float]], bool]:
-        return lambda values: max(values, key=values.__getitem__) == name
+        """Tell whether none is before it by the digits that the table shows."""
+        return lambda values: round(values[name], 1) >= round(max(values.values()), 1)
 
     def printed(values: dict[str, float]) -> bool:
         return ranked(values) == ranked({name: figures[0] for name, figures in PRINTED.items()})
@@ -240,7 +241,8 @@ def _summary(found: dict[Case, dict[str, Figures]]) -> Iterator[str]:
     )
     yield ""
     yield (
-        f"- **OE before the others**: on identification data in {cases(0, first('OE'))} cases, on"
+        "- **OE before the others**, or level with BJ: on identification data in"
+        f" {cases(0, first('OE'))} cases, on"
         f" validation data in {cases(1, first('OE'))}. It is no finding: OE minimises the very"
         " error by which the free run is judged, the others that of a prediction by one sample"
         " (Ljung, sections 4.2 and 8.5)."
@@ -255,9 +257,9 @@ def _summary(found: dict[Case, dict[str, Figures]]) -> Iterator[str]:
     )
     yield (
         f"- **BJ beside OE**: within 5 % of fit in {cases(0, beside)} cases on identification data,"
-        f" and in {cases(1, beside)} on validation data. A search that ends in one of the many"
-        " other minima of its criterion can have a pole of the noise model near one that takes the"
-        " flow of the film out of the force path (last table), and then runs free far worse."
+        f" and in {cases(1, beside)} on validation data. The flow of the film is in its force path"
+        " (last table). A search that ends in one of the other minima of its criterion can have it"
+        " in a pole of the noise model near one, and then runs free far worse."
     )
     yield (
         f"- **ARMAX behind ARX**: in {behind[0]} cases by fit, in {behind[1]} by the criterion. It"

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.identify.black_box.polynomials import solved
+from orchestration.identify.black_box.polynomials import solved, triangle
 
 _ITERATIONS = 100
 _ENOUGH = 1e-9
@@ -166,13 +166,12 @@ def _point(problem: ResidualProblem, theta: Array) -> _Point:
 
 def _linearised(problem: ResidualProblem, point: _Point) -> _Linearised:
     """Linearise the prediction errors about a point."""
-    # a triangle of a few rows holds all there is in many thousand, and makes damped steps cheap
-    rows = np.column_stack([problem.jacobian(point.theta), point.errors])
-    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-    slopes = triangle[:, :-1]
+    # the triangle makes damped steps cheap
+    reduced = triangle(np.vstack([problem.jacobian(point.theta).T, point.errors]))
+    slopes = reduced[:, :-1]
     scale = np.linalg.norm(slopes, axis=0)
     scale[scale == 0.0] = 1.0
-    return _Linearised(slopes / scale, triangle[:, -1], scale)
+    return _Linearised(slopes / scale, reduced[:, -1], scale)
 
 
 def _lower_point(problem: ResidualProblem, begin: _Point, step: Array) -> _Point | None:

@@ -81,7 +81,7 @@ class PredictionError:
             for values, delay, count in zip(inputs.T, orders.nk, orders.nb, strict=True)
         ]
         self._impulse = np.zeros(self.samples)
-        self._impulse[0] = 1.0
+        self._impulse[:1] = 1.0  # of no samples there is none
         # which parameters the errors are linear in: all but the coefficients of F, C and D
         self.linear = self.vector(
             Coefficients(

@@ -78,10 +78,7 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
         Its cost is above that of none that is contained, from the same samples.
     """
     reduced = ReducedPredictionError(problem)
-    if not reduced.size:
-        return _end(reduced, np.empty(0))
-    known = [*contained, *_missing(problem, contained)]
-    best, *others = _minima(reduced, list(_begin(reduced, known)), np.inf)
+    best, *others = _first_minima(reduced, contained)
     if all(other.cost <= (1.0 + _NEGLIGIBLE) * best.cost for other in others):
         # where all starts lead to one minimum there are hardly others
         return _end(reduced, best.theta)
@@ -126,8 +123,12 @@ def refined(problem: PredictionError, near: Coefficients) -> Optimum:
 
 def _end(reduced: ReducedPredictionError, x: Array) -> Optimum:
     """Return the model at the minimum that a search from one point ends at."""
+    return _model(reduced, minimise(reduced, x, longest=_LONGEST))
+
+
+def _model(reduced: ReducedPredictionError, minimum: GaussNewtonMinimum) -> Optimum:
+    """Return the model at a minimum."""
     problem = reduced.problem
-    minimum = minimise(reduced, x, longest=_LONGEST)
     parts = problem.coefficients(reduced.theta(minimum.theta))
     return Optimum(problem.orders, parts, minimum.cost, problem.samples, minimum.converged)
 
@@ -152,21 +153,38 @@ def _minima(
     return sorted(ends, key=lambda minimum: minimum.cost)
 
 
+def _first_minima(
+    reduced: ReducedPredictionError, contained: Sequence[Optimum]
+) -> list[GaussNewtonMinimum]:
+    """Return the lowest minima from starting points of the data and of contained models."""
+    known = [*contained, *_missing(reduced.problem, contained)]
+    return _minima(reduced, list(_begin(reduced, known)), np.inf)
+
+
 def _missing(problem: PredictionError, contained: Sequence[Optimum]) -> Iterator[Optimum]:
-    """Search for the largest contained models of simpler structures, where they are not known."""
+    """Yield the largest contained models of simpler structures that are not known.
+
+    They are starting points: no roots of theirs are drawn anew.
+    """
     known = list(contained)
     for beneath in problem.orders.beneath():
         if all(other.orders != beneath for other in known):
-            smaller = PredictionError(
-                problem.inputs, problem.output, beneath, problem.first, problem.offset
+            smaller = ReducedPredictionError(
+                PredictionError(
+                    problem.inputs, problem.output, beneath, problem.first, problem.offset
+                )
             )
-            known.append(optimum(smaller, [o for o in known if beneath.contains(o.orders)]))
+            held = [other for other in known if beneath.contains(other.orders)]
+            known.append(_model(smaller, _first_minima(smaller, held)[0]))
             yield known[-1]
 
 
 def _begin(reduced: ReducedPredictionError, known: Sequence[Optimum]) -> Iterator[Array]:
     """Yield starting points from data, and the best of those that contained models give."""
     problem = reduced.problem
+    if not reduced.size:
+        yield np.empty(0)
+        return
     paths = [_ONE for _ in problem.orders.nf]
     if problem.orders.na:
         yield reduced.coordinates([*paths, noise_numerator(problem), _ONE])

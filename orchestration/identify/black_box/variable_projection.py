@@ -24,6 +24,7 @@ from orchestration.identify.black_box.polynomials import (
     from_reflections,
     reflections,
     stabilised,
+    triangle,
 )
 from orchestration.identify.black_box.prediction_error import PredictionError
 
@@ -172,9 +173,8 @@ def _least_squares(regressors: Array, begin: Array) -> tuple[Array, Array]:
         Combinations of the regressors that are orthonormal.
     """
     count = len(regressors)
-    # a triangle of a few rows holds all there is in many thousand
-    triangle = np.asarray(np.linalg.qr(np.vstack([regressors, begin]).T, mode="r"), dtype=float)
-    u, s, v = np.linalg.svd(triangle[:count, :count])
+    reduced = triangle(np.vstack([regressors, begin]))
+    u, s, v = np.linalg.svd(reduced[:count, :count])
     kept = s > _UNDETERMINED * s.max(initial=0.0)
     weights = v[kept] / s[kept, np.newaxis]
-    return -(u[:, kept].T @ triangle[:count, count]) @ weights, weights
+    return -(u[:, kept].T @ reduced[:count, count]) @ weights, weights
