@@ -27,6 +27,7 @@ _SEEN = 5.0  # times the noise, from which on a movement is none of noise, be it
 OVER_RECORD = "the record from where it starts"
 _DERIVATIVE = re.compile(r"\bd\(\w+\)/d\(")  # in the message of a simulation that fails
 _HUGE = 1e30  # no measurement is that large, and its square is still a number
+_TINY = 1e-100  # nor is any that small, likewise
 
 
 @dataclass(frozen=True)
@@ -135,8 +136,11 @@ def _screened_holdout(
 def _check_sizes(data: Dataset) -> None:
     """Refuse values whose powers may be no number; nothing is computed of a record before."""
     for name, values in (*data.inputs.items(), *data.measured.items()):
-        if np.abs(values[np.isfinite(values)]).max(initial=0.0) > _HUGE:
+        largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+        if largest > _HUGE:
             raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
+        if 0.0 < largest < _TINY:
+            raise UserError(f"{name}: values all within {_TINY:g} of zero are no measurement")
 
 
 def screened(

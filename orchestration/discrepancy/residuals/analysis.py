@@ -59,7 +59,7 @@ from orchestration.identify.noise import (
 ALPHA = 1e-4  # probability of what counts as structure of a residual
 Structure = RandomWalkTest | ExcessVariance | ConditionalMean | CrossCorrelation
 _NOTED = 1.5  # times the level elsewhere, below which noise is as good as even
-_ENOUGH = 10.0  # squared steps of noise, of which nothing is left of the error of rounding
+_ENOUGH = 3.2  # steps of noise, with which nothing is left of the error of rounding
 
 
 @dataclass(frozen=True)
@@ -436,7 +436,8 @@ def rounding_error(step: float, deviation: float) -> float:
     """
     if not step > 0.0:
         return 0.0
-    before = np.clip(np.square(deviation / step) - 1.0 / 12.0, 0.0, _ENOUGH)
+    steps = min(deviation, _ENOUGH * step) / step  # the square of more may be no number
+    before = max(steps**2 - 1.0 / 12.0, 0.0)
     return 0.5 * step * float(np.exp(-2.0 * np.pi**2 * before))
 
 

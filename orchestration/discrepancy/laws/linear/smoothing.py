@@ -21,6 +21,10 @@ from orchestration.discrepancy.laws.linear.response import LinearResponse
 _REACHES = np.geomspace(1e-3, 1e3, 7)
 _FARTHEST = 1.0  # that the model's own coordinates may move at once
 _ENOUGH = 1.1  # times the least residual of any course, which the smoothest one may leave
+# Precision of the level that a course begins at, in precisions of a step: next to none, and still
+# more than round-off (Durbin and Koopman: Time Series Analysis by State Space Methods, chapter 5).
+# A law that no output shows would have a course of any level.
+_DIFFUSE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -183,6 +187,7 @@ class _BandedEquations:
         course = band[:, block - 1 :: block]
         course[block, :-1] += walk
         course[block, 1:] += walk
+        course[block, :1] += _DIFFUSE * walk[:1]
         course[0, 1:] -= walk
         course[2 * block, :-1] -= walk
         right = np.zeros((n, block, 1 + equations.border.shape[2]))

@@ -31,10 +31,13 @@ def test_a_record_that_is_too_short_is_refused():
 
 def test_numbers_that_no_sensor_gives_are_refused():
     data = short_record()
-    with pytest.raises(UserError, match="voltage: values beyond"):
-        diagnose(
-            PpyActuator, replace(data, measured={"voltage": 1e300 * data.measured["voltage"]}), FEW
-        )
+    for size, refusal in ((1e300, "values beyond"), (1e-200, "values all within")):
+        with pytest.raises(UserError, match=f"voltage: {refusal}"):
+            diagnose(
+                PpyActuator,
+                replace(data, measured={"voltage": size * data.measured["voltage"]}),
+                FEW,
+            )
 
 
 def test_a_record_of_which_nothing_can_be_used_is_refused_with_the_reasons():

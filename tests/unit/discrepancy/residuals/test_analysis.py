@@ -146,3 +146,4 @@ def test_the_error_of_rounding_is_within_its_bound():
         assert largest < 1.05 * rounding_error(1.0, after)
     assert rounding_error(1.0, 0.0) == 0.5
     assert rounding_error(0.0, 1.0) == 0.0
+    assert rounding_error(np.float64(1e-200), np.float64(1e200)) < 1e-270

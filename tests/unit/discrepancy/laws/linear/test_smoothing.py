@@ -13,7 +13,7 @@ from fmus.kit.symbolic.perturbed import PerturbedLaws
 from orchestration.discrepancy.laws.linear.response import LinearResponse, Sides, SimulatedCourse
 from orchestration.discrepancy.laws.linear.smoothing import Smoother, TrackingTarget
 
-N, STEP, LAG = 120, 0.1, 0.7
+N, STEP, LAG = 120, 0.125, 0.7
 
 
 class Lag(Component):
@@ -28,8 +28,16 @@ class Lag(Component):
     def fed(self):
         return self.drive
 
+    hidden = State("1", rate="hidden_rate")
+
+    def unseen(self):
+        return -self.hidden
+
     def rate(self):
         return (self.fed() - self.state) / self.lag
+
+    def hidden_rate(self):
+        return self.unseen()
 
     @Output("1")
     def shown(self):
@@ -41,7 +49,7 @@ class Lag(Component):
 def response():
     time = STEP * np.arange(N)
     still = np.zeros(N)
-    course = SimulatedCourse.of(time, {"drive": still}, {"state": still}, True)
+    course = SimulatedCourse.of(time, {"drive": still}, {"state": still, "hidden": still}, True)
     return LinearResponse(PerturbedLaws(Lag), course, {}, ["shown"])
 
 
@@ -122,6 +130,13 @@ def test_runs_have_courses_of_their_own_and_one_step(response):
     for course, w in zip(courses, waves, strict=True):
         assert course[5:-5] == pytest.approx(w[5:-5], abs=0.1)
     assert left < 3.0 * N
+
+
+def test_a_course_that_no_output_shows_is_none_whatever_is_missing(response):
+    y = shown(np.sin(np.arange(N) / 30.0))
+    [course], _, left = Smoother([wanted(response, y)], "unseen", {"shown": 0.1}, NOTHING)(1.0)
+    assert course == pytest.approx(np.zeros(N), abs=1e-12)
+    assert left == pytest.approx(np.sum((y / 0.1) ** 2))
 
 
 def test_a_course_is_let_go_no_farther_than_it_has_to_be(response):
