@@ -72,6 +72,10 @@ class Basis:
         Basis
         """
         several = np.unique(values)
+        # values of which round-off is all that differs are one: between them no curve has a slope
+        apart = np.diff(several) > np.finfo(float).eps * (several[-1] - several[0])
+        several = np.append(several[:-1][apart], several[-1])
+        several[0] = values.min()
         if len(several) <= count:
             return cls(several)
         shares = np.linspace(0.0, 1.0, count)
