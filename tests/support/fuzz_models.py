@@ -41,6 +41,7 @@ BATCH = 100  # cases of a process
 # Refusals that name a fault of what was given. Each was read and judged; any other is a finding.
 FAULTS: tuple[str, ...] = (
     r"no column of a signal has any value",
+    r"this is the same record as \S+; it tells nothing more",
     r"the clock jumps back: row \d+ is at ",
     r"effects: \S+ is of an output that the record does not have",
     r"no output can be both fitted and unseen: ",
