@@ -65,6 +65,7 @@ _AT_ONCE = 0.1
 # deviation of the noise, which internal steps of their own make where noise is small
 _ROUNDING = 0.01
 _LOG = logging.getLogger(__name__)
+_LOG.addHandler(logging.NullHandler())  # a fault of ours, which users do not see on their screens
 _STRIDE = 1.0  # in searched coordinates, from the fitted model to where a fit starts
 # Of every run, the beginnings that a free response is fitted to one after the other: from about a
 # period of what swings 30 times, and by no more at once than its period is known for by then.
