@@ -51,12 +51,12 @@ class Budget:
         self._end = spent_time() + seconds
         self._lock = Lock()
         self._cut = False
-        self._paused = False
+        self._paused_until = -math.inf
         self._untried: dict[str, None] = {}
 
     def spent(self) -> bool:
         """Return whether there is no time for the next thing, which then counts as not done."""
-        if self._paused or spent_time() < self._end:
+        if spent_time() < max(self._end, self._paused_until):
             return False
         self._cut = True
         return True
@@ -65,17 +65,19 @@ class Budget:
     def paused(self) -> Iterator[None]:
         """Spend nothing: what an answer cannot do without is outside of the budget.
 
-        Where it ended by the clock, a fit would tell of that alone.
+        Where it ended by the clock, a fit would tell of that alone. It may take as long as the
+        budget, and a minute at least: a model that is fitted to what it has nothing to do with may
+        never come to its end.
         """
-        if self._paused:
+        if self._paused_until > -math.inf:
             yield
             return
         begun = spent_time()
-        self._paused = True
+        self._paused_until = begun + max(self.seconds, DEFAULT_TIME)
         try:
             yield
         finally:
-            self._paused = False
+            self._paused_until = -math.inf
             self._end += spent_time() - begun
 
     def leave(self, names: Iterable[str]) -> None:

@@ -106,9 +106,9 @@ def test_the_base_model_is_fitted_to_its_end_whatever_the_time():
     data = Dataset(step * np.arange(command.size), {"command": command}, {"shown": shown})
     clock = count()
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(budget_module, "spent_time", lambda: float(next(clock)))
+        patched.setattr(budget_module, "spent_time", lambda: 1e-3 * next(clock))
         dry = coulomb_friction(Hoop, "drive", "command", unit="V")
-        found = diagnose(Hoop, data, [dry], budget=Budget(0.5))
+        found = diagnose(Hoop, data, [dry], budget=Budget(5e-4))
     assert spent(found) is not None
     inside = shown[: found.estimation.time.size]
     least = least_squares(lambda q: simulated(*q, command)[: inside.size] - inside, [1.0, 1.0, 0.0])
@@ -128,6 +128,18 @@ def test_what_is_outside_of_the_budget_costs_nothing(monkeypatch):
     assert budget.notes == []
     assert not budget.spent()
     assert budget.spent()
+
+
+def test_what_is_outside_of_the_budget_ends_too(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(budget_module, "spent_time", lambda: now[0])
+    budget = Budget(3.0)
+    with budget.paused():
+        now[0] = 59.0
+        assert not budget.spent()
+        now[0] = 61.0
+        assert budget.spent()
+    assert budget.notes
 
 
 def test_longer_records_have_more_time():
