@@ -110,7 +110,7 @@ class Ranking:
             return False
         return bool(np.mean(self.base_cv_errors - errors) > -2.0 * np.log(NEARER))
 
-    def badness(self, row: Row) -> float:
+    def criterion(self, row: Row) -> float:
         """Return what tells shapes of one cause apart: errors in blocks left out, or else BIC."""
         candidate, gain = row
         if not self.cv_errors:

@@ -359,7 +359,7 @@ def _in_turn(tried: Ranking) -> list[Row]:
 
     def place_of_cause(row: Row) -> tuple[tuple[bool, bool, bool, float], float]:
         shapes = [o for o in as_good if interchangeable(o[0].effect, row[0].effect)]
-        return min(map(place, shapes)), tried.badness(row)
+        return min(map(place, shapes)), tried.criterion(row)
 
     others = [row for row in tried.rows if row not in as_good]
     return [

@@ -24,6 +24,7 @@ from orchestration.discrepancy.validation import (
     errors_in_variables,
     predict,
 )
+from orchestration.discrepancy.validation.confirmation import FreeRunGain
 from tests.support.diagnosis import FEW, coloured, short_record
 from tests.support.regression_model import OTHERS, STEP, Amplifier
 from tests.support.several import Cell, measured
@@ -162,8 +163,15 @@ def test_where_a_model_does_not_describe_a_record_nothing_is_named():
     assert NoteCode.LARGE_ERROR in {note.code for note in diagnosis.notes}
 
 
-def test_a_cause_that_may_do_nothing_in_the_final_model_is_not_named():
-    """It was named first; beside the second, linear regression does not know its sign."""
+@pytest.mark.parametrize(("fall", "stays"), [(4.0, True), (1.0, False)])
+def test_a_cause_that_may_do_nothing_in_the_final_model_is_named_only_if_unseen_data_need_it(
+    monkeypatch, fall, stays
+):
+    """It was named first; beside the second, linear regression does not know its sign.
+
+    Its interval is then as wide as the free runs are sure: half a width of 1.96 / 4 of its value.
+    """
+    monkeypatch.setattr(conclusion, "free_run_gain", lambda *_: FreeRunGain(0.5, fall))
     rng = np.random.default_rng(3)
     signal = rng.standard_normal(900)
     shown = 2.0 * signal + 0.5 * np.abs(signal) + 0.1 * rng.standard_normal(900)
@@ -186,6 +194,12 @@ def test_a_cause_that_may_do_nothing_in_the_final_model_is_not_named():
         [],
     )
     anew = conclude_judged(found, judged)
+    if stays:
+        assert anew.causes == [label(cubic), label(asymmetric)]
+        strength = anew.estimates[cubic.neutral]
+        ends = strength.value * np.array([1.0 - 1.96 / fall, 1.0 + 1.96 / fall])
+        assert sorted(strength.interval) == pytest.approx(sorted(ends), rel=1e-3)
+        return
     assert anew.causes == found.causes == [label(asymmetric)]
     assert anew.confirmations.keys() == {label(asymmetric)}
     (note,) = [note for note in anew.notes if note.code is NoteCode.MAY_BE_NEUTRAL]

@@ -170,3 +170,18 @@ def test_where_no_law_changes_what_was_measured_none_lacks_anything():
     noise = np.random.default_rng(1).normal(size=400)
     data = Dataset(time, {"signal": signal}, {"shown": 3.0 * signal + 0.1 * noise})
     assert discover(diagnose(Beacon, data, [])).corrections == []
+
+
+@pytest.mark.parametrize(
+    ("confirmed", "taken"), [((False, True, True), 1), ((False, False, False), 0), ((True,), 0)]
+)
+def test_the_first_correction_that_unseen_data_confirm_is_taken_or_else_the_best(confirmed, taken):
+    corrections = [SimpleNamespace(confirmed=one) for one in confirmed]
+    in_turn = range(len(corrections))
+    assert discovery._first_confirmed(corrections.__getitem__, in_turn) is corrections[taken]
+
+
+def test_a_correction_that_cannot_be_fitted_is_passed_over():
+    fitted = SimpleNamespace(confirmed=False)
+    assert discovery._first_confirmed([None, fitted].__getitem__, range(2)) is fitted
+    assert discovery._first_confirmed(lambda _: None, range(2)) is None
