@@ -112,3 +112,13 @@ def test_a_wall_is_two_resistances_and_a_capacity():
         time, {"outdoor": outdoor, "heating": heating}, values | {wall.neutral: 0.0}
     )
     assert np.abs(without.signals["shown"] - wanted).max() > 1.0
+
+
+def test_a_loop_begins_within_its_limits():
+    """By paper: the rate of a slide, or of Bouc and Wen's element, is zero at one and minus one."""
+    slide = lag_effect(MASS, "spring_force", "velocity", "sliding", 0.1)
+    (start,) = [p for p in slide.layout.parameters if p.starts]
+    assert (start.min, start.max) == (-1.0, 1.0)
+    heat = lag_effect(MASS, "spring_force", "velocity", "warming", 0.1)
+    (start,) = [p for p in heat.layout.parameters if p.starts]
+    assert start.min == 0.0

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 
 from fmus.kit import Component, Input, Output, Parameter, State, UserError, curve
+from fmus.kit.arms import lag_effect
 from fmus.kit.functions import minimum
 from fmus.kit.generic import extra_kelvin
 from fmus.kit.sensors import measurement_effects, sensor_drift, sensor_lag, transport_delay
@@ -29,6 +30,7 @@ from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
 from orchestration.identify.fitting.prediction_error import fit_prediction_error
 from tests.support.gain import Gain
+from tests.support.pushed_mass import DAMPER, MASS
 from tests.support.regression_model import OFFSET, Amplifier
 from tests.support.several import Cell, measured
 
@@ -318,3 +320,15 @@ def test_a_model_that_runs_away_is_refused_with_its_name():
     data = Dataset(time, {}, {"shown": np.sin(time)})
     with pytest.raises(UserError, match="growing cannot be simulated over the record from where"):
         Search(data, Growing, ["rate"]).nominal()
+
+
+def test_a_slide_gives_no_sooner_than_samples_can_tell():
+    """A tenth of the way between two samples, 0.02 s apart, at its typical velocity of 5 m/s."""
+    slide = lag_effect(MASS, *DAMPER, "sliding", 0.1, "N", scale=5.0)
+    time = 0.02 * np.arange(50)
+    data = Dataset(time, {"force": np.sin(time)}, {"position": np.sin(time)})
+    candidate = Candidate((), MASS).with_effect(slide)
+    problem = Search(data, MASS, []).problem(candidate, candidate.parameters, {})
+    way = candidate.parameters.index("damper_force_sliding_constant")
+    low, _ = problem.bounds()
+    assert problem.scales[way].value(low[way]) == pytest.approx(0.1 * 5.0 * 0.02)
