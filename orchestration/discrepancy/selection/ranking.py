@@ -20,6 +20,7 @@ from orchestration.discrepancy.candidates import (
     ScoredModel,
     ScreenedCandidate,
     label,
+    own_parameters,
 )
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import Counter, parallel_map
@@ -49,12 +50,15 @@ CONTENDER = 0.5  # of what the best gains, from which on it is worth making sure
 NEARER = 0.9
 OBVIOUS = 50.0  # fall of BIC that it must have beside
 ABOUT = 0.98  # of the error there of another, from which on one comes about as near
-# Of the gain of an effect with a memory in a free response, from which on one without is as good: a
-# memory that starts anywhere follows any slow course, with two figures more.
+# Of the gain of an effect whose memory starts anywhere, from which on one without is as good, where
+# it decays all the time, as in a free response or one that is not much longer than its time
+# constant: it follows any slow course, with two figures more.
 WITHOUT_MEMORY = 0.9
+_SLOW = 1 / 3  # of the record: of a longer time constant it shows no more than a single decay
 _STAGE = Method(passes=1, trials=25, restarts=0)  # of a fit to the end
 _HOPED = 5.0  # times what a stage gained, which the next ones may gain
 
+Fitted = Mapping[type[Effect], FittedCandidate]
 _Fitted = dict[type[Effect], FittedCandidate]
 Row = tuple[FittedCandidate, float]
 
@@ -118,11 +122,26 @@ class Ranking:
         errors = self.cv_errors.get(candidate.effect)
         return np.inf if errors is None else float(errors.sum())
 
+    def is_behind(self, best: Row, other: Row) -> bool:
+        """Return whether a candidate is worse than another by the criterion, and not as near."""
+        if best[1] - other[1] < ALTERNATIVE:
+            return False
+        if not self.cv_errors:
+            return True
+        further = (self.criterion(other) - self.criterion(best)) / len(self.base_cv_errors)
+        return further > -2.0 * np.log(NEARER)
+
+    def follows_any_course(self, fitted: FittedCandidate) -> bool:
+        """Return whether an effect follows any slow course, by a memory that starts anywhere."""
+        if not _has_memory(fitted):
+            return False
+        return self.free or (bool(fitted.candidate.starts) and _is_slow(fitted))
+
     def indistinguishable(self, better: Row, other: Row) -> bool:
         """Return whether the record does not tell a candidate from one that comes before it."""
         better_candidate, better_gain = better
         other_candidate, other_gain = other
-        if self.free and _has_memory(better_candidate) and not _has_memory(other_candidate):
+        if self.follows_any_course(better_candidate) and not _has_memory(other_candidate):
             return other_gain > max(WITHOUT_MEMORY * better_gain, ACCEPT)
         if not self.cv_errors:
             return better_gain - other_gain < ALTERNATIVE
@@ -141,8 +160,8 @@ def ranked(
     below: FittedCandidate,
     scored: Sequence[ScoredModel],
     effects: Sequence[type[Effect]],
-    known: Mapping[type[Effect], FittedCandidate] | None = None,
-    rough: Mapping[type[Effect], FittedCandidate] | None = None,
+    known: Fitted | None = None,
+    rough: Fitted | None = None,
 ) -> Ranking:
     """Fit promising effects over a model, and more where these leave structure, and rank them.
 
@@ -166,8 +185,7 @@ def ranked(
     _fit_to_the_end(plain, base, {e: starts[e] for e in promising}, seen, rough)
     others = _untried(starts, {*promising, *seen})
     nearest, structured = _nearest(search, base, seen)
-    # a further cause is no small one, so that its score shows it
-    if others and structured and not below.candidate.effects:
+    if others and structured:
         _fit_to_the_end(plain, base, others, seen)
         nearest, structured = _nearest(search, base, seen)
     if not seen:
@@ -310,7 +328,7 @@ def _fit_to_the_end(
     below: FittedCandidate,
     starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
     seen: _Fitted,
-    rough: Mapping[type[Effect], FittedCandidate] | None = None,
+    rough: Fitted | None = None,
 ) -> None:
     """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end.
 
@@ -436,6 +454,13 @@ def _in_one_noise(
 def _has_memory(fitted: FittedCandidate) -> bool:
     """Return whether the last effect of a candidate has a state of its own."""
     return bool(fitted.effect.layout.states)
+
+
+def _is_slow(fitted: FittedCandidate) -> bool:
+    """Return whether the last effect of a candidate takes about the record to decay."""
+    longest = fitted.problem.largest
+    constants = [name for name in own_parameters(fitted.effect) if name in longest]
+    return any(fitted.fit.values[name] > _SLOW * longest[name] for name in constants)
 
 
 def _bic(fitted: FittedCandidate) -> float:

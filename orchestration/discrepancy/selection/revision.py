@@ -12,11 +12,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 from fmus.kit import Effect
-from orchestration.discrepancy.candidates import Candidate, FittedCandidate, label
+from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.residuals import has_structure
 from orchestration.discrepancy.selection.ranking import ACCEPT, CONTENDER, Row, ranked
 from orchestration.discrepancy.selection.scoring import score
-from orchestration.discrepancy.selection.search import FAILURES, Search
+from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import (
     Selection,
     Step,
@@ -58,12 +58,7 @@ def needed(search: Search, selection: Selection) -> Selection:
     """
     while len(selection.steps) > 1 and not search.budget.spent():
         best = selection.best
-        others = [
-            _fitted(
-                search, best, [other for other in best.candidate.effects if other is not effect]
-            )
-            for effect in best.candidate.effects
-        ]
+        others = [search.without_effect(best, effect) for effect in best.candidate.effects]
         fitted = [other for other in others if other is not None]
         nearest = min(fitted, key=lambda other: other.fit.bic, default=None)
         if nearest is None or _is_worth(selection, nearest):
@@ -91,7 +86,7 @@ def without_effect(search: Search, selection: Selection, effect: type[Effect]) -
 
     Where they cannot be fitted, all that was added after it goes with it.
     """
-    without = _fitted_without(search, selection.best, effect)
+    without = search.without_effect(selection.best, effect)
     chain = None if without is None else _chain(search, selection, without)
     if chain is not None:
         return chain
@@ -127,7 +122,7 @@ def fitted_in(search: Search, selection: Selection, best: FittedCandidate) -> Se
 
     None if one of its models cannot be fitted.
     """
-    base = _fitted(search, best, ())
+    base = search.with_effects((), best)
     chain = None if base is None else _chain(search, selection, best)
     return None if base is None or chain is None else replace(chain, base=base)
 
@@ -164,7 +159,7 @@ def _revised_once(
     for effect in best.candidate.effects[:-1]:  # the last was looked for beside the others
         if search.budget.spent():
             return None
-        without = _fitted_without(search, best, effect)
+        without = search.without_effect(best, effect)
         if without is None:
             continue
         if best.delta_bic(without, selection.tried) <= ACCEPT and not whitens_residual(
@@ -210,7 +205,7 @@ def _better_in_place(
     if best and best is not own and tried.is_admissible(best):
         is_better = not (own and tried.indistinguishable(best, own))
         candidate, _ = best
-        other = _fitted(search, candidate, candidate.candidate.effects) if is_better else None
+        other = search.with_effects(candidate.candidate.effects, candidate) if is_better else None
         if other is not None and other.delta_bic(without, selection.tried) > ACCEPT:
             return other
     if own:
@@ -234,13 +229,13 @@ def _weightiest_first(search: Search, selection: Selection) -> Selection:
     best = selection.best
     if len(selection.steps) < 2 or search.budget.spent():
         return selection
-    without = {e: _fitted_without(search, best, e) for e in best.candidate.effects}
+    without = {e: search.without_effect(best, e) for e in best.candidate.effects}
     if not all(without.values()):
         return selection
     ordered = sorted(without, key=lambda e: -without[e].fit.bic)  # type: ignore[union-attr]
     if tuple(ordered) == best.candidate.effects:
         return selection
-    again = _fitted(search, best, ordered)
+    again = search.with_effects(ordered, best)
     return (again and _chain(search, selection, again)) or selection
 
 
@@ -266,7 +261,7 @@ def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selec
     models = [best]
     # the base, too: in the same distribution of the noise
     for k in range(len(best.candidate.effects) - 1, -1, -1):
-        below = _fitted(search, models[0], best.candidate.effects[:k])
+        below = search.with_effects(best.candidate.effects[:k], models[0])
         if below is None:
             return None
         models.insert(0, below)
@@ -289,27 +284,3 @@ def _step(selection: Selection, below: FittedCandidate, model: FittedCandidate) 
     if whitens_residual(below, model):
         evidence, p_value = max((evidence, p_value), (former.evidence, former.p_value))
     return replace(former, chosen=model, evidence=evidence, p_value=p_value)
-
-
-def _fitted_without(
-    search: Search, best: FittedCandidate, effect: type[Effect]
-) -> FittedCandidate | None:
-    """Fit a model without one of its effects, if it can be."""
-    return _fitted(search, best, [other for other in best.candidate.effects if other is not effect])
-
-
-def _fitted(
-    search: Search, around: FittedCandidate, effects: Sequence[type[Effect]]
-) -> FittedCandidate | None:
-    """Fit a model with some of another's effects, from that one and in its noise, if it can be."""
-    starts = {
-        effect.layout.start_of[state.name] for effect in effects for state in effect.layout.states
-    }
-    free_starts = tuple(name for name in around.candidate.starts if name in starts)
-    candidate = Candidate((), search.base, free_starts)
-    for effect in effects:
-        candidate = candidate.with_effect(effect)
-    try:
-        return search.fit_from(candidate, around)
-    except FAILURES:
-        return None

@@ -445,6 +445,47 @@ class Search:
         fit = self._fit(candidate, problem, q, None if self.colour else around.fit.noise)
         return FittedCandidate(candidate, problem, fit)
 
+    def with_effects(
+        self,
+        effects: Sequence[type[Effect]],
+        around: FittedCandidate,
+        start: Mapping[str, float] | None = None,
+    ) -> FittedCandidate | None:
+        """Fit a model with some of another's effects, in its noise.
+
+        Parameters
+        ----------
+        effects : sequence of type[Effect]
+        around : FittedCandidate
+            The other.
+        start : Mapping of str to float, optional
+            Values to start from, others nominal; by default from the other model.
+
+        Returns
+        -------
+        FittedCandidate or None
+            None where that fails.
+        """
+        starts = {
+            effect.layout.start_of[state.name]
+            for effect in effects
+            for state in effect.layout.states
+        }
+        free_starts = tuple(name for name in around.candidate.starts if name in starts)
+        candidate = Candidate((), self.base, free_starts)
+        for effect in effects:
+            candidate = candidate.with_effect(effect)
+        try:
+            return self.fit_from(candidate, around, start)
+        except FAILURES:
+            return None
+
+    def without_effect(
+        self, fitted: FittedCandidate, effect: type[Effect]
+    ) -> FittedCandidate | None:
+        """Fit a model without one of its effects; None where that fails."""
+        return self.with_effects([e for e in fitted.candidate.effects if e is not effect], fitted)
+
     def _again(
         self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate
     ) -> FittedCandidate:

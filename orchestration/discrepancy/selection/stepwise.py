@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fmus.kit import Effect
-from orchestration.discrepancy.candidates import FittedCandidate, ScoredModel, label
+from orchestration.discrepancy.candidates import (
+    FittedCandidate,
+    ScoredModel,
+    label,
+    own_parameters,
+)
 from orchestration.discrepancy.residuals import robust_power
-from orchestration.discrepancy.selection.ranking import ACCEPT, ALTERNATIVE, Ranking, Row, ranked
+from orchestration.discrepancy.selection.ranking import (
+    ACCEPT,
+    ALTERNATIVE,
+    REFINED,
+    Fitted,
+    Ranking,
+    Row,
+    ranked,
+)
 from orchestration.discrepancy.selection.scoring import confounding, score, unidentifiable
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.discrepancy.selection.solver_error import solver_error_notes
@@ -118,7 +131,7 @@ def select(
     search: Search,
     effects: Sequence[type[Effect]],
     known: ScoredModel | None = None,
-    fitted: Mapping[type[Effect], FittedCandidate] | None = None,
+    fitted: Fitted | None = None,
 ) -> Selection:
     """Select effects, one at a time.
 
@@ -140,29 +153,94 @@ def select(
     scored = [first, *_scored_elsewhere(search, first.model, effects)]
     silent = unidentifiable(first)
     search.not_assessed |= silent
-    selection = Selection(first.model, tried=len(effects))
-    remaining = [effect for effect in effects if label(effect) not in silent]
+    audible = [effect for effect in effects if label(effect) not in silent]
+    none = Selection(first.model, tried=len(effects))
+    selection, alone = _selected(search, none, scored, audible, fitted or {})
+    if alone:
+        selection, _ = _selected(search, none, scored, audible, {**(fitted or {}), **alone})
+    for one, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
+        search.not_assessed.pop(one.effect_name, None)  # from elsewhere it could be fitted
+    return _without_named_alternatives(selection)
+
+
+def _selected(
+    search: Search,
+    none: Selection,
+    scored: Sequence[ScoredModel],
+    effects: Sequence[type[Effect]],
+    fitted: Fitted,
+) -> tuple[Selection, Fitted]:
+    """Select effects, one at a time, from none on.
+
+    Parameters
+    ----------
+    search : Search
+    none : Selection
+        Of none.
+    scored : sequence of ScoredModel
+        Models without effects.
+    effects : sequence of type[Effect]
+    fitted : Mapping of type[Effect] to FittedCandidate
+        Effects fitted over a model without effects, in white noise.
+
+    Returns
+    -------
+    selection : Selection
+    alone : Mapping of type[Effect] to FittedCandidate
+        Effects that come nearer alone than the first that was named, fitted in white noise.
+    """
+    selection = replace(none, steps=[], rejected=[], unsure=set())
+    remaining = list(effects)
+    bases = list(scored)
     while remaining and len(selection.steps) < MOST:
         if solver_error_notes(selection.best):
             break
         if search.budget.spent():
             search.budget.leave(map(label, remaining))
             break
-        known_fits = {} if selection.steps else dict(fitted or {})
-        selection, result = _search_step(search, selection, scored, remaining, known_fits)
+        known_fits = {} if selection.steps else fitted
+        selection, result = _search_step(search, selection, bases, remaining, known_fits)
         selection.unsure.update(result.unsure)
         if result.step is None:
             selection.rejected.extend(result.tried.rows)
-            break
+            return selection, _nearer_alone(search, selection, result.tried)
         named = {label(effect) for effect in result.step.chosen.candidate.effects}
         remaining = [effect for effect in remaining if label(effect) not in named]
-        nearest = _nearest(scored, result.step.chosen)
+        nearest = _nearest(bases, result.step.chosen)
         step = _completed(search, result.step, nearest, remaining)
         selection.steps.append(step)
-        scored = [ScoredModel(step.chosen, nearest.directions)]
-    for one, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
-        search.not_assessed.pop(one.effect_name, None)  # from elsewhere it could be fitted
-    return _without_named_alternatives(selection)
+        bases = [ScoredModel(step.chosen, nearest.directions)]
+    return selection, {}
+
+
+def _nearer_alone(search: Search, selection: Selection, tried: Ranking) -> Fitted:
+    """Fit the nearest effects of a step that named none without the one named before.
+
+    Where a model lacks something its parameters are bent, and a fit of what it lacks that starts
+    there may end beside its optimum. Beside an effect that follows the record more closely it may
+    reach it, and then the other is not needed. Both may have exchanged their parts with the model:
+    so the fits start from nominal parameters, too.
+
+    Returns
+    -------
+    Mapping of type[Effect] to FittedCandidate
+        Those that come nearer alone than the one that was named, in white noise.
+    """
+    if len(selection.steps) != 1 or search.budget.spent():
+        return {}
+    named = selection.best.free_run
+    assert named is not None
+    plain = search.in_white_noise()
+    gaining = [tried.near[f.effect] for f, gain in tried.rows if gain > ACCEPT]
+    alone = {}
+    for beside in sorted(gaining, key=lambda f: f.fit.bic)[:REFINED]:
+        effect = beside.effect
+        own = {name: beside.fit.values[name] for name in own_parameters(effect)}
+        fits = [plain.with_effects([effect], beside, start) for start in (None, own)]
+        nearest = min(filter(None, fits), key=lambda f: f.fit.bic, default=None)
+        if nearest and named.bic - nearest.fit.bic > ALTERNATIVE:
+            alone[effect] = nearest
+    return alone
 
 
 def _scored_elsewhere(
@@ -190,7 +268,7 @@ def _search_step(
     selection: Selection,
     scored: list[ScoredModel],
     remaining: Sequence[type[Effect]],
-    known: Mapping[type[Effect], FittedCandidate],
+    known: Fitted,
 ) -> tuple[Selection, _StepResult]:
     """Search for one more effect; again if a richer model has shown a better optimum below.
 
@@ -340,24 +418,30 @@ def _with_others(step: Step, tried: Ranking, row: Row, refused: Sequence[Row]) -
 def _in_turn(tried: Ranking) -> list[Row]:
     """Return candidates in the order in which they are judged: those as good as the best first.
 
-    One of measuring takes no credit for what physics explains, too, which comes before it; nor one
-    of an input for what a law explains as well by the criterion. Of shapes of one cause the best
-    comes first.
+    One that follows any slow course comes after what explains this one without, and one that is
+    less likely and less near after the likeliest. One of measuring takes no credit for what physics
+    explains as well, which comes before it; nor one of an input for what a law explains as well. Of
+    shapes of one cause the best comes first.
     """
     as_good = [
         row
         for row in tried.rows
         if row is tried.rows[0] or tried.indistinguishable(tried.rows[0], row)
     ]
-    most = max((gain for _, gain in as_good), default=0.0)
+    likeliest = max(as_good, key=lambda row: row[1], default=None)
 
-    def place(row: Row) -> tuple[bool, bool, bool, float]:
+    def place(row: Row) -> tuple[bool, bool, bool, bool, float]:
         candidate, gain = row
         effect = candidate.effect
-        of_input = bool(effect.term.signal) and not effect.term.law
-        return bool(effect.output), most - gain >= ALTERNATIVE, of_input, -gain
+        return (
+            tried.follows_any_course(candidate),
+            likeliest is not None and tried.is_behind(likeliest, row),
+            bool(effect.output),
+            bool(effect.term.signal) and not effect.term.law,
+            -gain,
+        )
 
-    def place_of_cause(row: Row) -> tuple[tuple[bool, bool, bool, float], float]:
+    def place_of_cause(row: Row) -> tuple[tuple[bool, bool, bool, bool, float], float]:
         shapes = [o for o in as_good if interchangeable(o[0].effect, row[0].effect)]
         return min(map(place, shapes)), tried.criterion(row)
 
