@@ -58,7 +58,7 @@ def needed(search: Search, selection: Selection) -> Selection:
     """
     while len(selection.steps) > 1 and not search.budget.spent():
         best = selection.best
-        others = [search.without_effect(best, effect) for effect in best.candidate.effects]
+        others = [search.fit_without(best, effect) for effect in best.candidate.effects]
         fitted = [other for other in others if other is not None]
         nearest = min(fitted, key=lambda other: other.fit.bic, default=None)
         if nearest is None or _is_worth(selection, nearest):
@@ -86,7 +86,7 @@ def without_effect(search: Search, selection: Selection, effect: type[Effect]) -
 
     Where they cannot be fitted, all that was added after it goes with it.
     """
-    without = search.without_effect(selection.best, effect)
+    without = search.fit_without(selection.best, effect)
     chain = None if without is None else _chain(search, selection, without)
     if chain is not None:
         return chain
@@ -122,7 +122,7 @@ def fitted_in(search: Search, selection: Selection, best: FittedCandidate) -> Se
 
     None if one of its models cannot be fitted.
     """
-    base = search.with_effects((), best)
+    base = search.fit_with((), best)
     chain = None if base is None else _chain(search, selection, best)
     return None if base is None or chain is None else replace(chain, base=base)
 
@@ -159,7 +159,7 @@ def _revised_once(
     for effect in best.candidate.effects[:-1]:  # the last was looked for beside the others
         if search.budget.spent():
             return None
-        without = search.without_effect(best, effect)
+        without = search.fit_without(best, effect)
         if without is None:
             continue
         if best.delta_bic(without, selection.tried) <= ACCEPT and not whitens_residual(
@@ -205,7 +205,7 @@ def _better_in_place(
     if best and best is not own and tried.is_admissible(best):
         is_better = not (own and tried.indistinguishable(best, own))
         candidate, _ = best
-        other = search.with_effects(candidate.candidate.effects, candidate) if is_better else None
+        other = search.fit_with(candidate.candidate.effects, candidate) if is_better else None
         if other is not None and other.delta_bic(without, selection.tried) > ACCEPT:
             return other
     if own:
@@ -229,13 +229,13 @@ def _weightiest_first(search: Search, selection: Selection) -> Selection:
     best = selection.best
     if len(selection.steps) < 2 or search.budget.spent():
         return selection
-    without = {e: search.without_effect(best, e) for e in best.candidate.effects}
+    without = {e: search.fit_without(best, e) for e in best.candidate.effects}
     if not all(without.values()):
         return selection
     ordered = sorted(without, key=lambda e: -without[e].fit.bic)  # type: ignore[union-attr]
     if tuple(ordered) == best.candidate.effects:
         return selection
-    again = search.with_effects(ordered, best)
+    again = search.fit_with(ordered, best)
     return (again and _chain(search, selection, again)) or selection
 
 
@@ -261,7 +261,7 @@ def _chain(search: Search, selection: Selection, best: FittedCandidate) -> Selec
     models = [best]
     # the base, too: in the same distribution of the noise
     for k in range(len(best.candidate.effects) - 1, -1, -1):
-        below = search.with_effects(best.candidate.effects[:k], models[0])
+        below = search.fit_with(best.candidate.effects[:k], models[0])
         if below is None:
             return None
         models.insert(0, below)

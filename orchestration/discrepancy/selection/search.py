@@ -445,7 +445,7 @@ class Search:
         fit = self._fit(candidate, problem, q, None if self.colour else around.fit.noise)
         return FittedCandidate(candidate, problem, fit)
 
-    def with_effects(
+    def fit_with(
         self,
         effects: Sequence[type[Effect]],
         around: FittedCandidate,
@@ -480,11 +480,9 @@ class Search:
         except FAILURES:
             return None
 
-    def without_effect(
-        self, fitted: FittedCandidate, effect: type[Effect]
-    ) -> FittedCandidate | None:
+    def fit_without(self, fitted: FittedCandidate, effect: type[Effect]) -> FittedCandidate | None:
         """Fit a model without one of its effects; None where that fails."""
-        return self.with_effects([e for e in fitted.candidate.effects if e is not effect], fitted)
+        return self.fit_with([e for e in fitted.candidate.effects if e is not effect], fitted)
 
     def _again(
         self, candidate: Candidate, start: Mapping[str, float], fitted: FittedCandidate

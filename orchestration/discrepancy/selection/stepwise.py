@@ -236,7 +236,7 @@ def _nearer_alone(search: Search, selection: Selection, tried: Ranking) -> Fitte
     for beside in sorted(gaining, key=lambda f: f.fit.bic)[:REFINED]:
         effect = beside.effect
         own = {name: beside.fit.values[name] for name in own_parameters(effect)}
-        fits = [plain.with_effects([effect], beside, start) for start in (None, own)]
+        fits = [plain.fit_with([effect], beside, start) for start in (None, own)]
         nearest = min(filter(None, fits), key=lambda f: f.fit.bic, default=None)
         if nearest and named.bic - nearest.fit.bic > ALTERNATIVE:
             alone[effect] = nearest

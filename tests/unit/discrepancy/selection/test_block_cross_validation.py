@@ -5,11 +5,13 @@ oracle: regression.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fmus.kit.inputs import dead_zone
+from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import ranking, stepwise
@@ -43,6 +45,7 @@ def quartic(s):
 
 EVEN, ODD, QUARTIC = shaped("even", even), shaped("odd", odd), shaped("quartic", quartic)
 SHAPES = {EVEN: even, ODD: odd, QUARTIC: quartic}
+OF_OUTPUT = {effect.id: effect for effect in measurement_effects(Amplifier)}
 
 
 def record(hidden, seed=1):
@@ -237,14 +240,49 @@ def test_a_nearer_fit_that_is_known_stays():
     assert ranked(search, base, [scored], [EVEN, ODD], {EVEN: farther}).near[EVEN] is not farther
 
 
-@pytest.mark.parametrize(("gains", "first"), [((50.0, 51.0), 0), ((50.0, 57.0), 1)])
-def test_a_law_comes_before_an_input_that_explains_as_much(gains, first):
-    law, of_input = OTHERS[0], dead_zone(Amplifier, "signal")
+@pytest.mark.parametrize(
+    ("gains", "farther", "first"),
+    [((50.0, 51.0), 0.3, 0), ((50.0, 57.0), 0.1, 0), ((50.0, 57.0), 0.3, 1)],
+    ids=["as likely", "as near", "neither"],
+)
+@pytest.mark.parametrize("kind", ["input", "output"])
+def test_a_law_comes_before_an_input_or_output_that_explains_as_much(gains, farther, first, kind):
+    """As near is up to a tenth of the error, 0.21 of twice its logarithm."""
+    law = OTHERS[0]
+    other = dead_zone(Amplifier, "signal") if kind == "input" else OF_OUTPUT["sensor_gain"]
     rows = [
         (type("Fitted", (), {"effect": e})(), gain)
-        for e, gain in zip((law, of_input), gains, strict=True)
+        for e, gain in zip((law, other), gains, strict=True)
     ]
-    found = Ranking(rows[::-1], dict.fromkeys((law, of_input), np.zeros(16)), np.ones(16))
+    uneven = farther * 16.0 * np.eye(16)[0]  # one block does not make a cause sure
+    found = Ranking(rows[::-1], {law: uneven, other: np.zeros(16)}, np.ones(16))
+    assert stepwise._in_turn(found)[0] is rows[first]
+
+
+@pytest.mark.parametrize(
+    ("gains", "constant", "starts", "free", "first"),
+    [
+        ((91.0, 100.0), 40.0, ("memory_start",), False, 0),
+        ((89.0, 100.0), 40.0, ("memory_start",), False, 1),
+        ((91.0, 100.0), 20.0, ("memory_start",), False, 1),
+        ((91.0, 100.0), 40.0, (), False, 1),
+        ((91.0, 100.0), 20.0, (), True, 0),
+        ((100.0, 99.0), 40.0, ("memory_start",), False, 0),
+    ],
+)
+def test_a_memory_that_decays_all_the_time_takes_no_credit_for_what_needs_none(
+    gains, constant, starts, free, first
+):
+    """A third of a record of 100 s, and nine tenths of the gain."""
+    fitted = SimpleNamespace(
+        effect=OF_OUTPUT["sensor_lag"],
+        candidate=SimpleNamespace(starts=starts),
+        problem=SimpleNamespace(largest={"shown_lag_time": 100.0}),
+        fit=SimpleNamespace(values={"shown_lag_time": constant}),
+    )
+    offset = SimpleNamespace(effect=OF_OUTPUT["sensor_offset"])
+    rows = list(zip((offset, fitted), gains, strict=True))
+    found = Ranking(sorted(rows, key=lambda row: -row[1]), free=free)
     assert stepwise._in_turn(found)[0] is rows[first]
 
 

@@ -17,7 +17,6 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import revision
 from orchestration.discrepancy.selection.revision import (
     _chain,
-    _fitted,
     explaining,
     needed,
     revised,
@@ -211,7 +210,7 @@ def test_the_weightiest_comes_first(sizes):
         ("even", "odd"), key=lambda name: left([n for n in ("even", "odd") if n != name])
     )
     turned = _chain(
-        search, forward, _fitted(search, forward.best, forward.best.candidate.effects[::-1])
+        search, forward, search.fit_with(forward.best.candidate.effects[::-1], forward.best)
     )
     assert [s.chosen.effect_name for s in turned.steps] != [
         s.chosen.effect_name for s in forward.steps
@@ -224,7 +223,7 @@ def chained(search, *names):
     """A selection of these effects, whether the record asks for them or not."""
     effects = [effect for effect in EFFECTS if effect.id in names]
     forward = select(search, effects[:1])
-    return _chain(search, forward, _fitted(search, forward.best, effects))
+    return _chain(search, forward, search.fit_with(effects, forward.best))
 
 
 @pytest.mark.parametrize(("small", "named"), [(0.25, {"even"}), (0.6, {"even", "odd"})])

@@ -6,11 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lsim, lti
 
+from fmus.kit.sensors import measurement_effects
+from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import stepwise
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.discrepancy.selection.stepwise import select
+from studies.plants.models.cell import EFFECTS, Cell
 from tests.support.regression_model import (
     ASYMMETRY,
     COUNT,
@@ -111,3 +115,49 @@ def test_effects_are_scored_where_the_model_is_less_likely_or_nearer(monkeypatch
     scored = stepwise._scored_elsewhere(search, base, [OFFSET])
     expected = [nominal.fit] if near > 50.0 else []
     assert scored == expected + ([base.free_run] if off > 1.02 else [])
+
+
+LATE = 2  # samples
+OHMIC, POLARISATION, TIME_CONSTANT = 0.04, 0.025, 18.7  # ohm, ohm, s
+
+
+def late_cell_record(seed, period=0.5, count=800, settled=400):
+    """A cell that is measured late, by SciPy's exact solution for a current of straight lines."""
+    random = np.random.default_rng(seed)
+    time = period * np.arange(count + settled)
+    frequencies = 0.003, 0.007, 0.013, 0.023, 0.037, 0.053  # Hz
+    current = sum(np.sin(2 * np.pi * (f * time + random.random())) for f in frequencies)
+    _, relaxed, _ = lsim(lti([1.0], [TIME_CONSTANT, 1.0]), current, time)
+    voltage = np.roll(3.3 - OHMIC * current - POLARISATION * relaxed, LATE)
+    voltage += 1e-4 * random.standard_normal(time.size)
+    return Dataset(
+        time[:count],
+        {"current": current[settled:]},
+        {"voltage": voltage[settled:]},
+        linear=True,
+    )
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_cause_that_was_missed_at_first_is_named_alone_where_it_needs_no_other(monkeypatch, seed):
+    """A second pair follows a delay closely, and what is left of it is less than a tenth."""
+    delay = next(e for e in measurement_effects(Cell) if e.id == "transport_delay")
+    search = Search(late_cell_record(seed), Cell, ["ocv", "R0", "R1", "tau1", "relaxed_start"])
+    plain = stepwise.ranked
+    looked = []
+
+    def with_poor_first_fits(*given, **fits):
+        looked.append(given)
+        search, below, scored, effects, *rest = given
+        if len(looked) == 1:
+            effects = [e for e in effects if e is not delay]
+        return plain(search, below, scored, effects, *rest, **fits)
+
+    monkeypatch.setattr(stepwise, "ranked", with_poor_first_fits)
+    (step,) = select(search, [EFFECTS["second_kelvin"], delay]).steps
+    assert step.chosen.effect is delay
+    assert step.alternatives == []
+    values = step.chosen.fit.values
+    assert values["voltage_delay"] == pytest.approx(LATE * 0.5, abs=0.02)
+    assert values["R0"] == pytest.approx(OHMIC, rel=0.02)
+    assert values["tau1"] == pytest.approx(TIME_CONSTANT, rel=0.05)
