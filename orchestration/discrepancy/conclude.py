@@ -26,12 +26,15 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import (
     ACCEPT,
+    ALTERNATIVE,
     FAILURES,
     SOLVER_ERROR,
     Intersample,
     Search,
     Selection,
+    Step,
     as_reported_models,
+    interchangeable,
     intersample,
     solver_error_notes,
     without_effect,
@@ -346,15 +349,20 @@ class _ParameterAssessment:
     estimates : dict of str to Estimate
     changed : list of str
         Those that differ significantly from nominal.
-    implausible : bool
-        Whether one has a value that no specimen can have.
+    ratios : dict of str to float
+        Those that have a value that no specimen can have: times nominal.
     notes : list of Note
     """
 
     estimates: dict[str, Estimate]
     changed: list[str]
-    implausible: bool
+    ratios: dict[str, float]
     notes: list[Note]
+
+    @property
+    def implausible(self) -> bool:
+        """Whether a parameter has a value that no specimen can have."""
+        return bool(self.ratios)
 
 
 @dataclass(frozen=True)
@@ -385,20 +393,92 @@ def _judged_in_reason(
     """Assess the final model, and drop causes that leave something beside impossible parameters.
 
     What comes nearer to a record, but not all the way, and only with a plant that no specimen is,
-    explains nothing of one.
+    explains nothing of one. Where impossible parameters do what a cause does, it is named instead.
     """
     outcome = _judged_in_final_model(search, judged, data)
     beside = outcome.parameters
     selection = outcome.judged.selection
-    if not (beside.implausible and selection.steps):
+    if not beside.implausible:
         return outcome
+    if not selection.steps:
+        return _with_cause_in_reason(search, outcome, data) or outcome
     if not _has_unexplained_structure(selection, outcome.residuals, frozenset()):
         return outcome
     bare = _assess_final_model(search, judged.without_steps(data.validation), data)
     if bare.parameters.implausible:
         return bare
-    parameters = replace(bare.parameters, implausible=True, notes=beside.notes)
+    parameters = replace(bare.parameters, ratios=beside.ratios, notes=beside.notes)
     return replace(bare, parameters=parameters)
+
+
+def _with_cause_in_reason(
+    search: Search, outcome: _FinalModel, data: DiagnosisData
+) -> _FinalModel | None:
+    """Return the model with a cause that does what impossible parameters do, if there is one.
+
+    A model bends what it has to what it has no word for. A cause with which the record is no less
+    likely, and the plant one that a specimen can be, is judged against the model that has those
+    parameters at nominal. It leaves nothing, and columns that are mixed up are no cause.
+    """
+    selection = outcome.judged.selection
+    rejected = [candidate for candidate, _ in selection.rejected]
+    reference = selection.compared[0] if selection.compared else selection.base
+    rivals = [c for c in rejected if c.fit.deviance <= reference.fit.deviance]
+    if not rivals or any(note.code in MIXED_UP for note in data.notes):
+        return None
+    least = min(rival.fit.bic for rival in rivals)
+    as_good = [rival for rival in rivals if rival.fit.bic <= least + ALTERNATIVE]
+    names = [name for name in search.parameters if name not in outcome.parameters.ratios]
+    try:
+        held = replace(search, parameters=names).refit(selection.base)
+        chosen = min(as_good, key=_distance_from_nominal)
+        if selection.compared:
+            chosen = search.refit_over(chosen, selection.base)
+        named = Selection(held, tried=selection.tried)
+        named.steps.append(_only_step(chosen, held, as_good, rejected, selection.tried))
+        judged = confirm(named, data.validation, search.trusted)
+        if not judged.selection.steps:
+            return None
+        final = _judged_in_final_model(search, judged, data)
+    except FAILURES:
+        return None
+    selection = final.judged.selection
+    is_in_reason = bool(selection.steps) and not final.parameters.implausible
+    if not is_in_reason or _has_unexplained_structure(selection, final.residuals, frozenset()):
+        return None
+    return final
+
+
+def _distance_from_nominal(fitted: FittedCandidate) -> float:
+    """Return how far a model's parameters are from nominal, in searched coordinates."""
+    problem = fitted.problem
+    physical = [not problem.declared[name].starts for name in problem.names]
+    return float(np.linalg.norm((fitted.fit.q - problem.position(problem.start))[physical]))
+
+
+def _only_step(
+    chosen: FittedCandidate,
+    below: FittedCandidate,
+    as_good: Sequence[FittedCandidate],
+    fitted: Sequence[FittedCandidate],
+    tried: int,
+) -> Step:
+    """Return the step that names a candidate over a model, beside others that are as good."""
+    gains = {one.effect_name: one.delta_bic(below, tried) for one in fitted}
+    gain = chosen.delta_bic(below, tried)
+    others = [one for one in as_good if one.effect is not chosen.effect]
+    shapes = [one for one in others if interchangeable(one.effect, chosen.effect)]
+    rejected = [one for one in fitted if all(one is not other for other in as_good)]
+    return Step(
+        chosen=chosen,
+        gain=gain,
+        evidence=gain,
+        p_value=chosen.p_value(below, tried),
+        alternatives=[one for one in others if one not in shapes],
+        rejected=[(one, gains[one.effect_name]) for one in rejected],
+        shapes=shapes,
+        gains=gains,
+    )
 
 
 def _judged_in_final_model(
@@ -489,7 +569,7 @@ def _assess_parameters(
         notes += identifiability_notes(final, physical)
     if ratios:
         notes.append(Note(NoteCode.IMPLAUSIBLE, "", {"ratios": ratios}))
-    return _ParameterAssessment(estimates, changed, bool(ratios), notes)
+    return _ParameterAssessment(estimates, changed, ratios, notes)
 
 
 class _Remainder(NamedTuple):

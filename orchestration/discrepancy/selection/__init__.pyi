@@ -19,6 +19,7 @@ from .search import Search as Search
 from .solver_error import SOLVER_ERROR as SOLVER_ERROR
 from .solver_error import solver_error_notes as solver_error_notes
 from .stepwise import ACCEPT as ACCEPT
+from .stepwise import ALTERNATIVE as ALTERNATIVE
 from .stepwise import Selection as Selection
 from .stepwise import Step as Step
 from .stepwise import interchangeable as interchangeable

@@ -22,6 +22,14 @@ def test_dry_friction_is_named_first():
     assert row["causes"] == ["coulomb_friction"]
 
 
+@pytest.mark.slow
+def test_no_impossible_damping_stands_for_dry_friction():
+    """0.38 N, where the slide is so slow that 49 times its damping is as near to the record."""
+    row = judge(BenchCase(FRICTION, 20261186105))
+    assert is_right(row)
+    assert "b_vc" not in row["named"]
+
+
 @pytest.mark.parametrize(
     ("said", "right"),
     [

@@ -260,6 +260,31 @@ def test_beside_parameters_out_of_all_reason_no_cause_is_named_that_leaves_somet
     assert note.facts["ratios"] == {"gain": 159.0}
 
 
+def creeping():
+    """A motor so slow that its dry friction, 0.8 tanh(v / 0.01), cannot be told from drag.
+
+    The drag of both together is 81 times nominal.
+    """
+    data = wired()
+    drive = 0.02 * data.inputs["drive"]
+    speed = np.zeros(len(data.time))
+    for k in range(len(speed) - 1):
+        now = speed[k]
+        for _ in range(100):
+            now += 1e-3 * (3.75 * drive[k] - 1.25 * now - 0.8 * np.tanh(now / 0.01))
+        speed[k + 1] = now
+    noise = 3e-5 * coloured(0.0, 2, len(speed))
+    return replace(data, inputs={"drive": drive}, measured={"shown": speed + noise})
+
+
+def test_a_cause_is_named_where_else_a_parameter_were_out_of_all_reason():
+    diagnosis = diagnose(Motor, creeping(), [FRICTION])
+    assert (diagnosis.verdict, diagnosis.causes) == (Verdict.CAUSE, ["coulomb_friction"])
+    assert NoteCode.IMPLAUSIBLE not in {note.code for note in diagnosis.notes}
+    low, high = diagnosis.estimates["drag"].interval
+    assert low < 1.25 < high
+
+
 def test_within_half_a_step_of_the_recorder_no_cause_is_named():
     named = diagnose(Motor, with_friction(), [FRICTION])
     coarse = Note(NoteCode.QUANTISED, "shown", {"resolution": 20.0, "share": 1.0})
