@@ -1,7 +1,9 @@
 """The least loss of a Box-Jenkins or ARMAX model from random starts of SciPy.
 
 It shares no code with what it judges: SciPy's `least_squares` with derivatives by differences, over
-reflection coefficients of F, C and D, with a dense least squares for all other parameters.
+reflection coefficients of F, C and D, with a dense least squares for all other parameters. It
+searches the models of decision 57: F stable, zeros of C and D no nearer to the unit circle than a
+time constant of the record's length puts them.
 """
 
 from __future__ import annotations
@@ -12,14 +14,16 @@ from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
 
+LARGEST = 1.0 - 1e-7  # reflection coefficient; beyond it is rounding
 
-def _stable(coordinates: Array) -> Array:
-    """Return a polynomial of stable roots (Levinson)."""
+
+def _within(radius: float, coordinates: Array) -> Array:
+    """Return a polynomial with all roots within a radius (Levinson)."""
     polynomial = np.array([1.0])
-    for k in np.tanh(coordinates):
+    for k in LARGEST * np.tanh(coordinates):
         polynomial = np.append(polynomial, 0.0)
         polynomial = polynomial + k * polynomial[::-1]
-    return polynomial
+    return polynomial * radius ** np.arange(len(polynomial))
 
 
 class Criterion:
@@ -39,11 +43,13 @@ class Criterion:
         reach = [b + k - 1 for b, k in zip(counts["nb"], counts["nk"], strict=True)]
         self.first = max(self.counts["na"], *reach)
         self.orders = [*self.counts["nf"], self.counts["nc"], self.counts["nd"]]
+        within_record = float(np.exp(-1.0 / (len(output) - self.first)))
+        self.radii = [*(1.0 for _ in self.counts["nf"]), within_record, within_record]
 
     def errors(self, coordinates: Array) -> Array:
         """Return the errors (samples,), with the best of all linear parameters."""
         parts = np.split(coordinates, np.cumsum(self.orders)[:-1])
-        *paths, c, d = (_stable(part) for part in parts)
+        *paths, c, d = map(_within, self.radii, parts)
         samples = len(self.output) - self.first
         columns = [np.ones(samples)]
         for k in range(1, self.counts["na"] + 1):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData, check_varies
@@ -131,6 +132,8 @@ def box_jenkins(
     return identify(data, "BJ", orders(data, nb, nk, nf=nf, nc=nc, nd=nd))
 
 
+# matrices are narrow: a thread for each product would only wait for the others
+@threadpool_limits.wrap(limits=1)
 def identify(
     data: InputOutputData,
     structure: str,

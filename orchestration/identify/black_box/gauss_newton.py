@@ -1,7 +1,11 @@
-"""Least squares of prediction errors among stable models, by damped Gauss-Newton steps.
+"""Least squares of prediction errors among stable models, by Gauss-Newton steps in a trust region.
 
-The damping is that of Levenberg and Marquardt. Sources: Ljung, System Identification, section 10.2;
-Nocedal and Wright, Numerical Optimization, section 10.3.
+The region is a ball in the parameters as they are. Scaled by what each does, as Levenberg's and
+Marquardt's damping is often made, steps would be longest in those that do least: in reflection
+coefficients near one, where a search then stays.
+
+Sources: Ljung, System Identification, section 10.2; Nocedal and Wright, Numerical Optimization,
+chapter 4 and section 10.3.
 """
 
 from __future__ import annotations
@@ -11,22 +15,24 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.identify.black_box.polynomials import solved, triangle
+from orchestration.identify.black_box.polynomials import triangle
 
 _ITERATIONS = 100
 _ENOUGH = 1e-9
 # singular value, relative to the largest, that is zero: free responses of equal paths are collinear
 _UNDETERMINED = 1e-12
-_FIRST_DAMPING = 1e-3  # as Marquardt's
-_LEAST_DAMPING = 1e-12  # below it there is none
-_MOST_DAMPING = 1e12  # beyond it no step downhill is to be expected
-# Shares of the promised fall of the cost above which damping is lowered, and below which it is
-# raised (Nocedal and Wright, algorithm 4.1), and by which factors; more after a step that failed.
-_GOOD = 0.75
+_RADIUS = 1.0  # of the first trust region: parameters are such that one is a change of some size
+_FARTHEST = 3.0  # a step within this radius that promises little ends a search
+_LEAST_RADIUS = 1e-9  # of a step to which nothing answers but rounding
+# Shares of the promised fall of the cost below which the radius is a part of the step, and above
+# which it is larger if the step had all of it (Nocedal and Wright, algorithm 4.1).
 _POOR = 0.25
-_LOWERED = 0.1
-_RAISED = 4.0
-_FAILED = 8.0
+_GOOD = 0.75
+_LOWERED = 0.25
+_RAISED = 2.0
+_AT_EDGE = 0.9  # of the radius, a step that had all of it
+_ALIKE = 0.05  # relative difference of a step's length from the radius
+_TRIALS = 20  # of the damping that makes a step so long
 
 
 class ResidualProblem(Protocol):
@@ -68,44 +74,50 @@ class _Point(NamedTuple):
 
 
 class _Linearised(NamedTuple):
-    """Prediction errors linearised about a point, their many rows reduced by QR to a triangle.
+    """Prediction errors linearised about a point, in the singular directions of their derivatives.
 
     Attributes
     ----------
-    slopes : ndarray, shape (p, p)
-        Derivatives, every column scaled to length one.
-    errors : ndarray, shape (p,)
-    scale : ndarray, shape (p,)
-        Length of every column before.
+    directions : ndarray, shape (r, p)
+        Orthonormal.
+    slopes : ndarray, shape (r,)
+        Singular values.
+    errors : ndarray, shape (r,)
+        What of the errors a change along every direction can undo.
     """
 
+    directions: Array
     slopes: Array
     errors: Array
-    scale: Array
 
-    def step(self, damping: float) -> Array:
-        """Return the damped Gauss-Newton step (p,) in scaled parameters."""
-        count = self.slopes.shape[1]
-        rows = np.vstack([self.slopes, np.sqrt(damping) * np.eye(count)])
-        return solved(rows, -np.concatenate([self.errors, np.zeros(count)]))
+    def step(self, radius: float) -> Array:
+        """Return the Gauss-Newton step (r,), along the directions, within a radius.
+
+        It is damped by as much as makes it so long (Nocedal and Wright, algorithm 4.3).
+        """
+        gradient = self.slopes * self.errors
+        step = -self.errors / self.slopes
+        damping = 0.0
+        for _ in range(_TRIALS):
+            length = float(np.linalg.norm(step))
+            if length <= (1.0 + _ALIKE) * radius:
+                break
+            stiffness = self.slopes**2 + damping
+            fall = float(step**2 @ (1.0 / stiffness)) / length
+            damping += (length / radius - 1.0) * length / fall
+            step = -gradient / (self.slopes**2 + damping)
+        return step
 
     def promised(self, step: Array) -> float:
-        """Return the fall of the cost with a step in scaled parameters, if errors were linear."""
-        after = self.errors + self.slopes @ step
+        """Return the fall of the cost with a step, if errors were linear."""
+        after = self.errors + self.slopes * step
         return float(self.errors @ self.errors) - float(after @ after)
-
-    @property
-    def most(self) -> float:
-        """The fall of the cost with a whole step, if errors were linear."""
-        whole = np.linalg.lstsq(self.slopes, -self.errors, rcond=_UNDETERMINED)[0]
-        return self.promised(np.asarray(whole, dtype=float))
 
 
 def minimise(
     problem: ResidualProblem,
     theta: Array,
     iterations: int = _ITERATIONS,
-    longest: float = np.inf,
     enough: float = _ENOUGH,
 ) -> GaussNewtonMinimum:
     """Minimise the sum of squared prediction errors among stable models.
@@ -117,45 +129,39 @@ def minimise(
         Where to start; admissible.
     iterations : int
         At most.
-    longest : float
-        Largest change of any parameter in one step.
     enough : float
-        Share of the cost that a whole step promises, below which the search has converged.
+        Share of the cost that a step promises, below which the search has converged.
 
     Returns
     -------
     GaussNewtonMinimum
     """
     best = _point(problem, theta)
-    if not theta.size:
-        return GaussNewtonMinimum(best.theta, best.cost, True)
-    damping = _FIRST_DAMPING
-    for _ in range(iterations):
+    radius = _RADIUS
+    for _ in range(iterations if theta.size else 0):
         linearised = _linearised(problem, best)
-        if linearised.most <= enough * best.cost:
+        if linearised.promised(linearised.step(_FARTHEST)) <= enough * best.cost:
             return GaussNewtonMinimum(best.theta, best.cost, True)
         better = None
         while better is None:
-            if damping > _MOST_DAMPING:
+            if radius < _LEAST_RADIUS:
                 # rounding, or the edge of stability, forbids any step downhill
                 return GaussNewtonMinimum(best.theta, best.cost, True)
-            step = linearised.step(damping)
-            step *= min(1.0, longest / np.abs(step / linearised.scale).max())
-            better = _lower_point(problem, best, step / linearised.scale)
-            damping *= _factor(best, better, linearised.promised(step))
-        damping = max(damping, _LEAST_DAMPING)
+            step = linearised.step(radius)
+            better = _lower_point(problem, best, step @ linearised.directions)
+            fallen = best.cost - better.cost if better else 0.0
+            radius = _next_radius(radius, step, fallen / linearised.promised(step))
         best = better
-    return GaussNewtonMinimum(best.theta, best.cost, False)
+    return GaussNewtonMinimum(best.theta, best.cost, not theta.size)
 
 
-def _factor(begin: _Point, end: _Point | None, promised: float) -> float:
-    """Return by how much damping changes after a step; it failed where there is no end."""
-    if end is None:
-        return _FAILED
-    fallen = begin.cost - end.cost
-    if fallen < _POOR * promised:
-        return _RAISED
-    return _LOWERED if fallen > _GOOD * promised else 1.0
+def _next_radius(radius: float, step: Array, share: float) -> float:
+    """Return the radius after a step with some share of what it promised."""
+    length = float(np.linalg.norm(step))
+    if share < _POOR:
+        return _LOWERED * min(length, radius)
+    is_all = share > _GOOD and length > _AT_EDGE * radius
+    return _RAISED * radius if is_all else radius
 
 
 def _point(problem: ResidualProblem, theta: Array) -> _Point:
@@ -166,12 +172,11 @@ def _point(problem: ResidualProblem, theta: Array) -> _Point:
 
 def _linearised(problem: ResidualProblem, point: _Point) -> _Linearised:
     """Linearise the prediction errors about a point."""
-    # the triangle makes damped steps cheap
+    # the triangle holds all there is in many thousand samples
     reduced = triangle(np.vstack([problem.jacobian(point.theta).T, point.errors]))
-    slopes = reduced[:, :-1]
-    scale = np.linalg.norm(slopes, axis=0)
-    scale[scale == 0.0] = 1.0
-    return _Linearised(slopes / scale, reduced[:, -1], scale)
+    u, s, v = np.linalg.svd(reduced[:, :-1], full_matrices=False)
+    kept = s > _UNDETERMINED * s.max(initial=0.0)
+    return _Linearised(v[kept], s[kept], u[:, kept].T @ reduced[:, -1])
 
 
 def _lower_point(problem: ResidualProblem, begin: _Point, step: Array) -> _Point | None:

@@ -2,8 +2,9 @@
 
 The criterion of a model with denominators has many minima (Ljung, section 10.5; Söderström and
 Stoica: Automatica 18, 1982). A search begins at estimates from a long ARX model, at the optima of
-the models that are contained in the one searched for, and at its own lowest minimum with the roots
-of one polynomial drawn anew. All starts are followed a few steps, the best of them to the end.
+the models that are contained in the one searched for, at its own lowest minimum with the roots of
+one polynomial drawn anew, and anywhere. All starts are followed a few steps, the best of them to
+the end.
 """
 
 from __future__ import annotations
@@ -26,7 +27,6 @@ from orchestration.identify.black_box.start_values import (
 from orchestration.identify.black_box.variable_projection import ReducedPredictionError
 
 _ONE = np.ones(1)
-_LONGEST = 2.0  # change of a coordinate in a step: a pole from 0 to 0.96, or from 0.9 to 0.998
 _SHORT = 4  # iterations after which starts are compared
 _FOLLOWED = 3  # starts that are followed farther, of each set
 _LONGER = 12  # iterations after which one must be about as low as the lowest before
@@ -35,7 +35,8 @@ _NEAR = 3e-4  # relative cost by which it may still be above
 _ROUNDS = 3  # of drawing roots anew, at least
 _MOST_ROUNDS = 6
 _CONTAINED = 2  # best of the contained models that are starting points
-_DRAWS = 4  # for each path and for the noise model, in a round
+_DRAWS = 4  # for each path, for the noise model and of all roots, in a round
+_SPREADS = (0.5, 1.0, 2.0)  # of coordinates drawn anywhere: poles of 0.46, 0.76 and 0.96
 _OSCILLATING = 0.5  # share of pairs of roots that are drawn complex
 _NEGLIGIBLE = 1e-4  # relative difference of costs that makes no difference
 _SAME = 1e-9  # coefficients that differ by less are the same
@@ -79,15 +80,16 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
     """
     reduced = ReducedPredictionError(problem)
     best, *others = _first_minima(reduced, contained)
-    if all(other.cost <= (1.0 + _NEGLIGIBLE) * best.cost for other in others):
-        # where all starts lead to one minimum there are hardly others
-        return _end(reduced, best.theta)
+    # where all starts lead to one minimum there are hardly others
+    is_alone = all(other.cost <= (1.0 + _NEGLIGIBLE) * best.cost for other in others)
     random = np.random.default_rng(0)
-    for k in range(_MOST_ROUNDS):
+    for k in range(_MOST_ROUNDS if reduced.size else 0):
         before = best.cost
-        again = _minima(reduced, list(_redrawn(reduced, best.theta, random)), before)[0]
+        again = _minima(reduced, list(_drawn(reduced, best.theta, random)), before)[0]
         best = min(best, again, key=lambda minimum: minimum.cost)
-        if k + 1 >= _ROUNDS and best.cost > (1.0 - _NEGLIGIBLE) * before:
+        is_lower = best.cost <= (1.0 - _NEGLIGIBLE) * before
+        is_alone = is_alone and not is_lower
+        if not is_lower and (is_alone or k + 1 >= _ROUNDS):
             break
     return _end(reduced, best.theta)
 
@@ -123,7 +125,7 @@ def refined(problem: PredictionError, near: Coefficients) -> Optimum:
 
 def _end(reduced: ReducedPredictionError, x: Array) -> Optimum:
     """Return the model at the minimum that a search from one point ends at."""
-    return _model(reduced, minimise(reduced, x, longest=_LONGEST))
+    return _model(reduced, minimise(reduced, x))
 
 
 def _model(reduced: ReducedPredictionError, minimum: GaussNewtonMinimum) -> Optimum:
@@ -139,7 +141,7 @@ def _minima(
     """Return the lowest minima from some starting points, beside one of a known cost."""
 
     def followed(x: Array, iterations: int) -> GaussNewtonMinimum:
-        return minimise(reduced, x, iterations, _LONGEST, _ROUGH)
+        return minimise(reduced, x, iterations, _ROUGH)
 
     short = [followed(x, _SHORT) for x in points]
     short.sort(key=lambda minimum: minimum.cost)
@@ -225,16 +227,17 @@ def _with_noise(reduced: ReducedPredictionError, x: Array) -> Array:
     return np.concatenate([*paths, *reduced.blocks(noise_alone)[-2:]])
 
 
-def _redrawn(
+def _drawn(
     reduced: ReducedPredictionError, x: Array, random: np.random.Generator
 ) -> Iterator[Array]:
-    """Yield points with some roots of one F, or of C and D, drawn anew.
+    """Yield points drawn anywhere, and some with roots of one F, or of C and D, drawn anew.
 
     With every other F that is drawn, the noise model is estimated anew, too.
     """
     *paths, c, d = reduced.polynomials(x)
     samples = reduced.problem.samples
     for k in range(_DRAWS):
+        yield random.choice(_SPREADS) * random.standard_normal(reduced.size)
         for i, f in enumerate(paths):
             if len(f) > 1:
                 new = _with_other_roots(f, samples, random)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import block_diag
+from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -44,6 +45,8 @@ class _Matrices(NamedTuple):
     k: Array
 
 
+# matrices are narrow: a thread for each product would only wait for the others
+@threadpool_limits.wrap(limits=1)
 def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0) -> Identification:
     """Identify a state-space model in innovations form.
 
@@ -245,13 +248,15 @@ def kalman_gain(a: Array, c: Array, disturbance: Array) -> Array:
         The better one of two searches, from no gain and from that of a long autoregression's
         innovations.
     """
-    problem = _GainErrors(a, c, disturbance)
+    # states of the unit of the output: the gain has none then, and is no large number
+    unit = float(np.linalg.norm(c))
+    problem = _GainErrors(a, c / unit, disturbance)
     e = innovations(disturbance, len(a))
-    effect = states(a.T, np.outer(e, c), np.zeros(len(a)))
+    effect = states(a.T, np.outer(e, c / unit), np.zeros(len(a)))
     long = solved(effect, disturbance - e)
     starts = [start for start in (long, np.zeros(len(a))) if problem.admissible(start)]
     searches = (minimise(problem, start) for start in starts)
-    return min(searches, key=lambda search: search.cost).theta
+    return min(searches, key=lambda search: search.cost).theta / unit
 
 
 class _GainErrors:

@@ -28,8 +28,7 @@ from orchestration.identify.black_box.polynomials import (
 )
 from orchestration.identify.black_box.prediction_error import PredictionError
 
-# largest coordinate: a reflection coefficient of 1 - 1e-7
-_FARTHEST = 8.4
+_LARGEST = 1.0 - 1e-7  # reflection coefficient; beyond it is rounding
 # singular value, relative to the largest, that is zero: free responses of equal paths are collinear
 _UNDETERMINED = 1e-12
 
@@ -69,10 +68,12 @@ class ReducedPredictionError:
         n = problem.orders
         self.problem = problem
         self._counts = (*n.nf, n.nc, n.nd)
-        # Noise whose time constant exceeds the record cannot be told from a random walk, which is
-        # not stationary: poles of the noise model keep that much inside the unit circle. A path of
-        # such a time constant shows in the response to its input.
-        self._radii = (*(1.0 for _ in n.nf), 1.0, float(np.exp(-1.0 / problem.samples)))
+        # Noise whose time constant exceeds the record cannot be told from a random walk, and a
+        # predictor of such a memory not from one that is unstable: poles and zeros of the noise
+        # model keep that much inside the unit circle (decision 57). A path of such a time constant
+        # shows in the response to its input.
+        within_record = float(np.exp(-1.0 / max(problem.samples, 1)))
+        self._radii = (*(1.0 for _ in n.nf), within_record, within_record)
         self._last: tuple[bytes, _Projection] | None = None
 
     @property
@@ -93,8 +94,8 @@ class ReducedPredictionError:
         for polynomial, count, radius in zip(polynomials, self._counts, self._radii, strict=True):
             scaled = polynomial / radius ** np.arange(len(polynomial))
             filled = np.pad(stabilised(scaled), (0, count + 1 - len(scaled)))
-            farthest = np.tanh(_FARTHEST)
-            blocks.append(np.arctanh(np.clip(reflections(filled), -farthest, farthest)))
+            k = np.clip(reflections(filled) / _LARGEST, -_LARGEST, _LARGEST)
+            blocks.append(np.arctanh(k))
         return np.concatenate(blocks)
 
     def polynomials(self, x: Array) -> list[Array]:
@@ -107,14 +108,14 @@ class ReducedPredictionError:
         for block, radius in zip(self.blocks(x), self._radii, strict=True):
             k = np.tanh(block)
             scale = radius ** np.arange(len(k) + 1)
-            polynomial, slopes = from_reflections(k)
-            by_coordinates = scale[:, np.newaxis] * slopes * (1.0 - k**2)
+            polynomial, slopes = from_reflections(_LARGEST * k)
+            by_coordinates = scale[:, np.newaxis] * slopes * _LARGEST * (1.0 - k**2)
             shapes.append((scale * polynomial, by_coordinates[1:]))
         return shapes
 
     def admissible(self, x: Array) -> bool:
-        """Tell whether coordinates are where a search may go."""
-        return bool(np.abs(x).max(initial=0.0) <= _FARTHEST)
+        """Tell whether coordinates are those of a model; all that are finite are."""
+        return bool(np.isfinite(x).all())
 
     def theta(self, x: Array) -> Array:
         """Return all parameters (p,), the linear ones at their optimum."""
