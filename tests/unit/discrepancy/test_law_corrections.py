@@ -13,7 +13,7 @@ from orchestration.discrepancy.conclude import Verdict
 from orchestration.discrepancy.law_corrections import leaves_something, same_effect, search_laws
 from orchestration.discrepancy.laws import search_of
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
+from orchestration.discrepancy.pipeline import diagnose_only
 from orchestration.discrepancy.selection import Step
 from orchestration.fmu import families, find_model
 from studies.clean.records import Case, draw
