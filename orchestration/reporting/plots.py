@@ -219,7 +219,7 @@ def _drawn(trace: Trace, panel: int, in_legend: bool) -> dict[str, Any]:
         "type": "scatter",
         "mode": "lines",
         "x": _packed(x, "<f8"),
-        "y": _packed(y, "<f4"),
+        "y": _packed(y, "<f4" if _is_single(y) else "<f8"),
         "xaxis": "x",
         "yaxis": _y(panel),
         "name": escaped(trace.label),
@@ -230,6 +230,11 @@ def _drawn(trace: Trace, panel: int, in_legend: bool) -> dict[str, Any]:
         "connectgaps": False,
         **trace.more,
     }
+
+
+def _is_single(values: Array) -> bool:
+    """Return whether all values but gaps are within the range of single precision."""
+    return bool((np.abs(values[np.isfinite(values)]) <= np.finfo(np.float32).max).all())
 
 
 def _packed(values: Array, kind: str) -> dict[str, str]:

@@ -60,6 +60,7 @@ FAULTS: tuple[str, ...] = (
     r"has the name of something else in the class",
     r"is declared twice; every state brings its '_start' parameter",
     r"values all within \S+ of zero are no measurement",
+    r"the model is too unstable along its simulation: within one sample ",
 )
 _NO_NUMBER = re.compile(r"(?<![\w.])[-+]?(nan|inf)(?![\w.])", re.IGNORECASE)
 # notes on what was not judged because of an error of ours, not of what was given

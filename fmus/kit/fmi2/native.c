@@ -13,6 +13,7 @@ bool furnish(Engine *engine, const Model *model, double *memory) {
     double *next = calloc(numbers + (size_t)model->sz_iw + pointers, sizeof(double));
     engine->model = model;
     engine->memory = memory;
+    engine->most = MAX_STEPS;
     engine->arrays = next;
     if (next == NULL)
         return false;
@@ -93,7 +94,7 @@ bool engine_advance(Engine *engine, double time, double step, Message message) {
     const Model *model = model_of(engine);
     double end = time + step, target;
     engine->origin = time;
-    engine->budget = MAX_STEPS;
+    engine->budget = engine->most;
     engine->sloped = false;
     for (int i = 0; i < model->inputs; i++)
         engine->sloped |= engine->memory[model->slopes + i] != 0.0;

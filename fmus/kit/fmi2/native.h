@@ -11,7 +11,8 @@ struct Engine {
     double *memory;
     double origin; /* the time at which the inputs have the values in memory */
     bool sloped;   /* whether any input has a slope */
-    long budget;   /* of MAX_STEPS, what remains in this communication step */
+    long most;     /* internal steps of a communication step, MAX_STEPS or fewer */
+    long budget;   /* what remains of them in this one; negative if that was too few */
     double time;   /* argument of the law being called, as the inputs below */
     double *inputs;
     double *trial;   /* states */

@@ -57,9 +57,10 @@ static bool all_finite_at(const Engine *engine, double time, Message message) {
 }
 
 static bool run(Engine *engine, size_t n, const double *time, const double *inputs, const double *linear,
-                double effort, double *outputs_at, double *states_at, Message message) {
+                double effort, double *steps, double *outputs_at, double *states_at, Message message) {
     const Model *model = model_of(engine);
-    double *memory = engine->memory, budget = effort * (double)n;
+    double *memory = engine->memory;
+    *steps = 0.0;
     for (size_t k = 0; k < n; k++) {
         memcpy(memory + model->first_input, inputs + k * (size_t)model->inputs, bytes(model->inputs));
         if (!engine_evaluate(engine, time[k], message) || !all_finite_at(engine, time[k], message))
@@ -68,16 +69,16 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
         memcpy(states_at + k * (size_t)remembered(model), memory + model->first_state, bytes(remembered(model)));
         if (k + 1 == n)
             break;
-        if (!step(engine, time, inputs, k, linear, message))
-            return false;
-        budget -= (double)(MAX_STEPS - engine->budget);
-        if (budget < 0.0) {
-            snprintf(message, MESSAGE_SIZE,
-                     "more than %g internal steps per sample up to %.10g s: with these parameters a time constant is "
-                     "that much shorter than the time between samples",
-                     effort, time[k + 1]);
+        engine->most = (long)fmin(MAX_STEPS, effort * (double)n - *steps);
+        if (!step(engine, time, inputs, k, linear, message)) {
+            if (engine->budget < 0 && engine->most < MAX_STEPS)
+                snprintf(message, MESSAGE_SIZE,
+                         "more than %g internal steps per sample up to %.10g s: with these parameters a time constant "
+                         "is that much shorter than the time between samples",
+                         effort, time[k + 1]);
             return false;
         }
+        *steps += (double)(engine->most - engine->budget);
     }
     return true;
 }
@@ -85,10 +86,11 @@ static bool run(Engine *engine, size_t n, const double *time, const double *inpu
 /* Of the model there are n rows each: `inputs`, `outputs_at`, and `states_at` with states, then discretes. Row k of the
    latter two belongs to time[k] with the inputs of row k. An input is held over each interval where its entry of
    `linear` is 0, and interpolated where that is 1. `effort` is how many internal steps per sample are made, on average,
-   before it is given up. `ladder` is NULL where the component is not stiff. Returns 0, or 1 with a message. */
+   before it is given up; how many were made is put into `steps`. `ladder` is NULL where the component is not stiff.
+   Returns 0, or 1 with a message. */
 EXPORT int ppy_simulate(const Model *model, size_t n, const double *time, const double *inputs, const double *linear,
                         const double *parameters, double tolerance, double effort, const Ladder *ladder,
-                        double *outputs_at, double *states_at, char *message, size_t message_size) {
+                        double *steps, double *outputs_at, double *states_at, char *message, size_t message_size) {
     /* not on the stack, which a thread may have little of */
     double *memory = calloc((size_t)model->memory_size, sizeof *memory);
     Recorder recorder = {.rate = NULL};
@@ -97,7 +99,7 @@ EXPORT int ppy_simulate(const Model *model, size_t n, const double *time, const 
                 (ladder == NULL || equip(&recorder, ladder));
     if (done && n > 0) {
         start(&recorder.engine, time[0], parameters, tolerance);
-        done = run(&recorder.engine, n, time, inputs, linear, effort, outputs_at, states_at, text);
+        done = run(&recorder.engine, n, time, inputs, linear, effort, steps, outputs_at, states_at, text);
     }
     snprintf(message, message_size, "%s", text);
     free(recorder.rate);
@@ -117,10 +119,11 @@ EXPORT int ppy_cases(const Model *model, size_t cases, size_t n, const double *t
     double *linear = calloc((size_t)model->inputs + 1, sizeof *linear);
     double *outputs_at = malloc((n * (outputs + states) + 1) * sizeof *outputs_at), *states_at = outputs_at + n * outputs;
     const bool possible = linear != NULL && outputs_at != NULL;
+    double steps;
     Message unused;
     for (size_t k = 0; possible && k < cases; k++) {
         done[k] = !ppy_simulate(model, n, time, inputs + k * apart, linear, parameters + k * (size_t)model->parameters,
-                                tolerance, effort, NULL, outputs_at, states_at, unused, sizeof unused);
+                                tolerance, effort, NULL, &steps, outputs_at, states_at, unused, sizeof unused);
         for (size_t i = 0; i < n; i++)
             for (size_t j = 0; j < columns; j++)
                 *courses++ = kept[j] < model->outputs ? outputs_at[i * outputs + (size_t)kept[j]]

@@ -41,10 +41,13 @@ class Trajectory:
         Outputs, states and discrete states by name, SI.
     sensitivities : dict of str to ndarray, shape (n, p)
         Their derivatives with respect to the p chosen parameters.
+    steps : float
+        Internal steps of the integrator, where these are known.
     """
 
     signals: dict[str, Array]
     sensitivities: dict[str, Array]
+    steps: float = 0.0
 
 
 class CompiledModel:
@@ -138,7 +141,7 @@ class CompiledModel:
             self._own[:] = own
             everything = np.concatenate([own, self._hoisted()])
             ladder = self._linearisation.ladder(times, table, bool(interpolated.any()), own)
-        outputs, states = self._engine.simulate(
+        outputs, states, steps = self._engine.simulate(
             times,
             table,
             interpolated,
@@ -147,7 +150,7 @@ class CompiledModel:
             effort=effort,
             ladder=ladder,
         )
-        return self._trajectory(outputs, states)
+        return self._trajectory(outputs, states, steps)
 
     def _check_inputs(self, inputs: Mapping[str, Array]) -> None:
         """Check that the model has all these inputs."""
@@ -168,7 +171,7 @@ class CompiledModel:
             values[name] = float(value)
         return np.array(list(values.values()))
 
-    def _trajectory(self, outputs: Array, states: Array) -> Trajectory:
+    def _trajectory(self, outputs: Array, states: Array, steps: float) -> Trajectory:
         """Split the rows of outputs and states into signals and sensitivities."""
         signals: dict[str, Array] = {}
         sensitivities: dict[str, Array] = {}
@@ -184,7 +187,7 @@ class CompiledModel:
             for i, variable in enumerate(group):
                 signals[variable.name] = by_parameter[:, 0, i]
                 sensitivities[variable.name] = by_parameter[:, 1:, i]
-        return Trajectory(signals, sensitivities)
+        return Trajectory(signals, sensitivities, steps)
 
 
 def plain_library(cls: type[Component]) -> tuple[Path, float]:

@@ -20,6 +20,10 @@ from fmus.kit.record.linearisation import Ladder
 from fmus.kit.symbolic import Graph
 
 
+class _ExhaustedError(UserError):
+    """All internal steps of a communication step were made."""
+
+
 class Interpreted:
     """An interpreter that simulates a graph over records.
 
@@ -62,7 +66,7 @@ class Interpreted:
         tolerance: float,
         effort: float,
         ladder: Ladder | None = None,
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array, float]:
         """Simulate a record.
 
         Parameters
@@ -82,6 +86,8 @@ class Interpreted:
         -------
         outputs, states : ndarray
             Row by row; the states are followed by the discrete ones.
+        steps : float
+            Internal steps that were made.
 
         Raises
         ------
@@ -115,9 +121,12 @@ class Interpreted:
                 ladder, self._rate, self._nominal, tolerance, self._start_time
             )
 
-    def _run(self, time: Array, table: Array, linear: Array, effort: float) -> tuple[Array, Array]:
-        """Advance from sample to sample, and return the outputs and the states at each."""
-        budget = effort * len(time)
+    def _run(
+        self, time: Array, table: Array, linear: Array, effort: float
+    ) -> tuple[Array, Array, float]:
+        """Advance from sample to sample; return outputs and states at each, and internal steps."""
+        allowed = effort * len(time)
+        steps = 0.0
         outputs = np.empty((len(time), self._outputs.result.size))
         states = np.empty((len(time), self._x.size + self._z.size))
         for k, now in enumerate(time.tolist()):
@@ -138,14 +147,20 @@ class Interpreted:
             self._slope = None
             if linear.any():
                 self._slope = np.where(linear, table[k + 1] - table[k], 0.0) / h
-            budget -= self._advance(now, now + h)
-            if budget < 0.0:
+            self._most = int(min(MAX_STEPS, allowed - steps))
+            self._budget = self._most
+            try:
+                self._advance(now, now + h)
+            except _ExhaustedError:
+                if self._most == MAX_STEPS:
+                    raise
                 raise UserError(
                     f"more than {effort:g} internal steps per sample up to {time[k + 1]:.10g} s:"
                     " with these parameters a time constant is that much shorter than the time"
                     " between samples"
-                )
-        return outputs, states
+                ) from None
+            steps += self._most - self._budget
+        return outputs, states, steps
 
     def _check(self, states: Array, now: float) -> None:
         """Check that inputs, states and outputs are finite."""
@@ -156,9 +171,8 @@ class Interpreted:
                 name = group[int(np.argmin(np.isfinite(values)))].name
                 raise UserError(f"'{name}' is not a finite number at t = {now:.10g} s")
 
-    def _advance(self, now: float, end: float) -> int:
-        """Advance to the next sample of the record, and return the number of internal steps."""
-        spent = 0
+    def _advance(self, now: float, end: float) -> None:
+        """Advance to the next sample of the record."""
         while now < end:
             target = end
             for i, period in enumerate(self._sample_periods):
@@ -171,9 +185,11 @@ class Interpreted:
                 if instant < end - slack:
                     target = min(target, instant)
             target = max(target, now)
-            spent += self._integrate(now, target) if target > now and self._x.size else 1
+            if target > now and self._x.size:
+                self._integrate(now, target)
+            else:
+                self._spend(now)
             now = target
-        return spent
 
     def _feed(self, now: float) -> None:
         """Set the time, and the inputs that are interpolated."""
@@ -187,25 +203,23 @@ class Interpreted:
         self._x[:] = states
         return self._rates().copy()
 
-    def _integrate(self, now: float, target: float) -> int:
-        """Integrate the states from one time to another, and return the number of steps.
+    def _integrate(self, now: float, target: float) -> None:
+        """Integrate the states from one time to another.
 
         By exponential steps as long as they are worth while, from there on by Runge and Kutta's.
         """
-        if self._exponential is None:
-            return self._by_runge_kutta(now, target)
-        for step in range(1, MAX_STEPS + 1):
+        while self._exponential is not None and now < target:
             result = self._exponential.step(now, target, self._x.copy(), self._slope is not None)
             if result is None:  # not worth while
-                return step - 1 + self._by_runge_kutta(now, target)
+                break
+            self._spend(now)
             now, self._x[:] = result
-            if now == target:
-                return step
-        raise self._exhausted(now)
+        self._by_runge_kutta(now, target)
 
-    def _by_runge_kutta(self, now: float, target: float) -> int:
-        """Integrate by the method of ``fmi2/integrate.c``, and return the number of steps."""
-        for step in range(1, MAX_STEPS + 1):
+    def _by_runge_kutta(self, now: float, target: float) -> None:
+        """Integrate by the method of ``fmi2/integrate.c``."""
+        while now < target:
+            self._spend(now)
             remaining = target - now
             h = self._hint if self._hint <= 0.999 * remaining else remaining
             x = self._x.copy()
@@ -217,19 +231,20 @@ class Interpreted:
                 if self._hint < math.inf:
                     self._hint = max(self._hint, following) if h == remaining else following
                 if h == remaining:
-                    return step
+                    return
                 continue
             self._x[:] = x
             if h < MIN_STEP * max(1.0, abs(now)):
                 raise UserError(f"accuracy {self._tolerance:g} cannot be reached at {now:.10g} s")
             self._hint = following
-        raise self._exhausted(now)
 
-    def _exhausted(self, now: float) -> UserError:
-        """Return the error for too many internal steps."""
-        return UserError(
-            f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s"
-        )
+    def _spend(self, now: float) -> None:
+        """Count an internal step, so that no sample takes for ever."""
+        self._budget -= 1
+        if self._budget < 0:
+            raise _ExhaustedError(
+                f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s"
+            )
 
     def _try(self, now: float, h: float, x: Array) -> float:
         """Try one step, set the states to its end, and return its error over the tolerance."""

@@ -81,11 +81,12 @@ class RecordLibrary:
         tolerance: float,
         effort: float,
         ladder: Ladder | None,
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array, float]:
         """Run over a record, as :meth:`Interpreted.simulate`."""
         outputs = np.empty((len(time), self._outputs))
         states = np.empty((len(time), self._states))
         message = ctypes.create_string_buffer(1024)
+        made = ctypes.c_double()
         steps = None  # of the exponential integrator; without them by Runge and Kutta
         if ladder is not None:
             steps = _Ladder(
@@ -107,6 +108,7 @@ class RecordLibrary:
             tolerance,
             effort,
             None if steps is None else ctypes.byref(steps),
+            ctypes.byref(made),
             _pointer(outputs),
             _pointer(states),
             message,
@@ -114,7 +116,7 @@ class RecordLibrary:
         )
         if failed:
             raise UserError(message.value.decode(errors="replace"))
-        return outputs, states
+        return outputs, states, made.value
 
     def cases(
         self,
@@ -217,6 +219,7 @@ def _load_engine(path: Path) -> tuple[Any, Any]:
         ctypes.c_double,
         ctypes.c_double,
         ctypes.POINTER(_Ladder),
+        _DOUBLES,
         _DOUBLES,
         _DOUBLES,
         ctypes.c_char_p,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.identify import autoregression
 
@@ -31,6 +32,11 @@ class StepMatrices:
     ----------
     transition, first, second : ndarray, shape (n - 1, states, states)
         exp(A h), h phi_1(A h) and h phi_2(A h).
+
+    Raises
+    ------
+    UserError
+        If the states grow beyond every number in one step.
     """
 
     def __init__(self, begin: Array, end: Array, steps: Array):
@@ -45,7 +51,13 @@ class StepMatrices:
         self._is_constant = bool(is_constant and is_even)
         chosen, h = (a[:1], steps[:1]) if self._is_constant else (a, steps)
         h = h[:, np.newaxis, np.newaxis]
-        matrices = _phi(chosen * h)
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrices = _phi(chosen * h)
+        if not np.isfinite(matrices).all():
+            raise UserError(
+                "the model is too unstable along its simulation: within one sample a change of a"
+                " state grows beyond every number"
+            )
         scaled = (matrices[0], h * matrices[1], h * matrices[2])
         self.transition, self.first, self.second = (np.broadcast_to(m, a.shape) for m in scaled)
 

@@ -123,7 +123,9 @@ def _whitening(curve: Curve) -> Array | None:
         return None
     into_unit_size = (axes[:, seen] / np.sqrt(strength[seen])).T
     spread, turned = np.linalg.eigh(into_unit_size @ curve.covariance @ into_unit_size.T)
-    scaled = turned / np.sqrt(np.maximum(spread, _KNOWN * spread.max()))
+    # of a curve that is known exactly no part is known better than others
+    least = _KNOWN * spread.max() or 1.0
+    scaled = turned / np.sqrt(np.maximum(spread, least))
     return np.asarray(scaled.T @ into_unit_size)
 
 

@@ -21,6 +21,7 @@ from orchestration.discrepancy.data import OVER_RECORD, Dataset, telling_of_simu
 from orchestration.discrepancy.note import Note
 from orchestration.discrepancy.selection.known_fits import KnownFits, fit_key
 from orchestration.identify.fitting import (
+    EVALUATE,
     FIXED_COLOUR,
     FULL,
     PRIOR_STD,
@@ -334,8 +335,12 @@ class Search:
         Parameters
         ----------
         fitted, below : FittedCandidate
-            In noise of the same kind.
+            The latter is evaluated in noise of its own where its colour was that of another model:
+            one is no likelier than the other because it stands in other noise.
         """
+        if below.problem.colour and not self.colour:
+            as_it_stands = replace(self, method=EVALUATE)
+            below = as_it_stands._again(below.candidate, below.fit.values, below)
         extra = len(fitted.problem.names) - len(below.problem.names)
         samples = fitted.fit.samples
         least = below.fit.bic + extra * float(np.log(samples)) + _ROUNDING * samples

@@ -45,7 +45,7 @@ def simulate_in_blocks(
     linear : bool or collection of str
         Inputs that are interpolated between samples.
     effort : float
-        Internal steps per sample of the whole record, any block of which may take all.
+        Internal steps per sample of the whole record, of which any block may take what is left.
     tolerance : float
     columns : slice or list of int
         Which p of the model's parameters derivatives are kept by.
@@ -71,13 +71,14 @@ def simulate_in_blocks(
     kept = [name for name in signals if measured is None or name in measured]
     slopes = {name: np.empty((n, count)) for name in kept}
     begin = dict(parameters)
+    left = effort * n
     first = 0
     while first < n - 1:
         last = min(first + _BLOCK, n - 1)  # where the next block begins
         rows = slice(first, last + 1)
         fed = {name: np.broadcast_to(values, n)[rows] for name, values in inputs.items()}
-        share = effort * n / (last + 1 - first)
-        ran = model.run(time[rows], fed, begin, linear, share, tolerance)
+        ran = model.run(time[rows], fed, begin, linear, left / (last + 1 - first), tolerance)
+        left -= ran.steps
         for name, values in signals.items():
             values[rows] = ran.signals[name]
         for name, derivatives in slopes.items():
@@ -87,4 +88,4 @@ def simulate_in_blocks(
             for parameter, slope in zip(model.names, ran.sensitivities[state][-1], strict=True):
                 begin[f"d({state})/d({parameter})_start"] = float(slope)
         first = last
-    return Trajectory(signals, slopes)
+    return Trajectory(signals, slopes, effort * n - left)

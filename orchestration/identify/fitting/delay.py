@@ -8,6 +8,7 @@ periods, and its dozens of discrete states, each with derivatives, cost many tim
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from threading import Lock
 from typing import NamedTuple
 
@@ -143,7 +144,7 @@ class DelayedModel:
             )
         ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
         chosen = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
-        return Trajectory(ran.signals, chosen)
+        return replace(ran, sensitivities=chosen)
 
     def _with_delays(
         self,
@@ -169,7 +170,7 @@ class DelayedModel:
             shown.sensitivities[output] = undelayed.sensitivities(output, past.then)
         shown.signals.update(self._delay_states(time, parameters))
         slopes = {o: self._complete(s, by_delay.get(o, {})) for o, s in shown.sensitivities.items()}
-        return Trajectory(shown.signals, slopes)
+        return replace(shown, sensitivities=slopes)
 
     def _line_before(self, output: str, before: Mask, time: Array) -> dict[str, Array]:
         """Return the derivatives of a delayed output by level and slope of its line beforehand.
@@ -317,9 +318,10 @@ def _past(time: Array, delay: float) -> _Past:
 
 def _picked(trajectory: Trajectory, at: slice | Indices) -> Trajectory:
     """Return a simulation at some of its instants."""
-    return Trajectory(
-        {name: values[at] for name, values in trajectory.signals.items()},
-        {name: values[at] for name, values in trajectory.sensitivities.items()},
+    return replace(
+        trajectory,
+        signals={name: values[at] for name, values in trajectory.signals.items()},
+        sensitivities={name: values[at] for name, values in trajectory.sensitivities.items()},
     )
 
 

@@ -174,6 +174,9 @@ def fit_prediction_error(
 ) -> FitResult:
     """Fit the searched parameters of a problem, and the noise of its outputs in turn.
 
+    The fit scores at least as well as its start, each in the noise that is estimated there, so that
+    an extended model that starts where it equals its base scores as well.
+
     Parameters
     ----------
     problem : Problem
@@ -216,6 +219,7 @@ def fit_prediction_error(
                 return min(before, fitted, key=lambda f: f.bic)
         return fitted
 
+    at_start = _unmoved(problem, np.clip(start, *problem.bounds()), prior, farthest)
     # what is not searched stays where it is
     begun = _off_bounds(problem, start) if method.trials > 1 else start
     q = np.clip(begun, *problem.bounds())
@@ -238,6 +242,11 @@ def fit_prediction_error(
         if best.bic - other.bic < method.settled:
             break
         best = other
+    # the colour of noise is estimated by its covariance, not its likelihood: passes may end less
+    # likely than they begin
+    if at_start and at_start.bic < best.bic:
+        converged = best.minimum.converged
+        best = replace(at_start, minimum=at_start.minimum._replace(converged=converged))
     return _assessed(problem, best, prior)
 
 
@@ -527,6 +536,17 @@ def _passed(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:
         parameters=len(q) + sum(n.parameters for n in noise.values()),
         samples=sum(map(len, innovation.values())),
     )
+
+
+def _unmoved(problem: Problem, q: Array, prior: _Prior, farthest: float) -> _Pass | None:
+    """Return the pass that stays where a fit starts.
+
+    None where that cannot be simulated, or is farther from the record than allowed.
+    """
+    error = error_at(problem, q)
+    if error == np.inf or error > farthest:
+        return None
+    return _passed(problem, Minimum(q, False), prior)
 
 
 def _assessed(problem: Problem, end: _Pass, prior: _Prior) -> FitResult:

@@ -7,7 +7,7 @@ are positive by nature are searched in their logarithm, others in units of their
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,10 @@ Subject = type[Component] | FmuWithDifferences
 # parameters that make the model stiff.
 _STEPS_PER_SAMPLE = 50.0
 _STEPS = 3e5
+# Times the internal steps of the costliest simulation so far, beyond which, and beyond as many per
+# sample as above, a search has strayed, too: in a short record it would cost as much as thousands
+# of other simulations.
+_STRAYED = 30.0
 _PATIENCE = 10.0  # times as many in a single simulation, which is no step of a search
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
 # searched coordinate from which a search goes on where another took a positive value to zero
@@ -182,7 +186,7 @@ class ModelOverRuns:
             slopes[name] = np.zeros((len(time), len(self._names)))
             for run, trajectory in zip(chosen, done, strict=True):
                 slopes[name][run.samples] = trajectory.sensitivities[name]
-        return Trajectory(signals, slopes)
+        return Trajectory(signals, slopes, sum(trajectory.steps for trajectory in done))
 
     def _of_run(self, run: MeasuredRun, trajectory: Trajectory) -> Trajectory:
         """Return the simulation of one run with derivatives by the parameters of all runs."""
@@ -191,7 +195,7 @@ class ModelOverRuns:
         places = [self._plain.index(base_name(name)) for name in self._names]
         acting = [self._acts(name, run) for name in self._names]
         slopes = {name: s[:, places] * acting for name, s in trajectory.sensitivities.items()}
-        return Trajectory(trajectory.signals, slopes)
+        return replace(trajectory, sensitivities=slopes)
 
     def _acts(self, name: str, run: MeasuredRun) -> bool:
         """Tell whether a parameter has an effect in a run.
@@ -315,6 +319,7 @@ class Problem:
         self.scales = [scale_of(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
         self.effort = usual_effort(len(time))
+        self._most_steps = 0.0
         self._step = float(np.median(np.diff(time)))
         self.out_of_time: Callable[[], bool] = lambda: False
         self.freedom: Mapping[str, float] = {}
@@ -343,8 +348,9 @@ class Problem:
             values = self.start | self.values(q)
             self._check(values)
             trajectory = self.model.run(
-                self.time, self.inputs, values, self.effort, self.runs, self.tolerance
+                self.time, self.inputs, values, self._allowed, self.runs, self.tolerance
             )
+            self._most_steps = max(self._most_steps, trajectory.steps)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             residual = {}
             jacobian = {}
@@ -355,6 +361,14 @@ class Problem:
                 jacobian[o] = trajectory.sensitivities.pop(o)[where] * -slopes
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
+
+    @property
+    def _allowed(self) -> float:
+        """Internal steps per sample that the next simulation may take."""
+        if not self._most_steps:
+            return self.effort
+        usual = _STRAYED * self._most_steps / len(self.time)
+        return min(self.effort, max(usual, _STEPS_PER_SAMPLE))
 
     def _check(self, values: Mapping[str, float]) -> None:
         """Refuse values below which nothing is simulated."""

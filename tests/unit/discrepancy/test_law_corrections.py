@@ -13,7 +13,7 @@ from orchestration.discrepancy.conclude import Verdict
 from orchestration.discrepancy.law_corrections import leaves_something, same_effect, search_laws
 from orchestration.discrepancy.laws import search_of
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
+from orchestration.discrepancy.pipeline import diagnose_only
 from orchestration.discrepancy.selection import Step
 from orchestration.fmu import families, find_model
 from studies.clean.records import Case, draw
@@ -69,7 +69,6 @@ def test_what_was_named_before_a_law_stays_only_if_it_is_needed_beside_it(diagno
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1200)
 def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
     """Effects of the catalogue fit it, and are named before laws are searched."""
     lack = over("series_resistance + charge", lambda q: -0.111 * tanh(q / 1.57))
@@ -80,7 +79,7 @@ def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
     record = [read_record(path, subject)]
     named = diagnose_only(record, subject).diagnosis
     assert named.causes, "otherwise this record shows nothing"
-    result = diagnose_only(record, subject, options=DiagnosisOptions(laws=True)).diagnosis
+    _, result = search_laws(named)
     assert result.causes == ["immediate_resistance(charge)"]
     strength = result.estimates["immediate_resistance_of_charge"]
     width = result.estimates["immediate_resistance_of_charge_width"]

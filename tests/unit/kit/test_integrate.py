@@ -490,7 +490,7 @@ def test_a_clock_with_a_shift_begins_that_much_later(step):
     parameters = np.array([float(p.start) for p in Shifted.layout.parameters])
     nothing = np.empty((time.size, 0)), np.empty(0)
     engine = Interpreted(trace(Shifted))
-    _, states = engine.simulate(time, *nothing, parameters, tolerance=1e-8, effort=1e6)
+    _, states, _ = engine.simulate(time, *nothing, parameters, tolerance=1e-8, effort=1e6)
     assert states[1:, 1].tolist() == counts
 
 

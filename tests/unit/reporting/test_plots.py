@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+
 import numpy as np
+import pytest
 
 from orchestration.reporting.page import Page
 from orchestration.reporting.plots import MOST, Boundary, Panel, Trace, broken, envelope, stacked
@@ -47,3 +50,12 @@ def test_a_long_record_makes_no_large_page():
     )
     assert len("".join(made.parts)) < 2e6
     assert 4e6 < len(made.html()) < 8e6
+
+
+@pytest.mark.parametrize("largest", [1e38, 1e39])
+def test_values_beyond_single_precision_are_drawn_as_they_are(largest):
+    """Single precision ends at 3.4e38; what a simulation that runs away comes to is more."""
+    values = np.array([1.0, np.nan, largest])
+    (drawn,) = stacked([Panel("a", 100, [Trace("x", np.arange(3.0), values, {})])], "s")["data"]
+    read = np.frombuffer(base64.b64decode(drawn["y"]["bdata"]), "<" + drawn["y"]["dtype"])
+    assert read[-1] == pytest.approx(largest, rel=1e-6)

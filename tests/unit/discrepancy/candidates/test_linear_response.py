@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.signal import lsim
 
+from fmus.kit import UserError
 from orchestration.discrepancy.candidates.linear_response import StepMatrices
 
 RNG = np.random.default_rng(5)
@@ -83,6 +84,19 @@ def test_a_continuous_forcing_gives_what_lsim_gives():
     end = np.vstack([begin[1:], begin[-1:]])
     matrices = StepMatrices(repeated(RESONATOR, 40), repeated(RESONATOR, 40), np.diff(EVEN))
     assert matrices.response(begin, end)[:, :, 0] == pytest.approx(expected, abs=1e-11)
+
+
+def test_states_that_grow_beyond_every_number_in_a_step_are_refused():
+    """Growth by exp(700) is a number yet, and by exp(800) none; decay by that much is nothing."""
+    steps = np.array([0.1, 0.1])
+
+    def along(rate):
+        return StepMatrices(np.full((3, 1, 1), rate), np.full((3, 1, 1), rate), steps)
+
+    assert along(7e3).transition[0, 0, 0] == pytest.approx(np.exp(700.0), rel=1e-9)
+    assert along(-8e3).transition[0, 0, 0] == pytest.approx(0.0, abs=1e-300)
+    with pytest.raises(UserError, match="too unstable along its simulation"):
+        along(8e3)
 
 
 @pytest.mark.parametrize("time", [EVEN, UNEVEN - UNEVEN[0]], ids=["even", "uneven"])

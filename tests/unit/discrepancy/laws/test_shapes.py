@@ -50,6 +50,12 @@ def test_a_shape_is_named(name, amount):
         assert one.amount == pytest.approx(amount, rel=0.02)
 
 
+def test_a_curve_that_is_known_exactly_is_named_too():
+    curve = known(BASIS.knots**2)
+    exact = Curve(100.0, curve.values, 0.0 * curve.covariance, curve.prior, 0.0)
+    assert likenesses(BASIS, exact, 1.0)[0].shape == "quadratic"
+
+
 @pytest.mark.parametrize(("width", "name"), [(0.02, "sign"), (0.5, "saturating")])
 def test_a_saturation_that_is_abrupt_is_a_step(width, name):
     assert shape_name("sign", width, 2.0) == shape_name("saturating", width, 2.0) == name

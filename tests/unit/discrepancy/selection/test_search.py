@@ -7,6 +7,7 @@ one effect that is not there had a fall of BIC of 88.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -296,6 +297,16 @@ def test_a_search_that_leaves_an_extension_below_its_base_is_logged_as_a_fault(m
     assert logged.levelname == "WARNING"
     assert "force_offset" in logged.getMessage()
     caplog.clear()
+
+
+def test_a_base_that_stands_in_noise_of_another_model_is_held_against_it_in_its_own(caplog):
+    """A colour that another model left may make it likelier by hundreds; it is no better for it."""
+    search, base, fitted, _ = extended(100.0)
+    problem = copy(base.problem)
+    problem.colour = {"shown": np.array([0.5])}
+    elsewhere = replace(base, problem=problem, fit=replace(base.fit, deviance=-1e6))
+    assert search.containing(fitted, elsewhere) is fitted
+    assert not caplog.records
 
 
 class Growing(Component):

@@ -69,6 +69,7 @@ def test_blocks_join_to_what_is_simulated_in_one_piece(model, linear):
         error = np.abs(found.sensitivities[name] - whole.sensitivities[name]).max(axis=0)
         assert (error <= 1e-6 * size).all()
     assert whole.sensitivities["y"].any(axis=0).all()
+    assert found.steps == pytest.approx(whole.steps, rel=0.01)
 
 
 def test_a_measured_state_has_its_derivatives_and_what_is_not_measured_has_none():

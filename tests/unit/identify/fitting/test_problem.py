@@ -9,7 +9,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Input, Output, Parameter, UserError, stack, transport_delay
+from fmus.kit import (
+    Component,
+    Input,
+    Output,
+    Parameter,
+    State,
+    UserError,
+    cos,
+    stack,
+    transport_delay,
+)
 from orchestration.identify.fitting.least_squares import SearchEndedError
 from orchestration.identify.fitting.problem import ModelOverRuns, Problem, Scale
 from orchestration.records.joined import base_name
@@ -104,6 +114,36 @@ def test_a_problem_has_what_is_said_of_a_parameter_for_every_run(data):
     assert problem.evaluate(q)[0]["voltage"].shape == (
         sum(run.last - run.first for run in data.runs),
     )
+
+
+class Turning(Component):
+    """The height of a point on a wheel, which is the sine of speed times time."""
+
+    name = "turning"
+    speed = Parameter(1.0, "1/s")
+    angle = State("1", rate="turning")
+    height = State("1", rate="rising", output=True)
+
+    def turning(self):
+        return self.speed
+
+    def rising(self):
+        return self.speed * cos(self.angle)
+
+
+def test_a_simulation_that_takes_far_more_steps_than_others_is_abandoned():
+    """A problem that has seen no cheaper one allows it."""
+
+    def turning():
+        return Problem(Turning, TIME, {}, {"height": np.sin(TIME)}, ["speed"], {})
+
+    fast = np.array([7e2])
+    searched = turning()
+    assert searched.evaluate(np.array([1.0]))[0]["height"] == pytest.approx(0.0, abs=1e-6)
+    with pytest.raises(UserError, match=r"more than [0-9.]+ internal steps per sample"):
+        searched.evaluate(fast)
+    alone = turning().evaluate(fast)[0]["height"]
+    assert alone == pytest.approx(np.sin(TIME) - np.sin(7e2 * TIME), abs=1e-2)
 
 
 TIME = 0.1 * np.arange(100)

@@ -53,7 +53,7 @@ def held(tau=0.7, start=0.2, u=1.5):
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-9])
 def test_a_held_input_is_followed_to_the_tolerance(tolerance):
-    outputs, states = simulated(np.full(21, 1.5), tolerance=tolerance, x_start=0.4)
+    outputs, states, _ = simulated(np.full(21, 1.5), tolerance=tolerance, x_start=0.4)
     x, area = held(start=0.4)
     assert np.abs(states - np.column_stack([x, area])).max() < 10.0 * tolerance
     assert outputs[:, 0] == pytest.approx(states[:, 0] ** 2, rel=1e-15)
@@ -61,8 +61,8 @@ def test_a_held_input_is_followed_to_the_tolerance(tolerance):
 
 def test_an_interpolated_input_is_a_ramp_and_a_held_one_a_staircase():
     """From rest a lag follows the ramp u = t as t - tau (1 - exp(-t / tau))."""
-    _, ramp = simulated(TIME, linear=1.0, x_start=0.0)
-    _, staircase = simulated(TIME, linear=0.0, x_start=0.0)
+    _, ramp, _ = simulated(TIME, linear=1.0, x_start=0.0)
+    _, staircase, _ = simulated(TIME, linear=0.0, x_start=0.0)
     assert ramp[:, 0] == pytest.approx(TIME - 0.7 * -np.expm1(-TIME / 0.7), abs=1e-8)
     assert (staircase[2:, 0] < ramp[2:, 0]).all()
 
@@ -91,3 +91,14 @@ def test_one_interpreter_forgets_the_record_before():
 def test_a_record_that_cannot_be_simulated_is_told(about, said):
     with pytest.raises(UserError, match=said):
         simulated(**about)
+
+
+def test_as_many_steps_are_made_as_are_allowed():
+    """An average of so many a sample, of which a single sample may take all."""
+    still = np.zeros(21)
+    _, _, steps = simulated(still)
+    assert simulated(still, effort=steps / len(TIME))[2] == steps
+    with pytest.raises(UserError, match=r"^more than [0-9.]+ internal steps per sample up to 5 s"):
+        simulated(still, effort=(steps - 1.0) / len(TIME))
+    with pytest.raises(UserError, match=r"^more than 1 internal steps per sample up to 1000000 s"):
+        simulated(np.zeros(2), time=np.array([0.0, 1e6]), tau=1e-3, effort=1.0)

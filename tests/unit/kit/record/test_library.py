@@ -13,6 +13,7 @@ from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserE
 from fmus.kit.build import toolchain
 from fmus.kit.build.sources import record_model_sources, record_sources
 from fmus.kit.record import library as kit_library
+from fmus.kit.record.interpreted import Interpreted
 from fmus.kit.record.library import RecordLibrary, compiled, compiled_engine
 from fmus.kit.symbolic import trace
 
@@ -109,7 +110,7 @@ def held(tau=0.7, x_start=0.2, u=1.5):
 
 
 def test_a_record_follows_the_closed_form(library):
-    outputs, states = library.simulate(
+    outputs, states, _ = library.simulate(
         TIME, np.full((21, 1), 1.5), np.zeros(1), rows({"x_start": 0.4})[0], **LIMITS, ladder=None
     )
     assert states[:, 0] == pytest.approx(held(x_start=0.4), abs=1e-8)
@@ -154,12 +155,12 @@ def test_models_of_different_sizes_run_side_by_side():
     lag, chain = separate(Lag), separate(Chain)
     with ThreadPoolExecutor(4) as pool:
         courses = list(pool.map(lambda k: run(*((lag, Lag), (chain, Chain))[k % 2]), range(40)))
-    for outputs, states in courses[::2]:
+    for outputs, states, _ in courses[::2]:
         assert states[:, 0] == pytest.approx(held(), abs=1e-8)
         np.testing.assert_array_equal(outputs[:, 0], 2.0 * states[:, 0])
     y = TIME * np.exp(-TIME)
     sampled = y[2 * ((np.arange(21) - 1).clip(0) // 2)]  # a sample shows after its instant
-    for outputs, states in courses[1::2]:
+    for outputs, states, _ in courses[1::2]:
         assert outputs.shape == (21, 0)
         assert states == pytest.approx(np.column_stack([np.exp(-TIME), y, sampled]), abs=1e-8)
 
@@ -208,7 +209,7 @@ def test_a_damaged_engine_is_compiled_anew(compilations):
 @pytest.mark.parametrize(
     ("cls", "options", "message"),
     [
-        (Blowing, {}, r"^not finite: x at 1 s$"),
+        (Blowing, {"effort": 1e5}, r"^not finite: x at 1 s$"),
         (Lag, {"effort": 0.01}, r"^more than 0\.01 internal steps per sample up to 0\.25 s: with"),
         (Lag, {"time": np.array([0.0, 1.0, 1.0])}, r"^times must increase, but 1 s follows 1 s$"),
     ],
@@ -247,5 +248,24 @@ def test_a_step_of_too_many_internal_ones_is_given_up():
     time = np.array([0.0, 1.0])
     with pytest.raises(UserError, match=r"^more than 1000000 internal steps in one communication"):
         library.simulate(
-            time, np.ones((2, 1)), np.zeros(1), rows({"tau": 1e-9})[0], **LIMITS, ladder=None
+            time,
+            np.ones((2, 1)),
+            np.zeros(1),
+            rows({"tau": 1e-9})[0],
+            tolerance=1e-9,
+            effort=1e6,
+            ladder=None,
         )
+
+
+@pytest.mark.parametrize("cls", [Lag, Chain])
+def test_as_many_internal_steps_are_made_as_the_interpreter_makes(cls):
+    """The oracle counts in Python; a single step of the record may take no more than all may."""
+    library = separate(cls)
+    interpreter = Interpreted(trace(cls))
+    steps = run(library, cls)[2]
+    assert steps == run(interpreter, cls)[2]
+    for one in (library, interpreter):
+        assert run(one, cls, effort=steps / len(TIME))[2] == steps
+        with pytest.raises(UserError, match="internal steps per sample up to 5 s"):
+            run(one, cls, effort=(steps - 1.0) / len(TIME))
