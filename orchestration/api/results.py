@@ -234,9 +234,7 @@ class DiagnosisResult(_Result):
         self.verdict: Verdict = diagnosis.verdict
         self.sentence: str = headline(result)
         self.causes: list[str] = diagnosis.causes
-        self.alternatives: list[str] = []
-        for step in diagnosis.selection.steps:
-            self.alternatives += [effect.effect_name for effect in step.alternatives]
+        self.alternatives: list[str] = diagnosis.alternatives
         self.parameters: dict[str, Estimate] = diagnosis.estimates
         self.changed: list[str] = diagnosis.changed
         self.gain = DiagnosisGain(errors.before, errors.after)

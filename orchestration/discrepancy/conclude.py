@@ -54,6 +54,7 @@ from orchestration.discrepancy.validation import (
     neutral_value,
     parameter_estimates,
     significantly_changed,
+    straight_parts,
     undetermined_effects,
     unpredicted_output_notes,
 )
@@ -164,8 +165,13 @@ class Diagnosis:
 
     @property
     def causes(self) -> list[str]:
-        """Effects named, in the order in which they were added."""
-        return [step.chosen.effect_name for step in self.selection.steps]
+        """Effects that are named as causes; those that correct the shape of one are none."""
+        return [step.chosen.effect_name for step, *_ in self.selection.by_cause]
+
+    @property
+    def alternatives(self) -> list[str]:
+        """Effects that the record cannot tell from those that were selected."""
+        return [other.effect_name for step in self.selection.steps for other in step.alternatives]
 
     @property
     def explained(self) -> bool:
@@ -555,16 +561,22 @@ def _assess_parameters(
     residuals: Mapping[str, ResidualAnalysis],
     data: DiagnosisData,
 ) -> _ParameterAssessment:
-    """Give the parameters of the final model their intervals, and tell which of them changed."""
+    """Give the parameters of the final model their intervals, and tell which of them changed.
+
+    What is determined only together with the curve of a cause is not said to have changed.
+    """
     starts = final.candidate.cls.layout.start_parameters
     physical = [name for name in data.parameters if name not in starts]
     by_input_noise = data.input_noise.spread_of(final.problem.names)
     by_intersample = intersample.spread(data.intersample, final)
     spread = deviation_beside_fit(final, (by_input_noise, by_intersample), selection, residuals)
     estimates = parameter_estimates(final, spread)
-    changed = significantly_changed(final, physical, spread) if data.informative else []
+    effects = final.candidate.effects
+    slopes = straight_parts(effects, selection.base.candidate.cls, physical)
+    apart = [name for name in physical if not any(name in names for names in slopes.values())]
+    changed = significantly_changed(final, apart, spread) if data.informative else []
     ratios = implausible(estimates, physical)
-    notes = []
+    notes = [Note(NoteCode.STRAIGHT_PART, one, {"names": ns}) for one, ns in slopes.items()]
     if data.informative:
         notes += identifiability_notes(final, physical)
     if ratios:

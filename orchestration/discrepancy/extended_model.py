@@ -128,9 +128,9 @@ def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -
     remarks += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
     if not best.effects:
         remarks.append(f"Nothing was added to {base}: only its parameters were fitted")
-    alternatives = [e.effect_name for step in diagnosis.selection.steps for e in step.alternatives]
-    if alternatives:
-        remarks.append(f"On this record it cannot be told apart from {', '.join(alternatives)}")
+    if diagnosis.alternatives:
+        others = ", ".join(diagnosis.alternatives)
+        remarks.append(f"On this record it cannot be told apart from {others}")
     if not diagnosis.explained:
         remarks.append("It does not account for all that the record shows")
     remarks += _parameter_remarks(diagnosis, defaults)

@@ -7,13 +7,13 @@ the catalogue has for it, if it has one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from scipy.special import chdtrc
 from threadpoolctl import threadpool_limits
 
-from fmus.kit import Component, Effect, effect_name, made_with
+from fmus.kit import Effect, effect_name, made_with
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.conclude import Diagnosis, DiagnosisData, Verdict, conclude
 from orchestration.discrepancy.laws import (
@@ -21,6 +21,7 @@ from orchestration.discrepancy.laws import (
     Entry,
     LawMapResult,
     discover,
+    effects_of,
     noise_of_inputs,
     search_of,
     with_denoised_inputs,
@@ -41,7 +42,6 @@ from orchestration.discrepancy.validation import (
     confirm,
     errors_in_variables,
 )
-from orchestration.fmu import catalogue, families
 
 _RELAXATIONS = 3  # of one law and signal, one beside the other
 # of BIC, by which a model may be worse and still count as fitting as well
@@ -60,6 +60,7 @@ _ON_THE_BEST_MODEL = {
     NoteCode.END_NOT_FOLLOWED,
     NoteCode.UNDETERMINED,
     NoteCode.DETERMINED_TOGETHER,
+    NoteCode.STRAIGHT_PART,
     NoteCode.AT_BOUND,
     NoteCode.NOT_CONVERGED,
     NoteCode.NOT_MOVED,
@@ -233,14 +234,13 @@ def _search_once(
     return LawSearch(law_map, _fit_known_effect(diagnosis, law_map, best) if best else None)
 
 
-def same_effect(cls: type[Component], correction: type[Effect]) -> type[Effect] | None:
+def same_effect(known: Iterable[type[Effect]], correction: type[Effect]) -> type[Effect] | None:
     """Return the known effect that adds the same function to the same law as a correction does.
 
     Parameters
     ----------
-    cls : type[Component]
-        The component that is corrected, with effects laid over it or not; its catalogue and its
-        families are looked through.
+    known : iterable of type[Effect]
+        Of the component that is corrected.
     correction : type[Effect]
         Made by `fmus.kit.corrections.correction`.
     """
@@ -249,7 +249,7 @@ def same_effect(cls: type[Component], correction: type[Effect]) -> type[Effect] 
     shape = given["shape"]
     if given["kind"] != "add" or not isinstance(shape, str) or signal.zero:
         return None
-    for effect in (*catalogue(cls).values(), *families(cls).values()):
+    for effect in known:
         if (effect.term.law, effect.term.signal) != (given["law"], signal.name):
             continue
         if signal.memory:
@@ -279,7 +279,7 @@ def _fit_known_effect(
     """
     correction = best.model.effect
     base = law_map.base
-    effect = same_effect(base.candidate.cls, correction)
+    effect = same_effect(effects_of(diagnosis), correction)
     if effect is None or effect_name(effect) in map(effect_name, base.candidate.effects):
         return None
     values = best.model.problem.start | best.model.fit.values
@@ -413,8 +413,7 @@ def _conclude_anew(diagnosis: Diagnosis, search: Search, judged: ConfirmedSelect
     corrected = conclude(search, judged, data, improves=_no_error_grows)
     kept = [note for note in diagnosis.notes if note.code not in _ON_THE_BEST_MODEL]
     anew = [note for note in corrected.notes if note.code in _ON_THE_BEST_MODEL]
-    # a confirmed correction is a cause, whatever stands beside the effects that were named before
-    return replace(corrected, verdict=Verdict.CAUSE, notes=[*kept, *anew])
+    return replace(corrected, notes=[*kept, *anew])
 
 
 def _no_error_grows(before: Mapping[str, float], after: Mapping[str, float]) -> bool:

@@ -77,6 +77,7 @@ class NoteCode(StrEnum):
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"
+    STRAIGHT_PART = "straight_part"
     AT_BOUND = "at_bound"
     NOT_CONVERGED = "not_converged"
     NOT_MOVED = "not_moved"

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import Effect
+from orchestration.discrepancy import Verdict
 from orchestration.identify import normalised_rms
 from studies.clean import CleanRecord
 from studies.hidden import HiddenCase
@@ -51,12 +52,20 @@ def alike(floor: Mapping[str, Fitted], right: set[str]) -> list[str]:
 
 
 def held_out(result: DiagnosisResult, drawn: CleanRecord) -> Row:
-    """Return groups that were named, and errors on held-out data over those of the truth."""
+    """Return groups that were named, and errors on held-out data over those of the truth.
+
+    What corrects the shape of a cause is named only with what it cannot be told from.
+    """
     diagnosis = result.details.diagnosis
     first = diagnosis.validation.first
     best = {o: normalised_rms(y[first:], drawn.clean[o][first:]) for o, y in drawn.outputs.items()}
     ratios = [error / best[o] for o, error in diagnosis.after.items() if best[o] > 0.0]
-    steps = diagnosis.selection.steps
+    is_ambiguous = diagnosis.verdict is Verdict.AMBIGUOUS
+    steps = [
+        step
+        for step in diagnosis.selection.steps
+        if step.chosen.effect_name in diagnosis.causes or (is_ambiguous and step.alternatives)
+    ]
     return {
         "groups": [[s.chosen.effect_name, *(e.effect_name for e in s.alternatives)] for s in steps],
         "ratio": max(ratios, default=float("nan")),

@@ -1,3 +1,4 @@
+from .base import effects_of as effects_of
 from .base import search_of as search_of
 from .discovery import Correction as Correction
 from .discovery import LawMapResult as LawMapResult

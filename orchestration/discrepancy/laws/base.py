@@ -1,12 +1,15 @@
-"""The search over a diagnosis's estimation data, with which corrections of laws are fitted."""
+"""What corrections of laws are fitted with: the search of a diagnosis, and its known effects."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 
+from fmus.kit import Effect
+from orchestration.discrepancy.candidates import sampling_of, signal_scales
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.selection import Search
+from orchestration.fmu import catalogue, families
 from orchestration.records import base_name
 
 
@@ -23,3 +26,13 @@ def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda tex
     )
     search = Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, progress)
     return replace(search, each=list(dict.fromkeys(several)))
+
+
+def effects_of(diagnosis: Diagnosis) -> list[type[Effect]]:
+    """Return the catalogue of a diagnosed model, and the families that are made for its record."""
+    search = search_of(diagnosis)
+    cls = search.base
+    data = diagnosis.usable
+    scales = signal_scales(cls, data.time, data.inputs, search.fixed)
+    made = families(cls, scales, sampling_of(data.time))
+    return [*catalogue(cls).values(), *made.values()]

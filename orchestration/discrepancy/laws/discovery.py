@@ -8,12 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit import Component
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.data import ValidationData, is_at_rest
-from orchestration.discrepancy.laws.base import search_of
+from orchestration.discrepancy.laws.base import effects_of, search_of
 from orchestration.discrepancy.laws.entry import Entry, indistinguishable
 from orchestration.discrepancy.laws.evidence import Band
 from orchestration.discrepancy.laws.fitting import RELAXATIONS, FittedEntry, Fitting
@@ -21,7 +20,6 @@ from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import FAILURES
 from orchestration.discrepancy.validation import Confirmation, Outcome, compare, predict
-from orchestration.fmu import catalogue, families
 
 _JUDGED = 3  # corrections that unseen data judge, the best first, until they confirm one
 _BEST = 6  # more entries with the effect of the best that are fitted
@@ -156,12 +154,50 @@ def discover(
     base = diagnosis.selection.best
     search = search_of(diagnosis, progress)
     progress("asking every law what it lacks")
-    law_map = LawMap(search, base, _families(base.candidate.cls))
+    families = {effect.term.family for effect in effects_of(diagnosis)} - {""}
+    law_map = LawMap(search, base, families)
     entries = [e for e in law_map.entries() if only is None or e.key == only.key]
-    telling = [e for e in entries if e.curve.gain > law_map.chance]
-    chosen = law_map.plausible.worth_a_fit(telling) if only is None else telling
-    progress(f"fitting {len(chosen)} corrections of laws")
     fitting = Fitting(search, base, law_map)
+    fits = _fit_map(fitting, law_map, entries, base, only is not None, progress)
+    return LawMapResult(base, entries, law_map.chance, _corrections(fitting, fits, diagnosis))
+
+
+@dataclass(frozen=True)
+class _MapFits:
+    """Entries of a law map that were fitted in the model.
+
+    Attributes
+    ----------
+    law_map : LawMap
+    entries : sequence of Entry
+        All of the map.
+    tried : sequence of Entry
+        All that were fitted, or leave too much to first order to be.
+    fitted : sequence of FittedEntry
+        Those that come near the best, the best first.
+    below : float
+        Criterion of the model without them, less the price of looking at so many.
+    """
+
+    law_map: LawMap
+    entries: Sequence[Entry]
+    tried: Sequence[Entry]
+    fitted: Sequence[FittedEntry]
+    below: float
+
+
+def _fit_map(
+    fitting: Fitting,
+    law_map: LawMap,
+    entries: Sequence[Entry],
+    base: FittedCandidate,
+    all_telling: bool,
+    progress: Callable[[str], None],
+) -> _MapFits:
+    """Fit the plausible entries of a map, or all that tell anything, and more like the best."""
+    telling = [e for e in entries if e.curve.gain > law_map.chance]
+    chosen = telling if all_telling else law_map.plausible.worth_a_fit(telling)
+    progress(f"fitting {len(chosen)} corrections of laws")
     below = base.fit.bic - 2.0 * float(np.log(max(len(entries), 1)))
     several = _fitted(fitting, law_map, chosen, [])
     fitted = _telling(several, below)
@@ -169,22 +205,27 @@ def discover(
     if more:
         progress(f"fitting {len(more)} more")
         fitted = _telling(_fitted(fitting, law_map, more, several), below)
-    as_good = _as_good(law_map, fitted, below)
-    in_turn = _one_of_each([*as_good, *fitted[len(as_good) :]])
+    return _MapFits(law_map, entries, [*chosen, *more], fitted, below)
+
+
+def _corrections(fitting: Fitting, fits: _MapFits, diagnosis: Diagnosis) -> list[Correction]:
+    """Return the best correction, judged on unseen data, and the others as curves."""
+    as_good = _as_good(fits.law_map, fits.fitted, fits.below)
+    in_turn = _one_of_each([*as_good, *fits.fitted[len(as_good) :]])
 
     def in_full(one: FittedEntry) -> Correction | None:
-        correction = _shaped(fitting, one, below)
+        correction = _shaped(fitting, one, fits.below)
         if correction is None:
             return None
-        others = _indistinguishable(law_map, one.entry, as_good, [*chosen, *more], entries)
-        return _judged(replace(correction, alike=others), base, diagnosis.validation)
+        others = _indistinguishable(fits, one.entry, as_good)
+        alike = replace(correction, alike=others)
+        return _judged(alike, diagnosis.selection.best, diagnosis.validation)
 
     first = _first_confirmed(in_full, in_turn[:_JUDGED])
-    corrections = [first] if first else []
-    for one in in_turn:
-        if first and one.entry.key != first.entry.key:
-            corrections += _as_curve(fitting, one, below)
-    return LawMapResult(base, entries, law_map.chance, corrections)
+    if first is None:
+        return []
+    others = [one for one in in_turn if one.entry.key != first.entry.key]
+    return [first, *(c for one in others for c in _as_curve(fitting, one, fits.below))]
 
 
 def _one_of_each(fitted: Sequence[FittedEntry]) -> list[FittedEntry]:
@@ -237,12 +278,6 @@ def _as_curve(fitting: Fitting, one: FittedEntry, below: float) -> list[Correcti
     """Return an entry as a correction with its curve; none where that cannot be fitted."""
     model = fitting.curve_amount(one)
     return [Correction(one, below - one.criterion, "", model)] if model else []
-
-
-def _families(cls: type[Component]) -> set[str]:
-    """Return the families of all effects that are known for a component."""
-    known = (*catalogue(cls).values(), *families(cls).values())
-    return {effect.term.family for effect in known if effect.term.family}
 
 
 def _fitted(
@@ -354,11 +389,7 @@ def _as_good(law_map: LawMap, fitted: Sequence[FittedEntry], below: float) -> li
 
 
 def _indistinguishable(
-    law_map: LawMap,
-    entry: Entry,
-    as_good: Sequence[FittedEntry],
-    fitted: Sequence[Entry],
-    entries: Sequence[Entry],
+    fits: _MapFits, entry: Entry, as_good: Sequence[FittedEntry]
 ) -> tuple[Entry, ...]:
     """Return entries with the same effect to first order, or fitted as well, one for each signal.
 
@@ -367,26 +398,23 @@ def _indistinguishable(
 
     Parameters
     ----------
-    law_map : LawMap
+    fits : _MapFits
     entry : Entry
     as_good : sequence of FittedEntry
         Fitted about as well.
-    fitted : sequence of Entry
-        All that were fitted, or leave too much to first order to be.
-    entries : sequence of Entry
-        All of the map.
     """
+    plausible = fits.law_map.plausible
     good = [one.entry for one in as_good]
     good_keys = {one.key for one in good}
-    worse = [other for other in fitted if other.key not in good_keys]
+    worse = [other for other in fits.tried if other.key not in good_keys]
     least = entry.curve.gain - max(_AS_GOOD, _ABOUT * entry.curve.gain)
-    is_far = law_map.plausible.prior_rank(entry)[0]
+    is_far = plausible.prior_rank(entry)[0]
     same = [
         e
-        for e in entries
+        for e in fits.entries
         if indistinguishable(e, entry)
         and e.curve.gain >= least
-        and law_map.plausible.prior_rank(e)[0] <= is_far
+        and plausible.prior_rank(e)[0] <= is_far
         and not any(_is_nearer(e, other, entry) for other in worse)
     ]
     several = {e.key[:3]: e for e in (*same[::-1], *good[::-1])}

@@ -42,7 +42,7 @@ def diagnosis_summary(result: Result) -> dict[str, Any]:
         "baseline": {"holdout_fit_percent": fit_percent},
         "parameters": {name: e.to_dict() for name, e in diagnosis.estimates.items()},
         "changed": diagnosis.changed,
-        "causes": [_cause(diagnosis, step) for step in diagnosis.selection.steps],
+        "causes": [_cause(diagnosis, *steps) for steps in diagnosis.selection.by_cause],
         "alternatives": _alternatives(diagnosis),
         "law_map": law_map(LawReport(result, result.laws)),
         "gain": {
@@ -101,8 +101,8 @@ def _residuals(diagnosis: Diagnosis) -> dict[str, dict[str, Any]]:
     }
 
 
-def _cause(diagnosis: Diagnosis, step: Step) -> dict[str, Any]:
-    """Return an effect that was named, with its parameters and its evidence."""
+def _cause(diagnosis: Diagnosis, step: Step, *corrections: Step) -> dict[str, Any]:
+    """Return a cause, with its parameters, its evidence, and the effects that correct its shape."""
     selection = diagnosis.selection
     best = selection.best.candidate
     effect = step.chosen.effect
@@ -118,6 +118,7 @@ def _cause(diagnosis: Diagnosis, step: Step) -> dict[str, Any]:
         "law": effect.term.law or ", ".join(_overridden_laws(effect, best.cls)),
         "signal": effect.term.signal,
         "shape": effect.term.shape,
+        "shape_corrections": [other.chosen.effect_name for other in corrections],
         "parameters": {name: diagnosis.estimates[name].to_dict() for name in own_parameters},
     }
     evidence = {"delta_bic": step.gain, "p_value": step.p_value}

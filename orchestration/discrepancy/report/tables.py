@@ -135,9 +135,11 @@ class TriedEffect:
     gain : float
         Fall of BIC.
     p_value : float
-    verdict : {"named", "not told apart", "rejected"}
+    verdict : {"named", "shape", "not told apart", "rejected"}
+        "shape" if it corrects the shape of a cause.
     reason : str
-        Why it was rejected, what it is not told apart from, or what unseen data say of it.
+        Why it was rejected, what it is not told apart from, the cause of which it corrects the
+        shape, or what unseen data say of it.
     """
 
     candidate: FittedCandidate
@@ -159,12 +161,15 @@ def tried_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
 
 
 def _selected_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
-    return [
-        TriedEffect(
-            step.chosen, step.gain, step.p_value, "named", _unseen_evidence(diagnosis, step.chosen)
-        )
-        for step in diagnosis.selection.steps
-    ]
+    rows = []
+    for cause, *corrections in diagnosis.selection.by_cause:
+        unseen = _unseen_evidence(diagnosis, cause.chosen)
+        rows.append(TriedEffect(cause.chosen, cause.gain, cause.p_value, "named", unseen))
+        for step in corrections:
+            unseen = _unseen_evidence(diagnosis, step.chosen)
+            reason = f"of {cause.chosen.effect_name}" + (f"; {unseen}" if unseen else "")
+            rows.append(TriedEffect(step.chosen, step.gain, step.p_value, "shape", reason))
+    return rows
 
 
 def _alternative_effects(diagnosis: Diagnosis) -> list[TriedEffect]:

@@ -19,7 +19,7 @@ from orchestration.discrepancy.residuals import (
     RandomWalkTest,
     Structure,
 )
-from orchestration.discrepancy.selection import ACCEPT
+from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
 
 _VERDICTS = {
@@ -241,6 +241,10 @@ _NOTES = {
         "{names} are determined together only, and each may be far off: hold one that you know"
         " (--hold NAME), or move another input"
     ),
+    NoteCode.STRAIGHT_PART: (
+        "{names}: not determined apart from {subject}, which adds a curve to the law of which this"
+        " is the slope over the same signal"
+    ),
     NoteCode.AT_BOUND: (
         "{names} ended at an end of what is allowed: look at units and signs, or hold it (--hold"
         " NAME)"
@@ -311,14 +315,23 @@ def _describe_causes(diagnosis: Diagnosis) -> str:
     """Return the effects named, with their alternatives and confirmations, the weak ones last."""
     strong: list[str] = []
     weak: list[str] = []
-    for step in diagnosis.selection.steps:
-        cause = " or ".join(e.effect_name for e in (step.chosen, *step.alternatives))
+    for step, *corrections in diagnosis.selection.by_cause:
+        cause = _describe_step(step)
+        if corrections:
+            names = " and ".join(map(_describe_step, corrections))
+            verb = "correct" if corrections[1:] else "corrects"
+            cause += f", whose shape is not quite the catalogue's: {names} {verb} it"
         unseen = confirmation(diagnosis, step.chosen.effect_name)
         described = f"{cause} ({unseen})" if unseen else cause
         group = strong if step in diagnosis.selection.strong else weak
         group.append(described)
     much_weaker = f"; and, much weaker, {', '.join(weak)}" if weak else ""
     return "; ".join(strong) + much_weaker
+
+
+def _describe_step(step: Step) -> str:
+    """Return an effect that was named, with its alternatives."""
+    return " or ".join(fitted.effect_name for fitted in (step.chosen, *step.alternatives))
 
 
 def confirmation(diagnosis: Diagnosis, effect: str) -> str:

@@ -7,9 +7,11 @@ ed., 2002, chapter 3).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+
+import numpy as np
 
 from fmus.kit import Effect
 from orchestration.discrepancy.candidates import FittedCandidate, label
@@ -21,6 +23,7 @@ from orchestration.discrepancy.selection.stepwise import (
     Selection,
     Step,
     interchangeable,
+    place_of,
     takes_enough,
     whitens_residual,
 )
@@ -42,7 +45,7 @@ def revised(search: Search, selection: Selection, effects: Sequence[type[Effect]
         if changed is None:
             break
         selection = changed
-    return _weightiest_first(search, selection)
+    return _at_fewest_places(search, _weightiest_first(search, selection))
 
 
 def needed(search: Search, selection: Selection) -> Selection:
@@ -224,15 +227,67 @@ def _rivals(selection: Selection, effect: type[Effect]) -> set[str]:
     return rivals | {fitted.effect_name for fitted, gain in selection.rejected if gain > ACCEPT}
 
 
+def _at_fewest_places(search: Search, selection: Selection) -> Selection:
+    """Return a selection in which what may be the shape of a cause is no other cause.
+
+    Where a cause has not quite its catalogued shape, an effect elsewhere may make up for that. If
+    the record cannot tell it from one that acts where the cause does, that one takes its place.
+    """
+    places = set[Hashable]()
+    for step in list(selection.steps):
+        if search.budget.spent():
+            break
+        place = place_of(step.chosen.effect)
+        others = [] if place in places else step.alternatives
+        shape = next((one for one in others if place_of(one.effect) in places), None)
+        places.add(place)
+        if shape is not None:
+            selection = _exchanged(search, selection, step, shape)
+    return selection
+
+
+def _exchanged(
+    search: Search, selection: Selection, step: Step, other: FittedCandidate
+) -> Selection:
+    """Return a selection with an alternative in the place of an effect, which becomes its own.
+
+    The selection stands where the model cannot be fitted.
+    """
+    effects = [
+        other.effect if effect is step.chosen.effect else effect
+        for effect in selection.best.candidate.effects
+    ]
+    best = search.fit_with(effects, other)
+    chain = None if best is None else _chain(search, selection, best)
+    if chain is None:
+        return selection
+    alternatives = [step.chosen, *(one for one in step.alternatives if one is not other)]
+    steps = [
+        replace(one, alternatives=alternatives, gains=step.gains | one.gains)
+        if one.chosen.effect is other.effect
+        else one
+        for one in chain.steps
+    ]
+    return replace(chain, steps=steps)
+
+
 def _weightiest_first(search: Search, selection: Selection) -> Selection:
-    """Return the same effects, those first without which the model is worst."""
+    """Return the same causes, those first without which the model is worst.
+
+    Effects of one cause stay in the order in which they were named: the first is the nearest to its
+    shape of all.
+    """
     best = selection.best
     if len(selection.steps) < 2 or search.budget.spent():
         return selection
     without = {e: search.fit_without(best, e) for e in best.candidate.effects}
     if not all(without.values()):
         return selection
-    ordered = sorted(without, key=lambda e: -without[e].fit.bic)  # type: ignore[union-attr]
+    worst: dict[Hashable, float] = {}
+    for effect, fitted in without.items():
+        place = place_of(effect)
+        worst[place] = max(worst.get(place, -np.inf), fitted.fit.bic)  # type: ignore[union-attr]
+    ordered = sorted(without, key=lambda effect: -worst[place_of(effect)])
     if tuple(ordered) == best.candidate.effects:
         return selection
     again = search.fit_with(ordered, best)

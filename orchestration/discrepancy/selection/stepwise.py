@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 
 from fmus.kit import Effect
@@ -43,6 +43,8 @@ SHORT = 5.0  # ratio of the variance of noise to that of its innovations, below 
 # logarithm) is this much less likely, effects are scored at both.
 NEAR_NOMINAL = 0.1
 OVERFITTED = 50.0
+# Effects by which a signal arrives late. By all others another amount of it arrives.
+_TIMING = {"input_lag", "sensor_lag", "transport_delay"}
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,18 @@ class Selection:
     tried: int = 0
     unsure: set[str] = field(default_factory=set)
     compared: tuple[FittedCandidate, ...] = ()
+
+    @property
+    def by_cause(self) -> list[list[Step]]:
+        """Steps by the cause that they concern: the first names it, any others correct its shape.
+
+        No cause has quite the form that a catalogue gives it. What acts where a cause does is no
+        cause of its own, but makes up for that.
+        """
+        groups: dict[Hashable, list[Step]] = {}
+        for step in self.steps:
+            groups.setdefault(place_of(step.chosen.effect), []).append(step)
+        return list(groups.values())
 
     @property
     def strong(self) -> list[Step]:
@@ -524,6 +538,20 @@ def _nearest(scored: Sequence[ScoredModel], chosen: FittedCandidate) -> ScoredMo
 def interchangeable(one: type[Effect], other: type[Effect]) -> bool:
     """Return whether two effects are shapes of one cause, such as two elements of a chain."""
     return one is other or (bool(one.term.family) and one.term.family == other.term.family)
+
+
+def place_of(effect: type[Effect]) -> Hashable:
+    """Return where an effect acts: a law over a signal, or an input or a sensor, or their timing.
+
+    Effects of one place are shapes of one cause; one that declares no place has its own.
+    """
+    term = effect.term
+    is_timing = effect.id in _TIMING
+    if effect.output:
+        return "sensor", effect.output, is_timing
+    if term.signal and not term.law:
+        return "input", term.signal, is_timing
+    return ("law", term.family) if term.family else effect
 
 
 def _distance(one: FittedCandidate, other: FittedCandidate) -> float:

@@ -51,7 +51,7 @@ def _member_diagnosis(loop: LoopDiagnosis, name: str, alone: MemberDiagnosis) ->
     alternatives: list[str] = []
     if name == loop.member:
         causes = diagnosis.causes
-        alternatives = [a.effect_name for s in diagnosis.selection.steps for a in s.alternatives]
+        alternatives = diagnosis.alternatives
         verdict, reason = _verdict(diagnosis, parameters, after)
     return replace(
         alone,
@@ -78,9 +78,7 @@ def _verdict(
         known = {p for step in diagnosis.selection.steps for p in step.chosen.effect.declared}
         facts = {
             "causes": diagnosis.causes,
-            "alternatives": [
-                a.effect_name for step in diagnosis.selection.steps for a in step.alternatives
-            ],
+            "alternatives": diagnosis.alternatives,
             "parameters": {n: p for n, p in parameters.items() if n in known},
         }
         return MemberVerdict.WRONG, Reason(ReasonCode.CAUSE_NAMED, facts)

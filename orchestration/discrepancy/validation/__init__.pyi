@@ -13,6 +13,7 @@ from .estimates import implausible as implausible
 from .estimates import neutral_value as neutral_value
 from .estimates import parameter_estimates as parameter_estimates
 from .estimates import significantly_changed as significantly_changed
+from .estimates import straight_parts as straight_parts
 from .estimates import undetermined_effects as undetermined_effects
 from .prediction import Errors as Errors
 from .prediction import Prediction as Prediction

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
-from fmus.kit import Effect
+from fmus.kit import Component, Effect
 from fmus.kit.arrays import Array
-from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import ResidualAnalysis
 from orchestration.discrepancy.selection import Selection
@@ -48,6 +48,8 @@ _UNMOVED = 1e-6
 # hundred lags and regions, whose sum of squares scatters by twenty where there is nothing; five
 # times that is seen.
 _UNSEEN = 100.0
+_POINTS = 8  # at which a law is evaluated to tell what a parameter does to it
+_ROUNDING = 1e-6  # of the slope there
 _WRONG = 3.0  # times its noise, from which on an error is one that a refit should have lowered
 
 
@@ -132,6 +134,65 @@ def _moves(model: FittedCandidate, i: int, change: float) -> float:
         if spread > 0.0:
             moves.append(change * float(np.sqrt(np.mean(slopes[:, i] ** 2))) / spread)
     return max(moves, default=0.0)
+
+
+def straight_parts(
+    effects: Iterable[type[Effect]], cls: type[Component], parameters: Iterable[str]
+) -> dict[str, tuple[str, ...]]:
+    """Return the parameters that are slopes of a law to which an effect adds a curve.
+
+    How much of the straight part of a curve is the effect's and how much the law's is a matter of
+    how the shape is written, such as ``a |x|`` for what is rough in one direction only.
+
+    Parameters
+    ----------
+    effects : iterable of type[Effect]
+    cls : type[Component]
+        The model without them.
+    parameters : iterable of str
+        Those that are looked at.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        By the label of the effect.
+    """
+    if cls.engine is not None:  # it has no laws of its own
+        return {}
+    names = list(parameters)
+    slopes = {}
+    for effect in effects:
+        term = effect.term
+        if term.law and term.signal and not effect.layout.states:
+            found = tuple(n for n in names if _is_slope(cls, term.law, term.signal, n))
+            if found:
+                slopes[label(effect)] = found
+    return slopes
+
+
+def _is_slope(cls: type[Component], law: str, signal: str, parameter: str) -> bool:
+    """Return whether a parameter changes a law in proportion to a signal, whatever else moves."""
+    random = np.random.default_rng(0)
+    component = cls()
+    for variable in (*cls.layout.states, *cls.layout.inputs):
+        setattr(component, variable.name, variable.nominal * random.standard_normal(_POINTS))
+    value = getattr(component, parameter)
+    try:
+        with np.errstate(all="ignore"):
+            x = _value(component, signal)
+            before = _value(component, law)
+            setattr(component, parameter, value + (value or 1.0))
+            shares = (_value(component, law) - before) / x
+    except (ArithmeticError, AttributeError, TypeError, ValueError):
+        return False  # it is no number that is computed of signals
+    return bool(shares.any() and np.allclose(shares, shares[0], rtol=_ROUNDING, atol=0.0))
+
+
+def _value(component: Component, name: str) -> Array:
+    """Return the values (n,) of a signal or a law."""
+    value = getattr(component, name)
+    computed = np.asarray(value() if callable(value) else value, dtype=float)
+    return np.broadcast_to(computed, _POINTS)
 
 
 def implausible(values: Mapping[str, Estimate], parameters: Sequence[str]) -> dict[str, float]:

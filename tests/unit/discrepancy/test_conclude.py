@@ -195,7 +195,7 @@ def test_a_cause_that_may_do_nothing_in_the_final_model_is_named_only_if_unseen_
     )
     anew = conclude_judged(found, judged)
     if stays:
-        assert anew.causes == [label(cubic), label(asymmetric)]
+        assert anew.selection.best.candidate.effects == (cubic, asymmetric)
         strength = anew.estimates[cubic.neutral]
         ends = strength.value * np.array([1.0 - 1.96 / fall, 1.0 + 1.96 / fall])
         assert sorted(strength.interval) == pytest.approx(sorted(ends), rel=1e-3)

@@ -10,16 +10,22 @@ import pytest
 from fmus.kit.corrections import SignalTerm, SmoothTable, correction
 from orchestration.api.records import read_record
 from orchestration.discrepancy.conclude import Verdict
-from orchestration.discrepancy.law_corrections import leaves_something, same_effect, search_laws
+from orchestration.discrepancy.law_corrections import (
+    _conclude_anew,
+    leaves_something,
+    same_effect,
+    search_laws,
+)
 from orchestration.discrepancy.laws import search_of
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import diagnose_only
 from orchestration.discrepancy.selection import Step
+from orchestration.discrepancy.validation import confirm
 from orchestration.fmu import families, find_model
 from studies.clean.records import Case, draw
 from studies.hidden_laws.place import over
 from studies.plants.library import PLANTS
-from studies.plants.models.motor import Motor
+from studies.plants.models.motor import EFFECTS, Motor
 from tests.support.lacking import diagnosed, motor
 
 
@@ -68,6 +74,25 @@ def test_what_was_named_before_a_law_stays_only_if_it_is_needed_beside_it(diagno
     ]
 
 
+@pytest.mark.parametrize("told_apart", [True, False])
+def test_beside_a_correction_what_cannot_be_told_apart_is_ambiguous(diagnosis, told_apart):
+    """What stands first after it is judged anew has an alternative, or none."""
+    search = search_of(diagnosis)
+    base = diagnosis.selection.base
+    known = families(Motor)
+    drag, sliding = (
+        search.fit_from(base.candidate.with_effect(known[name]), base)
+        for name in ("quadratic_drag(friction)", "sliding_friction(friction)")
+    )
+    others = [] if told_apart else [sliding]
+    step = Step(drag, 20.0, 20.0, 0.0, others, [], gains={sliding.effect_name: 19.0})
+    selection = replace(diagnosis.selection, steps=[step])
+    judged = confirm(selection, diagnosis.validation, lambda fitted, _: fitted)
+    corrected = _conclude_anew(diagnosis, search, judged)
+    assert corrected.causes == ["quadratic_drag(friction)"]
+    assert corrected.verdict is (Verdict.CAUSE if told_apart else Verdict.AMBIGUOUS)
+
+
 @pytest.mark.slow
 def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
     """Effects of the catalogue fit it, and are named before laws are searched."""
@@ -104,8 +129,10 @@ def test_laws_are_searched_where_causes_do_not_account_for_all(diagnosis, verdic
 
 
 def test_only_the_same_function_of_the_same_signal_is_the_same_effect():
+    effects = [*EFFECTS.values(), *families(Motor).values()]
+
     def known(law, of, shape, kind="add"):
-        effect = same_effect(Motor, correction(Motor, law, of, shape, "N*m", 0.01, kind=kind))
+        effect = same_effect(effects, correction(Motor, law, of, shape, "N*m", 0.01, kind=kind))
         return effect.id if effect else None
 
     speed = SignalTerm("omega", scale=100.0)

@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fmus.kit import transport_delay
 from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
 from orchestration.discrepancy.design.stimuli import Stimulus
@@ -62,13 +64,14 @@ def written(result):
         level_shifts=[LevelShift(3.0, 1e-3, 0.0)],
         input_steps=ExcessVariance(9.0, 0.0),
     )
+    late = step.chosen.candidate.with_effect(transport_delay(PpyActuator, "voltage"))
+    correction = replace(step, chosen=replace(step.chosen, candidate=late))
     gains = step.gains | {"double_layer": 12.5}
+    named = replace(step, alternatives=[alternative], gains=gains)
     full = replace(
         diagnosis,
         verdict=Verdict.AMBIGUOUS,
-        selection=replace(
-            diagnosis.selection, steps=[replace(step, alternatives=[alternative], gains=gains)]
-        ),
+        selection=replace(diagnosis.selection, steps=[named, correction]),
         residuals={"voltage": residual},
     )
     experiment = DiscriminatingExperiment(
@@ -101,6 +104,14 @@ def written(result):
 
 def test_the_fields_documented_are_those_written(written):
     assert {path for path, _ in fields(written)} == set(documented())
+
+
+def test_what_corrects_the_shape_of_a_cause_is_told_with_it(written):
+    (cause,) = written["causes"]
+    assert cause["effect"] == "sensor_lag"
+    assert cause["shape_corrections"] == ["transport_delay(voltage)"]
+    shape = "whose shape is not quite the catalogue's: transport_delay(voltage) corrects it"
+    assert f"sensor_lag(voltage) or double_layer, {shape}" in written["headline"]
 
 
 def test_units_are_told_of_numbers_and_of_nothing_else(written):

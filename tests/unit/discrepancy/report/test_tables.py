@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fmus.kit.sensors import sensor_lag, transport_delay
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.report.tables import (
@@ -15,6 +17,7 @@ from orchestration.discrepancy.report.tables import (
     run_errors,
     tried_effects,
 )
+from orchestration.discrepancy.selection import Selection, Step
 from tests.support.several import TRUE, Cell, several
 
 R0 = {p.name: p for p in Cell.layout.parameters}["R0"]
@@ -54,6 +57,19 @@ def test_a_table_of_errors_has_a_row_for_every_part(diagnosis):
 
 def test_where_nothing_was_tried_there_is_no_evidence(diagnosis):
     assert tried_effects(diagnosis) == []
+
+
+def test_what_corrects_the_shape_of_a_cause_is_told_as_that(diagnosis):
+    models = [diagnosis.selection.base]
+    for effect in (sensor_lag(Cell, "voltage"), transport_delay(Cell, "voltage")):
+        candidate = models[-1].candidate.with_effect(effect)
+        models.append(replace(models[-1], candidate=candidate))
+    base, *extended = models
+    selection = Selection(base, [Step(model, 20.0, 20.0, 0.0, [], []) for model in extended])
+    cause, shape = tried_effects(replace(diagnosis, selection=selection))
+    assert (cause.candidate.effect_name, cause.verdict) == ("sensor_lag(voltage)", "named")
+    assert (shape.candidate.effect_name, shape.verdict) == ("transport_delay(voltage)", "shape")
+    assert shape.reason == "of sensor_lag(voltage)"
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
 from tests.support.intersample_records import record
 from tests.support.noises import Clean, clean, controlled, gaussian, growing_with_size, outliers
+from tests.support.regression_model import ASYMMETRY, GAIN, SPREAD, STEP, Amplifier
 from tests.support.several import Cell, several
 from tests.support.wired_motor import Motor, wired
 
@@ -448,6 +449,19 @@ def undetermined(monkeypatch):
 @makes(NoteCode.DETERMINED_TOGETHER)
 def determined_together(monkeypatch):
     return diagnose(Product, products(2.0), []).notes
+
+
+@makes(NoteCode.STRAIGHT_PART)
+def straight_part(monkeypatch):
+    """What is rough in one direction only is half a slope, and half what comes on top of that."""
+    signal = coloured(0.5, 2, 600)
+    shown = GAIN * signal + np.maximum(signal, 0.0) + SPREAD * coloured(0.0, 1, 600)
+    data = Dataset(STEP * np.arange(600), {"signal": signal}, {"shown": shown})
+    diagnosis = diagnose(Amplifier, data, [ASYMMETRY])
+    assert diagnosis.estimates["gain"].value == pytest.approx(GAIN + 0.5, rel=0.01)
+    assert diagnosis.causes == [ASYMMETRY.id]
+    assert diagnosis.changed == []
+    return diagnosis.notes
 
 
 @makes(NoteCode.AT_BOUND)

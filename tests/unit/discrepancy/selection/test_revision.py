@@ -16,6 +16,7 @@ from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import revision
 from orchestration.discrepancy.selection.revision import (
+    _at_fewest_places,
     _chain,
     explaining,
     needed,
@@ -194,6 +195,25 @@ def test_what_brings_the_free_run_no_nearer_is_rejected_as_unsure(monkeypatch):
     assert (selection.steps, selection.unsure) == ([], {"even"})
 
 
+@pytest.mark.parametrize("at_one_place", [True, False])
+def test_what_may_be_the_shape_of_a_cause_is_named_as_that(monkeypatch, at_one_place):
+    """A record of two shapes cannot tell the second from what acts where the first does."""
+    even, odd, mixture = EFFECTS
+    places = {even: "even", odd: "odd", mixture: "even" if at_one_place else "mixture"}
+    monkeypatch.setattr(revision, "place_of", places.get)
+    search = Search(record({"even": 1.0, "odd": 0.5}, 6), Amplifier, ["gain"])
+    selection = chained(search, "even", "odd")
+    first, second = selection.steps
+    other = search.fit_with([even, mixture], first.chosen)
+    gains = second.gains | {other.effect_name: 19.0}
+    untold = replace(second, alternatives=[other], gains=gains)
+    named, step = _at_fewest_places(search, replace(selection, steps=[first, untold])).steps
+    assert named.chosen.effect_name == "even"
+    expected = ("mixture", ["odd"]) if at_one_place else ("odd", ["mixture"])
+    assert (step.chosen.effect_name, [e.effect_name for e in step.alternatives]) == expected
+    assert step.gains[step.alternatives[0].effect_name] > 0.0
+
+
 @pytest.mark.parametrize("sizes", [(1.0, 0.4), (0.5, 1.0)])
 def test_the_weightiest_comes_first(sizes):
     """What takes away more beside the other; the criterion without each is a regression's."""
@@ -217,6 +237,15 @@ def test_the_weightiest_comes_first(sizes):
     ]
     for selection in (forward, turned):
         assert revised(search, selection, EFFECTS[:2]).steps[0].chosen.effect_name == weightiest
+
+
+def test_effects_of_one_cause_stay_in_the_order_in_which_they_were_named(monkeypatch):
+    """The odd one weighs more beside the other, as above, but is no cause of its own."""
+    monkeypatch.setattr(revision, "place_of", lambda effect: "one place")
+    search = Search(record({"even": 0.5, "odd": 1.0}, 6), Amplifier, ["gain"])
+    selection = chained(search, "even", "odd")
+    steps = revised(search, selection, EFFECTS[:2]).steps
+    assert [step.chosen.effect_name for step in steps] == ["even", "odd"]
 
 
 def chained(search, *names):

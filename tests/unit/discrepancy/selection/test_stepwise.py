@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lsim, lti
 
-from fmus.kit.sensors import measurement_effects
+from fmus.kit.inputs import backlash, dead_zone, input_lag
+from fmus.kit.sensors import (
+    measurement_effects,
+    sensor_gain,
+    sensor_lag,
+    sensor_offset,
+    transport_delay,
+)
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection import stepwise
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
-from orchestration.discrepancy.selection.stepwise import select
+from orchestration.discrepancy.selection.stepwise import Selection, Step, place_of, select
 from studies.plants.models.cell import EFFECTS, Cell
 from tests.support.regression_model import (
     ASYMMETRY,
@@ -161,3 +169,28 @@ def test_a_cause_that_was_missed_at_first_is_named_alone_where_it_needs_no_other
     assert values["voltage_delay"] == pytest.approx(LATE * 0.5, abs=0.02)
     assert values["R0"] == pytest.approx(OHMIC, rel=0.02)
     assert values["tau1"] == pytest.approx(TIME_CONSTANT, rel=0.05)
+
+
+def test_what_acts_where_a_cause_does_is_its_shape():
+    gain, offset, lag, delay = (
+        make(Amplifier, "shown")
+        for make in (sensor_gain, sensor_offset, sensor_lag, transport_delay)
+    )
+    friction, cubic = OTHERS[0], OTHERS[2]  # of one law over one signal
+    effects = gain, lag, offset, friction
+    models = [SimpleNamespace(effect=effect) for effect in effects]
+    steps = [Step(model, 20.0, 20.0, 0.0, [], []) for model in models]
+    groups = Selection(models[0], steps).by_cause
+    assert [[step.chosen.effect for step in group] for group in groups] == [
+        [gain, offset],
+        [lag],
+        [friction],
+    ]
+    assert place_of(friction) == place_of(cubic)
+    assert place_of(lag) == place_of(delay)
+    assert place_of(OFFSET) == OFFSET, "it is of no signal, and has no other shapes"
+
+
+def test_inputs_are_places_and_what_is_late_is_another_matter():
+    slow, uneven, dead = (make(Amplifier, "signal") for make in (input_lag, backlash, dead_zone))
+    assert place_of(uneven) == place_of(dead) != place_of(slow)

@@ -26,9 +26,12 @@ from orchestration.discrepancy.validation.estimates import (
     parameter_estimates,
     shape_spread,
     significantly_changed,
+    straight_parts,
     undetermined_effects,
 )
+from orchestration.fmu import families
 from orchestration.identify.uncertainty.estimate import Estimate, is_significantly_different
+from studies.plants.models.motor import EFFECTS, Motor
 from tests.support.regression_model import GAIN, OTHERS, SPREAD, STEP, Amplifier
 
 RECORDS, STRETCHES, LENGTH = 60, 24, 50
@@ -229,3 +232,18 @@ def test_a_part_of_another_shape_that_is_not_seen_may_be_in_the_truth():
         spread = shape_spread(chosen, selection, structured)
         assert spread[place] == pytest.approx(share * whole / 1.96, rel=0.05)
         assert not np.delete(spread, place).any()
+
+
+def test_only_a_slope_over_the_signal_of_a_curve_is_its_straight_part():
+    """The oracle is the laws as they are written: friction ``d w``, current ``(u - K w) / R``."""
+    parameters = ["resistance", "constant", "inertia", "damping"]
+    known = families(Motor) | EFFECTS
+    curves = {
+        "coulomb_friction": ("damping",),
+        "cubic_leakage(winding_current, voltage)": (),  # R divides the whole law
+        "quadratic_drag(winding_current, omega)": ("constant",),
+        "force_offset": (),  # of no signal
+        "sliding_friction(friction)": (),  # it remembers
+    }
+    found = straight_parts([known[name] for name in curves], Motor, parameters)
+    assert found == {name: slopes for name, slopes in curves.items() if slopes}
