@@ -34,7 +34,7 @@ _UNUSUAL = 2.5
 _ABOUT = 8  # samples before and after one, which tell how an output changes there,
 _SUDDEN = 2.5  # and times as much as that, from which on its change is a jump
 _USUAL = 0.75  # quantile of the innovations at steps, which is the usual one
-_EARLY, _LATE = 1, 4  # samples before and after a step at which its answer is seen
+_EARLY, _LATE = 1, PIECE  # samples before and after a step at which its answer is seen, be it late
 _LONE = 20  # steps of inputs that else go smoothly, up to which they may be made by joining
 _MOST = 12  # jumps of one record; a plant that hits a stop again and again has more
 _LEAST = 0.01  # error over the spread, below which nobody would notice that a record was cut
@@ -93,7 +93,7 @@ def _jumps(base: FittedCandidate, data: Dataset) -> Array:
         return sizes
     peaks = np.array([sizes[answer].max() for answer in answers])
     for place, answer in enumerate(answers):
-        usual = float(np.quantile(np.delete(peaks, place), _USUAL)) if len(peaks) > 1 else 0.0
+        usual = float(np.quantile(np.delete(peaks, place), _USUAL)) if len(peaks) > 1 else np.inf
         sizes[answer] = np.where(sizes[answer] > _UNUSUAL * usual, sizes[answer], 0.0)
     return sizes
 

@@ -7,11 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict, diagnose
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.report import wording
+from orchestration.discrepancy.selection.pieces import pieced_together
+from orchestration.discrepancy.selection.search import Search
 from tests.support.wired_motor import COUNT, FRICTION, STEP, Motor, wired
 
 KINDS = {NoteCode.PIECED, NoteCode.OTHER_SPECIMEN}
@@ -91,3 +94,17 @@ def test_what_is_in_one_piece_is_not_told_to_be_in_several(fault):
         shown = np.append(np.zeros(12), shown[:-12])
     _, notes = diagnosed(replace(data, measured={"shown": shown}))
     assert not KINDS & {note.code for note in notes}
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_the_answers_to_steps_of_an_input_are_no_joints(steps):
+    """They come ten samples late, which the model does not know."""
+    drive = np.zeros(COUNT)
+    drive[300 : 900 if steps == 2 else COUNT] = 1.0
+    late = np.append(np.zeros(10), drive[:-10])
+    decay = np.exp(-STEP / 0.8)
+    shown = lfilter([0.0, 3.0 * (1.0 - decay)], [1.0, -decay], late)
+    noise = 1e-3 * np.random.default_rng(6).standard_normal(COUNT)
+    record = Dataset(STEP * np.arange(COUNT), {"drive": drive}, {"shown": shown + noise})
+    search = Search(record, Motor, ["gain", "drag"])
+    assert pieced_together(search, search.nominal()) == []
