@@ -85,8 +85,9 @@ def _jumps(base: FittedCandidate, data: Dataset) -> Array:
         at = np.flatnonzero(base.problem.present[output])
         deviation = float(np.median(np.abs(innovation))) / float(ndtri(0.75))
         if deviation > 0.0:
-            jumps = _is_sudden(data.measured[output][at]) * np.abs(innovation) / deviation
-            sizes[at] = np.maximum(sizes[at], jumps)
+            # after a gap the sample before is long ago
+            counts = _is_sudden(data.measured[output][at]) & (np.diff(at, prepend=-1) == 1)
+            sizes[at] = np.maximum(sizes[at], counts * np.abs(innovation) / deviation)
     steps = np.flatnonzero(input_steps(data.inputs, len(sizes)))
     answers = [slice(max(k - _EARLY, 0), k + _LATE + 1) for k in steps]
     if not answers or (len(steps) <= _LONE and _are_smooth_else(data, steps)):

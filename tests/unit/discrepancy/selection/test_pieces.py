@@ -96,15 +96,18 @@ def test_what_is_in_one_piece_is_not_told_to_be_in_several(fault):
     assert not KINDS & {note.code for note in notes}
 
 
-@pytest.mark.parametrize("steps", [1, 2])
-def test_the_answers_to_steps_of_an_input_are_no_joints(steps):
-    """They come ten samples late, which the model does not know."""
+@pytest.mark.parametrize("blocks", [False, True])
+def test_where_blocks_are_held_out_no_piece_begins(blocks):
+    """A pulse is answered late, which the model does not know, and blocks of it were not fitted."""
     drive = np.zeros(COUNT)
-    drive[300 : 900 if steps == 2 else COUNT] = 1.0
-    late = np.append(np.zeros(10), drive[:-10])
+    drive[300:900] = 1.0
+    late = np.append(np.zeros(25), drive[:-25])
     decay = np.exp(-STEP / 0.8)
     shown = lfilter([0.0, 3.0 * (1.0 - decay)], [1.0, -decay], late)
-    noise = 1e-3 * np.random.default_rng(6).standard_normal(COUNT)
-    record = Dataset(STEP * np.arange(COUNT), {"drive": drive}, {"shown": shown + noise})
+    shown += 1e-3 * np.random.default_rng(6).standard_normal(COUNT)
+    if blocks:
+        shown[320:340] = np.nan
+        shown[920:940] = np.nan
+    record = Dataset(STEP * np.arange(COUNT), {"drive": drive}, {"shown": shown})
     search = Search(record, Motor, ["gain", "drag"])
     assert pieced_together(search, search.nominal()) == []
