@@ -13,7 +13,7 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict, diagnose
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.selection.pieces import pieced_together
+from orchestration.discrepancy.selection.pieces import _joints, _jumps
 from orchestration.discrepancy.selection.search import Search
 from tests.support.wired_motor import COUNT, FRICTION, STEP, Motor, wired
 
@@ -96,8 +96,7 @@ def test_what_is_in_one_piece_is_not_told_to_be_in_several(fault):
     assert not KINDS & {note.code for note in notes}
 
 
-@pytest.mark.parametrize("blocks", [False, True])
-def test_where_blocks_are_held_out_no_piece_begins(blocks):
+def test_where_blocks_are_held_out_no_piece_begins():
     """A pulse is answered late, which the model does not know, and blocks of it were not fitted."""
     drive = np.zeros(COUNT)
     drive[300:900] = 1.0
@@ -105,9 +104,8 @@ def test_where_blocks_are_held_out_no_piece_begins(blocks):
     decay = np.exp(-STEP / 0.8)
     shown = lfilter([0.0, 3.0 * (1.0 - decay)], [1.0, -decay], late)
     shown += 1e-3 * np.random.default_rng(6).standard_normal(COUNT)
-    if blocks:
-        shown[320:340] = np.nan
-        shown[920:940] = np.nan
+    shown[320:340] = np.nan
+    shown[920:940] = np.nan
     record = Dataset(STEP * np.arange(COUNT), {"drive": drive}, {"shown": shown})
-    search = Search(record, Motor, ["gain", "drag"])
-    assert pieced_together(search, search.nominal()) == []
+    base = Search(record, Motor, ["gain", "drag"]).nominal()
+    assert _joints(_jumps(base, record)) == []
