@@ -68,7 +68,9 @@ DEGRADED = 1.1  # times the error before, above which it has grown
 TOLERATED_STRUCTURE = 0.25
 _LARGE = 0.15  # of the spread of an output, from which on an error is large
 _HOPELESS = 0.6  # of that spread, from which on a model does not describe a record
+_SPREAD = 1.0  # of that spread: the error of a model that is no nearer than the mean
 _ROUNDED = 0.5  # of a step of the recorder, within which it rounds; as RMS it is 0.29
+_FEWEST_MOVING = 20  # samples that move by a step or more, to judge rounding by them alone
 _SLOW = 0.5  # of its power, which innovations have less of where it changes slowly
 CONFOUNDED_SHARE = 0.75  # of what an effect does that another would do too, to be noted
 
@@ -263,7 +265,7 @@ def conclude(
     UserError
         If the best model cannot be simulated over the data.
     """
-    if max(_large_errors(judged.selection.best).values(), default=0.0) > _HOPELESS:
+    if _describes_nothing(judged):
         judged = judged.without_steps(data.validation)
     if _is_below_resolution(judged.selection.base, data):
         judged = judged.without_steps(data.validation)
@@ -277,7 +279,8 @@ def conclude(
         residuals, selection, search, data.input_noise
     )
     remainder = _remainder(judged, residuals, of_input_noise, data)
-    doubts = _doubts(judged, remainder.structure, improves)
+    is_misread = any(note.code in MIXED_UP for note in data.notes)
+    doubts = _doubts(judged, remainder.structure, improves, is_misread)
     notes = [
         *data.notes,
         *judged.notes,
@@ -291,8 +294,7 @@ def conclude(
         *search.budget.notes,
     ]
     misfit = remainder.structure or parameters.implausible
-    misfit = misfit or bool(remainder.unfollowed or doubts)
-    misfit = misfit or any(note.code in MIXED_UP for note in data.notes)
+    misfit = misfit or is_misread or bool(remainder.unfollowed or doubts)
     fitted_errors, judged_errors = model_errors(judged.predictions, data.validation)
     return Diagnosis(
         verdict=_verdict(selection, parameters, misfit, data.informative),
@@ -312,20 +314,33 @@ def conclude(
     )
 
 
-def _is_below_resolution(base: FittedCandidate, data: DiagnosisData) -> bool:
-    """Return whether a model misses no output by more than its recorder rounds.
+def _describes_nothing(judged: ConfirmedSelection) -> bool:
+    """Return whether a model misses nearly all of a record, or much of it and the unseen data."""
+    large = _large_errors(judged.selection.best)
+    unseen = judged.predictions[-1].errors.values()
+    return max(large.values(), default=0.0) > _HOPELESS or bool(large and min(unseen) > _SPREAD)
 
-    Rounding is no noise: it goes with the signal, and any effect may follow some of it.
+
+def _is_below_resolution(base: FittedCandidate, data: DiagnosisData) -> bool:
+    """Return whether a model misses no output by more than its recorder rounds, where that moves.
+
+    Rounding is no noise: it goes with the signal, and any effect may follow some of it. At rest a
+    model misses little, whatever it lacks.
     """
     steps = {
         note.subject: note.facts["resolution"]
         for note in data.notes
         if note.code is NoteCode.QUANTISED
     }
-    return all(
-        output in steps and float(np.std(residual)) < _ROUNDED * steps[output]
-        for output, residual in base.fit.residual.items()
-    )
+    for output, residual in base.fit.residual.items():
+        if output not in steps:
+            return False
+        measured = base.problem.measured[output][base.problem.present[output]]
+        moving = np.abs(np.gradient(measured)) >= steps[output]
+        counted = residual[moving] if moving.sum() >= _FEWEST_MOVING else residual
+        if not float(np.std(counted)) < _ROUNDED * steps[output]:
+            return False
+    return True
 
 
 def _fit_to_all(
@@ -654,14 +669,20 @@ def _doubts(
     judged: ConfirmedSelection,
     structure_remains: bool,
     improves: Callable[[Mapping[str, float], Mapping[str, float]], bool],
+    is_misread: bool,
 ) -> list[Note]:
-    """Return the notes on what speaks against the best model, whatever its causes gained."""
+    """Return the notes on what speaks against the best model, whatever its causes gained.
+
+    Where it is known what is wrong with the record, outputs may well follow inputs.
+    """
     if not judged.selection.steps:
         large = _large_errors(judged.selection.best)
         if not large:
             return []
         facts = {"outputs": tuple(large), "share": max(large.values())}
-        return [Note(NoteCode.LARGE_ERROR, "", facts)]
+        is_hopeless = _pooled(large, judged.selection.best) > _HOPELESS
+        is_unrelated = is_hopeless and not is_misread
+        return [Note(NoteCode.UNRELATED if is_unrelated else NoteCode.LARGE_ERROR, "", facts)]
     doubts = []
     if structure_remains:
         doubts.append(Note(NoteCode.SOMETHING_LEFT))
@@ -690,6 +711,11 @@ def _large_errors(best: FittedCandidate) -> dict[str, float]:
         if share > _LARGE and follows < _SLOW * robust_power(residual):
             missed[output] = share
     return missed
+
+
+def _pooled(errors: Mapping[str, float], best: FittedCandidate) -> float:
+    """Return the root mean square of errors by output, of which those that are absent are none."""
+    return float(np.sqrt(sum(error**2 for error in errors.values()) / len(best.fit.residual)))
 
 
 def _is_tolerated(before: FitResult, after: FitResult, output: str) -> bool:

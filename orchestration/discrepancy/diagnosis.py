@@ -38,14 +38,19 @@ from orchestration.discrepancy.selection import (
     Selection,
     all_samples,
     as_reported_models,
+    by_another_clock,
     clock,
+    filtered_both_ways,
     fitted_to_the_end,
     interpolation_hypotheses,
     intersample,
     mixed_up_columns,
+    pieced_together,
     solver_error_notes,
 )
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
+
+_ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
 
 
 @dataclass(frozen=True)
@@ -342,11 +347,9 @@ def select(
         noise = errors_in_variables.no_input_noise(fitted.base)
         data = _conclusion_data(fitted, fitted.base, noise, [])
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
-    notes: list[Note] = []
-    if mixed_up:
-        ahead = ahead_of_inputs(fitted.search.data)
-        notes = ahead or mixed_up_columns(fitted.search, fitted.base)
-    if notes or solver_error_notes(fitted.base):
+    is_copied = any(note.code is NoteCode.COPIED for note in fitted.record.parts.notes)
+    notes = _misuse_notes(fitted) if mixed_up and not is_copied else []
+    if notes or is_copied or solver_error_notes(fitted.base):
         noise = errors_in_variables.no_input_noise(fitted.base)
         data = _conclusion_data(fitted, fitted.base, noise, notes)
         return SelectedEffects(fitted.search, Selection(fitted.base), data)
@@ -358,6 +361,21 @@ def select(
     taken = replace(fitted, record=replace(fitted.record, intersample=way.chosen))
     data = _conclusion_data(taken, candidates.base, noise, noise_notes)
     return SelectedEffects(way.search, selection, data)
+
+
+def _misuse_notes(fitted: BaseFit) -> list[Note]:
+    """Return the notes on a record that is not what it says, which no cause explains.
+
+    Of several explanations it is the one with which the model comes nearest to the record, and
+    those that cannot be told from that.
+    """
+    explanations = [by_another_clock, filtered_both_ways]
+    ahead = ahead_of_inputs(fitted.search.data)
+    if not ahead:
+        explanations += [pieced_together, mixed_up_columns]
+    notes = [note for explain in explanations for note in explain(fitted.search, fitted.base)]
+    least = min((note.facts["instead"] for note in notes), default=0.0)
+    return [note for note in notes if note.facts["instead"] <= _ALIKE * least] or ahead
 
 
 def complete(selected: SelectedEffects, whole: BaseFit) -> SelectedEffects:

@@ -67,6 +67,7 @@ class NoteCode(StrEnum):
     NOT_FOLLOWED = "not_followed"
     END_NOT_FOLLOWED = "end_not_followed"
     LARGE_ERROR = "large_error"
+    UNRELATED = "unrelated"
     SOLVER_ERROR = "solver_error"
     EXCHANGED = "exchanged"
     OTHER_SIGN = "other_sign"
@@ -74,6 +75,12 @@ class NoteCode(StrEnum):
     DIFFERENTIATED = "differentiated"
     INTEGRATED = "integrated"
     MOVES_AHEAD = "moves_ahead"
+    FILTERED = "filtered"
+    RUNS_AHEAD = "runs_ahead"
+    OTHER_CLOCK = "other_clock"
+    UNSIGNED = "unsigned"
+    PIECED = "pieced"
+    OTHER_SPECIMEN = "other_specimen"
     # results
     UNDETERMINED = "undetermined"
     DETERMINED_TOGETHER = "determined_together"
@@ -97,6 +104,13 @@ MIXED_UP = (
     NoteCode.DIFFERENTIATED,
     NoteCode.INTEGRATED,
     NoteCode.MOVES_AHEAD,
+    NoteCode.FILTERED,
+    NoteCode.RUNS_AHEAD,
+    NoteCode.OTHER_CLOCK,
+    NoteCode.UNSIGNED,
+    NoteCode.PIECED,
+    NoteCode.OTHER_SPECIMEN,
+    NoteCode.COPIED,
 )
 
 

@@ -46,10 +46,17 @@ _FAULTS = {  # notes on what was done to values
     "output is a copy of the input": {"copied"},
     "differentiated": {"differentiated", "moves_ahead"},
     "integrated": {"integrated"},
-    "filtered both ways": {"moves_ahead", "oversampled"},
-    "outputs logged late": {"moves_ahead"},
+    "filtered both ways": {"filtered", "moves_ahead", "oversampled"},
+    "output without sign": {"unsigned"},
+    "outputs logged late": {"moves_ahead", "runs_ahead"},
+    "outputs by another clock": {"other_clock"},
+    "pieces in the wrong order": {"pieced"},
+    "cut and closed up": {"pieced"},
+    "two specimens in one": {"pieced", "other_specimen"},
+    "inputs of another run": {"unrelated"},
+    "outputs of something else": {"unrelated"},
 }
-_GENERAL = {"large_error", "implausible", "not_followed", "end_not_followed"}
+_GENERAL = {"large_error", "unrelated", "implausible", "not_followed", "end_not_followed"}
 _HEAD = (
     "# What is said of records that were spoilt\n"
     "\n"
@@ -111,11 +118,13 @@ def _outcome(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
 def _names(note: Note, kind: str, changed: set[str]) -> bool:
     """Return whether a note names a fault: its kind, or spoilt columns, be it beside others."""
     code = str(note.code)
+    if kind in _FAULTS:
+        return code in _FAULTS[kind]
     if code in _COLUMNS:
         others = [other.split(" in ")[0] for other in note.facts["others"]]
         told = [note.facts["columns"], *others]
         return any(changed.issuperset(columns.split(" and ")) for columns in told)
-    return code in _FAULTS.get(kind, ())
+    return False
 
 
 def report(rows: Sequence[Row]) -> Topic:

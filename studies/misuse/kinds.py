@@ -56,7 +56,8 @@ class Kind:
     Attributes
     ----------
     spoil : callable
-        Makes spoilt columns of right ones and of others: the same signals of another specimen.
+        Makes spoilt columns of right ones and of others: the same signals of another specimen, in a
+        run with another stimulus.
     plants : tuple of str
         Of which records are drawn.
     """

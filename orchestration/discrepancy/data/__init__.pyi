@@ -1,4 +1,5 @@
 from .causality import ahead_of_inputs as ahead_of_inputs
+from .dataset import PIECE as PIECE
 from .dataset import Dataset as Dataset
 from .dataset import dataset_of as dataset_of
 from .dataset import gap_notes as gap_notes

@@ -56,6 +56,7 @@ _REASONS = (
     NoteCode.END_NOT_FOLLOWED,
     NoteCode.LARGE_ERROR,
 )
+_MISUSE = (*MIXED_UP, NoteCode.UNRELATED)  # what is wrong with the record, not with the model
 _NOTES = {
     NoteCode.LARGE_ERROR: (
         "the model misses {share} of the spread of {outputs}, most of it more slowly than from"
@@ -89,6 +90,38 @@ _NOTES = {
         "moves before inputs step, which nothing does that follows them: it was filtered forwards"
         " and backwards, or differentiated about every sample, or its clock is ahead of theirs;"
         " what was measured is needed as it was"
+    ),
+    NoteCode.FILTERED: (
+        "outputs have nothing beyond {frequency:.3g} Hz, no noise either, and look to have been"
+        " filtered forwards and backwards: the model misses {share}, and with inputs filtered alike"
+        " {instead}; what was measured is needed as it was"
+    ),
+    NoteCode.RUNS_AHEAD: (
+        "the clock of {columns} looks to be {ahead:.4g} s ahead of that of the inputs: the model"
+        " misses {share}, and with them that much later {instead}"
+    ),
+    NoteCode.OTHER_CLOCK: (
+        "the clock of {columns} looks to be another than that of the inputs, {rate} off: the model"
+        " misses {share}, and with it put right {instead}"
+    ),
+    NoteCode.UNSIGNED: (
+        "the sign of {columns} looks to be lost{others}: the model misses {share}, and of what is"
+        " shown without sign {instead}"
+    ),
+    NoteCode.PIECED: (
+        "outputs jump at {instants}, and nothing that was fed makes them: the model misses {share},"
+        " and where it starts anew there {instead}; was the record cut, or put together from"
+        " pieces? Give each as a record of its own"
+    ),
+    NoteCode.OTHER_SPECIMEN: (
+        "outputs jump at {instants}, and the record looks to be of another specimen from there on:"
+        " the model misses {share}, and with parameters of its own for each part {instead}; give"
+        " the parts as records, to fit both (--each NAME) or to compare them (--compare)"
+    ),
+    NoteCode.UNRELATED: (
+        "outputs do not follow inputs: the model misses {share} of the spread of {outputs},"
+        " whatever its parameters, and no other unit, sign, column or clock brings it near; are"
+        " inputs and outputs of one run, and is it this plant?"
     ),
     NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
     NoteCode.CLIPPED_REPEATEDLY: (
@@ -281,7 +314,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.inconclusive:
         return "This record cannot tell whether anything is wrong: no input moves."
     unexplained = _unexplained_findings(diagnosis)
-    wrong = [message(note) for note in diagnosis.notes if note.code in MIXED_UP]
+    wrong = [message(note) for note in diagnosis.notes if note.code in _MISUSE]
     reasons = [message(note) for note in diagnosis.notes if note.code in _REASONS]
     verdict = _VERDICTS[diagnosis.verdict].format(
         changed=", ".join(diagnosis.changed),
@@ -420,6 +453,10 @@ def _format_untried(effects: Sequence[str]) -> str:
     return f"not tried: {_format_names(effects)}" if effects else "fits were ended early"
 
 
+def _format_instants(instants: Sequence[float]) -> str:
+    return _format_names([f"{instant:.6g} s" for instant in instants])
+
+
 def _format_margin(margin: float) -> str:
     """Return by how much BIC speaks for a choice; empty where it makes no difference."""
     if abs(margin) < _NO_DIFFERENCE:
@@ -457,8 +494,8 @@ def format_percent(share: float) -> str:
     return f"{value:.0f} %" if is_whole else f"{value:.2g} %"
 
 
-def _format_bias(bias: float) -> str:
-    return f"{100.0 * bias:+.2g} %"
+def _format_signed_share(share: float) -> str:
+    return f"{100.0 * share:+.2g} %"
 
 
 _FACT_WORDS = {  # by the name of a fact: what is said for each of its values
@@ -480,7 +517,9 @@ _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
     "records": _format_records,
     "untried": _format_untried,
     "margin": _format_margin,
-    "bias": _format_bias,
+    "bias": _format_signed_share,
+    "rate": _format_signed_share,
+    "instants": _format_instants,
     "share": format_percent,
     "instead": format_percent,
     "usable": format_percent,

@@ -2,6 +2,7 @@ from . import all_samples as all_samples
 from . import clock as clock
 from . import interpolation_hypotheses as interpolation_hypotheses
 from . import intersample as intersample
+from .filtering import filtered_both_ways as filtered_both_ways
 from .input_noise import REPLICAS as REPLICAS
 from .input_noise import denoised as denoised
 from .input_noise import noisy_inputs as noisy_inputs
@@ -10,6 +11,8 @@ from .input_noise import unfollowed_noise as unfollowed_noise
 from .input_noise import with_more_noise as with_more_noise
 from .intersample import Intersample as Intersample
 from .mixed_up import mixed_up_columns as mixed_up_columns
+from .output_clock import by_another_clock as by_another_clock
+from .pieces import pieced_together as pieced_together
 from .revision import as_reported_models as as_reported_models
 from .revision import fitted_to_the_end as fitted_to_the_end
 from .revision import needed as needed

@@ -3,13 +3,13 @@
 A model that misses much of a record, or that follows it only with parameters that no specimen has,
 may be right and the record wired otherwise. That is tried: the model is fitted once more with two
 columns exchanged, with the sign of one changed, with one of them, or the clock, in another unit of
-its kind, and with outputs integrated or differentiated.
+its kind, and with outputs integrated or differentiated, or with the sign that they lost.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -21,11 +21,16 @@ from orchestration.discrepancy.candidates import Candidate, FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import parallel_map
+from orchestration.discrepancy.selection.misfit import (
+    MUCH_NEARER,
+    nominal_outputs,
+    pooled,
+    share_of_power,
+)
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.fitting import FitResult, Problem
 
 _LARGE = 0.15  # error over the spread, from which on it is worth a look
-_MUCH_NEARER = 0.5  # of that error, up to which it must fall
 _SPREAD = 1.0  # that error where a model is no nearer than the mean, which explains nothing
 _ALIKE = 1.2  # times the least error, among which the usual parameters decide
 _HALF = 0.5  # of the spread, up to which an error tells something of parameters
@@ -68,12 +73,18 @@ class _Reading:
         Of the record, in words.
     unit : str
         That a column is read in; empty for another way.
+    folds : Mapping of str to float
+        Levels about which outputs lost their sign, in which they are compared without it.
+    is_fed_output : bool
+        Whether what was measured is fed, and what was fed is compared.
     """
 
     data: Dataset
     code: NoteCode
     columns: str
     unit: str = ""
+    folds: Mapping[str, float] = field(default_factory=dict)
+    is_fed_output: bool = False
 
     def __str__(self) -> str:
         """Return the columns, and the unit if they are read in another."""
@@ -100,7 +111,8 @@ def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     """Return a note on columns that are mixed up, if the model is much nearer with them put right.
 
     Nearer is what leaves half of the error, or as much with the parameters of a specimen where they
-    were out of all reason.
+    were out of all reason. Of an input and an output exchanged it is what leaves a quarter: a model
+    that is fed what was measured knows where the plant is, and may be wrong elsewhere.
 
     Parameters
     ----------
@@ -124,17 +136,19 @@ def mixed_up_columns(search: Search, base: FittedCandidate) -> list[Note]:
     def worth_of(reading: _Reading) -> _Worth:
         again = replace(search, data=reading.data, progress=lambda text: None)
         try:
-            return _worth(*again.free_run(), reading.code is NoteCode.DIFFERENTIATED)
+            with np.errstate(over="ignore"):  # a simulation that runs away is far off
+                return _worth(*again.free_run(), reading)
         except FAILURES:
             return _Worth(np.inf, np.inf)
 
     as_is, *worths = parallel_map(worth_of, [_Reading(few, NoteCode.OTHER_UNIT, ""), *readings])
-    errors = np.array([worth.error for worth in worths])
+    handicaps = np.array([1.0 + reading.is_fed_output for reading in readings])
+    errors = handicaps * np.array([worth.error for worth in worths])
     distances = np.array([worth.distance for worth in worths])
     if not readings:
         return []
     near = errors <= _ALIKE * np.min(errors)
-    if as_is.error > _LARGE and np.min(errors) < min(_MUCH_NEARER * as_is.error, _SPREAD):
+    if as_is.error > _LARGE and np.min(errors) < min(MUCH_NEARER * as_is.error, _SPREAD):
         return [_note(readings, near, as_is, worths)]
     in_units = np.array([reading.code is NoteCode.OTHER_UNIT for reading in readings])
     reasonable = in_units & (errors <= _AS_NEAR * as_is.error) & (distances <= _USUAL)
@@ -172,7 +186,11 @@ def _readings(search: Search, data: Dataset) -> Iterator[_Reading]:
         exchanged = {one: columns[other], other: columns[one]}
         if not all(_complete(values) for n, values in exchanged.items() if n in data.inputs):
             continue
-        yield _Reading(_with(data, exchanged), NoteCode.EXCHANGED, f"{one} and {other}")
+        is_fed = (one in data.inputs) != (other in data.inputs)
+        if is_fed and not (np.ptp(columns[one]) > 0.0 and np.ptp(columns[other]) > 0.0):
+            continue  # what does not move is not compared
+        names = f"{one} and {other}"
+        yield _Reading(_with(data, exchanged), NoteCode.EXCHANGED, names, is_fed_output=is_fed)
     for one, values in columns.items():
         yield _Reading(_with(data, {one: -values}), NoteCode.OTHER_SIGN, one)
     declared = {variable.name: variable.unit for variable in search.base.layout.variables}
@@ -185,6 +203,20 @@ def _readings(search: Search, data: Dataset) -> Iterator[_Reading]:
             clock = replace(data, time=meant.factor * data.time)
             yield _Reading(clock, NoteCode.OTHER_UNIT, _CLOCK, unit)
         yield from _rates_and_integrals(search, data)
+        yield from _with_signs(data, nominal_outputs(search, data))
+
+
+def _with_signs(data: Dataset, simulated: Mapping[str, Array]) -> Iterator[_Reading]:
+    """Yield the data with the sign of the nominal model on outputs that are never negative.
+
+    Some lost it about zero, and others about their mean.
+    """
+    unsigned = {o: y for o, y in data.measured.items() if np.nanmin(y) >= 0.0 < np.nanmax(y)}
+    if not unsigned or not simulated:
+        return
+    folds = {o: float(np.mean(simulated[o])) for o in unsigned}
+    signed = {o: folds[o] + np.sign(simulated[o] - folds[o]) * y for o, y in unsigned.items()}
+    yield _Reading(_with(data, signed), NoteCode.UNSIGNED, " and ".join(signed), folds=folds)
 
 
 def _rates_and_integrals(search: Search, data: Dataset) -> Iterator[_Reading]:
@@ -235,20 +267,22 @@ def _with(data: Dataset, columns: dict[str, Array]) -> Dataset:
     return replace(data, inputs=inputs, measured=measured)
 
 
-def _worth(problem: Problem, fit: FitResult, of_rates: bool = False) -> _Worth:
-    """Return what a reading is worth by a fit of the model, or by the rates of its errors.
+def _worth(problem: Problem, fit: FitResult, reading: _Reading | None = None) -> _Worth:
+    """Return what a reading is worth by a fit of the model.
 
-    Outputs that do not vary tell nothing. Of a sum noise is small beside the spread, however large
-    it is in what was summed up.
+    Of a sum noise is small beside the spread, however large it is in what was summed up: of sums,
+    rates are compared. What has no sign is compared without one.
     """
     shares: list[float] = []
-    with np.errstate(over="ignore"):  # a simulation that runs away is far off
-        for output, residual in fit.residual.items():
-            measured = np.diff(problem.measured[output][problem.present[output]], int(of_rates))
-            power = float(np.var(measured))
-            if power > 0.0:
-                shares.append(float(np.mean(np.diff(residual, int(of_rates)) ** 2)) / power)
+    order = int(reading is not None and reading.code is NoteCode.DIFFERENTIATED)
+    folds = reading.folds if reading else {}
+    for output, residual in fit.residual.items():
+        measured = problem.measured[output][problem.present[output]]
+        if output in folds:
+            deviation = measured - folds[output]
+            measured = np.abs(deviation)
+            residual = measured - np.abs(deviation - residual)
+        shares.append(share_of_power(np.diff(measured, order), np.diff(residual, order)))
     change = np.abs(fit.q - problem.position(problem.start))
     physical = [not problem.declared[name].starts for name in problem.names]
-    error = float(np.mean(shares or [0.0])) ** 0.5
-    return _Worth(error, float(np.max(change[physical], initial=0.0)))
+    return _Worth(pooled(shares), float(np.max(change[physical], initial=0.0)))

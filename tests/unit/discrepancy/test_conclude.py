@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from fmus.kit import measurement_effects
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import conclude as conclusion
 from orchestration.discrepancy.candidates import label
@@ -26,6 +27,7 @@ from orchestration.discrepancy.validation import (
 )
 from orchestration.discrepancy.validation.confirmation import FreeRunGain
 from tests.support.diagnosis import FEW, coloured, short_record
+from tests.support.gain import Gain
 from tests.support.regression_model import OTHERS, STEP, Amplifier
 from tests.support.several import Cell, measured
 from tests.support.wired_motor import FRICTION, Motor, wired
@@ -136,18 +138,29 @@ def test_what_is_left_where_the_cause_does_not_act_is_told():
     )
 
 
-@pytest.mark.parametrize(("size", "slow"), [(1.0, True), (0.05, True), (1.0, False)])
-def test_a_large_error_that_goes_slowly_is_not_fine(size, slow):
-    """An error as large as the signal: a slow one is of no sensor, white noise may be."""
+@pytest.mark.parametrize(
+    ("size", "slow", "code"),
+    [
+        (3.0, True, NoteCode.UNRELATED),
+        (0.5, True, NoteCode.LARGE_ERROR),
+        (0.05, True, None),
+        (3.0, False, None),
+    ],
+)
+def test_a_large_error_that_goes_slowly_is_not_fine(size, slow, code):
+    """An error as large as the signal: a slow one is of no sensor, white noise may be.
+
+    The signal has a deviation of 2 / sqrt(3): the errors are 93 and 40 % of what is shown.
+    """
     rng = np.random.default_rng(5)
     signal = rng.uniform(-1.0, 1.0, 1500)
     error = lfilter([1.0], [1.0, -0.95], rng.normal(size=1500)) if slow else rng.normal(size=1500)
     shown = 2.0 * signal + size * error / error.std()
     data = Dataset(STEP * np.arange(1500), {"signal": signal}, {"shown": shown})
     diagnosis = diagnose(Amplifier, data, [])
-    codes = [note.code for note in diagnosis.notes]
-    assert (NoteCode.LARGE_ERROR in codes) == (slow and size == 1.0)
-    if NoteCode.LARGE_ERROR in codes:
+    codes = {note.code for note in diagnosis.notes}
+    assert codes & {NoteCode.LARGE_ERROR, NoteCode.UNRELATED} == ({code} if code else set())
+    if code:
         assert diagnosis.verdict is Verdict.UNEXPLAINED
 
 
@@ -160,7 +173,8 @@ def test_where_a_model_does_not_describe_a_record_nothing_is_named():
     assert diagnosis.verdict is Verdict.UNEXPLAINED
     assert diagnosis.causes == []
     assert diagnosis.confirmations == {}
-    assert NoteCode.LARGE_ERROR in {note.code for note in diagnosis.notes}
+    (note,) = [note for note in diagnosis.notes if note.code is NoteCode.UNRELATED]
+    assert wording.message(note) in wording.sentence(diagnosis)
 
 
 @pytest.mark.parametrize(("fall", "stays"), [(4.0, True), (1.0, False)])
@@ -291,3 +305,17 @@ def test_within_half_a_step_of_the_recorder_no_cause_is_named():
     assert conclude_again(named, notes=[coarse]).causes == []
     fine = Note(NoteCode.QUANTISED, "shown", {"resolution": 0.02, "share": 1.0})
     assert conclude_again(named, notes=[fine]).causes == named.causes
+
+
+@pytest.mark.parametrize(("lag", "causes"), [(0.5, ["sensor_lag(y)"]), (0.0, [])])
+def test_rounding_is_judged_where_a_record_moves(lag, causes):
+    """The record rests for all but a hundredth of the time, where a lag makes no error."""
+    rng = np.random.default_rng(6)
+    pulse = np.append(np.ones(3), np.zeros(300))
+    u = np.concatenate([size * pulse for size in rng.uniform(-8.0, 8.0, 15)])
+    y = lfilter([1.0 - lag], [1.0, -lag], u) + 0.1 * rng.standard_normal(u.size)
+    data = Dataset(0.1 * np.arange(u.size), {"u": u}, {"y": np.round(y)})
+    effects = [one for one in measurement_effects(Gain) if label(one) == "sensor_lag(y)"]
+    diagnosis = diagnose(Gain, data, effects)
+    assert NoteCode.QUANTISED in {note.code for note in diagnosis.notes}
+    assert diagnosis.causes == causes

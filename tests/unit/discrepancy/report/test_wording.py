@@ -19,6 +19,7 @@ from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_lag, sensor_offse
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import conclude as conclusion
+from orchestration.discrepancy import diagnosis as diagnosing
 from orchestration.discrepancy import pipeline
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.changes import Change
@@ -498,7 +499,16 @@ def not_followed(monkeypatch):
 
 @makes(NoteCode.LARGE_ERROR)
 def large_error(monkeypatch):
-    return diagnose(Product, with_output(products(1.0), "y", coloured(0.98, 1, 600)), []).notes
+    data = products(1.0)
+    shown = data.measured["y"] + 0.3 * coloured(0.9, 1, 600)
+    return diagnose(Product, with_output(data, "y", shown), []).notes
+
+
+@makes(NoteCode.UNRELATED)
+def unrelated(monkeypatch):
+    return diagnose(
+        Product, with_output(products(1.0), "y", 5.0 * coloured(0.98, 1, 600)), []
+    ).notes
 
 
 @makes(NoteCode.SOLVER_ERROR)
@@ -537,6 +547,55 @@ def moves_ahead(monkeypatch):
     data = products(1.0)
     smooth = sosfiltfilt(butter(4, 0.2, output="sos"), data.measured["y"])
     return ahead_of_inputs(with_output(data, "y", smooth))
+
+
+@makes(NoteCode.FILTERED)
+def filtered(monkeypatch):
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 100), 10)
+    smooth = sosfiltfilt(butter(4, 0.08, output="sos"), 2.0 * u)
+    return diagnose(Product, Dataset(0.1 * np.arange(1000), {"u": u}, {"y": smooth}), []).notes
+
+
+@makes(NoteCode.RUNS_AHEAD)
+def runs_ahead(monkeypatch):
+    data = wired()
+    shown = np.append(data.measured["shown"][40:], np.zeros(40))
+    monkeypatch.setattr(diagnosing, "ahead_of_inputs", lambda data: [])
+    return diagnose(Motor, with_output(data, "shown", shown), []).notes
+
+
+@makes(NoteCode.OTHER_CLOCK)
+def other_clock(monkeypatch):
+    data = wired()
+    shown = np.interp(data.time / 1.03, data.time, data.measured["shown"])
+    return diagnose(Motor, with_output(data, "shown", shown), []).notes
+
+
+@makes(NoteCode.UNSIGNED)
+def unsigned(monkeypatch):
+    data = wired()
+    return diagnose(Motor, with_output(data, "shown", np.abs(data.measured["shown"])), []).notes
+
+
+def cut_motor(gain: float) -> list[Note]:
+    """Diagnose a record without 200 samples, after which the motor has so many times the gain."""
+    data = wired(noise=1e-3)
+    after = np.arange(len(data.time)) >= 600
+    shown = np.where(after, gain, 1.0) * data.measured["shown"]
+    kept = np.delete(np.arange(len(shown)), np.s_[400:600])
+    part = with_output(data, "shown", shown).where(kept)
+    return diagnose(Motor, replace(part, time=data.time[: len(kept)]), []).notes
+
+
+@makes(NoteCode.PIECED)
+def pieced(monkeypatch):
+    return cut_motor(1.0)
+
+
+@makes(NoteCode.OTHER_SPECIMEN)
+def other_specimen(monkeypatch):
+    return cut_motor(2.0)
 
 
 @makes(NoteCode.OVERSAMPLED)
@@ -631,7 +690,7 @@ def other(fact: Any) -> Any:
     if isinstance(fact, str):
         return f"another {fact}"
     if isinstance(fact, tuple):
-        return (*fact, "another")
+        return (*fact, other(fact[-1])) if fact else ("another",)
     return {"another": 0.99} if isinstance(fact, dict) else 2 * fact + 1
 
 

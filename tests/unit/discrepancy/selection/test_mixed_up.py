@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fmus.kit import Output
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.law_corrections import leaves_something
@@ -14,6 +15,15 @@ from orchestration.discrepancy.note import MIXED_UP, NoteCode
 from orchestration.discrepancy.report import wording
 from tests.support.gain import Gain
 from tests.support.wired_motor import FRICTION, STEP, Motor, wired
+
+
+class TwiceShown(Motor):
+    """A motor of which the acceleration is shown too."""
+
+    @Output("m/s^2")
+    def second(self):
+        """As measured."""
+        return self.acceleration()
 
 
 @pytest.mark.parametrize(
@@ -94,3 +104,22 @@ def test_outputs_that_were_differentiated_or_integrated_are_told(change, code):
     (note,) = [note for note in diagnosis.notes if note.code in MIXED_UP]
     assert (note.code, note.facts["columns"]) == (code, "y")
     assert diagnosis.verdict is Verdict.UNEXPLAINED
+
+
+@pytest.mark.parametrize("level", [0.0, 4.0])
+def test_outputs_that_lost_their_sign_are_told(level):
+    """Where a level was left on them, they never came near to zero, and lost nothing."""
+    data = wired()
+    shown = np.abs(level + data.measured["shown"])
+    diagnosis = diagnose(Motor, replace(data, measured={"shown": shown}), [FRICTION])
+    codes = {note.code for note in diagnosis.notes if note.code in MIXED_UP}
+    assert (NoteCode.UNSIGNED in codes) == (level == 0.0)
+
+
+def test_a_copied_column_is_told_and_nothing_is_named():
+    data = wired()
+    columns = {"shown": data.measured["shown"], "second": data.inputs["drive"]}
+    diagnosis = diagnose(TwiceShown, replace(data, measured=columns), [])
+    assert diagnosis.verdict is Verdict.UNEXPLAINED
+    assert diagnosis.causes == []
+    assert "a column was copied" in wording.sentence(diagnosis)

@@ -1,0 +1,142 @@
+"""Records that were put together from pieces: cut and closed up, shuffled, or of two specimens.
+
+Where one piece ends and another begins, the state of the plant jumps. A fitted model predicts every
+sample from those before it, and is far off there as nowhere else. It is tried whether a model that
+starts anew at these places is much nearer, with the same parameters in every piece or with others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.special import ndtri
+
+from fmus.kit.arrays import Array, Indices, Mask
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.data import PIECE, Dataset
+from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.discrepancy.selection.misfit import (
+    MUCH_NEARER,
+    refitted_error,
+    relative_error,
+)
+from orchestration.discrepancy.selection.search import Search
+from orchestration.records import input_steps
+
+# Standard deviations of the innovations, from which on one is a jump: heavy tails of noise reach as
+# far now and then, but a model that starts anew there is no nearer for it.
+_JUMP = 12.0
+# times what is usual where inputs step, from which on a jump is more than the answer to a step
+_UNUSUAL = 2.5
+_ABOUT = 8  # samples before and after one, which tell how an output changes there,
+_SUDDEN = 2.5  # and times as much as that, from which on its change is a jump
+_USUAL = 0.75  # quantile of the innovations at steps, which is the usual one
+_EARLY, _LATE = 1, PIECE  # samples before and after a step at which its answer is seen, be it late
+_LONE = 20  # steps of inputs that else go smoothly, up to which they may be made by joining
+_MOST = 12  # jumps of one record; a plant that hits a stop again and again has more
+_LEAST = 0.01  # error over the spread, below which nobody would notice that a record was cut
+
+
+def pieced_together(search: Search, base: FittedCandidate) -> list[Note]:
+    """Return a note if a record was put together from pieces, one at most.
+
+    Parameters
+    ----------
+    search : Search
+        Over the record as it is.
+    base : FittedCandidate
+        The model without effects, fitted to that.
+    """
+    data = search.data
+    present = relative_error(base.problem, base.free_run or base.fit)
+    if data.several or present < _LEAST or search.budget.spent():
+        return []
+    sizes = _jumps(base, data)
+    joints = _joints(sizes)
+    if not joints or len(joints) > _MOST:
+        return []
+    largest = [max(joints, key=lambda k: sizes[k])]
+    shared = min(_error(search, pieces) for pieces in (largest, joints))
+    own = _error(search, largest, search.parameters)
+    if own < MUCH_NEARER * min(shared, present):
+        return [_note(NoteCode.OTHER_SPECIMEN, data, largest, present, own)]
+    if shared < MUCH_NEARER * present:
+        return [_note(NoteCode.PIECED, data, joints, present, shared)]
+    return []
+
+
+def _note(
+    code: NoteCode, data: Dataset, joints: Sequence[int], present: float, instead: float
+) -> Note:
+    instants = tuple(float(data.time[k]) for k in joints)
+    return Note(code, "", {"instants": instants, "share": present, "instead": instead})
+
+
+def _jumps(base: FittedCandidate, data: Dataset) -> Array:
+    """Return the largest innovation of all outputs in deviations, by sample (n,).
+
+    Where inputs step it is zero, unless it is far beyond what is usual there.
+    """
+    sizes = np.zeros(len(data.time))
+    for output, innovation in base.fit.innovation.items():
+        at = np.flatnonzero(base.problem.present[output])
+        deviation = float(np.median(np.abs(innovation))) / float(ndtri(0.75))
+        if deviation > 0.0:
+            # after a gap the sample before is long ago
+            counts = _is_sudden(data.measured[output][at]) & (np.diff(at, prepend=-1) == 1)
+            sizes[at] = np.maximum(sizes[at], counts * np.abs(innovation) / deviation)
+    steps = np.flatnonzero(input_steps(data.inputs, len(sizes)))
+    answers = [slice(max(k - _EARLY, 0), k + _LATE + 1) for k in steps]
+    if not answers or (len(steps) <= _LONE and _are_smooth_else(data, steps)):
+        return sizes
+    peaks = np.array([sizes[answer].max() for answer in answers])
+    for place, answer in enumerate(answers):
+        usual = float(np.quantile(np.delete(peaks, place), _USUAL)) if len(peaks) > 1 else np.inf
+        sizes[answer] = np.where(sizes[answer] > _UNUSUAL * usual, sizes[answer], 0.0)
+    return sizes
+
+
+def _is_sudden(y: Array) -> Mask:
+    """Return where an output (n,) changes as it does at none of the samples about, by and large.
+
+    A signal that turns, at the corner of a triangle or at a stop, does not.
+    """
+    change = np.abs(np.diff(y, prepend=y[:1]))
+    usual = median_filter(change, 2 * _ABOUT + 1, mode="nearest")
+    return np.asarray(change > _SUDDEN * usual)
+
+
+def _are_smooth_else(data: Dataset, steps: Indices) -> bool:
+    """Return whether inputs that step move from sample to sample beside these steps."""
+    changes = [np.abs(np.diff(u, prepend=u[:1])) for u in data.inputs.values()]
+    stepping = [change for change in changes if change[steps].any()]
+    return all(np.median(change) > 0.0 for change in stepping)
+
+
+def _joints(sizes: Array) -> list[int]:
+    """Return the samples at which a piece begins, where none would be too short to tell anything.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (n,)
+        Of jumps, in standard deviations.
+    """
+    joints: list[int] = []
+    for k in map(int, np.argsort(-sizes)):
+        if sizes[k] < _JUMP:
+            break
+        ends = [0, *joints, len(sizes)]
+        if min(abs(k - end) for end in ends) >= PIECE:
+            joints.append(k)
+    return sorted(joints)
+
+
+def _error(search: Search, joints: Sequence[int], each: Sequence[str] = ()) -> float:
+    """Return the error of a model that starts anew at joints; infinite if it cannot be fitted."""
+    data = search.data
+    ends = [0, *joints, len(data.time)]
+    pieces = {str(number): data.part(*span) for number, span in enumerate(pairwise(ends), 1)}
+    return refitted_error(search, Dataset.joined(pieces), each)
