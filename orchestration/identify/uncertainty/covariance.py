@@ -13,6 +13,9 @@ from orchestration.identify.noise import Noise
 
 # eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding
 _SINGULAR = 1e-10
+# root of the information on a parameter, in its own unit, below which its variance, or a product of
+# that, is beyond every number: nothing is known of it
+_UNSEEN = 1e-75
 # highest leverage that is granted: a sample that is fitted exactly says nothing of its noise
 _LEVERAGE = 0.9
 # share of a parameter in a singular direction, from which on it is not identifiable itself
@@ -79,7 +82,7 @@ def parameter_covariance(information: Array, prior: ArrayLike = 0.0) -> Covarian
     # of an observed information one that is not seen may be less than zero; of a simulation that
     # runs away it is no number
     scale = np.sqrt(np.maximum(np.diag(known), 0.0))
-    unidentifiable = ~((scale > 0.0) & np.isfinite(scale))
+    unidentifiable = ~((scale > _UNSEEN) & np.isfinite(scale))
     matrix = np.zeros_like(known)
     seen = np.flatnonzero(~unidentifiable)
     if seen.size:

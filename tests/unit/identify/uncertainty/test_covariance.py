@@ -151,7 +151,7 @@ def test_sums_over_blocks_of_many_rows_are_those_over_all():
     assert excess_variance(bread, columns, residual) == pytest.approx(ratio, rel=1e-6)
 
 
-@pytest.mark.parametrize("other", [-1e-18, 0.0, np.inf])
+@pytest.mark.parametrize("other", [-1e-18, 0.0, 1e-320, np.inf])
 def test_what_is_not_seen_or_runs_away_is_not_determined_and_nothing_warns(other):
     found = parameter_covariance(np.diag([4.0, other]))
     assert found.unidentifiable.tolist() == [False, True]
