@@ -12,7 +12,9 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import list_laws
 from orchestration.identify.fitting import usual_effort
 
-_LARGEST = 1e30  # no signal is that large, and its powers are still numbers
+# no signal is larger, or as small and anything to go by, and their powers are still numbers
+_LARGEST = 1e30
+_SMALLEST = 1e-30
 _QUANTILE = 0.95  # of the modulus: the largest value may be a glitch
 
 
@@ -34,7 +36,7 @@ def signal_scales(
     -------
     dict of str to float
         To one figure, 1, 2 or 5 with a power of ten, so that records alike have models alike;
-        without what is zero, runs away, or cannot be simulated.
+        without what is zero or next to it, runs away, or cannot be simulated.
     """
     inputs = {name: np.nan_to_num(u) for name, u in fed.items()}
     sizes = dict(inputs)
@@ -47,7 +49,7 @@ def signal_scales(
     except UserError:  # at its nominal parameters it may not run; the declared values have to do
         pass
     magnitudes = {name: _rounded_magnitude(values) for name, values in sizes.items()}
-    return {name: magnitude for name, magnitude in magnitudes.items() if 0.0 < magnitude < _LARGEST}
+    return {name: size for name, size in magnitudes.items() if _SMALLEST < size < _LARGEST}
 
 
 def sampling_of(time: Array) -> Sampling:

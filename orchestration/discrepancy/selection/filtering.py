@@ -49,7 +49,9 @@ def filtered_both_ways(search: Search, base: FittedCandidate) -> list[Note]:
     if present < _LEAST or data.several or not (data.even and complete) or search.budget.spent():
         return []
     simulated = nominal_outputs(search, data)
-    cutoff = _cutoff(data, simulated) if simulated else 0.0
+    courses = [*simulated.values(), *data.measured.values()]
+    moves = bool(simulated) and all(np.ptp(course) > 0.0 for course in courses)
+    cutoff = _cutoff(data, simulated) if moves else 0.0
     if not cutoff:
         return []
     inputs = {name: _filtered(u, cutoff) for name, u in data.inputs.items()}

@@ -41,6 +41,12 @@ def test_magnitudes_are_those_of_the_record_to_one_figure():
     assert found == {"voltage": 2.0, "omega": 50.0, "drag": 50.0, "speed": 50.0, "omega_rate": 0.2}
 
 
+def test_what_is_next_to_nothing_has_no_magnitude():
+    """Its third power would be zero, and what is divided by that no number."""
+    time = 0.01 * np.arange(400)
+    assert signal_scales(Drive, time, {"voltage": np.full(400, 1e-150)}, {}) == {}
+
+
 def test_the_sampling_is_the_median_step_and_the_length_to_two_figures():
     time = np.delete(60.03 * np.arange(1001), [7, 8, 500])
     found = sampling_of(time)

@@ -24,6 +24,7 @@ def diagnosis(verdict, causes=(), inconclusive=False):
     return SimpleNamespace(
         verdict=verdict,
         causes=list(causes),
+        alternatives=["other"] if causes else [],
         inconclusive=inconclusive,
         selection=SimpleNamespace(steps=steps),
     )
