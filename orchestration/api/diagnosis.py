@@ -225,7 +225,8 @@ def laws(
     except UnusableRecordError as error:
         raise _unusable(measured, error) from error
     inconclusive = result.diagnosis.inconclusive
-    answers = None if inconclusive else search_laws(result.diagnosis, progress)[0]
+    budget = pipeline.budget_of(diagnosis_options, result.diagnosis.usable)
+    answers = None if inconclusive else search_laws(result.diagnosis, progress, budget=budget)[0]
     command = equivalent_command(
         "laws",
         model if isinstance(model, str) else subject.name,

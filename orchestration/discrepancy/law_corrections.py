@@ -14,6 +14,7 @@ from scipy.special import chdtrc
 from threadpoolctl import threadpool_limits
 
 from fmus.kit import Effect, effect_name, made_with
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.conclude import Diagnosis, DiagnosisData, Verdict, conclude
 from orchestration.discrepancy.laws import (
@@ -128,6 +129,7 @@ def search_laws(
     progress: Callable[[str], None] = lambda text: None,
     only: Entry | None = None,
     rounds: int = _RELAXATIONS,
+    budget: Budget | None = None,
 ) -> tuple[LawSearch, Diagnosis]:
     """Search the laws for what they lack, and once more beside what unseen data confirm.
 
@@ -140,6 +142,8 @@ def search_laws(
         See `discover`.
     rounds : int
         Corrections that may stand one beside the other.
+    budget : Budget, optional
+        Time that all of it may take; without limit unless given.
 
     Returns
     -------
@@ -151,12 +155,16 @@ def search_laws(
     noise = noise_of_inputs(diagnosis)
     # a correction might undo what that does to the model, and be taken for what the model lacks
     denoised = with_denoised_inputs(diagnosis, noise, progress) if noise else diagnosis
-    laws, corrected = _search_anew(denoised, progress, only, rounds)
+    laws, corrected = _search_anew(denoised, progress, only, rounds, budget or Budget())
     return replace(laws, noise=noise), diagnosis if corrected is denoised else corrected
 
 
 def _search_anew(
-    diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None, rounds: int
+    diagnosis: Diagnosis,
+    progress: Callable[[str], None],
+    only: Entry | None,
+    rounds: int,
+    budget: Budget,
 ) -> tuple[LawSearch, Diagnosis]:
     """Search the laws without causes that leave something, and beside these where need be.
 
@@ -164,12 +172,12 @@ def _search_anew(
     it would look like another law.
     """
     if not diagnosis.selection.steps or not leaves_something(diagnosis):
-        return _search_in_rounds(diagnosis, progress, only, rounds)
+        return _search_in_rounds(diagnosis, progress, only, rounds, budget)
     bare = _without_causes(diagnosis)
-    laws, alone = _search_in_rounds(bare, progress, only, rounds)
+    laws, alone = _search_in_rounds(bare, progress, only, rounds, budget)
     if _is_as_good(alone, diagnosis) and not leaves_something(alone):
         return laws, alone
-    laws_beside, beside = _search_in_rounds(diagnosis, progress, only, rounds)
+    laws_beside, beside = _search_in_rounds(diagnosis, progress, only, rounds, budget)
     return (laws, alone) if _is_as_good(alone, beside) else (laws_beside, beside)
 
 
@@ -198,21 +206,25 @@ def _is_as_good(alone: Diagnosis, other: Diagnosis) -> bool:
 
 
 def _search_in_rounds(
-    diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None, rounds: int
+    diagnosis: Diagnosis,
+    progress: Callable[[str], None],
+    only: Entry | None,
+    rounds: int,
+    budget: Budget,
 ) -> tuple[LawSearch, Diagnosis]:
     """Search the laws; if a correction is confirmed, search those of the corrected model."""
-    laws = _search_once(diagnosis, progress, only)
+    laws = _search_once(diagnosis, progress, only, budget)
     corrected = _with_correction(diagnosis, laws, progress)
     best = laws.best
     if corrected is diagnosis or best is None:
         return laws, corrected
     laws = laws.with_errors(diagnosis.after, corrected.after)
-    if rounds == 1:
+    if rounds == 1 or budget.spent():
         return laws, corrected
     if best.relaxation:
-        beside, both = _search_in_rounds(corrected, progress, best.entry, rounds - 1)
+        beside, both = _search_in_rounds(corrected, progress, best.entry, rounds - 1, budget)
     elif only is None and leaves_something(corrected):
-        beside, both = _search_in_rounds(corrected, progress, None, 1)
+        beside, both = _search_in_rounds(corrected, progress, None, 1, budget)
     else:
         return laws, corrected
     if both is corrected:
@@ -223,13 +235,13 @@ def _search_in_rounds(
 # as in a diagnosis: fits run side by side, and the matrices are narrow
 @threadpool_limits.wrap(limits=1)
 def _search_once(
-    diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None
+    diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None, budget: Budget
 ) -> LawSearch:
     """Search every law of a diagnosed model, or one entry only, for what it lacks.
 
     The best correction is looked up in the catalogue.
     """
-    law_map = discover(diagnosis, progress, only)
+    law_map = discover(diagnosis, progress, only, budget)
     best = next(iter(law_map.corrections), None)
     return LawSearch(law_map, _fit_known_effect(diagnosis, law_map, best) if best else None)
 

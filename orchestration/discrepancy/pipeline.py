@@ -288,11 +288,13 @@ def _search_laws(
         budget.leave(["what its laws lack"])
         others = [note for note in diagnosis.notes if note.code is not NoteCode.TIME_SPENT]
         return None, replace(diagnosis, notes=[*others, *budget.notes])
+    own = Budget(budget.seconds)
     try:
-        return search_laws(diagnosis, progress)
+        laws, corrected = search_laws(diagnosis, progress, budget=own)
     except Exception as error:  # whatever it was, the diagnosis stands without it
         note = Note(NoteCode.NOT_SIMULATED, "what its laws lack", {"reason": _reason(error)})
         return None, replace(diagnosis, notes=[*diagnosis.notes, note])
+    return laws, replace(corrected, notes=[*corrected.notes, *own.notes])
 
 
 def parameters_given(options: DiagnosisOptions, model: Model) -> dict[str, float]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from fmus.kit import Effect
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import sampling_of, signal_scales
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.selection import Search
@@ -13,7 +14,11 @@ from orchestration.fmu import catalogue, families
 from orchestration.records import base_name
 
 
-def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda text: None) -> Search:
+def search_of(
+    diagnosis: Diagnosis,
+    progress: Callable[[str], None] = lambda text: None,
+    budget: Budget | None = None,
+) -> Search:
     """Return a search over the estimation data of a diagnosis, for the parameters of its base."""
     base = diagnosis.selection.base
     problem = base.problem
@@ -25,7 +30,8 @@ def search_of(diagnosis: Diagnosis, progress: Callable[[str], None] = lambda tex
         base_name(n) for n in problem.names if base_name(n) != n and not problem.declared[n].starts
     )
     search = Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, progress)
-    return replace(search, each=list(dict.fromkeys(several)))
+    each = list(dict.fromkeys(several))
+    return replace(search, each=each, budget=budget or Budget())
 
 
 def effects_of(diagnosis: Diagnosis) -> list[type[Effect]]:

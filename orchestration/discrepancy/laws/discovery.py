@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fmus.kit.arrays import Array
+from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.data import ValidationData, is_at_rest
@@ -140,6 +141,7 @@ def discover(
     diagnosis: Diagnosis,
     progress: Callable[[str], None] = lambda text: None,
     only: Entry | None = None,
+    budget: Budget | None = None,
 ) -> LawMapResult:
     """Find corrections of every law of a diagnosed model, with the causes that were named.
 
@@ -150,9 +152,11 @@ def discover(
         Told what is being done.
     only : Entry, optional
         A law over a signal and its memory; nothing else is tried then.
+    budget : Budget, optional
+        Time that it may take; without limit unless given. The map is drawn in any case.
     """
     base = diagnosis.selection.best
-    search = search_of(diagnosis, progress)
+    search = search_of(diagnosis, progress, budget)
     progress("asking every law what it lacks")
     families = {effect.term.family for effect in effects_of(diagnosis)} - {""}
     law_map = LawMap(search, base, families)
@@ -300,7 +304,7 @@ def _fitted(
     """
     remaining = sorted(chosen, key=lambda entry: entry.left)
     ended = list(known)
-    while remaining:
+    while remaining and not fitting.out_of_time():
         least = min((law_map.squares(one.residual) for one in ended), default=np.inf)
         wave = [e for e in remaining[:_AT_ONCE] if e.left <= _WITHIN_REACH * least]
         remaining = remaining[_AT_ONCE:] if wave else []

@@ -249,7 +249,8 @@ class CurveFit:
         far = np.full(root.shape[1], np.inf)
         low, high = problem.bounds()
         bounds = np.append(low[:own], -far), np.append(high[:own], far)
-        end = minimise(residual, jacobian, begin, *bounds, effort[0], trials=effort[1])
+        limited = problem.time_limited(residual)
+        end = minimise(limited, jacobian, begin, *bounds, effort[0], trials=effort[1])
         return whole(end.q), float(end.q[own:] @ end.q[own:])
 
 

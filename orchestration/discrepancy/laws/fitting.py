@@ -90,6 +90,10 @@ class Fitting:
             name in search.base.layout.start_parameters for name in search.parameters
         )
 
+    def out_of_time(self) -> bool:
+        """Return whether there is no time for the next fit."""
+        return self._search.budget.spent()
+
     def first(self, entry: Entry) -> FittedEntry | None:
         """Fit an entry roughly: in proportion behind a lag, which is a relaxation, or as a curve.
 

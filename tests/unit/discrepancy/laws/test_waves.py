@@ -21,6 +21,11 @@ class Fits:
     def __init__(self, worse):
         self.worse = worse
         self.tried = []
+        self.waves = np.inf  # for which there is time
+
+    def out_of_time(self):
+        self.waves -= 1
+        return self.waves < 0
 
     def first(self, one):
         self.tried.append(one.left)
@@ -53,3 +58,12 @@ def test_entries_that_cannot_come_as_near_are_not_fitted(worse, fitted):
     assert len(found) == fitted
     more = replace(entry(), left=1.21 * worse)
     assert len(_fitted(fits, fits, [more], found)) == len(found)
+
+
+@pytest.mark.parametrize("waves", [0, 1])
+def test_no_wave_begins_when_time_is_up(waves):
+    fits = Fits(1e6)
+    fits.waves = waves
+    found = _fitted(fits, fits, [replace(entry(), left=left) for left in LEFT], [])
+    assert sorted(fits.tried) == sorted(LEFT)[: 6 * waves]
+    assert len(found) == 6 * waves
