@@ -182,7 +182,7 @@ def test_time_that_is_spent_asks_no_law(record, monkeypatch):
     """The clock jumps when the search is over, so that the verdict itself hangs on no clock."""
     monkeypatch.setattr(
         "orchestration.discrepancy.pipeline.search_laws",
-        lambda *given: pytest.fail("a law was asked"),
+        lambda *given, budget: pytest.fail("a law was asked"),
     )
 
     def much_later(diagnosis):
@@ -197,7 +197,7 @@ def test_time_that_is_spent_asks_no_law(record, monkeypatch):
 
 
 def test_a_failure_of_the_laws_leaves_the_diagnosis(record, monkeypatch):
-    def fails(*given):
+    def fails(*given, budget):
         raise ZeroDivisionError("at rest")
 
     monkeypatch.setattr("orchestration.discrepancy.pipeline.search_laws", fails)
@@ -213,7 +213,7 @@ def test_a_record_that_is_explained_asks_nothing(tmp_path, monkeypatch):
     path, plant = drawn(tmp_path, None)
     monkeypatch.setattr(
         "orchestration.discrepancy.pipeline.search_laws",
-        lambda *given: pytest.fail("a law was asked"),
+        lambda *given, budget: pytest.fail("a law was asked"),
     )
     said = ppy.diagnose(path, plant.plant.model)
     assert said.verdict in ("consistent", "recalibrate")
