@@ -93,8 +93,12 @@ def _jumps(base: FittedCandidate, data: Dataset) -> Array:
     if not answers or (len(steps) <= _LONE and _are_smooth_else(data, steps)):
         return sizes
     peaks = np.array([sizes[answer].max() for answer in answers])
+    alone = [input_steps({name: u}, len(sizes))[steps] for name, u in data.inputs.items()]
     for place, answer in enumerate(answers):
-        usual = float(np.quantile(np.delete(peaks, place), _USUAL)) if len(peaks) > 1 else np.inf
+        # what another input does is another matter
+        of_same = np.all([stepped == stepped[place] for stepped in alone], axis=0)
+        of_same[place] = False
+        usual = float(np.quantile(peaks[of_same], _USUAL)) if of_same.any() else np.inf
         sizes[answer] = np.where(sizes[answer] > _UNUSUAL * usual, sizes[answer], 0.0)
     return sizes
 
@@ -110,10 +114,18 @@ def _is_sudden(y: Array) -> Mask:
 
 
 def _are_smooth_else(data: Dataset, steps: Indices) -> bool:
-    """Return whether inputs that step move from sample to sample beside these steps."""
-    changes = [np.abs(np.diff(u, prepend=u[:1])) for u in data.inputs.values()]
-    stepping = [change for change in changes if change[steps].any()]
-    return all(np.median(change) > 0.0 for change in stepping)
+    """Return whether inputs that step move as far between their steps.
+
+    One that is held between them, with noise or without, is what was fed.
+    """
+    for u in data.inputs.values():
+        sizes = np.abs(np.diff(u, prepend=u[:1]))[steps]
+        if not sizes.any():
+            continue
+        moved = [np.ptp(part) for part in np.split(u, steps) if len(part) > _ABOUT]
+        if not moved or np.median(moved) < np.median(sizes[sizes > 0.0]):
+            return False
+    return True
 
 
 def _joints(sizes: Array) -> list[int]:

@@ -13,7 +13,7 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict, diagnose
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.selection.pieces import _joints, _jumps
+from orchestration.discrepancy.selection.pieces import _are_smooth_else, _joints, _jumps
 from orchestration.discrepancy.selection.search import Search
 from tests.support.wired_motor import COUNT, FRICTION, STEP, Motor, wired
 
@@ -109,3 +109,21 @@ def test_where_blocks_are_held_out_no_piece_begins():
     record = Dataset(STEP * np.arange(COUNT), {"drive": drive}, {"shown": shown})
     base = Search(record, Motor, ["gain", "drag"]).nominal()
     assert _joints(_jumps(base, record)) == []
+
+
+@pytest.mark.parametrize(
+    ("force", "smooth"), [("held", False), ("held with noise", False), ("joined", True)]
+)
+def test_an_input_that_is_held_between_its_steps_was_not_cut_there(force, smooth):
+    """The current beside it goes smoothly all the time."""
+    time = 0.1 * np.arange(1000)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(1000)
+    levels = np.repeat([1.0, 3.0, 2.0, 4.0, 1.5], 200)
+    courses = {
+        "held": levels,
+        "held with noise": levels + noise,
+        "joined": np.sin(0.9 * time + np.pi * np.repeat(np.arange(5), 200)),
+    }
+    data = Dataset(time, {"current": np.sin(time), "force": courses[force]}, {"y": noise})
+    steps = np.array([200, 400, 600, 800])
+    assert _are_smooth_else(data, steps) is smooth
