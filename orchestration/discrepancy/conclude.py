@@ -442,13 +442,9 @@ def _with_cause_in_reason(
     parameters at nominal. It leaves nothing, and columns that are mixed up are no cause.
     """
     selection = outcome.judged.selection
-    rejected = [candidate for candidate, _ in selection.rejected]
-    reference = selection.compared[0] if selection.compared else selection.base
-    rivals = [c for c in rejected if c.fit.deviance <= reference.fit.deviance]
-    if not rivals or any(note.code in MIXED_UP for note in data.notes):
+    as_good = _as_likely_as_base(selection)
+    if not as_good or any(note.code in MIXED_UP for note in data.notes):
         return None
-    least = min(rival.fit.bic for rival in rivals)
-    as_good = [rival for rival in rivals if rival.fit.bic <= least + ALTERNATIVE]
     names = [name for name in search.parameters if name not in outcome.parameters.ratios]
     try:
         held = replace(search, parameters=names).refit(selection.base)
@@ -456,18 +452,26 @@ def _with_cause_in_reason(
         if selection.compared:
             chosen = search.refit_over(chosen, selection.base)
         named = Selection(held, tried=selection.tried)
-        named.steps.append(_only_step(chosen, held, as_good, rejected, selection.tried))
+        named.steps.append(_only_step(chosen, held, as_good, selection))
         judged = confirm(named, data.validation, search.trusted)
         if not judged.selection.steps:
             return None
         final = _judged_in_final_model(search, judged, data)
     except FAILURES:
         return None
-    selection = final.judged.selection
-    is_in_reason = bool(selection.steps) and not final.parameters.implausible
-    if not is_in_reason or _has_unexplained_structure(selection, final.residuals, frozenset()):
+    reached = final.judged.selection
+    is_in_reason = bool(reached.steps) and not final.parameters.implausible
+    if not is_in_reason or _has_unexplained_structure(reached, final.residuals, frozenset()):
         return None
     return final
+
+
+def _as_likely_as_base(selection: Selection) -> list[FittedCandidate]:
+    """Return the best rejected candidates with which the record is no less likely than without."""
+    base = selection.compared[0] if selection.compared else selection.base
+    rivals = [c for c, _ in selection.rejected if c.fit.deviance <= base.fit.deviance]
+    least = min((rival.fit.bic for rival in rivals), default=np.inf)
+    return [rival for rival in rivals if rival.fit.bic <= least + ALTERNATIVE]
 
 
 def _distance_from_nominal(fitted: FittedCandidate) -> float:
@@ -481,10 +485,11 @@ def _only_step(
     chosen: FittedCandidate,
     below: FittedCandidate,
     as_good: Sequence[FittedCandidate],
-    fitted: Sequence[FittedCandidate],
-    tried: int,
+    selection: Selection,
 ) -> Step:
-    """Return the step that names a candidate over a model, beside others that are as good."""
+    """Return the step that names a rejected candidate over a model, beside others as good."""
+    fitted = [candidate for candidate, _ in selection.rejected]
+    tried = selection.tried
     gains = {one.effect_name: one.delta_bic(below, tried) for one in fitted}
     gain = chosen.delta_bic(below, tried)
     others = [one for one in as_good if one.effect is not chosen.effect]

@@ -76,10 +76,19 @@ def _note(
 
 
 def _jumps(base: FittedCandidate, data: Dataset) -> Array:
-    """Return the largest innovation of all outputs in deviations, by sample (n,).
+    """Return the largest sudden innovation of all outputs in deviations, by sample (n,).
 
     Where inputs step it is zero, unless it is far beyond what is usual there.
     """
+    sizes = _sudden_innovations(base, data)
+    steps = np.flatnonzero(input_steps(data.inputs, len(sizes)))
+    if len(steps) <= _LONE and _are_smooth_else(data, steps):
+        return sizes
+    return _beyond_usual_answers(sizes, data, steps)
+
+
+def _sudden_innovations(base: FittedCandidate, data: Dataset) -> Array:
+    """Return the largest innovation of all outputs in deviations (n,), zero where it is gradual."""
     sizes = np.zeros(len(data.time))
     for output, innovation in base.fit.innovation.items():
         at = np.flatnonzero(base.problem.present[output])
@@ -88,19 +97,23 @@ def _jumps(base: FittedCandidate, data: Dataset) -> Array:
             # after a gap the sample before is long ago
             counts = _is_sudden(data.measured[output][at]) & (np.diff(at, prepend=-1) == 1)
             sizes[at] = np.maximum(sizes[at], counts * np.abs(innovation) / deviation)
-    steps = np.flatnonzero(input_steps(data.inputs, len(sizes)))
+    return sizes
+
+
+def _beyond_usual_answers(sizes: Array, data: Dataset, steps: Indices) -> Array:
+    """Return sizes (n,) without the answers to steps that are as usual for the inputs that step."""
+    beyond = sizes.copy()
     answers = [slice(max(k - _EARLY, 0), k + _LATE + 1) for k in steps]
-    if not answers or (len(steps) <= _LONE and _are_smooth_else(data, steps)):
-        return sizes
     peaks = np.array([sizes[answer].max() for answer in answers])
-    alone = [input_steps({name: u}, len(sizes))[steps] for name, u in data.inputs.items()]
+    stepping = np.array(
+        [input_steps({name: u}, len(sizes))[steps] for name, u in data.inputs.items()]
+    )
     for place, answer in enumerate(answers):
-        # what another input does is another matter
-        of_same = np.all([stepped == stepped[place] for stepped in alone], axis=0)
+        of_same = (stepping == stepping[:, [place]]).all(axis=0)
         of_same[place] = False
         usual = float(np.quantile(peaks[of_same], _USUAL)) if of_same.any() else np.inf
-        sizes[answer] = np.where(sizes[answer] > _UNUSUAL * usual, sizes[answer], 0.0)
-    return sizes
+        beyond[answer] = np.where(beyond[answer] > _UNUSUAL * usual, beyond[answer], 0.0)
+    return beyond
 
 
 def _is_sudden(y: Array) -> Mask:

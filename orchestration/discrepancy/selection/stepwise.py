@@ -167,11 +167,12 @@ def select(
     scored = [first, *_scored_elsewhere(search, first.model, effects)]
     silent = unidentifiable(first)
     search.not_assessed |= silent
-    audible = [effect for effect in effects if label(effect) not in silent]
-    none = Selection(first.model, tried=len(effects))
-    selection, alone = _selected(search, none, scored, audible, fitted or {})
+    assessed = [effect for effect in effects if label(effect) not in silent]
+    known_fits = fitted or {}
+    selection, alone = _selected(search, scored, assessed, len(effects), known_fits)
     if alone:
-        selection, _ = _selected(search, none, scored, audible, {**(fitted or {}), **alone})
+        known_fits = {**known_fits, **alone}
+        selection, _ = _selected(search, scored, assessed, len(effects), known_fits)
     for one, _ in [*((s.chosen, s.gain) for s in selection.steps), *selection.rejected]:
         search.not_assessed.pop(one.effect_name, None)  # from elsewhere it could be fitted
     return _without_named_alternatives(selection)
@@ -179,21 +180,22 @@ def select(
 
 def _selected(
     search: Search,
-    none: Selection,
     scored: Sequence[ScoredModel],
     effects: Sequence[type[Effect]],
+    tried: int,
     fitted: Fitted,
 ) -> tuple[Selection, Fitted]:
-    """Select effects, one at a time, from none on.
+    """Select effects by forward selection.
 
     Parameters
     ----------
     search : Search
-    none : Selection
-        Of none.
     scored : sequence of ScoredModel
-        Models without effects.
+        Models without effects; the first of them is the base.
     effects : sequence of type[Effect]
+        Of which the record says something.
+    tried : int
+        Effects in the catalogue.
     fitted : Mapping of type[Effect] to FittedCandidate
         Effects fitted over a model without effects, in white noise.
 
@@ -203,7 +205,7 @@ def _selected(
     alone : Mapping of type[Effect] to FittedCandidate
         Effects that come nearer alone than the first that was named, fitted in white noise.
     """
-    selection = replace(none, steps=[], rejected=[], unsure=set())
+    selection = Selection(scored[0].model, tried=tried)
     remaining = list(effects)
     bases = list(scored)
     while remaining and len(selection.steps) < MOST:

@@ -13,7 +13,12 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict, diagnose
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.selection.pieces import _are_smooth_else, _joints, _jumps
+from orchestration.discrepancy.selection.pieces import (
+    _are_smooth_else,
+    _beyond_usual_answers,
+    _joints,
+    _jumps,
+)
 from orchestration.discrepancy.selection.search import Search
 from tests.support.wired_motor import COUNT, FRICTION, STEP, Motor, wired
 
@@ -127,3 +132,24 @@ def test_an_input_that_is_held_between_its_steps_was_not_cut_there(force, smooth
     data = Dataset(time, {"current": np.sin(time), "force": courses[force]}, {"y": noise})
     steps = np.array([200, 400, 600, 800])
     assert _are_smooth_else(data, steps) is smooth
+
+
+def test_the_answer_to_a_step_is_held_against_those_to_steps_of_the_same_input():
+    """A load steps four times and is answered tenfold; the third time something else jumps too."""
+    samples = np.arange(400)
+    loads = [50, 150, 250, 350]
+    data = Dataset(
+        0.1 * samples,
+        {
+            "current": np.where(samples // 20 % 2, 1.0, -1.0),
+            "load": np.searchsorted(np.array(loads), samples, side="right") % 2 * 1.0,
+        },
+        {"y": np.zeros(400)},
+    )
+    sizes = np.ones(400)
+    sizes[20::20] = 2.0  # answers to the current
+    sizes[loads] = 20.0
+    sizes[250] = 200.0
+    steps = np.flatnonzero(np.diff(data.inputs["current"], prepend=-1.0)).tolist()
+    beyond = _beyond_usual_answers(sizes, data, np.array(sorted([*steps, *loads])))
+    assert np.flatnonzero(beyond > 1.0).tolist() == [250]
