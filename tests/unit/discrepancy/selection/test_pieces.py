@@ -136,20 +136,20 @@ def test_an_input_that_is_held_between_its_steps_was_not_cut_there(force, smooth
 
 def test_the_answer_to_a_step_is_held_against_those_to_steps_of_the_same_input():
     """A load steps four times and is answered tenfold; the third time something else jumps too."""
-    samples = np.arange(400)
-    loads = [50, 150, 250, 350]
+    samples = np.arange(4000)
+    loads = [500, 1500, 2500, 3500]
+    currents = range(200, 4000, 200)
     data = Dataset(
         0.1 * samples,
         {
-            "current": np.where(samples // 20 % 2, 1.0, -1.0),
-            "load": np.searchsorted(np.array(loads), samples, side="right") % 2 * 1.0,
+            "current": np.where(samples // 200 % 2, 1.0, -1.0),
+            "load": np.searchsorted(loads, samples, side="right") % 2 * 1.0,
         },
-        {"y": np.zeros(400)},
+        {"y": np.zeros(4000)},
     )
-    sizes = np.ones(400)
-    sizes[20::20] = 2.0  # answers to the current
+    sizes = np.ones(4000)
+    sizes[currents] = 2.0
     sizes[loads] = 20.0
-    sizes[250] = 200.0
-    steps = np.flatnonzero(np.diff(data.inputs["current"], prepend=-1.0)).tolist()
-    beyond = _beyond_usual_answers(sizes, data, np.array(sorted([*steps, *loads])))
-    assert np.flatnonzero(beyond > 1.0).tolist() == [250]
+    sizes[2500] = 200.0
+    beyond = _beyond_usual_answers(sizes, data, np.array(sorted([*currents, *loads])))
+    assert np.flatnonzero(beyond > 1.0).tolist() == [2500]
