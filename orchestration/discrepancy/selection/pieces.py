@@ -8,6 +8,7 @@ starts anew at these places is much nearer, with the same parameters in every pi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -50,21 +51,25 @@ def pieced_together(search: Search, base: FittedCandidate) -> list[Note]:
     base : FittedCandidate
         The model without effects, fitted to that.
     """
-    data = search.data
-    present = relative_error(base.problem, base.free_run or base.fit)
-    if data.several or present < _LEAST or search.budget.spent():
+    if search.data.several or search.budget.spent():
         return []
-    sizes = _jumps(base, data)
+    if relative_error(base.problem, base.free_run or base.fit) < _LEAST:
+        return []
+    sizes = _jumps(base, search.data)
     joints = _joints(sizes)
     if not joints or len(joints) > _MOST:
         return []
+    data = _without_outliers(search.data, joints)
+    whole = refitted_error(search, data)
+    if whole < _LEAST:
+        return []
     largest = [max(joints, key=lambda k: sizes[k])]
-    shared = min(_error(search, pieces) for pieces in (largest, joints))
-    own = _error(search, largest, search.parameters)
-    if own < MUCH_NEARER * min(shared, present):
-        return [_note(NoteCode.OTHER_SPECIMEN, data, largest, present, own)]
-    if shared < MUCH_NEARER * present:
-        return [_note(NoteCode.PIECED, data, joints, present, shared)]
+    shared = min(_error(search, data, pieces) for pieces in (largest, joints))
+    own = _error(search, data, largest, search.parameters)
+    if own < MUCH_NEARER * min(shared, whole):
+        return [_note(NoteCode.OTHER_SPECIMEN, data, largest, whole, own)]
+    if shared < MUCH_NEARER * whole:
+        return [_note(NoteCode.PIECED, data, joints, whole, shared)]
     return []
 
 
@@ -159,9 +164,20 @@ def _joints(sizes: Array) -> list[int]:
     return sorted(joints)
 
 
-def _error(search: Search, joints: Sequence[int], each: Sequence[str] = ()) -> float:
+def _without_outliers(data: Dataset, joints: Sequence[int]) -> Dataset:
+    """Return data without what was measured just where it jumps.
+
+    Of an outlier nothing is left then, and the plant was somewhere else after a joint.
+    """
+    at = np.array(joints)[:, np.newaxis] + np.arange(-_EARLY, _EARLY + 1)
+    measured = {output: y.copy() for output, y in data.measured.items()}
+    for y in measured.values():
+        y[at] = np.nan
+    return replace(data, measured=measured)
+
+
+def _error(search: Search, data: Dataset, joints: Sequence[int], each: Sequence[str] = ()) -> float:
     """Return the error of a model that starts anew at joints; infinite if it cannot be fitted."""
-    data = search.data
     ends = [0, *joints, len(data.time)]
     pieces = {str(number): data.part(*span) for number, span in enumerate(pairwise(ends), 1)}
     return refitted_error(search, Dataset.joined(pieces), each)

@@ -87,12 +87,14 @@ def test_two_specimens_in_one_record_are_told():
     assert note.facts["instants"] == pytest.approx([STEP * half], abs=STEP)
 
 
-@pytest.mark.parametrize("fault", ["none", "outliers", "offset", "late"])
+@pytest.mark.parametrize("fault", ["none", "outliers", "far outliers", "offset", "late"])
 def test_what_is_in_one_piece_is_not_told_to_be_in_several(fault):
     data = slow()
     shown = data.measured["shown"].copy()
     if fault == "outliers":
         shown[[200, 500, 800]] += 2.0
+    if fault == "far outliers":  # they make the most of the error
+        shown[[200, 500, 800]] += 40.0
     if fault == "offset":  # a sensor that slips, after which the motor is where it was
         shown[600:] += 1.0
     if fault == "late":
