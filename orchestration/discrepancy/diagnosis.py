@@ -42,6 +42,7 @@ from orchestration.discrepancy.selection import (
     clock,
     filtered_both_ways,
     fitted_to_the_end,
+    free_run_error,
     interpolation_hypotheses,
     intersample,
     mixed_up_columns,
@@ -51,6 +52,7 @@ from orchestration.discrepancy.selection import (
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
 
 _ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
+_NEARER = 0.97  # of the error with another unit, which a cause must leave at most to be named
 
 
 @dataclass(frozen=True)
@@ -344,15 +346,35 @@ def select(
     SelectedEffects
     """
     if not fitted.informative:
-        noise = errors_in_variables.no_input_noise(fitted.base)
-        data = _conclusion_data(fitted, fitted.base, noise, [])
-        return SelectedEffects(fitted.search, Selection(fitted.base), data)
+        return _nothing_selected(fitted, [])
     is_copied = any(note.code is NoteCode.COPIED for note in fitted.record.parts.notes)
     notes = _misuse_notes(fitted) if mixed_up and not is_copied else []
-    if notes or is_copied or solver_error_notes(fitted.base):
-        noise = errors_in_variables.no_input_noise(fitted.base)
-        data = _conclusion_data(fitted, fitted.base, noise, notes)
-        return SelectedEffects(fitted.search, Selection(fitted.base), data)
+    is_unit = all(note.code is NoteCode.OTHER_UNIT for note in notes)
+    if not is_unit or is_copied or solver_error_notes(fitted.base):
+        return _nothing_selected(fitted, notes)
+    selected = _selected_causes(fitted, effects)
+    # a factor can be had of many parameters, and what bends them out of reason may be a cause
+    return _nothing_selected(fitted, notes) if notes and not _nearer(selected, notes) else selected
+
+
+def _nothing_selected(fitted: BaseFit, notes: list[Note]) -> SelectedEffects:
+    """Return the model without effects, and notes on why none was selected."""
+    noise = errors_in_variables.no_input_noise(fitted.base)
+    data = _conclusion_data(fitted, fitted.base, noise, notes)
+    return SelectedEffects(fitted.search, Selection(fitted.base), data)
+
+
+def _nearer(selected: SelectedEffects, notes: Sequence[Note]) -> bool:
+    """Return whether a cause was selected that comes nearer to a record than another unit."""
+    steps = selected.selection.steps
+    if not steps:
+        return False
+    least = min(note.facts["instead"] for note in notes)
+    return free_run_error(steps[-1].chosen) < _NEARER * least
+
+
+def _selected_causes(fitted: BaseFit, effects: Sequence[type[Effect]]) -> SelectedEffects:
+    """Select the effects that explain the record as it stands."""
     way, candidates = interpolation_hypotheses.selected(
         fitted.search, fitted.base, fitted.record.intersample, effects
     )

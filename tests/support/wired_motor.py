@@ -55,3 +55,18 @@ def wired(drive_sign=1.0, shown_sign=1.0, exchanged=False, noise=0.02, clock=1.0
     columns = [drive_sign * drive, shown]
     fed, measured = columns[::-1] if exchanged else columns
     return Dataset(clock * STEP * np.arange(COUNT), {"drive": fed}, {"shown": measured})
+
+
+def with_dry_friction(force, noise=0.02, substeps=50):
+    """Return the record of a motor that dry friction of a force brakes too, by Euler's steps."""
+    record = wired()
+    drive = record.inputs["drive"]
+    step = STEP / substeps
+    speed = np.zeros(COUNT)
+    for k in range(COUNT - 1):
+        v = speed[k]
+        for _ in range(substeps):
+            v += step * (3.0 * drive[k] / LAG - v / LAG - force * np.tanh(v / 0.02))
+        speed[k + 1] = v
+    shown = speed + noise * np.random.default_rng(6).standard_normal(COUNT)
+    return Dataset(record.time, record.inputs, {"shown": shown})

@@ -19,9 +19,9 @@ from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.misfit import (
     MUCH_NEARER,
+    free_run_error,
     nominal_outputs,
     refitted_error,
-    relative_error,
 )
 from orchestration.discrepancy.selection.search import Search
 
@@ -44,7 +44,7 @@ def filtered_both_ways(search: Search, base: FittedCandidate) -> list[Note]:
         The model without effects, fitted to that.
     """
     data = search.data
-    present = relative_error(base.problem, base.free_run or base.fit)
+    present = free_run_error(base)
     complete = all(np.isfinite(y).all() for y in data.measured.values())
     if present < _LEAST or data.several or not (data.even and complete) or search.budget.spent():
         return []

@@ -8,12 +8,27 @@ from dataclasses import replace
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.discrepancy.candidates import Candidate
+from orchestration.discrepancy.candidates import Candidate, FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.fitting import FitResult, Problem
 
 MUCH_NEARER = 0.5  # of an error, up to which it must fall
+
+
+def free_run_error(fitted: FittedCandidate) -> float:
+    """Return the relative error of the nearest free run of a model, or of its fit if it has none.
+
+    Parameters
+    ----------
+    fitted : FittedCandidate
+
+    Returns
+    -------
+    float
+        See `relative_error`.
+    """
+    return relative_error(fitted.problem, fitted.free_run or fitted.fit)
 
 
 def relative_error(problem: Problem, fit: FitResult) -> float:

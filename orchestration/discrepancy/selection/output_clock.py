@@ -18,9 +18,9 @@ from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.misfit import (
     MUCH_NEARER,
+    free_run_error,
     nominal_outputs,
     refitted_error,
-    relative_error,
 )
 from orchestration.discrepancy.selection.search import Search
 
@@ -83,7 +83,7 @@ def by_another_clock(search: Search, base: FittedCandidate) -> list[Note]:
     base : FittedCandidate
         The model without effects, fitted to that.
     """
-    present = relative_error(base.problem, base.free_run or base.fit)
+    present = free_run_error(base)
     if present < _LARGE or search.budget.spent():
         return []
     data = search.data

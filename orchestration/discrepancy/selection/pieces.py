@@ -21,8 +21,8 @@ from orchestration.discrepancy.data import PIECE, Dataset
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.selection.misfit import (
     MUCH_NEARER,
+    free_run_error,
     refitted_error,
-    relative_error,
 )
 from orchestration.discrepancy.selection.search import Search
 from orchestration.records import input_steps
@@ -53,7 +53,7 @@ def pieced_together(search: Search, base: FittedCandidate) -> list[Note]:
     """
     if search.data.several or search.budget.spent():
         return []
-    if relative_error(base.problem, base.free_run or base.fit) < _LEAST:
+    if free_run_error(base) < _LEAST:
         return []
     sizes = _jumps(base, search.data)
     joints = _joints(sizes)

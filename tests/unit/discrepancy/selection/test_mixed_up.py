@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from fmus.kit import Output
+from orchestration.discrepancy import diagnosis as whole_diagnosis
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.law_corrections import leaves_something
-from orchestration.discrepancy.note import MIXED_UP, NoteCode
+from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.report import wording
 from tests.support.gain import Gain
-from tests.support.wired_motor import FRICTION, STEP, Motor, wired
+from tests.support.wired_motor import FRICTION, STEP, Motor, wired, with_dry_friction
 
 
 class TwiceShown(Motor):
@@ -70,6 +71,18 @@ def test_another_unit_is_told_where_it_brings_parameters_to_reason(how, columns,
     assert diagnosis.verdict is Verdict.UNEXPLAINED
     assert diagnosis.causes == []
     assert wording.message(note) in wording.sentence(diagnosis)
+
+
+@pytest.mark.parametrize(("instead", "is_named"), [(0.2, True), (0.001, False)])
+def test_a_cause_that_comes_nearer_than_another_unit_is_named(monkeypatch, instead, is_named):
+    """Parameters may be bent to another unit's by what the model lacks, here dry friction."""
+    facts = {"columns": "drive", "unit": "mm/s", "others": (), "share": 0.4, "instead": instead}
+    unit = Note(NoteCode.OTHER_UNIT, "", facts)
+    monkeypatch.setattr(whole_diagnosis, "mixed_up_columns", lambda search, base: [unit])
+    diagnosis = diagnose(Motor, with_dry_friction(0.5), [FRICTION])
+    assert (unit in diagnosis.notes) is not is_named
+    assert bool(diagnosis.causes) is is_named
+    assert (diagnosis.verdict is Verdict.UNEXPLAINED) is not is_named
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.6])
