@@ -1,4 +1,4 @@
-"""The rig protocol, version 1: what its messages are and how they stand in a frame
+"""The rig protocol, version 2: what its messages are and how they stand in a frame
 (``docs/reference/protocol.md``).
 
 Needs Python alone: it travels inside the Python FMU, and the server has it from here.
@@ -12,13 +12,17 @@ from typing import Any
 
 from ..kit import UserError
 
-VERSION = 1
+VERSION = 2
 MAX_FRAME = 65536  # bytes
-PORT = 5570
+PORT = 5570  # of a client's requests; of telemetry and of an operator's requests see below
+TELEMETRY, OPERATOR = 1, 2  # how much higher their ports are
 ENDPOINT = f"tcp://127.0.0.1:{PORT}"
 
 REAL_TIME, LOCKSTEP = "real-time", "lockstep"
-IDLE, RUNNING, SAFE = "idle", "running", "safe"
+IDLE, RUNNING = "idle", "running"
+# latched: on the way to the safe state, confirmed to be there, and not there within the bound
+STOPPING, SAFE, NOT_REACHED = "stopping", "safe", "not reached"
+LATCHED = (STOPPING, SAFE, NOT_REACHED)
 
 
 class ProtocolError(UserError):
@@ -40,6 +44,10 @@ def _is_number(value: Any) -> bool:
 
 def _is_count(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**53
+
+
+def _is_number_or_null(value: Any) -> bool:
+    return value is None or _is_number(value)
 
 
 def _is_numbers(value: Any) -> bool:
@@ -74,12 +82,22 @@ LIMIT_KEYS = ("min", "max", "rate")
 
 _SAMPLE = {"values": _is_values, "ages": _is_values}
 _RIG = {"mode": _is_text, "period": _is_number, "watchdog": _is_number, "limits": _is_limits}
-_STATE = {"state": _is_text, "reason": _is_text, "clock": _is_number, "client": _is_text}
+# `latch` names the latch that holds the rig, `reached` is how long the safe state took from then,
+# s, and `alarm` what an operator has to know until it is acknowledged
+_STATE = {
+    "state": _is_text,
+    "reason": _is_text,
+    "latch": _is_text,
+    "reached": _is_number_or_null,
+    "alarm": _is_text,
+    "clock": _is_number,
+    "client": _is_text,
+}
 _NAMED = {"inputs": _is_units, "outputs": _is_units}
 
 # What each message must have, beside its version and type.
 REQUESTS = {
-    "connect": {"client": _is_text, **_NAMED, "time": _is_number},
+    "connect": {"client": _is_text, "instance": _is_text, **_NAMED, "time": _is_number},
     "exchange": {
         "session": _is_text,
         "sequence": _is_count,
@@ -91,7 +109,7 @@ REQUESTS = {
     },
     "disconnect": {"session": _is_text},
     "stop": {"reason": _is_text},
-    "acknowledge": {},
+    "acknowledge": {"latch": _is_text},
     "status": {},
 }
 REPLIES = {
@@ -112,6 +130,7 @@ REPLIES = {
     "telemetry": {
         **_STATE,
         "inputs": _is_mapping,
+        "read_back": _is_mapping,
         "outputs": _is_mapping,
         "ages": _is_mapping,
         "refused": _is_texts,

@@ -6,7 +6,7 @@
 #include "json_writer.h"
 
 /* Outputs of the proxy: the measured values, as many ages, and round_trip_time, missed_deadlines and link_state. */
-enum { MEASURED = (MODEL_OUTPUTS - 3) / 2, PROTOCOL_VERSION = 1, SESSION_SIZE = 128, SENTENCE_SIZE = 512 };
+enum { MEASURED = (MODEL_OUTPUTS - 3) / 2, PROTOCOL_VERSION = 2, SESSION_SIZE = 128, SENTENCE_SIZE = 512 };
 
 typedef enum { REPLY_NONE, REPLY_ACCEPTED, REPLY_REFUSED, REPLY_SAMPLE, REPLY_DISCONNECTED, REPLY_FOREIGN } ReplyKind;
 

@@ -19,8 +19,10 @@ class RigState:
     ----------
     number : int
         Counts the samples.
-    applied : tuple of float
-        The command of each input; zero in the safe state.
+    applied : tuple of float or None
+        What each input has; zero in the safe state, None where nobody knows.
+    read_back : tuple of float or None
+        What the device says that each input has; None where it cannot say.
     values : tuple of float or None
         The newest finite value of every output.
     taken : tuple of float
@@ -30,7 +32,8 @@ class RigState:
     """
 
     number: int
-    applied: tuple[float, ...]
+    applied: tuple[float | None, ...]
+    read_back: tuple[float | None, ...]
     values: tuple[float | None, ...]
     taken: tuple[float, ...]
     missed: int
@@ -63,11 +66,14 @@ class Rig(Protocol):
         Of the protocol.
     watchdog : float
         In s; 0 if there is none.
+    bound : float
+        Longest that going safe may take, s; beyond it the safe state counts as not reached.
     signals : BackendSignals
     """
 
     mode: str
     watchdog: float
+    bound: float
     signals: BackendSignals
 
     def clock(self) -> float:
@@ -82,8 +88,19 @@ class Rig(Protocol):
         """Let time pass, if it is the client's."""
         ...
 
+    def beat(self) -> None:
+        """Show that the front is alive; to be called in every turn of its loop."""
+        ...
+
     def go_safe(self) -> None:
-        """Go to the safe state."""
+        """Order the safe state."""
+        ...
+
+    def safe_since(self) -> float | None:
+        """Return since when the rig is confirmed to be in its safe state, s of its clock.
+
+        None while it is not, or nobody who could know is heard.
+        """
         ...
 
     def release(self) -> None:
