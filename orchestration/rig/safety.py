@@ -5,11 +5,16 @@ Nothing here reads a clock, a socket or a device; times come in as arguments.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import inf, isfinite
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite, nan
 
 from orchestration.rig.signals import Limit
 
+# s by which messages of a steady client may come early: it is not refused then
+_EARLY = 0.01
+# of the range of a command, by which it changes much, and by which a device may round it
+_CHANGE = 0.01
 _ROUNDING = 1e-9  # of a rate limit: a ramp at the limit must not fail by the last bit of a time
 
 
@@ -17,7 +22,9 @@ class CommandFilter:
     """Filter that holds commands against their hard limits.
 
     A set of commands is taken as a whole or not at all: if one value is beyond its limits, all stay
-    as they are.
+    as they are. How far a value may change is a budget that fills at the limit of its rate; a small
+    remainder is kept, so that a message that comes a little early is not refused. The budget goes
+    on over safe states and sessions.
 
     Parameters
     ----------
@@ -34,42 +41,106 @@ class CommandFilter:
 
     def __init__(self, inputs: Mapping[str, str], limits: Mapping[str, Limit]) -> None:
         self._signals = [(name, unit, limits.get(name, Limit())) for name, unit in inputs.items()]
+        self._remainders = [_EARLY] * len(self._signals)  # of every budget, s at the limit
+        self._taken: float | None = None  # when the last values were
         self.reset()
 
     def reset(self) -> None:
         """Note that the rig went to its safe state, where nothing is commanded."""
         self.applied = (0.0,) * len(self._signals)
 
-    def take(self, values: Sequence[float], elapsed: float) -> list[str]:
+    def take(self, values: Sequence[float], now: float, longest: float) -> list[str]:
         """Take a set of commands, unless one is refused.
 
         Parameters
         ----------
         values : sequence of float
             In the order of `inputs`, SI.
-        elapsed : float
-            Time since the last ones were taken, in s; what a rate is measured by.
+        now : float
+            In s.
+        longest : float
+            Time that a budget may fill in, s: a pause does not make a jump slow.
 
         Returns
         -------
         list of str
             Sentences about the values that are refused; empty if all were taken.
         """
+        elapsed = longest if self._taken is None else min(now - self._taken, longest)
         refused = []
-        for (name, unit, limit), value, before in zip(
-            self._signals, values, self.applied, strict=True
+        remainders = []
+        for (name, unit, limit), value, before, remainder in zip(
+            self._signals, values, self.applied, self._remainders, strict=True
         ):
             fault = "is no finite number"
             if isfinite(value):
-                fault = excess(limit, value, before, elapsed, unit)
+                fault = excess(limit, value, before, elapsed, unit, elapsed + remainder)
+                spent = abs(value - before) / limit.rate if limit.rate > 0.0 else 0.0
+                remainders.append(min(max(0.0, elapsed + remainder - spent), _EARLY))
             if fault:
                 refused.append(f"{name} {value:g} {unit} {fault}; {before:g} {unit} goes on")
         if not refused:
             self.applied = tuple(map(float, values))
+            self._remainders = remainders
+            self._taken = now
         return refused
 
 
-def excess(limit: Limit, value: float, before: float | None, elapsed: float, unit: str) -> str:
+class SlewLimiter:
+    """Output stage that moves what is applied towards the commands no faster than their limits.
+
+    It lives as long as the device, so that no change of session is a way around it.
+
+    Parameters
+    ----------
+    inputs : iterable of str
+    limits : Mapping of str to Limit
+        By signal.
+    now : float
+        When the rig was at rest, in s.
+    """
+
+    def __init__(self, inputs: Iterable[str], limits: Mapping[str, Limit], now: float) -> None:
+        self._rates = [limits[name].rate if name in limits else inf for name in inputs]
+        self.rest(now)
+
+    def rest(self, now: float) -> None:
+        """Note that the rig is at rest, in s."""
+        self._applied = (0.0,) * len(self._rates)
+        self._time = now
+
+    def towards(self, values: Sequence[float], now: float) -> tuple[float, ...]:
+        """Return what to apply.
+
+        Parameters
+        ----------
+        values : sequence of float
+            Commanded, SI.
+        now : float
+            In s.
+
+        Returns
+        -------
+        tuple of float
+        """
+        elapsed = now - self._time
+        applied = []
+        for value, before, rate in zip(values, self._applied, self._rates, strict=True):
+            step = rate * elapsed if rate < inf else inf
+            applied.append(min(max(value, before - step), before + step))
+        self._applied = tuple(applied)
+        self._time = now
+        return self._applied
+
+
+def excess(
+    limit: Limit,
+    value: float,
+    before: float | None,
+    elapsed: float,
+    unit: str,
+    budget: float | None = None,
+) -> str:
     """Describe how a value exceeds its limits.
 
     Parameters
@@ -82,6 +153,8 @@ def excess(limit: Limit, value: float, before: float | None, elapsed: float, uni
     elapsed : float
         Time since then in s.
     unit : str
+    budget : float, optional
+        Time that a change may take at the limit of its rate, s; `elapsed` unless given.
 
     Returns
     -------
@@ -92,16 +165,120 @@ def excess(limit: Limit, value: float, before: float | None, elapsed: float, uni
         return f"is below {limit.min:g} {unit}"
     if value > limit.max:
         return f"is above {limit.max:g} {unit}"
+    longest = elapsed if budget is None else budget
     if (
         before is not None
         and limit.rate < inf
-        and abs(value - before) > limit.rate * elapsed * (1 + _ROUNDING)
+        and abs(value - before) > limit.rate * longest * (1 + _ROUNDING)
     ):
         return (
             f"is a change by {value - before:+.3g} {unit} in {elapsed:.3g} s, faster than"
             f" {limit.rate:g} {unit}/s"
         )
     return ""
+
+
+class StuckMonitor:
+    """Monitor of measured values that stay the same, and of writes that the device ignores.
+
+    A sensor that shows the same number again and again while commands change is taken for stuck. So
+    is a command that the device, by its own word, does not have.
+
+    Parameters
+    ----------
+    signals : pair of Mapping of str to str
+        What is commanded and what is measured, and their units.
+    limits : Mapping of str to Limit
+        By signal.
+    samples : int
+        In a row, after which it is an alarm; 0 is never.
+    """
+
+    def __init__(
+        self,
+        signals: tuple[Mapping[str, str], Mapping[str, str]],
+        limits: Mapping[str, Limit],
+        samples: int,
+    ) -> None:
+        self._inputs, self._outputs = signals
+        self._much = [_CHANGE * _span(limits.get(name)) for name in self._inputs]
+        self._samples = samples
+        self._same = {name: _Run() for name in self._outputs}
+        self._ignored = dict.fromkeys(self._inputs, 0)
+
+    def check(
+        self,
+        applied: Sequence[float],
+        read_back: Sequence[float],
+        measured: Mapping[str, float],
+    ) -> list[str]:
+        """Check one sample.
+
+        Parameters
+        ----------
+        applied, read_back : sequence of float
+            What each input was given, and what the device says it has; NaN where it does not.
+        measured : Mapping of str to float
+            By output; NaN where there is none.
+
+        Returns
+        -------
+        list of str
+            Sentences about what became an alarm with this sample.
+        """
+        if not self._samples:
+            return []
+        alarms = []
+        for name, value in measured.items():
+            run = self._same[name]
+            run.add(value, applied)
+            if run.count == self._samples and (moved := self._moved(run)):
+                text = f"{name} has been {value:.6g} {self._outputs[name]} for {run.count} samples"
+                alarms.append(f"{text}, while {moved} changed: is its sensor stuck?")
+        for name, wanted, there, much in zip(
+            self._inputs, applied, read_back, self._much, strict=True
+        ):
+            is_ignored = abs(there - wanted) > much
+            self._ignored[name] = self._ignored[name] + 1 if is_ignored else 0
+            if self._ignored[name] == self._samples:
+                unit = self._inputs[name]
+                alarms.append(
+                    f"{name} was written as {wanted:.6g} {unit} in {self._samples} samples, and the"
+                    f" device has {there:.6g} {unit}"
+                )
+        return alarms
+
+    def _moved(self, run: _Run) -> str:
+        """Return the inputs that have changed by much since a value began to stay the same."""
+        spans = zip(self._inputs, run.least, run.most, self._much, strict=True)
+        return " and ".join(name for name, low, high, much in spans if high - low > much)
+
+
+@dataclass
+class _Run:
+    """A value that stays the same, and between what the inputs were meanwhile."""
+
+    value: float = nan
+    count: int = 0
+    least: tuple[float, ...] = ()
+    most: tuple[float, ...] = ()
+
+    def add(self, value: float, applied: Sequence[float]) -> None:
+        if value == self.value:
+            self.count += 1
+            self.least = tuple(map(min, self.least, applied))
+            self.most = tuple(map(max, self.most, applied))
+        else:
+            self.value = value
+            self.count = 1
+            self.least = self.most = tuple(applied)
+
+
+def _span(limit: Limit | None) -> float:
+    """Return how far a signal can change; 0 where nothing limits it."""
+    if limit is None or not isfinite(limit.max - limit.min):
+        return 0.0
+    return limit.max - limit.min
 
 
 class MeasurementMonitor:

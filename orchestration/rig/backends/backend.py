@@ -50,6 +50,16 @@ class Backend(ABC):
         values : Mapping of str to float
         """
 
+    def read_back(self) -> Mapping[str, float]:
+        """Return what the device says that inputs have, where it can say.
+
+        Returns
+        -------
+        Mapping of str to float
+            Of some inputs, or of none.
+        """
+        return {}
+
     @abstractmethod
     def safe(self) -> None:
         """Bring the rig to its safe state: no current, no coil voltage.

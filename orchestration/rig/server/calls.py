@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from math import nan
 from typing import Any, NoReturn, TypeVar
 
 from fmus.kit import UserError
@@ -209,3 +210,28 @@ def measure(backend: Backend, signals: BackendSignals) -> dict[str, float]:
         raise BackendError(
             f"read() did not return numbers for {', '.join(signals.outputs)}: {error}"
         ) from error
+
+
+def read_back(backend: Backend, signals: BackendSignals) -> list[float]:
+    """Return what a backend says that its inputs have.
+
+    Parameters
+    ----------
+    backend : Backend
+    signals : BackendSignals
+
+    Returns
+    -------
+    list of float
+        In the order of the inputs; NaN where it cannot say.
+
+    Raises
+    ------
+    BackendError
+        If it raises, or says no number.
+    """
+    values = call("read_back()", backend.read_back)
+    try:
+        return [float(values.get(name, nan)) for name in signals.inputs]
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise BackendError(f"read_back() did not return numbers by input: {error}") from error

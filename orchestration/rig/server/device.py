@@ -1,9 +1,10 @@
 """Device process of the server: a loop around the backend that goes safe by itself.
 
 It takes the newest command from the shared memory, writes it, reads, and publishes the sample
-there, at fixed times. When the newest command is too old, a measured value is beyond its limit or
-the backend raises, it brings the rig to its safe state and says so. A backend that raised is not
-used any more: the process ends, and another one opens it when an operator acknowledges.
+there, at fixed times. When the newest command is too old, a measured value is beyond its limit, the
+backend raises, or front or guard show no sign of life, it brings the rig to its safe state and says
+so. A backend that raised is not used any more: the process ends, and another one opens it when an
+operator acknowledges.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from time import monotonic, sleep
 from typing import Any
 
 from orchestration.rig.backends import open_backend
-from orchestration.rig.safety import MeasurementMonitor, expired
+from orchestration.rig.safety import MeasurementMonitor, SlewLimiter, StuckMonitor, expired
 from orchestration.rig.server.calls import (
     BackendError,
     BackendSignals,
@@ -26,12 +27,15 @@ from orchestration.rig.server.calls import (
     deadline,
     leave,
     measure,
+    read_back,
 )
-from orchestration.rig.server.scheduling import Collector, Deadlines, prefer
+from orchestration.rig.server.processes import detach
+from orchestration.rig.server.scheduling import Collector, Deadlines, Suspension, prefer
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     RUN,
+    Alarm,
     Beat,
     Command,
     Sample,
@@ -60,8 +64,7 @@ def main(settings: ServerSettings, memory: Any) -> None:
     memory : ctypes array
         Shared with front and guard.
     """
-    # in a terminal it goes to all processes at once; the front says when this one is to end
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    detach()
     device = Device(settings, SharedMemory(memory))
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, device.end)
@@ -101,7 +104,10 @@ class Device:
         self._shared = shared
         self._ending = False
         self._opened = False
-        self._safe = False
+        self._safe = 0.0  # since when, s; 0 if it is not
+        self._lost = ""  # why nobody can watch over this process
+        self._suspension = Suspension()
+        self._slew = SlewLimiter((), {}, 0.0)
         self._acknowledgements_at_trip: int | None = None  # None while it has not tripped
         self._applied: tuple[float, ...] = ()
         self._number = 0
@@ -132,10 +138,18 @@ class Device:
 
     def _open(self, notes: Sequence[str]) -> None:
         settings = self._settings
+        begun = monotonic()
         self._backend = self._call("opening", open_backend, settings.backend, settings.options)
         self._signals = BackendSignals.from_backend(self._backend)
         self._signals.notes.extend(notes)
+        self._slew = SlewLimiter(self._signals.inputs, self._signals.limits, monotonic())
         self._rest()
+        opening = monotonic() - begun
+        self._stuck = StuckMonitor(
+            (self._signals.inputs, self._signals.outputs),
+            self._signals.limits,
+            settings.stuck_after,
+        )
         self._monitor = MeasurementMonitor(
             self._signals.outputs, self._signals.limits, settings.watchdog
         )
@@ -143,7 +157,8 @@ class Device:
         self._taken = [0.0] * len(self._signals.outputs)
         self._applied = (0.0,) * len(self._signals.inputs)
         self._deadlines = Deadlines(settings.period, monotonic())
-        self._shared.description.write(self._signals.to_record())
+        description = self._signals.to_record()
+        self._shared.description.write(description._replace(opening=opening))
         self._tick(self._command())
         self._opened = True
 
@@ -167,7 +182,8 @@ class Device:
             running = command.order == RUN and not tripped
             if running:
                 until = min(until, command.accepted + self._settings.watchdog)
-            if command.order == END or now >= until or not (running or self._safe):
+            is_to_rest = not running and not self._safe
+            if command.order == END or now >= until or is_to_rest or (running and self._lost):
                 return command
             self._beat(SLEEP, now)
             sleep(min(until - now, self._look))
@@ -178,14 +194,26 @@ class Device:
         # a look takes some 20 microseconds, which a thousand periods a second cannot spare
         if now - self._looked > _LOOK:
             self._looked = now
-            parent = parent_process()
-            watch = self._shared.watch.read()
-            guard_is_gone = parent is not None and wait([parent.sentinel], 0)
-            if guard_is_gone or (watch is not None and watch.ending):
-                self._ending = True
+            self._look_for_others(now)
         if self._ending:
             return _END
         return self._shared.command.read() or _END
+
+    def _look_for_others(self, now: float) -> None:
+        """Take note of an end, of a silent front or guard, and of a suspend of the computer."""
+        parent = parent_process()
+        watch = self._shared.watch.read()
+        front = self._shared.front.read()
+        guard_is_gone = parent is not None and wait([parent.sentinel], 0)
+        if guard_is_gone or (watch is not None and watch.ending):
+            self._ending = True
+        suspended = self._suspension.since()
+        self._lost = ""
+        if suspended > self._settings.silence:
+            self._lost = f"this computer was suspended for {suspended:.3g} s"
+        for who, sign in (("guard", watch), ("front", front)):
+            if sign is not None and now - sign.time > self._settings.silence:
+                self._lost = f"the server's {who} shows no sign of life for {now - sign.time:.3g} s"
 
     def _tick(self, command: Command) -> None:
         """Command, measure and publish."""
@@ -196,6 +224,8 @@ class Device:
             self._rest()
         elif expired(command.accepted, monotonic(), self._settings.watchdog):
             self._trip(command.acknowledged, f"no fresh command for {self._settings.watchdog:g} s")
+        elif self._lost:
+            self._trip(command.acknowledged, self._lost)
         else:
             self._write(unpack(command.values, len(self._applied)))
         now = monotonic()
@@ -204,20 +234,26 @@ class Device:
         reason = self._monitor.check(measured, now)
         if reason and self._acknowledgements_at_trip is None:
             self._trip(command.acknowledged, reason)
-        self._publish(measured, now)
+        there = read_back(self._backend, self._signals)
+        alarms = self._stuck.check(self._applied, there, measured)
+        if alarms:
+            self._shared.alarm.write(Alarm(now, write_text("; ".join(alarms))))
+        self._publish(measured, there, now)
 
     def _write(self, values: tuple[float, ...]) -> None:
-        self._safe = False
-        commands = dict(zip(self._signals.inputs, values, strict=True))
+        self._safe = 0.0
+        applied = self._slew.towards(values, monotonic())
+        commands = dict(zip(self._signals.inputs, applied, strict=True))
         self._call("write()", self._backend.write, commands)
-        self._applied = values
+        self._applied = applied
 
     def _rest(self) -> None:
         """Bring the rig to its safe state, unless it is there."""
         if not self._safe:
             self._call("safe()", self._backend.safe)
-            self._safe = True
+            self._safe = monotonic()
             self._applied = (0.0,) * len(self._applied)
+        self._slew.rest(monotonic())
 
     def _trip(self, acknowledged: int, reason: str) -> None:
         """Go safe by itself, and stay safe until the next acknowledgement."""
@@ -230,25 +266,25 @@ class Device:
 
     def _fail(self, reason: str) -> None:
         """Go safe with a backend that raised, if that is still possible; else the guard has to."""
-        self._safe = False
+        self._safe = 0.0
         if hasattr(self, "_backend"):
             try:
                 self._rest()
                 self._call("close()", self._backend.close)
             except BackendError as error:
                 reason = f"{reason}; {error}"
-        self._report(reason, reached=self._safe, ended=True)
+        self._report(reason, reached=bool(self._safe), ended=True)
 
     def _report(self, reason: str, *, reached: bool, ended: bool) -> None:
         self._shared.trip.write(Trip(monotonic(), reached, ended, write_text(reason)))
 
-    def _publish(self, measured: dict[str, float], now: float) -> None:
+    def _publish(self, measured: dict[str, float], there: list[float], now: float) -> None:
         for k, value in enumerate(measured.values()):
             if isfinite(value):
                 self._values[k] = value
                 self._taken[k] = now
         self._number += 1
-        packed = map(pack, (self._applied, self._values, self._taken))
+        packed = map(pack, (self._applied, there, self._values, self._taken))
         self._shared.sample.write(Sample(self._number, now, self._deadlines.missed, *packed))
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:

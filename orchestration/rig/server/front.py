@@ -110,6 +110,7 @@ class Front:
             self._take_messages()
             if self._signals.ending:
                 break  # before the rig is supervised: the signal may have ended the guard as well
+            self._handler.beat()
             now = monotonic()
             if self._signals.stopping:
                 self._handler.stop(self._signals.stopping)
@@ -203,7 +204,11 @@ class Front:
 
 @contextmanager
 def received_signals() -> Iterator[ReceivedSignals]:
-    """Take note of Ctrl-C, SIGTERM and SIGUSR1 while the context lasts.
+    r"""Take note of signals while the context lasts.
+
+    Ctrl-C, SIGQUIT, SIGTERM and a closed terminal end the server; SIGUSR1 stops the rig. Ctrl-Z
+    pauses the server: device and guard hear nothing of it then, and bring the rig to its safe
+    state.
 
     Yields
     ------
@@ -217,7 +222,8 @@ def received_signals() -> Iterator[ReceivedSignals]:
     def stop(number: int, frame: object) -> None:
         signals.stopping = signal.Signals(number).name
 
-    handlers = {"SIGINT": end, "SIGTERM": end, "SIGBREAK": end, "SIGHUP": end, "SIGUSR1": stop}
+    handlers = dict.fromkeys(("SIGINT", "SIGTERM", "SIGBREAK", "SIGHUP", "SIGQUIT"), end)
+    handlers["SIGUSR1"] = stop
     there = {}  # on this platform
     for name, handler in handlers.items():
         if hasattr(signal, name):

@@ -3,7 +3,9 @@
 When the device hangs or dies, the guard opens the backend itself and calls ``safe``.
 
 All that this needs is imported beforehand, so that it takes no longer than the driver. The guard
-starts the device, and starts another one when an operator acknowledges.
+starts the device, and starts another one when an operator acknowledges. There are two guards: one
+on duty, and one that stands by, which ends the first if that shows no sign of life, and takes its
+place.
 """
 
 from __future__ import annotations
@@ -19,15 +21,19 @@ from typing import Any
 from orchestration.rig.backends import backend_class, open_backend
 from orchestration.rig.server import device
 from orchestration.rig.server.calls import BackendError, call, deadline, leave
+from orchestration.rig.server.processes import Peer, detach, undisturbed
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     GONE,
     OPENING,
+    RESCUING,
+    RETIRED,
     RUN,
     SERVING,
     Beat,
     Command,
+    Pulse,
     SharedMemory,
     Trip,
     Watch,
@@ -37,35 +43,38 @@ from orchestration.rig.server.shared_memory import (
 
 LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to hang
 ATTEMPTS = 5  # at the safe state, when the backend raises
-# s; a guard that hangs for longer in the backend ends itself, and the front starts another
+# s; a guard that hangs for longer in the backend ends itself, and the other takes its place
 LONGEST_ATTEMPT = 5.0
 _PAUSE = 0.2  # s between two attempts
 _LONGEST_DYING = 0.5  # s that a killed process may take to end
-# of the watchdog time, that a driver call may take: the remainder is for noticing and for the
-# rescue
-_SHARE = 0.75
+_ORPHAN = 0.1  # of the watchdog time, that a device gets to go safe when its guard has ended
 _GRACE = 0.01  # s, at least: what the device gets beyond the watchdog time to go safe by itself
 
 
-def main(settings: ServerSettings, memory: Any, rescue: str) -> None:
+def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) -> None:
     """Run the process; its exit status is 0 if it leaves the rig in its safe state.
 
     Parameters
     ----------
     settings : ServerSettings
     memory : ctypes array
-        Shared with front and device.
+        Shared with front, device and the other guard.
     rescue : str
         Why the rig has to be brought to its safe state at once; empty to start a device.
+    stands_by : bool
+        Whether another guard is on duty, and this one waits until it fails.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    detach()
     guard = Guard(settings, memory)
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, guard.end)
-    leave(0 if guard.run(rescue) else 1)
+    why = guard.stand_by() if stands_by else rescue
+    if why is None:
+        leave(0)
+    leave(0 if guard.run(why) else 1)
 
 
-def fault_of(beat: Beat, command: Command, now: float, watchdog: float, period: float) -> str:
+def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings) -> str:
     """Describe what is wrong with a living device, by its last sign of life.
 
     Parameters
@@ -73,8 +82,9 @@ def fault_of(beat: Beat, command: Command, now: float, watchdog: float, period: 
     beat : Beat
     command : Command
         The newest.
-    now, watchdog, period : float
+    now : float
         In s.
+    settings : ServerSettings
 
     Returns
     -------
@@ -83,24 +93,24 @@ def fault_of(beat: Beat, command: Command, now: float, watchdog: float, period: 
     """
     where = read_text(beat.call)
     age = now - beat.time
-    if age > _SHARE * watchdog:
+    if age > settings.silence:
         if where == device.SLEEP:
             return (
                 f"the device's process has not run for {age:.3g} s, outside of the driver: this"
                 " computer is too busy"
             )
         return f"the device hangs: {where} for {age:.3g} s"
-    late = now - command.accepted - watchdog
-    if command.order == RUN and not beat.safe and late > max(period / 2, _GRACE):
+    late = now - command.accepted - settings.watchdog
+    if command.order == RUN and not beat.safe and late > max(settings.period / 2, _GRACE):
         return (
-            f"no fresh command for {watchdog:g} s, and the device did not go safe ({where} for"
-            f" {age:.3g} s)"
+            f"no fresh command for {settings.watchdog:g} s, and the device did not go safe ({where}"
+            f" for {age:.3g} s)"
         )
     return ""
 
 
 class Guard:
-    """A device process, and the watch over it.
+    """A device process, and the watch over it or over the guard that has it.
 
     Parameters
     ----------
@@ -114,6 +124,7 @@ class Guard:
         self._shared = SharedMemory(memory)
         self._context = get_context("spawn")
         self._device: Any = None
+        self._other: Peer | None = None  # the guard on duty, for one that stands by
         self._started = 0.0
         self._acknowledged = 0
         self._ending = False
@@ -123,6 +134,48 @@ class Guard:
     def end(self, *_: object) -> None:
         """End the watch, with the rig in its safe state."""
         self._ending = True
+
+    def stand_by(self) -> str | None:
+        """Wait until the guard on duty fails, and end it.
+
+        Returns
+        -------
+        str or None
+            The reason; None if all has ended in order, and there is nothing to do.
+        """
+        self._prepare()
+        parent = parent_process()
+        while not self._ending:
+            self._shared.standby.write(Pulse(monotonic(), os.getpid()))
+            watch = self._shared.watch.read()
+            if (watch is None or watch.at == RETIRED) and self._is_to_end(parent):
+                break
+            fault = "" if watch is None else self._fault_of_guard(watch)
+            if fault:
+                return fault
+            sleep(self._tick)
+        return None
+
+    def _fault_of_guard(self, watch: Watch) -> str:
+        """Describe why the guard on duty cannot go on, and end it; empty if it can."""
+        if self._other is None or self._other.number != watch.process:
+            self._other = Peer(watch.process)
+        is_alive = self._other.is_alive()
+        newest = self._shared.watch.read() or watch
+        if not is_alive:
+            is_over = newest.at == RETIRED and self._is_to_end(parent_process())
+            return "" if is_over else "the guard process has ended"
+        age = monotonic() - newest.time
+        if newest.at == RETIRED or age <= longest_silence(newest.at, self._settings):
+            return ""
+        self._other.kill()
+        self._other.join(_LONGEST_DYING)
+        return f"the guard shows no sign of life for {age:.3g} s"
+
+    def _prepare(self) -> None:
+        """Import what a rescue needs."""
+        with suppress(Exception):  # the device will say what is wrong with it
+            backend_class(self._settings.backend)
 
     def run(self, rescue: str) -> bool:
         """Watch until the front, a signal or the end of the front ends it.
@@ -137,8 +190,7 @@ class Guard:
         bool
             True if the rig is in its safe state at the end.
         """
-        with suppress(Exception):  # the device will say what is wrong with it
-            backend_class(self._settings.backend)
+        self._prepare()
         self._acknowledged = self._command().acknowledged
         if rescue:
             self._rescue_after_another(rescue)
@@ -150,6 +202,8 @@ class Guard:
             watched = [process for process in (parent, self._device) if process is not None]
             wait([process.sentinel for process in watched], self._tick)
         self._end()
+        if self._reached:
+            self._tell(RETIRED, ending=True)
         return self._reached
 
     def _command(self) -> Command:
@@ -167,7 +221,9 @@ class Guard:
             target=device.main, args=(self._settings, self._memory), name="device"
         )
         self._started = monotonic()
-        self._device.start()
+        self._tell(OPENING)
+        with undisturbed():
+            self._device.start()
         self._tell(OPENING)
 
     def _look(self) -> None:
@@ -181,16 +237,19 @@ class Guard:
             if command.acknowledged != self._acknowledged:
                 self._acknowledged = command.acknowledged
                 self._start()
+            else:
+                self._tell(GONE)
             return
         if not self._is_final(trip):  # else an acknowledgement asks for another device
             self._acknowledged = command.acknowledged
         if not self._device.is_alive():
             self._look_at_ended_device()
         elif beat is None or beat.process != self._device.pid or not beat.opened:
+            self._tell(OPENING)
             if now - self._started > LONGEST_OPENING:
                 self._take_over(f"the device has not opened in {LONGEST_OPENING:g} s")
         else:
-            fault = fault_of(beat, command, now, self._settings.watchdog, self._settings.period)
+            fault = fault_of(beat, command, now, self._settings)
             if fault:
                 self._take_over(fault)
             else:
@@ -216,6 +275,7 @@ class Guard:
         """Kill the device and bring the rig to its safe state in its place."""
         begun = monotonic()
         self._reached = False
+        self._tell(RESCUING)
         self._report(f"{reason}; the guard brings it to the safe state", begun)
         if self._device.is_alive():
             self._device.kill()
@@ -225,19 +285,26 @@ class Guard:
         self._reach(reason, begun)
 
     def _rescue_after_another(self, reason: str) -> None:
-        """Take the place of a guard that died, and of its device."""
-        beat = self._shared.beat.read()
+        """Take the place of a guard that died, and of its device, which goes safe if it still can.
+
+        The rig is brought to its safe state once more in any case, as nobody else has seen it.
+        """
         begun = monotonic()
         self._reached = False
-        if beat is not None and not self._has_ended():
-            with suppress(OSError):
-                os.kill(beat.process, getattr(signal, "SIGKILL", signal.SIGTERM))
+        self._tell(RESCUING)
+        beat = self._shared.beat.read()
+        if beat is not None:
+            device = Peer(beat.process)
+            device.join(_ORPHAN * self._settings.watchdog)
+            if not self._has_ended():
+                device.kill()
+                device.join(_LONGEST_DYING)
         self._reach(reason, begun)
 
     def _reach(self, reason: str, begun: float) -> None:
         """Try for the safe state, a bounded number of times."""
-        self._tell(GONE)
         for attempt in range(1, ATTEMPTS + 1):
+            self._tell(RESCUING)
             try:
                 with deadline(LONGEST_ATTEMPT):
                     self._attempt(reason, begun)
@@ -250,7 +317,8 @@ class Guard:
                     self._report(text, monotonic())
                     sleep(_PAUSE)
             if self._reached:
-                return
+                break
+        self._tell(GONE)
 
     def _attempt(self, reason: str, begun: float) -> None:
         backend = call("opening", open_backend, self._settings.backend, self._settings.options)
@@ -273,6 +341,7 @@ class Guard:
         until = monotonic() + self._settings.watchdog + self._settings.period + 1.0
         while self._device.is_alive() and monotonic() < until and not fault:
             self._device.join(self._tick)
+            self._tell(GONE, ending=True)
             fault = self._fault_at_the_end()
         if fault or self._device.is_alive():
             self._take_over(fault or "the device does not end")
@@ -283,9 +352,7 @@ class Guard:
         beat = self._shared.beat.read()
         if beat is None or not beat.opened or self._has_ended():
             return ""
-        return fault_of(
-            beat, self._command(), monotonic(), self._settings.watchdog, self._settings.period
-        )
+        return fault_of(beat, self._command(), monotonic(), self._settings)
 
     def _was_open(self) -> bool:
         beat = self._shared.beat.read()
@@ -294,10 +361,23 @@ class Guard:
     def _has_ended(self) -> bool:
         """Return True if the device reported its end in the safe state; it may still be running."""
         beat = self._shared.beat.read()
-        return beat is not None and read_text(beat.call) == device.ENDED and beat.safe
+        return beat is not None and read_text(beat.call) == device.ENDED and beat.safe > 0.0
 
     def _report(self, text: str, now: float) -> None:
         self._shared.rescue.write(Trip(now, self._reached, True, write_text(text)))
 
-    def _tell(self, state: int, *, ending: bool = False) -> None:
-        self._shared.watch.write(Watch(state, self._acknowledged, ending))
+    def _tell(self, at: int, *, ending: bool = False) -> None:
+        watch = Watch(monotonic(), os.getpid(), at, self._acknowledged, ending)
+        self._shared.watch.write(watch)
+
+
+def longest_silence(at: int, settings: ServerSettings) -> float:
+    """Return how long a guard on duty may show no sign of life before it is held to hang, s.
+
+    Parameters
+    ----------
+    at : int
+        What it is at: in the driver itself it may be as long as an attempt takes.
+    settings : ServerSettings
+    """
+    return settings.silence + (LONGEST_ATTEMPT if at == RESCUING else 0.0)

@@ -29,6 +29,7 @@ class LockstepRig:
 
     mode = LOCKSTEP
     watchdog = 0.0
+    bound = 0.0
 
     def __init__(self, settings: ServerSettings) -> None:
         if not issubclass(backend_class(settings.backend), Steppable):
@@ -50,7 +51,7 @@ class LockstepRig:
             "opening", open_backend, self._settings.backend, self._settings.options
         )
         self._failed = False
-        self._resting = False
+        self._resting: float | None = None  # since when, s of its clock
         self.signals = BackendSignals.from_backend(self._backend)
         self._measured = dict.fromkeys(self.signals.outputs, nan)
         self._monitor = MeasurementMonitor(
@@ -69,7 +70,7 @@ class LockstepRig:
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input."""
         self._applied = tuple(values)
-        self._resting = False
+        self._resting = None
         commands = dict(zip(self.signals.inputs, values, strict=True))
         self._guarded(lambda: call("write()", self._backend.write, commands))
 
@@ -103,13 +104,24 @@ class LockstepRig:
 
     def go_safe(self) -> None:
         """Go to the safe state."""
-        if not self._resting:
+        if self._resting is None:
             self._guarded(self._safe)
+
+    def safe_since(self) -> float | None:
+        """Return since when the rig is in its safe state; None while it is not."""
+        return self._resting
+
+    def beat(self) -> None:
+        """Do nothing: the rig is in this process."""
+
+    def alarms(self) -> list[str]:
+        """Return an empty list: an emulated rig has no sensor that could be stuck."""
+        return []
 
     def _safe(self) -> None:
         call("safe()", self._backend.safe)
         self._applied = (0.0,) * len(self.signals.inputs)
-        self._resting = True
+        self._resting = self._clock
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do something with the backend, and go safe if it raises."""
@@ -147,7 +159,9 @@ class LockstepRig:
 
     def state(self) -> RigState:
         """Return the newest sample."""
-        return RigState(self._number, self._applied, tuple(self._values), tuple(self._taken), 0)
+        nothing = (None,) * len(self._applied)
+        values = tuple(self._values)
+        return RigState(self._number, self._applied, nothing, values, tuple(self._taken), 0)
 
     def close(self) -> str:
         """End in the safe state."""

@@ -1,28 +1,33 @@
-"""A rig in real time, as the front sees it: the guard process and its device process."""
+"""A rig in real time, as the front sees it: two guard processes and the device process."""
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import os
+from collections.abc import Sequence
+from math import isnan
 from multiprocessing import get_context
 from time import monotonic, sleep
 from typing import Any
 
 from fmus.rig_proxy import REAL_TIME
-from orchestration.rig.server import guard
+from orchestration.rig.server import device, guard
 from orchestration.rig.server.calls import BackendSignals
+from orchestration.rig.server.processes import undisturbed
 from orchestration.rig.server.rig import RigState, cannot_open
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     REST,
+    RETIRED,
     RUN,
     SERVING,
+    Alarm,
     Command,
+    Pulse,
     SharedMemory,
     Slot,
     Trip,
+    Watch,
     new_memory,
     pack,
     read_text,
@@ -30,12 +35,13 @@ from orchestration.rig.server.shared_memory import (
 )
 
 _LOOK = 0.01  # s
-_GUARDS = 3  # that may hang in a safe state before the front gives up starting others
+_GUARDS = 3  # that may fail before the front gives up starting others
+_LONGEST_START = 5.0  # s that a process may take to show its first sign of life
 _SPARE = 2.0  # s, beyond what guard and device may take to end
 
 
 class RealTimeRig:
-    """A backend in a process of its own, which another process watches.
+    """A backend in a process of its own, which another watches, and a third stands by.
 
     Parameters
     ----------
@@ -52,13 +58,19 @@ class RealTimeRig:
     def __init__(self, settings: ServerSettings) -> None:
         self._settings = settings
         self.watchdog = settings.watchdog
-        self._memory = new_memory()
+        with undisturbed():
+            self._memory = new_memory()
         self._shared = SharedMemory(self._memory)
         self._command = Command()
         self._shared.command.write(self._command)
         self._seen: dict[str, float] = {}
-        self._rescues = 0
-        self._guard = self._start_guard("")
+        self._guards: dict[int, Any] = {}  # processes by number
+        self._failed = 0  # guards since the last acknowledgement
+        self._changed = 0.0  # when one was started or failed, s
+        self._is_silent = False  # as was reported of the guard on duty
+        self.bound = 0.0
+        self.beat()
+        self._start_guard("")
         try:
             self.signals = self._wait_until_open()
         except BaseException:
@@ -67,26 +79,37 @@ class RealTimeRig:
 
     clock = staticmethod(monotonic)
 
-    def _start_guard(self, rescue: str) -> Any:
-        process = get_context("spawn").Process(
-            target=guard.main, args=(self._settings, self._memory, rescue), name="guard"
-        )
-        with _ctrl_c_ignored():
+    def _start_guard(self, rescue: str, *, stands_by: bool = False) -> None:
+        arguments = (self._settings, self._memory, rescue, stands_by)
+        name = "standby" if stands_by else "guard"
+        process = get_context("spawn").Process(target=guard.main, args=arguments, name=name)
+        with undisturbed():
             process.start()
-        return process
+        self._guards[process.pid or 0] = process
+        self._changed = monotonic()
 
     def _wait_until_open(self) -> BackendSignals:
         until = monotonic() + guard.LONGEST_OPENING + _SPARE
-        while monotonic() < until and self._guard.is_alive():
+        while monotonic() < until and any(one.is_alive() for one in self._guards.values()):
+            self.beat()
             for trip in (self._shared.trip.read(), self._shared.rescue.read()):
                 if trip is not None and trip.ended:
                     raise cannot_open(self._settings, read_text(trip.reason))
             watch = self._shared.watch.read()
             description = self._shared.description.read()
-            if watch is not None and watch.device == SERVING and description is not None:
+            if watch is not None:
+                self._keep_a_standby(watch)
+            is_serving = watch is not None and watch.at == SERVING
+            is_backed = self._shared.standby.read() is not None
+            if is_serving and is_backed and description is not None:
+                self.bound = self.watchdog + self._settings.period + description.opening
                 return BackendSignals.from_record(description)
             sleep(_LOOK)
         raise cannot_open(self._settings, f"it did not open in {guard.LONGEST_OPENING:g} s")
+
+    def beat(self) -> None:
+        """Show device and guards that the front is alive."""
+        self._shared.front.write(Pulse(monotonic(), os.getpid()))
 
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input.
@@ -107,12 +130,27 @@ class RealTimeRig:
         if self._command.order != REST:
             self._order(self._command._replace(order=REST))
 
+    def safe_since(self) -> float | None:
+        """Return since when the rig is confirmed to be in its safe state; None while it is not.
+
+        The newest word counts, of the device or of a guard in its place. Of a device that shows no
+        sign of life nobody knows, unless it has ended.
+        """
+        beat = self._shared.beat.read()
+        rescue = self._shared.rescue.read()
+        if rescue is not None and (beat is None or rescue.time > beat.time):
+            return rescue.time if rescue.reached else None
+        if beat is None or not beat.safe:
+            return None
+        is_over = read_text(beat.call) == device.ENDED
+        return beat.safe if is_over or self._hears_device() else None
+
     def release(self) -> None:
         """Serve again: the device, if it is still there, or another one."""
-        self._rescues = 0
+        self._failed = 0
         self._order(self._command._replace(order=REST, acknowledged=self._command.acknowledged + 1))
-        if not self._guard.is_alive():
-            self._guard = self._start_guard("")
+        if not self._guards:
+            self._start_guard("")
 
     def _order(self, command: Command) -> None:
         self._command = command
@@ -123,7 +161,7 @@ class RealTimeRig:
         watch = self._shared.watch.read()
         if (
             watch is not None
-            and watch.device == SERVING
+            and watch.at == SERVING
             and watch.acknowledged == self._command.acknowledged
         ):
             return ""
@@ -132,32 +170,77 @@ class RealTimeRig:
     def troubles(self) -> list[str]:
         """Return what made the rig go safe by itself, or fail to, since the last call."""
         reasons = self._news("device", self._shared.trip) + self._news("guard", self._shared.rescue)
-        if not self._guard.is_alive():
-            self._guard.join()
-            reasons += self._replace_guard()
-        return reasons
+        return reasons + self._look_after_guards()
 
-    def _news(self, who: str, slot: Slot[Trip]) -> list[str]:
-        """Return the reason of a report that was not seen before."""
-        trip = slot.read()
-        if trip is None or trip.time == self._seen.get(who):
-            return []
-        self._seen[who] = trip.time
-        return [read_text(trip.reason)]
+    def alarms(self) -> list[str]:
+        """Return what an operator has to know since the last call, though the rig goes on."""
+        return self._news("alarm", self._shared.alarm)
 
-    def _replace_guard(self) -> list[str]:
-        """Start another guard that brings the rig to its safe state, a bounded number of times."""
-        if self._rescues > _GUARDS:
+    def _news(self, who: str, slot: Slot[Trip] | Slot[Alarm]) -> list[str]:
+        """Return the text of a report that was not seen before."""
+        report = slot.read()
+        if report is None or report.time == self._seen.get(who):
             return []
-        self._rescues += 1
+        self._seen[who] = report.time
+        return [read_text(report.reason)]
+
+    def _look_after_guards(self) -> list[str]:
+        """Replace guards that have ended, and both if neither shows a sign of life.
+
+        The one that stands by ends the other when that is silent; the front waits for it twice as
+        long before it does so itself.
+        """
+        for number, process in list(self._guards.items()):
+            if not process.is_alive():
+                process.join()
+                del self._guards[number]
+                self._failed += 1
+                self._changed = monotonic()
+        watch = self._shared.watch.read()
+        if not self._guards or watch is None:
+            return self._replace_guards("the guard process has ended")
+        silent, longest = self._silence(watch)
+        if silent > 2.0 * longest:
+            for process in self._guards.values():
+                process.kill()
+                process.join(_LOOK)
+            self._failed += len(self._guards)
+            self._guards = {}
+            return self._replace_guards(f"no guard shows a sign of life for {silent:.3g} s")
+        was_silent = self._is_silent
+        self._is_silent = silent > longest
+        if self._is_silent:
+            return [] if was_silent else [f"the guard shows no sign of life for {silent:.3g} s"]
+        self._keep_a_standby(watch)
+        return []
+
+    def _silence(self, watch: Watch) -> tuple[float, float]:
+        """Return for how long the guard on duty has shown no sign of life, and may, s.
+
+        One that has just been started, or that takes the place of another, has not shown any yet.
+        """
+        now = monotonic()
+        if watch.process in self._guards:
+            return now - watch.time, guard.longest_silence(watch.at, self._settings)
+        return now - self._changed, _LONGEST_START
+
+    def _keep_a_standby(self, watch: Watch) -> None:
+        """Start a guard that stands by if the one on duty is alone."""
+        if list(self._guards) == [watch.process] and self._failed <= _GUARDS:
+            self._start_guard("", stands_by=True)
+
+    def _replace_guards(self, reason: str) -> list[str]:
+        """Start a guard that brings the rig to its safe state, a bounded number of times."""
+        if self._guards or self._failed > _GUARDS + 1:
+            return []
         rescue = self._shared.rescue.read()
-        reason = "the guard process has ended"
         if rescue is not None and not rescue.reached:
             reason = "THE SAFE STATE WAS NOT REACHED: the backend hangs"
-        if self._rescues > _GUARDS:
-            return [f"{reason}; given up after {_GUARDS} processes"]
-        self._guard = self._start_guard(reason)
-        return [f"{reason}; process {self._rescues} of {_GUARDS} that tries for the safe state"]
+        if self._failed > _GUARDS:
+            self._failed += 1
+            return [f"{reason}; given up after {_GUARDS + 1} processes"]
+        self._start_guard(reason)
+        return [f"{reason}; another process tries for the safe state"]
 
     def state(self) -> RigState:
         """Return the newest sample."""
@@ -165,41 +248,41 @@ class RealTimeRig:
         outputs = len(self.signals.outputs)
         sample = self._shared.sample.read()
         if sample is None:
-            return RigState(0, (0.0,) * inputs, (None,) * outputs, (0.0,) * outputs, 0)
+            at_rest = (0.0,) * inputs
+            nothing = (None,) * inputs
+            return RigState(0, at_rest, nothing, (None,) * outputs, (0.0,) * outputs, 0)
         taken = unpack(sample.taken, outputs)
         measured = zip(unpack(sample.values, outputs), taken, strict=True)
         values = tuple(value if time else None for value, time in measured)
-        return RigState(sample.number, unpack(sample.applied, inputs), values, taken, sample.missed)
+        there = tuple(None if isnan(v) else v for v in unpack(sample.read_back, inputs))
+        applied: tuple[float | None, ...] = unpack(sample.applied, inputs)
+        since = self.safe_since()
+        if since is not None and since > sample.clock:
+            applied = (0.0,) * inputs
+            there = (None,) * inputs
+        elif since is None and not self._hears_device():
+            applied = there = (None,) * inputs
+        return RigState(sample.number, applied, there, values, taken, sample.missed)
+
+    def _hears_device(self) -> bool:
+        beat = self._shared.beat.read()
+        return beat is not None and monotonic() - beat.time <= self._settings.silence
 
     def close(self) -> str:
-        """End device and guard with the rig in its safe state."""
+        """End device and guards with the rig in its safe state."""
         ordered = monotonic()
         self._order(self._command._replace(order=END))
-        patience = self.watchdog + self._settings.period + 1.0 + guard.LONGEST_ATTEMPT + _SPARE
-        self._guard.join(patience)
-        if self._guard.is_alive():
-            self._guard.kill()
-            self._guard.join(1.0)
+        until = ordered + self.watchdog + self._settings.period + 1.0
+        until += guard.LONGEST_ATTEMPT + _SPARE
+        for process in self._guards.values():
+            process.join(max(0.0, until - monotonic()))
+            if process.is_alive():
+                process.kill()
+                process.join(1.0)
+        watch = self._shared.watch.read()
         rescue = self._shared.rescue.read()
-        if self._guard.exitcode == 0:
+        if watch is not None and watch.at == RETIRED:
             return ""
         if rescue is not None and rescue.reached and rescue.time > ordered:
             return ""  # a guard that reached it may hang in the driver afterwards
         return "the guard does not end" if rescue is None else read_text(rescue.reason)
-
-
-@contextmanager
-def _ctrl_c_ignored() -> Iterator[None]:
-    """Ignore Ctrl-C while a process is started.
-
-    In a terminal it reaches all processes, and one that is being started must not end by it.
-    """
-    try:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    except ValueError:  # not the main thread
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

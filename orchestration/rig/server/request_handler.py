@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from datetime import datetime
-from math import inf, isfinite
+from math import isfinite
 from time import monotonic
 from typing import Any
 
@@ -192,9 +192,8 @@ class RequestHandler:
             self.counts["stale"] += 1
             refused = [reason]
         else:
-            elapsed = now - session.accepted if session.accepted is not None else inf
             values = [message["values"][k] for k in session.commanded]
-            refused = self._filter.take(values, min(elapsed, self._longest_rate_time(message)))
+            refused = self._filter.take(values, now, self._longest_rate_time(message))
         self._refused = refused
         if refused:
             self.counts["refused"] += 1
@@ -240,6 +239,10 @@ class RequestHandler:
         reason : str
         """
         self._latch(f"stopped: {reason}")
+
+    def beat(self) -> None:
+        """Show the processes of the rig that the front is alive."""
+        self._rig.beat()
 
     def supervise(self) -> None:
         """Notice what the rig has done by itself, and end a session that never began."""

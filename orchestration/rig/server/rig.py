@@ -118,6 +118,10 @@ class Rig(Protocol):
         """Return what made the rig go safe by itself since the last call, the newest last."""
         ...
 
+    def alarms(self) -> list[str]:
+        """Return what an operator has to know since the last call, though the rig goes on."""
+        ...
+
     def state(self) -> RigState:
         """Return the newest sample."""
         ...

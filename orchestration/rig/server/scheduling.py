@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import os
+import time
 from math import floor
 
 
@@ -48,6 +49,34 @@ class Deadlines:
         self.missed += due - self._number - 1
         self._number = due
         self.next = self._start + due * self._period
+
+
+class Suspension:
+    """Watch over suspends of the computer, in which the clock of deadlines stands still.
+
+    Only Linux has a clock that goes on meanwhile.
+    """
+
+    def __init__(self) -> None:
+        self._ahead = _boot_time_ahead()
+
+    def since(self) -> float:
+        """Return for how long the computer was suspended since the last call, at least, s."""
+        _, most = self._ahead
+        self._ahead = _boot_time_ahead()
+        return max(0.0, self._ahead[0] - most)
+
+
+def _boot_time_ahead() -> tuple[float, float]:
+    """Return between what the clock that never stands still is ahead of the other, s.
+
+    The two are read one after the other, and the process may have to wait in between.
+    """
+    if not hasattr(time, "CLOCK_BOOTTIME"):
+        return 0.0, 0.0
+    before = time.monotonic()
+    boot = time.clock_gettime(time.CLOCK_BOOTTIME)
+    return boot - time.monotonic(), boot - before
 
 
 class Collector:

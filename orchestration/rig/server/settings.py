@@ -12,7 +12,10 @@ from fmus.kit import UserError
 from fmus.rig_proxy import PORT
 
 RATES = (0.1, 1000.0)  # Hz
-WATCHDOGS = (0.01, 60.0)  # s
+WATCHDOGS = (0.02, 60.0)  # s
+# of the watchdog time, that a driver call may take, or a process be silent: the remainder is for
+# noticing and for the rescue
+_SHARE = 0.75
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,9 @@ class ServerSettings:
         Real-time priority of the process that has the device.
     cpu : int or None
         Core that this process stays on.
+    stuck_after : int
+        Samples in which a measured value stays the same while commands change, or the device does
+        not have what was written, before that is an alarm; 0 is never.
 
     Raises
     ------
@@ -61,6 +67,7 @@ class ServerSettings:
     log: Path | None = None
     priority: int | None = None
     cpu: int | None = None
+    stuck_after: int = 100
 
     def __post_init__(self) -> None:
         _check_range("--rate", self.rate, *RATES, "Hz")
@@ -71,6 +78,8 @@ class ServerSettings:
             )
         if self.priority is not None and not 1 <= self.priority <= 99:
             raise UserError(f"--device-priority {self.priority}: allowed are 1 to 99")
+        if self.stuck_after < 0:
+            raise UserError(f"--stuck-after {self.stuck_after}: allowed are 0, never, and more")
         if self.cpu is not None and self.cpu < 0:
             raise UserError(f"--device-cpu {self.cpu}: cores count from 0")
         if self.keys is None and not is_loopback(self.host):
@@ -83,6 +92,11 @@ class ServerSettings:
     def period(self) -> float:
         """Time between two samples in s."""
         return 1 / self.rate
+
+    @property
+    def silence(self) -> float:
+        """How long a process may show no sign of life before the others hold it to hang, in s."""
+        return _SHARE * self.watchdog
 
 
 def _check_range(name: str, value: float, least: float, most: float, unit: str) -> None:

@@ -1,4 +1,4 @@
-"""Memory that front, device and guard share: slots for one record each, where the newest wins.
+"""Memory that front, device and guards share: slots for one record each, where the newest wins.
 
 There is no queue that could fill up. A slot has one writer. It holds two copies, written in turns,
 each with a count and a checksum: a reader takes the newest whose checksum is right. A writer that
@@ -24,8 +24,9 @@ _ATTEMPTS = 100  # a writer would have to lap a reader as often
 
 # Orders of the front to the device.
 REST, RUN, END = range(3)
-# States of the device, as the guard knows them.
-OPENING, SERVING, GONE = range(3)
+# What the guard on duty is at: its device opens or serves, or there is none; it is in the driver
+# itself; it has ended, with the rig in its safe state.
+OPENING, SERVING, GONE, RESCUING, RETIRED = range(5)
 
 
 class Command(NamedTuple):
@@ -41,30 +42,39 @@ class Command(NamedTuple):
     values: bytes = b""
 
 
+class Pulse(NamedTuple):
+    """A sign of life of a process, written by the front and by the guard that stands by."""
+
+    time: float
+    process: int
+
+
 class Beat(NamedTuple):
     """A sign of life, written by the device before every call of the backend and before it sleeps.
 
-    `call` is what it is about to do, `opened` whether it has read the backend once, `safe` whether
-    the rig is in its safe state.
+    `call` is what it is about to do, `opened` whether it has read the backend once, `safe` since
+    when the rig is in its safe state, 0 if it is not.
     """
 
     time: float
     process: int
     opened: bool
-    safe: bool
+    safe: float
     call: bytes
 
 
 class Sample(NamedTuple):
     """A sample, written by the device after every reading.
 
-    `taken` is when each value was last finite, 0 if never.
+    `taken` is when each value was last finite, 0 if never; what is `read_back` is NaN where the
+    device cannot say.
     """
 
     number: int
     clock: float
     missed: int
     applied: bytes
+    read_back: bytes
     values: bytes
     taken: bytes
 
@@ -81,32 +91,47 @@ class Trip(NamedTuple):
     reason: bytes
 
 
+class Alarm(NamedTuple):
+    """Something that an operator has to know, written by the device; the rig goes on."""
+
+    time: float
+    reason: bytes
+
+
 class Watch(NamedTuple):
-    """A report of the guard on the device, written by the guard.
+    """A sign of life of the guard on duty, and what it is at, written by that guard.
 
     `acknowledged` is how many acknowledgements it takes into account, `ending` whether all is to
     end.
     """
 
-    device: int
+    time: float
+    process: int
+    at: int
     acknowledged: int
     ending: bool
 
 
 class Description(NamedTuple):
-    """The signals of the backend as JSON, written by the device when it has opened it."""
+    """The signals of the backend as JSON, written by the device when it has opened it.
+
+    `opening` is how long that took, s.
+    """
 
     text: bytes
+    opening: float = 0.0
 
 
 Record = TypeVar("Record", bound=tuple[Any, ...])
 _LAYOUTS: dict[type, str] = {
     Command: "<BQd" + _NUMBERS,
-    Beat: "<dQ??16s",
-    Sample: "<QdQ" + 3 * _NUMBERS,
+    Pulse: "<dQ",
+    Beat: "<dQ?d16s",
+    Sample: "<QdQ" + 4 * _NUMBERS,
     Trip: f"<d??{_TEXT}s",
-    Watch: "<BQ?",
-    Description: f"<{_DESCRIPTION}s",
+    Alarm: f"<d{_TEXT}s",
+    Watch: "<dQBQ?",
+    Description: f"<{_DESCRIPTION}sd",
 }
 
 
@@ -200,11 +225,13 @@ class SharedMemory:
 
     Attributes
     ----------
-    command : Slot of Command
+    command, front : Slot of Command, Slot of Pulse
         Written by the front.
     watch, rescue : Slot of Watch, Slot of Trip
-        Written by the guard.
-    beat, sample, trip, description
+        Written by the guard on duty.
+    standby : Slot of Pulse
+        Written by the guard that stands by.
+    beat, sample, trip, alarm, description
         Written by the device.
     """
 
@@ -212,16 +239,19 @@ class SharedMemory:
         view = memoryview(memory).cast("B")
         starts = iter(_starts())
         self.command = Slot(view, next(starts), Command)
+        self.front = Slot(view, next(starts), Pulse)
         self.watch = Slot(view, next(starts), Watch)
         self.rescue = Slot(view, next(starts), Trip)
+        self.standby = Slot(view, next(starts), Pulse)
         self.beat = Slot(view, next(starts), Beat)
         self.sample = Slot(view, next(starts), Sample)
         self.trip = Slot(view, next(starts), Trip)
+        self.alarm = Slot(view, next(starts), Alarm)
         self.description = Slot(view, next(starts), Description)
 
 
 # in the order of the slots
-_KINDS = (Command, Watch, Trip, Beat, Sample, Trip, Description)
+_KINDS = (Command, Pulse, Watch, Trip, Pulse, Beat, Sample, Trip, Alarm, Description)
 
 
 def _starts() -> list[int]:

@@ -1,0 +1,104 @@
+"""Processes of the server: sessions of their own, and handles on those that others started.
+
+Signals of a terminal go to all processes of its foreground group: Ctrl-C, Ctrl+backslash, Ctrl-Z,
+and the hang-up when it is closed. Of the server's processes the front alone is to get them.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from time import monotonic, sleep
+
+import psutil
+
+# by which nothing but the front is meant
+_NOT_MEANT = (
+    "SIGINT",
+    "SIGQUIT",
+    "SIGHUP",
+    "SIGTSTP",
+    "SIGTTIN",
+    "SIGTTOU",
+    "SIGUSR1",
+    "SIGUSR2",
+    "SIGBREAK",
+)
+_LOOK = 0.001  # s between two looks whether a process has ended
+
+
+def detach() -> None:
+    """Leave the terminal: a session of its own, in which signals for the front are ignored."""
+    numbers = _there()
+    for number in numbers:
+        signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, numbers)
+    if hasattr(os, "setsid"):
+        with suppress(PermissionError):  # it leads a group already
+            os.setsid()
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Start processes that no signal for the front reaches, from their first instruction on.
+
+    Signals are held back in this thread, which a process that is started inherits until it detaches
+    itself. None is lost: those that arrive here are delivered afterwards.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _there())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _there() -> list[signal.Signals]:
+    """Return those of the signals that this platform has."""
+    return [getattr(signal, name) for name in _NOT_MEANT if hasattr(signal, name)]
+
+
+class Peer:
+    """A process of the server that another process started.
+
+    No other process that has its number later is taken for it.
+
+    Parameters
+    ----------
+    number : int
+        Of the process.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self._process: psutil.Process | None = None
+        with suppress(psutil.Error):
+            self._process = psutil.Process(number)
+
+    def is_alive(self) -> bool:
+        """Return True if the process has not ended, even if it does not run."""
+        try:
+            return (
+                self._process is not None
+                and self._process.is_running()
+                and self._process.status() != psutil.STATUS_ZOMBIE
+            )
+        except psutil.Error:
+            return False
+
+    def kill(self) -> None:
+        """End the process at once."""
+        with suppress(psutil.Error):
+            if self._process is not None:
+                self._process.kill()
+
+    def join(self, timeout: float) -> None:
+        """Wait until the process has ended, s at most."""
+        until = monotonic() + timeout
+        while self.is_alive() and monotonic() < until:
+            sleep(_LOOK)
