@@ -243,7 +243,10 @@ def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
     signals = rig.signals
     pace = "lockstep, no watchdog"
     if rig.watchdog:
-        pace = f"real time at {settings.rate:g} Hz, watchdog {rig.watchdog:g} s"
+        pace = (
+            f"real time at {settings.rate:g} Hz, watchdog {rig.watchdog:g} s, safe within"
+            f" {rig.bound:.3g} s"
+        )
 
     def listed(units: dict[str, str]) -> str:
         items = [f"{name} [{unit}]{_limits(rig, name)}" for name, unit in units.items()]

@@ -66,6 +66,7 @@ class RealTimeRig:
         self._seen: dict[str, float] = {}
         self._guards: dict[int, Any] = {}  # processes by number
         self._failed = 0  # guards since the last acknowledgement
+        self._has_given_up = False  # starting others
         self._changed = 0.0  # when one was started or failed, s
         self._is_silent = False  # as was reported of the guard on duty
         self.bound = 0.0
@@ -148,6 +149,7 @@ class RealTimeRig:
     def release(self) -> None:
         """Serve again: the device, if it is still there, or another one."""
         self._failed = 0
+        self._has_given_up = False
         self._order(self._command._replace(order=REST, acknowledged=self._command.acknowledged + 1))
         if not self._guards:
             self._start_guard("")
@@ -231,14 +233,14 @@ class RealTimeRig:
 
     def _replace_guards(self, reason: str) -> list[str]:
         """Start a guard that brings the rig to its safe state, a bounded number of times."""
-        if self._guards or self._failed > _GUARDS + 1:
+        if self._guards or self._has_given_up:
             return []
         rescue = self._shared.rescue.read()
         if rescue is not None and not rescue.reached:
             reason = "THE SAFE STATE WAS NOT REACHED: the backend hangs"
         if self._failed > _GUARDS:
-            self._failed += 1
-            return [f"{reason}; given up after {_GUARDS + 1} processes"]
+            self._has_given_up = True
+            return [f"{reason}; given up after {self._failed} processes"]
         self._start_guard(reason)
         return [f"{reason}; another process tries for the safe state"]
 

@@ -2,43 +2,107 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import inf, isfinite, nan
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestration.rig.backends.backend import Limit
-from orchestration.rig.safety import CommandFilter, MeasurementMonitor, expired, stale
+from orchestration.rig.safety import (
+    CommandFilter,
+    MeasurementMonitor,
+    SlewLimiter,
+    StuckMonitor,
+    expired,
+    stale,
+)
 
 INPUTS = {"current": "A", "force": "N"}
 LIMITS = {"current": Limit(-1.3, 1.3, 2.0), "force": Limit(min=0.0)}
+EARLY = 0.01  # s, that a message may be early
 anything = st.floats()
 durations = st.floats(1e-4, 10.0)
 
 
 @given(st.lists(st.tuples(anything, anything, durations), max_size=30))
-def test_what_is_applied_never_leaves_its_limits(commands):
-    """Minimum, maximum and rate hold for any commands, by arithmetic of the test's own."""
-    commands_filter, applied = CommandFilter(INPUTS, LIMITS), [(0.0, (0.0, 0.0))]
-    now = 0.0
-    for current, force, wait in commands:
+def test_what_is_taken_never_leaves_its_limits(commands):
+    """Minimum and maximum hold for any commands, by arithmetic of the test's own.
+
+    The rate does over any number of them but for what a message may be early, however often the rig
+    goes safe in between.
+    """
+    commands_filter = CommandFilter(INPUTS, LIMITS)
+    taken = [(0.0, (0.0, 0.0))]
+    now = way = 0.0
+    for number, (current, force, wait) in enumerate(commands):
         now += wait
-        refused = commands_filter.take([current, force], now - applied[-1][0])
+        refused = commands_filter.take([current, force], now, inf)
         if not refused:
-            applied.append((now, (current, force)))
-        assert commands_filter.applied == applied[-1][1]
-    for (before, (last, _)), (time, (current, force)) in pairwise(applied):
-        assert -1.3 <= current <= 1.3
-        assert 0.0 <= force < inf
-        assert abs(current - last) <= 2.0 * (time - before) * (1 + 1e-6)
+            way += abs(current - taken[-1][1][0])
+            taken.append((now, (current, force)))
+        assert commands_filter.applied == taken[-1][1]
+        if number % 7 == 6:
+            commands_filter.reset()
+            taken.append((now, (0.0, 0.0)))
+    assert all(-1.3 <= current <= 1.3 and 0.0 <= force < inf for _, (current, force) in taken)
+    first = next((time for time, _ in taken[1:]), 0.0)
+    longest = 0.0 if way == 0.0 else 2.6 + 2.0 * (now - first + EARLY)
+    assert way <= longest * (1 + 1e-6), "before the first there was all the time"
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("pause", [0.02, 0.15])
+def test_a_ramp_close_to_the_limit_is_not_refused_for_jitter(seed, pause):
+    """At 95 % of the limit, by a client whose messages come up to 2 ms early or late."""
+    rng = np.random.default_rng(seed)
+    commands = CommandFilter({"current": "A"}, {"current": Limit(rate=2.0)})
+    for number in range(1, 500):
+        arrives = pause * number + rng.uniform(-2e-3, 2e-3)
+        assert commands.take([0.95 * 2.0 * pause * number], arrives, 0.2) == []
+
+
+def test_sessions_that_follow_each_other_are_no_way_around_a_rate():
+    """Again and again from zero as far as it goes: what is applied keeps to the limit all the time,
+    by the differences between one write and the next."""
+    limits = {"current": Limit(-1.3, 1.3, rate=2.0)}
+    commands = CommandFilter({"current": "A"}, limits)
+    slew = SlewLimiter(["current"], limits, 0.0)
+    applied = 0.0
+    for write in range(1, 600):
+        now = write / 30.0
+        if write % 4 == 0:
+            commands.reset()
+            slew.rest(now)
+            applied = 0.0
+            continue
+        commands.take([1.3], now, 0.2)
+        commands.take([commands.applied[0] + 0.06], now, 0.2)
+        (value,) = slew.towards(commands.applied, now)
+        assert abs(value - applied) <= 1.05 * 2.0 / 30.0
+        applied = value
+
+
+@given(st.lists(st.tuples(st.floats(-1e3, 1e3), durations), max_size=30))
+def test_what_is_applied_goes_towards_the_command_and_never_faster_than_its_limit(targets):
+    slew = SlewLimiter(["current", "force"], {"current": Limit(rate=2.0)}, 0.0)
+    now = before = 0.0
+    for target, wait in targets:
+        now += wait
+        current, force = slew.towards([target, target], now)
+        assert force == target, "it has no limit"
+        assert abs(current - before) <= 2.0 * wait * (1 + 1e-9) + 1e-12
+        if current != target:
+            assert abs(current - before) >= 2.0 * wait * (1 - 1e-6) - 1e-9, "as fast as it may"
+            assert (current - before) * (target - before) > 0.0
+        before = current
 
 
 @given(st.floats(-1.3, 1.3), st.floats(0.0, 1e300))
 def test_what_is_within_all_limits_is_taken(current, force):
     commands = CommandFilter(INPUTS, LIMITS)
-    assert commands.take([current, force], elapsed=0.66) == []  # 1.3 A at 2 A/s take 0.65 s
+    assert commands.take([current, force], 5.0, longest=0.66) == []  # 1.3 A at 2 A/s take 0.65 s
     assert commands.applied == (current, force)
 
 
@@ -48,15 +112,15 @@ def test_what_is_no_finite_number_is_refused(bad, place):
     commands = CommandFilter(INPUTS, {})
     values = [0.5, 0.5]
     values[place] = bad
-    assert len(commands.take(values, inf)) == 1
+    assert len(commands.take(values, 1.0, inf)) == 1
     assert commands.applied == (0.0, 0.0)
 
 
 def test_one_value_beyond_its_limit_keeps_all_of_them_back_and_every_fault_is_told():
     commands = CommandFilter(INPUTS, {"current": Limit(-1.3, 1.3), "force": Limit(0.0, 3.0)})
-    assert commands.take([1.0, 1.0], 1.0) == []
-    assert commands.take([0.5, 3.5], 1.0) == ["force 3.5 N is above 3 N; 1 N goes on"]
-    assert commands.take([-2.0, -1.0], 1.0) == [
+    assert commands.take([1.0, 1.0], 1.0, 1.0) == []
+    assert commands.take([0.5, 3.5], 2.0, 1.0) == ["force 3.5 N is above 3 N; 1 N goes on"]
+    assert commands.take([-2.0, -1.0], 3.0, 1.0) == [
         "current -2 A is below -1.3 A; 1 A goes on",
         "force -1 N is below 0 N; 1 N goes on",
     ]
@@ -65,14 +129,58 @@ def test_one_value_beyond_its_limit_keeps_all_of_them_back_and_every_fault_is_to
 
 def test_a_rate_counts_from_the_value_that_is_applied_not_from_one_that_was_refused():
     commands = CommandFilter({"current": "A"}, {"current": Limit(rate=1.0)})
-    assert commands.take([5.0], 0.1) == [
+    assert commands.take([5.0], 1.0, 0.1) == [
         "current 5 A is a change by +5 A in 0.1 s, faster than 1 A/s; 0 A goes on"
     ]
-    assert commands.take([5.05], 0.1), "0.05 from the refused one, 5.05 from the applied one"
-    assert commands.take([0.1], 0.1) == []
+    assert commands.take([5.05], 1.1, 0.1), "0.05 from the refused one, 5.05 from the applied one"
+    assert commands.take([0.1], 1.2, 0.1) == []
     commands.reset()
     assert commands.applied == (0.0,)
-    assert commands.take([0.2], 0.1), "at rest the rig is at zero"
+    assert commands.take([0.2], 1.3, 0.1), "at rest the rig is at zero"
+    assert commands.take([0.1], 1.3, 0.1) == []
+
+
+def stuck(samples, read_back=nan, sensor=lambda k: 0.5, command=lambda k: 0.01 * k, after=10):
+    """Return at which samples there was an alarm, and the alarms."""
+    monitor = StuckMonitor(
+        ({"current": "A"}, {"voltage": "V"}), {"current": Limit(-1.0, 1.0)}, after
+    )
+    found = []
+    for k in range(samples):
+        there = read_back(k) if callable(read_back) else read_back
+        found += [(k, t) for t in monitor.check([command(k)], [there], {"voltage": sensor(k)})]
+    return found
+
+
+def test_a_value_that_stays_the_same_while_commands_change_is_an_alarm_once():
+    assert stuck(30) == [
+        (
+            9,
+            "voltage has been 0.5 V for 10 samples, while current changed: is its sensor stuck?",
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        {"sensor": lambda k: 0.5 + 1e-6 * (k % 9 == 0)},
+        {"command": lambda k: 0.9},  # nothing changes
+        {"command": lambda k: 0.015 * (k % 2)},  # by less than a hundredth of its range
+        {"sensor": lambda k: nan},  # none is there, which is told elsewhere
+        {"after": 0},
+        {"read_back": lambda k: 0.01 * k + 0.019, "sensor": lambda k: k},  # rounded
+    ],
+)
+def test_no_alarm(about):
+    assert stuck(30, **about) == []
+
+
+def test_a_write_that_the_device_ignores_is_an_alarm_once():
+    found = stuck(30, read_back=0.0, sensor=lambda k: k, command=lambda k: 0.5)
+    assert found == [
+        (9, "current was written as 0.5 A in 10 samples, and the device has 0 A"),
+    ]
 
 
 @given(st.lists(st.tuples(anything, durations), max_size=30))

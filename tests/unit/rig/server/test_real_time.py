@@ -1,24 +1,33 @@
 """Claims: what the front asks of a rig in real time is in the memory at once, and a guard that ends
-is replaced a bounded number of times.
+has another behind it, a bounded number of times.
 
 The guard is one of the tests' own; real ones are tried in `tests/end_to_end/test_rig_faults.py`.
 """
 
 from __future__ import annotations
 
+import math
+import time
+
 import pytest
 
 from fmus.kit import UserError
 from orchestration.rig.server.calls import BackendSignals
+from orchestration.rig.server.device import ENDED
 from orchestration.rig.server.real_time import RealTimeRig
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
+    GONE,
     OPENING,
     REST,
+    RETIRED,
     RUN,
     SERVING,
+    Alarm,
+    Beat,
     Command,
+    Pulse,
     Sample,
     Trip,
     Watch,
@@ -42,19 +51,32 @@ class Guard:
     def join(self, timeout=None):
         self.alive = False
 
+    kill = join
+
+
+def on_duty(rig, at=SERVING, number=1, age=0.0, acknowledged=0):
+    """Let a guard show a sign of life."""
+    rig._shared.watch.write(Watch(time.monotonic() - age, number, at, acknowledged, False))
+
+
+def start(rig, reasons, rescue, stands_by=False):
+    reasons.append("standby" if stands_by else rescue)
+    rig._guards[len(reasons)] = Guard()
+    rig._changed = time.monotonic()
+
 
 @pytest.fixture
 def started(monkeypatch):
     """Reasons for which guards were started; the first opens the device at once."""
     reasons = []
 
-    def start(rig, rescue):
-        reasons.append(rescue)
-        rig._shared.watch.write(Watch(SERVING, 0, False))
-        rig._shared.description.write(SIGNALS.to_record())
-        return Guard()
+    def serve(rig, rescue, *, stands_by=False):
+        start(rig, reasons, rescue, stands_by)
+        on_duty(rig)
+        rig._shared.standby.write(Pulse(1.0, 2))
+        rig._shared.description.write(SIGNALS.to_record()._replace(opening=0.25))
 
-    monkeypatch.setattr(RealTimeRig, "_start_guard", start)
+    monkeypatch.setattr(RealTimeRig, "_start_guard", serve)
     return reasons
 
 
@@ -64,18 +86,19 @@ def rig(started):
 
 
 def test_it_is_open_when_the_guard_says_so(rig, started):
-    assert started == [""]
+    assert started == ["", "standby"]
+    assert rig.bound == pytest.approx(0.2 + 0.01 + 0.25), "watchdog, period, opening it again"
     assert rig.signals == SIGNALS
     assert rig.opening() == ""
     assert rig._shared.command.read() == Command()._replace(values=bytes(256))
 
 
 def test_a_backend_that_does_not_open_is_an_error_with_its_reason(monkeypatch):
-    def start(rig, rescue):
+    def fail(rig, rescue, *, stands_by=False):
+        start(rig, [], rescue)
         rig._shared.trip.write(Trip(1.0, True, True, write_text("the cable is out")))
-        return Guard()
 
-    monkeypatch.setattr(RealTimeRig, "_start_guard", start)
+    monkeypatch.setattr(RealTimeRig, "_start_guard", fail)
     with pytest.raises(UserError, match=r"^backend own\.py:Own: the cable is out$"):
         RealTimeRig(ServerSettings("own.py:Own"))
 
@@ -94,20 +117,21 @@ def test_a_release_is_acknowledged_by_the_device_before_it_serves(rig):
     command = rig._shared.command.read()
     assert (command.order, command.acknowledged) == (REST, 1)
     assert rig.opening() == "the device is being opened"
-    rig._shared.watch.write(Watch(OPENING, 1, False))
+    on_duty(rig, OPENING, acknowledged=1)
     assert rig.opening() == "the device is being opened"
-    rig._shared.watch.write(Watch(SERVING, 1, False))
+    on_duty(rig, acknowledged=1)
     assert rig.opening() == ""
 
 
 def test_the_state_is_the_newest_sample(rig):
     assert rig.state().values == (None, None)
     assert rig.state().applied == (0.0, 0.0)
-    packed = (pack((0.5, 2.0)), pack((1.5, 0.0)), pack((9.0, 0.0)))
-    rig._shared.sample.write(Sample(7, 10.0, 3, *packed))
+    beat(rig, safe=0.0)
+    sample(rig)
     state = rig.state()
     assert (state.number, state.missed) == (7, 3)
     assert state.applied == (0.5, 2.0)
+    assert state.read_back == (0.5, None), "the device can say of one"
     assert state.values == (1.5, None), "charge was never finite"
     assert state.ages(10.0) == [1.0, None]
 
@@ -121,32 +145,91 @@ def test_reports_of_device_and_guard_are_told_once(rig):
     assert rig.troubles() == ["too hot"]
 
 
-def test_a_guard_that_ends_is_replaced_three_times(rig, started):
-    told = []
-    for _ in range(6):
-        rig._guard.alive = False
-        told += rig.troubles()
-    why = "the guard process has ended"
-    tries = [f"{why}; process {k} of 3 that tries for the safe state" for k in (1, 2, 3)]
-    assert told == [*tries, f"{why}; given up after 3 processes"]
-    assert started == ["", why, why, why]
-    rig.release()
-    assert started[4:] == [""], "an operator's acknowledgement starts another"
+def beat(rig, safe, age=0.0, call=b"sleep"):
+    """Let the device show a sign of life."""
+    rig._shared.beat.write(Beat(time.monotonic() - age, 9, True, safe, call))
+
+
+def sample(rig):
+    packed = map(pack, ((0.5, 2.0), (0.5, math.nan), (1.5, 0.0), (9.0, 0.0)))
+    rig._shared.sample.write(Sample(7, 10.0, 3, *packed))
 
 
 @pytest.mark.parametrize(
-    ("exitcode", "rescue", "trouble"),
+    ("safe", "age", "call", "rescue", "since"),
     [
-        (0, None, ""),
-        (1, None, "the guard does not end"),
-        (1, Trip(1.0, False, True, write_text("it hangs")), "it hangs"),
-        (None, Trip(1.0, True, True, write_text("done before")), "done before"),
-        (None, Trip(1e12, True, True, write_text("done")), ""),
+        (0.0, 0.0, b"sleep", None, None),
+        (50.0, 0.0, b"sleep", None, 50.0),
+        (50.0, 1.0, b"sleep", None, None),  # nobody knows
+        (50.0, 1.0, ENDED.encode(), None, 50.0),
+        (0.0, 1.0, b"read()", (0.5, False), None),  # a guard is at it
+        (0.0, 1.0, b"read()", (0.5, True), "rescue"),
+        (50.0, 0.0, b"sleep", (0.5, True), 50.0),  # another device came later
     ],
 )
-def test_at_the_end_it_says_whether_the_safe_state_was_reached(rig, exitcode, rescue, trouble):
+def test_the_newest_word_tells_since_when_the_rig_is_safe(rig, safe, age, call, rescue, since):
+    now = time.monotonic()
+    beat(rig, safe, age, call)
+    sample(rig)
+    if rescue is not None:
+        rig._shared.rescue.write(Trip(now - rescue[0], rescue[1], True, b""))
+    found = rig.safe_since()
+    assert found == (now - rescue[0] if since == "rescue" else since)
+    applied = rig.state().applied
+    if since is not None:
+        assert applied == (0.0, 0.0)
+    else:
+        assert applied == ((0.5, 2.0) if age == 0.0 else (None, None)), "unknown of a silent device"
+
+
+def test_alarms_are_told_once(rig):
+    rig._shared.alarm.write(Alarm(1.0, write_text("voltage is stuck")))
+    assert rig.alarms() == ["voltage is stuck"]
+    assert rig.alarms() == []
+
+
+def test_a_guard_that_ends_has_another_behind_it_a_bounded_number_of_times(rig, started):
+    """The one that stands by takes its place, and the front starts another that stands by."""
+    told = []
+    for number in range(1, 7):
+        if number in rig._guards:
+            rig._guards[number].alive = False
+        told += rig.troubles()
+        on_duty(rig, GONE, number + 1)
+        told += rig.troubles()
+    assert started == ["", "standby", "standby", "standby", "standby"]
+    assert told == ["the guard process has ended; given up after 5 processes"]
+    rig.release()
+    assert started[5:] == [""], "an operator's acknowledgement starts another"
+
+
+def test_guards_that_both_show_no_sign_of_life_are_replaced(rig, started):
+    on_duty(rig, age=0.2)
+    (reason,) = rig.troubles()
+    assert reason.startswith("the guard shows no sign of life for 0.2")
+    assert rig.troubles() == [], "it is told once, and the one that stands by has its chance"
+    guards = [*rig._guards.values()]
+    on_duty(rig, age=0.4)
+    (reason,) = rig.troubles()
+    assert reason.startswith("no guard shows a sign of life for 0.4")
+    assert not any(one.alive for one in guards)
+    assert started[2:] == [reason.partition(";")[0]]
+    assert rig.troubles() == [], "the one that was started has not shown any yet"
+
+
+@pytest.mark.parametrize(
+    ("at", "rescue", "trouble"),
+    [
+        (RETIRED, None, ""),
+        (GONE, None, "the guard does not end"),
+        (GONE, Trip(1.0, False, True, write_text("it hangs")), "it hangs"),
+        (GONE, Trip(1.0, True, True, write_text("done before")), "done before"),
+        (GONE, Trip(1e12, True, True, write_text("done")), ""),
+    ],
+)
+def test_at_the_end_it_says_whether_the_safe_state_was_reached(rig, at, rescue, trouble):
     """A report of a rescue counts if it is of after the end was ordered."""
-    rig._guard.exitcode = exitcode
+    on_duty(rig, at)
     if rescue is not None:
         rig._shared.rescue.write(rescue)
     assert rig.close() == trouble

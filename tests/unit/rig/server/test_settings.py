@@ -19,12 +19,13 @@ pytestmark = pytest.mark.real_time
         ({"rate": 0.0}, "--rate 0: allowed are 0.1 to 1000 Hz"),
         ({"rate": 1001.0}, "--rate 1001"),
         ({"rate": nan}, "--rate nan"),
-        ({"watchdog": 0.0}, "--watchdog 0: allowed are 0.01 to 60 s"),
+        ({"watchdog": 0.0}, "--watchdog 0: allowed are 0.02 to 60 s"),
         ({"watchdog": inf}, "--watchdog inf"),
         ({"port": -1}, "--port -1"),
         ({"port": 65535}, "--port 65535"),
         ({"priority": 0}, "--device-priority 0: allowed are 1 to 99"),
         ({"cpu": -1}, "--device-cpu -1"),
+        ({"stuck_after": -1}, "--stuck-after -1: allowed are 0, never, and more"),
         (
             {"host": "0.0.0.0"},
             "--bind 0.0.0.0: beyond this machine the rig is served with keys only",
@@ -75,3 +76,7 @@ def test_options():
     ):
         with pytest.raises(UserError, match=part):
             read_options(texts)
+
+
+def test_the_others_hold_a_process_to_hang_before_the_watchdog_time_is_over():
+    assert 0.0 < ServerSettings("emulator", watchdog=0.2).silence < 0.2

@@ -85,7 +85,7 @@ def test_slots_of_a_board_do_not_overlap(kind):
     shared = SharedMemory(new_memory())
     shared.trip.write(Trip(1.0, True, False, write_text("one")))
     shared.rescue.write(Trip(2.0, False, True, write_text("two")))
-    shared.sample.write(Sample(3, 4.0, 5, *3 * [pack(range(32))]))
+    shared.sample.write(Sample(3, 4.0, 5, *4 * [pack(range(32))]))
     shared.command.write(Command(2, 6, 7.0, pack(range(32))))
     assert read_text(shared.trip.read().reason) == "one"
     assert read_text(shared.rescue.read().reason) == "two"

@@ -1,0 +1,101 @@
+"""Claims: processes of the server are out of reach of its terminal, and one is never taken for
+another that has its number."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from orchestration.rig.server.processes import Peer, undisturbed
+from tests.support.command import posix
+
+pytestmark = [posix, pytest.mark.real_time]
+
+SLEEPER = "import time; print('up', flush=True); time.sleep(60.0)"
+DETACHED = f"from orchestration.rig.server.processes import detach; detach(); {SLEEPER}"
+TERMINAL = [
+    signal.SIGINT,
+    signal.SIGQUIT,
+    signal.SIGHUP,
+    signal.SIGTSTP,
+    signal.SIGTTIN,
+    signal.SIGTTOU,
+    signal.SIGUSR1,
+    signal.SIGUSR2,
+]
+
+
+def started(code):
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    return process
+
+
+def is_running(process):
+    """Return whether it has not ended, and is not stopped."""
+    time.sleep(0.05)
+    ended, status = os.waitpid(process.pid, os.WNOHANG | os.WUNTRACED)
+    return ended == 0, status
+
+
+def test_a_detached_process_is_indifferent_to_every_signal_of_a_terminal():
+    process = started(DETACHED)
+    assert process.stdout.readline() == b"up\n"
+    assert os.getsid(process.pid) == process.pid
+    for number in TERMINAL:
+        process.send_signal(number)
+        assert is_running(process) == (True, 0), number
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def test_a_process_that_is_being_started_is_out_of_reach_from_its_first_instruction_on():
+    with undisturbed():
+        process = started(DETACHED)
+    for number in TERMINAL:  # while Python starts
+        process.send_signal(number)
+    assert process.stdout.readline() == b"up\n"
+    assert is_running(process) == (True, 0)
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def test_a_signal_that_comes_meanwhile_is_not_lost():
+    came = []
+    before = signal.signal(signal.SIGUSR1, lambda *_: came.append(1))
+    try:
+        with undisturbed():
+            os.kill(os.getpid(), signal.SIGUSR1)
+            assert came == []
+        assert came == [1]
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+def test_a_peer_is_alive_until_it_ends_even_if_it_is_stopped_or_nobody_has_waited_for_it():
+    process = started(SLEEPER)
+    peer = Peer(process.pid)
+    process.send_signal(signal.SIGSTOP)
+    assert peer.is_alive()
+    peer.kill()
+    peer.join(10.0)
+    assert not peer.is_alive(), "a zombie has ended"
+    process.wait()
+    assert not peer.is_alive()
+    peer.kill()  # of which nothing comes
+    process.stdout.close()
+
+
+def test_a_peer_that_never_was_is_not_alive():
+    process = started("pass")
+    process.wait()
+    process.stdout.close()
+    peer = Peer(process.pid)
+    assert not peer.is_alive()
+    peer.join(60.0)
