@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 __all__ = [
     "ENDPOINT",
     "IDLE",
-    "LINK_STATES",
     "LATCHED",
+    "LINK_STATES",
     "LOCKSTEP",
     "MAX_FRAME",
     "NOT_REACHED",

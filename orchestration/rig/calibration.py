@@ -134,6 +134,7 @@ class _InputTable(_ChannelTable):
     verb: ClassVar[str] = "write"
     terminal: ClassVar[str] = "default"
     write: Text = ""
+    query: Text = ""
     safe: Number = 0.0
 
     @property
@@ -201,6 +202,8 @@ class Channel:
         Channel of a device, such as ``ai0``, or the name of an instrument.
     command : str
         What is written to, or asked of, an instrument; empty for a channel of a device.
+    query : str
+        What asks an instrument for the command that it has; empty if it cannot say.
     terminal : str
         How an analog input is wired, one of `TERMINALS`.
     gain, offset : float
@@ -222,6 +225,7 @@ class Channel:
     unit: str
     place: str
     command: str
+    query: str
     terminal: str
     gain: float
     offset: float
@@ -400,6 +404,7 @@ def _read_channel(
         unit=unit,
         place=_place(table, instruments, where),
         command=table.message,
+        query=table.query if isinstance(table, _InputTable) else "",
         terminal=table.terminal,
         gain=table.gain,
         offset=table.offset,
@@ -441,8 +446,9 @@ def _place(
     if not table.instrument:
         if not table.channel:
             raise _refusal(where, "channel", None, "a text is wanted")
-        if table.message:
-            raise _refusal(where, table.verb, table.message, "needs an instrument = ...")
+        for verb, message in ((table.verb, table.message), ("query", table.query)):
+            if message:
+                raise _refusal(where, verb, message, "needs an instrument = ...")
         return table.channel
     if table.channel:
         allowed = "a signal is either on a channel of a device or on an instrument"

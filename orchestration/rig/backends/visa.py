@@ -99,15 +99,31 @@ class Visa(Backend):
         UserError
             If an instrument does not answer in time, or with something that is no number.
         """
-        return {name: self._measure(channel) for name, channel in self._outs.items()}
+        return {name: self._query(channel, channel.command) for name, channel in self._outs.items()}
 
-    def _measure(self, channel: Channel) -> float:
-        answer = self._ask(channel.place, channel.command)
+    def read_back(self) -> Mapping[str, float]:
+        """Query every instrument that can say what it was commanded.
+
+        Returns
+        -------
+        Mapping of str to float
+
+        Raises
+        ------
+        UserError
+            If an instrument does not answer in time, or with something that is no number.
+        """
+        asked = {name: channel for name, channel in self._ins.items() if channel.query}
+        return {name: self._query(channel, channel.query) for name, channel in asked.items()}
+
+    def _query(self, channel: Channel, message: str) -> float:
+        """Return the value that an instrument answers a message with."""
+        answer = self._ask(channel.place, message)
         try:
             volts = float(answer.split(",")[0])
         except ValueError as error:
             raise UserError(
-                f"{channel.place}: answers {answer[:40]!r} to {channel.command}, which is no number"
+                f"{channel.place}: answers {answer[:40]!r} to {message}, which is no number"
             ) from error
         return channel.measured(volts)  # an overload, 9.9e37 in SCPI, is beyond any range
 

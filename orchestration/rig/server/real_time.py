@@ -36,6 +36,9 @@ from orchestration.rig.server.shared_memory import (
 
 _LOOK = 0.01  # s
 _GUARDS = 3  # that may fail before the front gives up starting others
+# times that a process may wake late: half of the watchdog time is there for it, and half of that for
+# worse than was seen
+_ROOM = 4.0
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
 _SPARE = 2.0  # s, beyond what guard and device may take to end
 
@@ -91,6 +94,7 @@ class RealTimeRig:
 
     def _wait_until_open(self) -> BackendSignals:
         until = monotonic() + guard.LONGEST_OPENING + _SPARE
+        latest = 0.0  # of all wake-ups, s
         while monotonic() < until and any(one.is_alive() for one in self._guards.values()):
             self.beat()
             for trip in (self._shared.trip.read(), self._shared.rescue.read()):
@@ -104,9 +108,26 @@ class RealTimeRig:
             is_backed = self._shared.standby.read() is not None
             if is_serving and is_backed and description is not None:
                 self.bound = self.watchdog + self._settings.period + description.opening
-                return BackendSignals.from_record(description)
+                signals = BackendSignals.from_record(description)
+                signals.notes.extend(self._warn_of_wake_ups(latest))
+                return signals
+            due = monotonic() + _LOOK
             sleep(_LOOK)
+            latest = max(latest, monotonic() - due)
         raise cannot_open(self._settings, f"it did not open in {guard.LONGEST_OPENING:g} s")
+
+    def _warn_of_wake_ups(self, latest: float) -> list[str]:
+        """Return a line if processes of this machine wake too late for the watchdog time.
+
+        They sleep for a quarter of it at most, and are held to hang after three quarters.
+        """
+        least = _ROOM * latest
+        if self.watchdog >= least:
+            return []
+        return [
+            f"this machine wakes a process up to {1e3 * latest:.3g} ms late: a watchdog below"
+            f" {least:.2g} s may trip by itself"
+        ]
 
     def beat(self) -> None:
         """Show device and guards that the front is alive."""

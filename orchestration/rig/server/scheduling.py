@@ -6,10 +6,14 @@ hand.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
+import sys
 import time
 from math import floor
+
+_ALL_MEMORY = 3  # MCL_CURRENT | MCL_FUTURE of mlockall
 
 
 class Deadlines:
@@ -109,6 +113,8 @@ class Collector:
 def prefer(priority: int | None, cpu: int | None) -> list[str]:
     """Give this process a real-time priority and a core, where that is possible and allowed.
 
+    With a priority its memory is locked, too: it never waits for a page from the disk.
+
     Parameters
     ----------
     priority : int or None
@@ -131,6 +137,7 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
             )
         except OSError as error:
             notes.append(f"--device-priority {priority}: {error.strerror}; it goes on without")
+        notes += _lock_memory(f"--device-priority {priority}")
     if cpu is not None:
         try:
             os.sched_setaffinity(0, {cpu})
@@ -139,3 +146,13 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
         except OSError as error:
             notes.append(f"--device-cpu {cpu}: {error.strerror}; it goes on without")
     return notes
+
+
+def _lock_memory(option: str) -> list[str]:
+    """Keep all memory of this process in the memory of the machine; return why that cannot be."""
+    if not sys.platform.startswith("linux"):
+        return [f"{option}: this system cannot lock memory; it goes on without"]
+    if ctypes.CDLL(None, use_errno=True).mlockall(_ALL_MEMORY) == 0:
+        return []
+    reason = os.strerror(ctypes.get_errno())
+    return [f"{option}: memory cannot be locked: {reason}; it goes on without"]

@@ -54,6 +54,13 @@ def test_the_generator_puts_out_what_is_commanded(rig: Backend) -> None:
     assert (rig.limits["current"].min, rig.limits["current"].max) == (-1.3, 1.3)
 
 
+def test_the_generator_says_what_it_has(rig: Backend) -> None:
+    rig.write({"current": 0.5})
+    assert dict(rig.read_back()) == {"current": 0.5}
+    rig._sessions["generator"].write("VOLT:OFFS 0.1")  # type: ignore[attr-defined]
+    assert dict(rig.read_back()) == {"current": 0.1}, "by somebody at its front panel"
+
+
 def test_what_has_not_changed_is_not_sent_again(rig: Backend) -> None:
     rig.write({"current": 0.5})
     rig._sessions["generator"].write("VOLT:OFFS 0.1")  # type: ignore[attr-defined]

@@ -234,3 +234,11 @@ def test_at_the_end_it_says_whether_the_safe_state_was_reached(rig, at, rescue, 
         rig._shared.rescue.write(rescue)
     assert rig.close() == trouble
     assert rig._shared.command.read().order == END
+
+
+def test_a_watchdog_that_this_machine_cannot_hold_is_told(rig):
+    assert rig._warn_of_wake_ups(0.04) == []
+    (line,) = rig._warn_of_wake_ups(0.06)
+    assert line == (
+        "this machine wakes a process up to 60 ms late: a watchdog below 0.24 s may trip by itself"
+    )
