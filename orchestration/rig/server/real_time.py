@@ -36,8 +36,8 @@ from orchestration.rig.server.shared_memory import (
 
 _LOOK = 0.01  # s
 _GUARDS = 3  # that may fail before the front gives up starting others
-# times that a process may wake late: half of the watchdog time is there for it, and half of that for
-# worse than was seen
+# times that a process may wake late: half of the watchdog time is there for it, and half of that
+# for worse than was seen
 _ROOM = 4.0
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
 _SPARE = 2.0  # s, beyond what guard and device may take to end

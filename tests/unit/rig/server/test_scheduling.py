@@ -50,12 +50,10 @@ def test_a_core_is_taken_or_it_is_noted_why_not():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    refusals = done.stdout.replace("it goes on without", "it goes on without\n").splitlines()
-    assert {line.strip() for line in refusals} <= {
-        "--device-priority 50: Operation not permitted; it goes on without",
-        "--device-priority 50: memory cannot be locked: Cannot allocate memory; it goes on without",
-        "--device-priority 50: memory cannot be locked: Operation not permitted; it goes on without",
-    }
+    without = done.stdout.strip().split("it goes on without")[:-1]
+    priority = "--device-priority 50: Operation not permitted;"
+    memory = "--device-priority 50: memory cannot be locked: "
+    assert all(line.strip() == priority or line.strip().startswith(memory) for line in without)
 
 
 def test_a_suspend_is_the_time_by_which_one_clock_is_ahead_of_the_other(monkeypatch):
