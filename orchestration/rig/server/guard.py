@@ -33,20 +33,17 @@ from orchestration.rig.server.shared_memory import (
     SERVING,
     Beat,
     Command,
-    Pulse,
     SharedMemory,
     Trip,
     Watch,
     read_text,
     write_text,
 )
+from orchestration.rig.server.standby import LONGEST_ATTEMPT, LONGEST_DYING, Standby
 
 LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to hang
 ATTEMPTS = 5  # at the safe state, when the backend raises
-# s; a guard that hangs for longer in the backend ends itself, and the other takes its place
-LONGEST_ATTEMPT = 5.0
 _PAUSE = 0.2  # s between two attempts
-_LONGEST_DYING = 0.5  # s that a killed process may take to end
 _ORPHAN = 0.1  # of the watchdog time, that a device gets to go safe when its guard has ended
 _GRACE = 0.01  # s, at least: what the device gets beyond the watchdog time to go safe by itself
 
@@ -65,13 +62,15 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
         Whether another guard is on duty, and this one waits until it fails.
     """
     detach()
+    with suppress(Exception):  # the device will say what is wrong with it
+        backend_class(settings.backend)
     guard = Guard(settings, memory)
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, guard.end)
-    why = guard.stand_by() if stands_by else rescue
-    if why is None:
-        leave(0)
-    leave(0 if guard.run(why) else 1)
+    if stands_by:
+        fault = guard.stand_by()
+        leave(0 if not fault or guard.run(fault) else 1)
+    leave(0 if guard.run(rescue) else 1)
 
 
 def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings) -> str:
@@ -110,7 +109,7 @@ def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings)
 
 
 class Guard:
-    """A device process, and the watch over it or over the guard that has it.
+    """A device process, and the watch over it.
 
     Parameters
     ----------
@@ -124,7 +123,6 @@ class Guard:
         self._shared = SharedMemory(memory)
         self._context = get_context("spawn")
         self._device: Any = None
-        self._other: Peer | None = None  # the guard on duty, for one that stands by
         self._started = 0.0
         self._acknowledged = 0
         self._ending = False
@@ -135,47 +133,24 @@ class Guard:
         """End the watch, with the rig in its safe state."""
         self._ending = True
 
-    def stand_by(self) -> str | None:
-        """Wait until the guard on duty fails, and end it.
+    def stand_by(self) -> str:
+        """Wait until the guard on duty fails.
 
         Returns
         -------
-        str or None
-            The reason; None if all has ended in order, and there is nothing to do.
+        str
+            The reason; empty if all has ended in order, and there is nothing to do.
         """
-        self._prepare()
+        standby = Standby(self._settings, self._shared)
         parent = parent_process()
         while not self._ending:
-            self._shared.standby.write(Pulse(monotonic(), os.getpid()))
-            watch = self._shared.watch.read()
-            if (watch is None or watch.at == RETIRED) and self._is_to_end(parent):
+            fault = standby.look()
+            if standby.is_idle() and self._is_to_end(parent):
                 break
-            fault = "" if watch is None else self._fault_of_guard(watch)
             if fault:
                 return fault
             sleep(self._tick)
-        return None
-
-    def _fault_of_guard(self, watch: Watch) -> str:
-        """Describe why the guard on duty cannot go on, and end it; empty if it can."""
-        if self._other is None or self._other.number != watch.process:
-            self._other = Peer(watch.process)
-        is_alive = self._other.is_alive()
-        newest = self._shared.watch.read() or watch
-        if not is_alive:
-            is_over = newest.at == RETIRED and self._is_to_end(parent_process())
-            return "" if is_over else "the guard process has ended"
-        age = monotonic() - newest.time
-        if newest.at == RETIRED or age <= longest_silence(newest.at, self._settings):
-            return ""
-        self._other.kill()
-        self._other.join(_LONGEST_DYING)
-        return f"the guard shows no sign of life for {age:.3g} s"
-
-    def _prepare(self) -> None:
-        """Import what a rescue needs."""
-        with suppress(Exception):  # the device will say what is wrong with it
-            backend_class(self._settings.backend)
+        return ""
 
     def run(self, rescue: str) -> bool:
         """Watch until the front, a signal or the end of the front ends it.
@@ -190,7 +165,6 @@ class Guard:
         bool
             True if the rig is in its safe state at the end.
         """
-        self._prepare()
         self._acknowledged = self._command().acknowledged
         if rescue:
             self._rescue_after_another(rescue)
@@ -280,7 +254,7 @@ class Guard:
         if self._device.is_alive():
             self._device.kill()
             # a call inside the kernel may hold it for longer; that must not hold the guard
-            self._device.join(_LONGEST_DYING)
+            self._device.join(LONGEST_DYING)
         self._device = None
         self._reach(reason, begun)
 
@@ -298,7 +272,7 @@ class Guard:
             device.join(_ORPHAN * self._settings.watchdog)
             if not self._has_ended():
                 device.kill()
-                device.join(_LONGEST_DYING)
+                device.join(LONGEST_DYING)
         self._reach(reason, begun)
 
     def _reach(self, reason: str, begun: float) -> None:
@@ -369,15 +343,3 @@ class Guard:
     def _tell(self, at: int, *, ending: bool = False) -> None:
         watch = Watch(monotonic(), os.getpid(), at, self._acknowledged, ending)
         self._shared.watch.write(watch)
-
-
-def longest_silence(at: int, settings: ServerSettings) -> float:
-    """Return how long a guard on duty may show no sign of life before it is held to hang, s.
-
-    Parameters
-    ----------
-    at : int
-        What it is at: in the driver itself it may be as long as an attempt takes.
-    settings : ServerSettings
-    """
-    return settings.silence + (LONGEST_ATTEMPT if at == RESCUING else 0.0)

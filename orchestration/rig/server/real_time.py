@@ -33,6 +33,7 @@ from orchestration.rig.server.shared_memory import (
     read_text,
     unpack,
 )
+from orchestration.rig.server.standby import LONGEST_ATTEMPT, longest_silence
 
 _LOOK = 0.01  # s
 _GUARDS = 3  # that may fail before the front gives up starting others
@@ -244,7 +245,7 @@ class RealTimeRig:
         """
         now = monotonic()
         if watch.process in self._guards:
-            return now - watch.time, guard.longest_silence(watch.at, self._settings)
+            return now - watch.time, longest_silence(watch.at, self._settings)
         return now - self._changed, _LONGEST_START
 
     def _keep_a_standby(self, watch: Watch) -> None:
@@ -296,7 +297,7 @@ class RealTimeRig:
         ordered = monotonic()
         self._order(self._command._replace(order=END))
         until = ordered + self.watchdog + self._settings.period + 1.0
-        until += guard.LONGEST_ATTEMPT + _SPARE
+        until += LONGEST_ATTEMPT + _SPARE
         for process in self._guards.values():
             process.join(max(0.0, until - monotonic()))
             if process.is_alive():

@@ -1,0 +1,70 @@
+"""Watch of a guard that stands by over the one on duty, which it ends if that is silent."""
+
+from __future__ import annotations
+
+import os
+from time import monotonic
+
+from orchestration.rig.server.processes import Peer
+from orchestration.rig.server.settings import ServerSettings
+from orchestration.rig.server.shared_memory import RESCUING, RETIRED, Pulse, SharedMemory, Watch
+
+# s; a guard that hangs for longer in the backend ends itself, and the other takes its place
+LONGEST_ATTEMPT = 5.0
+LONGEST_DYING = 0.5  # s that a killed process may take to end
+
+
+class Standby:
+    """The watch over the guard on duty.
+
+    Parameters
+    ----------
+    settings : ServerSettings
+    shared : SharedMemory
+    """
+
+    def __init__(self, settings: ServerSettings, shared: SharedMemory) -> None:
+        self._settings = settings
+        self._shared = shared
+        self._guard: Peer | None = None
+
+    def is_idle(self) -> bool:
+        """Return True if there is no guard on duty, or it left the rig in its safe state."""
+        watch = self._shared.watch.read()
+        return watch is None or watch.at == RETIRED
+
+    def look(self) -> str:
+        """Look once, and show a sign of life.
+
+        Returns
+        -------
+        str
+            Why the guard on duty, which has ended now, cannot go on; empty if it can.
+        """
+        self._shared.standby.write(Pulse(monotonic(), os.getpid()))
+        watch = self._shared.watch.read()
+        return "" if watch is None else self._fault_of(watch)
+
+    def _fault_of(self, watch: Watch) -> str:
+        if self._guard is None or self._guard.number != watch.process:
+            self._guard = Peer(watch.process)
+        if not self._guard.is_alive():
+            return "the guard process has ended"
+        silent = monotonic() - watch.time
+        if watch.at == RETIRED or silent <= longest_silence(watch.at, self._settings):
+            return ""
+        self._guard.kill()
+        self._guard.join(LONGEST_DYING)
+        return f"the guard shows no sign of life for {silent:.3g} s"
+
+
+def longest_silence(at: int, settings: ServerSettings) -> float:
+    """Return how long a guard on duty may show no sign of life before it is held to hang, s.
+
+    Parameters
+    ----------
+    at : int
+        What it is at: in the driver itself it may be as long as an attempt takes.
+    settings : ServerSettings
+    """
+    return settings.silence + (LONGEST_ATTEMPT if at == RESCUING else 0.0)
