@@ -719,3 +719,10 @@ class ServeCommand(TypedDict, total=False):
         int | None,
         Option("Core that the device's process stays on.", flag="--device-cpu", metavar="N"),
     ]
+    stuck_after: Annotated[
+        int,
+        Option(
+            "Samples after which a stuck sensor or an ignored write is an alarm; 0 is never.",
+            default=100,
+        ),
+    ]

@@ -71,6 +71,7 @@ def serve(options: ServeCommand) -> None:
         log=options["log"],
         priority=options["priority"],
         cpu=options["cpu"],
+        stuck_after=options["stuck_after"],
     )
     if work(settings):
         raise typer.Exit(1)
