@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from math import ceil
 from pathlib import Path
+from secrets import token_hex
 from time import monotonic
 from typing import Any
 
@@ -68,6 +69,7 @@ class Link:
             dict(outputs),
             client,
         )
+        self._instance = token_hex(8)
         self.accepted: Mapping[str, Any] = {}
         self.round_trip_time = 0.0
         self._keys = None if credentials is None else read_client_keys(credentials)
@@ -110,7 +112,12 @@ class Link:
         if self._used:
             self._open()
         self._send(
-            "connect", client=self.client, inputs=self.inputs, outputs=self.outputs, time=time
+            "connect",
+            client=self.client,
+            instance=self._instance,
+            inputs=self.inputs,
+            outputs=self.outputs,
+            time=time,
         )
         for message in self._answers(monotonic() + timeout):
             if message["type"] == "refused":
@@ -204,6 +211,7 @@ class Link:
         self._socket = socket = self._context.socket(zmq.DEALER)
         for option in (zmq.SNDHWM, zmq.RCVHWM):
             socket.setsockopt(option, _QUEUE)
+        socket.setsockopt(zmq.ROUTING_ID, f"ppy-{token_hex(8)}".encode())
         socket.setsockopt(zmq.LINGER, 0)
         socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)

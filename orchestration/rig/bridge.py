@@ -11,17 +11,18 @@ from __future__ import annotations
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from time import monotonic
 
 import zmq
 
 from fmus.kit import UserError
-from fmus.rig_proxy import MAX_FRAME
+from fmus.rig_proxy import MAX_FRAME, OPERATOR, TELEMETRY
+from orchestration.rig.access import access_control, guard_access, received
 from orchestration.rig.endpoint import Endpoint, bound_queues
 
 LOOPBACK = "127.0.0.1"
-# connections at a time; beyond, the one that was silent for the longest time is closed
+# connections of a socket at a time; beyond, the one that was silent for the longest time is closed
 _MOST_CLIENTS = 32
 _WAITING = 8  # frames of a client that are kept while its connection to the server comes about
 _LATEST = 1.0  # s; a frame that has waited for longer is dropped
@@ -34,11 +35,11 @@ _AT_ONCE = 100  # frames taken from one socket before the others have their turn
 class _Client:
     """The connection to the server that belongs to one client on this machine."""
 
-    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], remote: Endpoint):
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], remote: Endpoint, address: str):
         self.socket = context.socket(zmq.DEALER)
         # no queue for a server that is not there: an old command must never arrive
         self.socket.immediate = True
-        remote.connect(self.socket, remote.requests)
+        remote.connect(self.socket, address)
         self._waiting: deque[tuple[float, bytes]] = deque(maxlen=_WAITING)
 
     def send(self, frame: bytes, now: float) -> None:
@@ -63,6 +64,53 @@ class _Client:
         return bool(self._waiting)
 
 
+class _Lane:
+    """A ROUTER on this machine, and the connections of its clients to the server's.
+
+    It has a context of its own, as the server's sockets have.
+    """
+
+    def __init__(self, router: zmq.Socket[bytes], remote: Endpoint, address: str):
+        self.router = router
+        self._remote = remote
+        self._address = address
+        self._clients: OrderedDict[bytes, _Client] = OrderedDict()
+
+    def sockets(self) -> Iterator[zmq.Socket[bytes]]:
+        """Yield the sockets that messages come from."""
+        yield self.router
+        for client in self._clients.values():
+            yield client.socket
+
+    @property
+    def waits(self) -> bool:
+        """True if there are frames to be carried on."""
+        return any(client.waits for client in self._clients.values())
+
+    def carry(self, ready: set[object], now: float) -> None:
+        """Carry messages in both directions."""
+        if self.router in ready:
+            for name, frame in _requests(self.router):
+                self._client(name).send(frame, now)
+        for name, client in self._clients.items():
+            if client.socket in ready:
+                for frame in _frames(client.socket):
+                    self.router.send_multipart((name, frame), zmq.DONTWAIT)
+            if client.waits:
+                client.flush(now)
+
+    def _client(self, name: bytes) -> _Client:
+        client = self._clients.get(name)
+        if client is None:
+            if len(self._clients) >= _MOST_CLIENTS:
+                _, silent = self._clients.popitem(last=False)
+                silent.socket.close()
+            client = _Client(self.router.context, self._remote, self._address)
+            self._clients[name] = client
+        self._clients.move_to_end(name)
+        return client
+
+
 class Bridge:
     """A bridge, bound as soon as it is made; :meth:`run` carries messages until it is interrupted.
 
@@ -71,8 +119,8 @@ class Bridge:
     remote : Endpoint
         The server, with keys.
     port : int
-        Of the requests on this machine; telemetry is one higher. On the loopback address, and
-        nowhere else.
+        Of the requests on this machine; the others are higher as the server's are. On the loopback
+        address, and nowhere else.
     tell : callable
         Called with a line when the server falls silent or is heard again.
 
@@ -87,67 +135,56 @@ class Bridge:
     ):
         self._remote = remote
         self._tell = tell
-        self._clients: OrderedDict[bytes, _Client] = OrderedDict()
         self._heard = monotonic()
         self._is_silent: bool | None = None  # as was reported; None: nothing yet
         with ExitStack() as opened:
-            self._context = zmq.Context()
-            opened.callback(self._context.destroy, 0)
-            self._requests = self._context.socket(zmq.ROUTER)
-            self._telemetry = self._context.socket(zmq.PUB)
-            for socket, number in ((self._requests, port), (self._telemetry, port + 1)):
-                bound_queues(socket)
-                _bind(socket, number)
-            self._source = self._context.socket(zmq.SUB)
+            first, second = (zmq.Context(), zmq.Context())
+            for context in (first, second):
+                opened.callback(context.destroy, 0)
+            opened.enter_context(access_control((first, second)))
+            requests = opened.enter_context(_listening(first, zmq.ROUTER, port))
+            operators = opened.enter_context(_listening(second, zmq.ROUTER, port + OPERATOR))
+            self._telemetry = opened.enter_context(_listening(first, zmq.PUB, port + TELEMETRY))
+            self._lanes = (
+                _Lane(operators, remote, remote.operators),
+                _Lane(requests, remote, remote.requests),
+            )
+            self._source = first.socket(zmq.SUB)
             remote.connect(self._source, remote.telemetry)
             self._source.subscribe(b"")
-            self._poller = zmq.Poller()
-            for socket in (self._requests, self._source):
-                self._poller.register(socket, zmq.POLLIN)
-            opened.pop_all()
+            self._opened = opened.pop_all()
 
     def close(self) -> None:
         """Close all sockets; messages under way are dropped."""
-        self._context.destroy(linger=0)
+        self._opened.close()
 
     def run(self) -> None:
         """Carry messages until an exception such as KeyboardInterrupt, then close everything."""
         try:
             while True:
-                wait = _SOON if any(client.waits for client in self._clients.values()) else _TURN
-                self._turn({socket for socket, _ in self._poller.poll(round(1000 * wait))})
+                self._turn(self._ready())
         finally:
             self.close()
 
+    def _ready(self) -> set[object]:
+        """Wait until a socket has a message, or something else is due; return those that have."""
+        poller = zmq.Poller()
+        poller.register(self._source, zmq.POLLIN)
+        for lane in self._lanes:
+            for socket in lane.sockets():
+                poller.register(socket, zmq.POLLIN)
+        wait = _SOON if any(lane.waits for lane in self._lanes) else _TURN
+        return {socket for socket, _ in poller.poll(round(1000 * wait))}
+
     def _turn(self, ready: set[object]) -> None:
         now = monotonic()
-        if self._requests in ready:
-            for identity, frame in _frames(self._requests, 2):
-                self._client(identity).send(frame, now)
+        for lane in self._lanes:
+            lane.carry(ready, now)
         if self._source in ready:
             self._heard = now
-            for (frame,) in _frames(self._source, 1):
+            for frame in _frames(self._source):
                 self._telemetry.send(frame, zmq.DONTWAIT)
-        for identity, client in self._clients.items():
-            if client.socket in ready:
-                for (frame,) in _frames(client.socket, 1):
-                    self._requests.send_multipart((identity, frame), zmq.DONTWAIT)
-            if client.waits:
-                client.flush(now)
         self._report_contact(now)
-
-    def _client(self, identity: bytes) -> _Client:
-        client = self._clients.get(identity)
-        if client is None:
-            if len(self._clients) >= _MOST_CLIENTS:
-                _, silent = self._clients.popitem(last=False)
-                self._poller.unregister(silent.socket)
-                silent.socket.close()
-            client = _Client(self._context, self._remote)
-            self._clients[identity] = client
-            self._poller.register(client.socket, zmq.POLLIN)
-        self._clients.move_to_end(identity)
-        return client
 
     def _report_contact(self, now: float) -> None:
         """Report that the server is heard, or silent, when that is news."""
@@ -167,22 +204,40 @@ class Bridge:
             self._tell(f"{self._remote.requests} is heard")
 
 
-def _bind(socket: zmq.Socket[bytes], port: int) -> None:
+@contextmanager
+def _listening(
+    context: zmq.Context[zmq.Socket[bytes]], kind: int, port: int
+) -> Iterator[zmq.Socket[bytes]]:
     address = f"tcp://{LOOPBACK}:{port}"
-    try:
-        socket.bind(address)
-    except zmq.ZMQError as error:
-        raise UserError(
-            f"cannot listen at {address}: {error.strerror}; --port chooses another one"
-        ) from error
+    with context.socket(kind) as socket:
+        bound_queues(socket)
+        guard_access(socket)
+        try:
+            socket.bind(address)
+        except zmq.ZMQError as error:
+            raise UserError(
+                f"cannot listen at {address}: {error.strerror}; --port chooses another one"
+            ) from error
+        yield socket
 
 
-def _frames(socket: zmq.Socket[bytes], parts: int) -> Iterator[list[bytes]]:
-    """Yield messages that have arrived, a bounded number, without those the protocol forbids."""
+def _requests(router: zmq.Socket[bytes]) -> Iterator[tuple[bytes, bytes]]:
+    """Yield messages of clients that have arrived, a bounded number, with the clients' names."""
     for _ in range(_AT_ONCE):
         try:
-            message = socket.recv_multipart(zmq.DONTWAIT)
+            peer, frames = received(router)
         except zmq.Again:
             return
-        if len(message) == parts and len(message[-1]) <= MAX_FRAME:
-            yield message
+        if peer.has_name and len(frames) == 1 and len(frames[0]) <= MAX_FRAME:
+            yield peer.connection, frames[0]
+
+
+def _frames(socket: zmq.Socket[bytes]) -> Iterator[bytes]:
+    """Yield messages of the server that have arrived, a bounded number."""
+    for _ in range(_AT_ONCE):
+        try:
+            frames = socket.recv_multipart(zmq.DONTWAIT)
+        except zmq.Again:
+            return
+        if len(frames) == 1 and len(frames[0]) <= MAX_FRAME:
+            yield frames[0]

@@ -12,12 +12,15 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from fmus.kit import UserError
 from fmus.rig_proxy import ClientKeys, checked, key, read_client_keys, read_table
 
 __all__ = [
+    "ROLES",
     "ClientKeys",
+    "KeyHolder",
     "ServerKeys",
     "add_client",
     "make_keys",
@@ -27,7 +30,28 @@ __all__ = [
 SERVER_FILE = "rig-server.toml"
 CLIENT_FILE = "rig-client.toml"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
-_CLIENT_LINE = re.compile(r'^\s*"(?P<key>[^"]+)",\s*#\s*(?P<name>.+?)\s*$', re.M)
+_NAME_RULE = "has to be 1 to 40 letters, digits, - and _, and begin with none of -_"
+ROLES = ("watch", "command", "acknowledge")
+"""What a key is for: each role may do what those before it may. Everybody may stop."""
+_FIRST_CLIENT = "first-client"
+
+
+class KeyHolder(NamedTuple):
+    """The holder of a client's key.
+
+    Attributes
+    ----------
+    name : str
+    role : str
+        One of :data:`ROLES`.
+    """
+
+    name: str
+    role: str
+
+    def has_role(self, needed: str) -> bool:
+        """Return True if the holder's role is the one that is needed, or a higher one."""
+        return self.role in ROLES[ROLES.index(needed) :]
 
 
 @dataclass(frozen=True)
@@ -38,13 +62,13 @@ class ServerKeys:
     ----------
     public_key, secret_key : str
         Its own.
-    clients : tuple of str
-        Public keys of the clients that may connect.
+    clients : dict of str to KeyHolder
+        By public key, those who may connect.
     """
 
     public_key: str
     secret_key: str
-    clients: tuple[str, ...]
+    clients: dict[str, KeyHolder]
 
     def __repr__(self) -> str:
         return f"ServerKeys(public_key={self.public_key!r}, clients={self.clients!r})"
@@ -77,9 +101,22 @@ def read_server_keys(path: Path, warn: Callable[[str], None] = lambda text: None
         )
     clients = table.get("clients")
     if not isinstance(clients, list):
-        raise UserError(f"{path}: clients must be a list of the public keys that may connect")
-    allowed = tuple(checked(text, f"{path}: clients[{k}]") for k, text in enumerate(clients))
+        raise UserError(f"{path}: clients must be a list of those who may connect")
+    allowed = dict(_client(row, f"{path}: clients[{k}]") for k, row in enumerate(clients))
     return ServerKeys(key(table, "public_key", path), key(table, "secret_key", path), allowed)
+
+
+def _client(row: Any, where: str) -> tuple[str, KeyHolder]:
+    """Return key, name and role of a client as the server's file has it."""
+    if not isinstance(row, dict):
+        raise UserError(f"{where} must be {{ key = ..., name = ..., role = ... }}")
+    name = row.get("name")
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise UserError(f"{where}: name {name!r} {_NAME_RULE}")
+    role = row.get("role")
+    if role not in ROLES:
+        raise UserError(f"{where}: role {role!r}; there are {', '.join(ROLES)}")
+    return checked(row.get("key"), f"{where}: key"), KeyHolder(name, role)
 
 
 def make_keys(folder: Path) -> tuple[Path, Path]:
@@ -114,16 +151,16 @@ def make_keys(folder: Path) -> tuple[Path, Path]:
     except OSError as error:
         raise UserError(f"cannot make {folder}: {error.strerror}") from error
     allowed = _write_client(client, public)
-    keys = ServerKeys(public, secret, (allowed,))
+    keys = ServerKeys(public, secret, {allowed: KeyHolder(_FIRST_CLIENT, ROLES[-1])})
     try:
-        _write_new(server, _server_text(keys, {allowed: "first client"}))
+        _write_new(server, _server_text(keys))
     except UserError:
         client.unlink(missing_ok=True)
         raise
     return server, client
 
 
-def add_client(folder: Path, name: str) -> Path:
+def add_client(folder: Path, name: str, role: str = "command") -> Path:
     """Make a key pair for one more client, and let the server know it.
 
     Parameters
@@ -132,6 +169,8 @@ def add_client(folder: Path, name: str) -> Path:
         With the server's file.
     name : str
         Of the client; of letters, digits, ``-`` and ``_``.
+    role : str
+        One of :data:`ROLES`.
 
     Returns
     -------
@@ -145,10 +184,9 @@ def add_client(folder: Path, name: str) -> Path:
         the server's file is then as it was.
     """
     if not _NAME.fullmatch(name):
-        raise UserError(
-            f"--client {name!r}: a name has 1 to 40 letters, digits, - and _, and begins with none"
-            " of -_"
-        )
+        raise UserError(f"--client: name {name!r} {_NAME_RULE}")
+    if role not in ROLES:
+        raise UserError(f"--role {role!r}: there are {', '.join(ROLES)}")
     server = folder / SERVER_FILE
     client = folder / f"rig-client-{name}.toml"
     # Only one process can make it: it is the lock on the server's file as well as its replacement.
@@ -157,12 +195,11 @@ def add_client(folder: Path, name: str) -> Path:
     _write_new(replacement, "")
     try:
         keys = read_server_keys(server)
-        lines = _CLIENT_LINE.finditer(server.read_text(encoding="utf-8"))
-        names = {line["key"]: line["name"] for line in lines}
         public = _write_client(client, keys.public_key)
-        extended = ServerKeys(keys.public_key, keys.secret_key, (*keys.clients, public))
+        clients = {**keys.clients, public: KeyHolder(name, role)}
+        extended = ServerKeys(keys.public_key, keys.secret_key, clients)
         try:
-            replacement.write_text(_server_text(extended, names | {public: name}), encoding="utf-8")
+            replacement.write_text(_server_text(extended), encoding="utf-8")
             replacement.replace(server)
         except OSError as error:
             client.unlink(missing_ok=True)
@@ -197,14 +234,16 @@ def _write_client(path: Path, server: str) -> str:
     return public
 
 
-def _server_text(keys: ServerKeys, names: dict[str, str]) -> str:
+def _server_text(keys: ServerKeys) -> str:
     clients = "".join(
-        f'  "{public}",  # {names.get(public, "a client")}\n' for public in keys.clients
+        f'  {{ key = "{public}", name = "{holder.name}", role = "{holder.role}" }},\n'
+        for public, holder in keys.clients.items()
     )
     return (
         "# Keys of the rig's server: this file stays on its machine, and nobody else may read it.\n"
         f'public_key = "{keys.public_key}"\nsecret_key = "{keys.secret_key}"\n'
-        "# Who may connect; to shut somebody out, delete the line and start the server again.\n"
+        "# Who may connect, for what: watch (and stop), command, or acknowledge (all there is).\n"
+        "# To shut somebody out, delete the line and start the server again.\n"
         f"clients = [\n{clients}]\n"
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from time import monotonic, sleep
 from typing import Any
 
@@ -13,6 +13,8 @@ from fmus.rig_proxy import protocol
 from orchestration.rig.endpoint import Endpoint
 
 _LOOK = 0.1  # s between two questions whether the rig is ready again
+_SOON = 0.01  # s between two questions whether it is safe
+_PATIENCE = 1.0  # s that the answer to the last of them has at least
 
 
 def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dict[str, Any]:
@@ -27,7 +29,7 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
     timeout : float
         Longest wait, in s.
     **fields
-        ``reason``, for ``stop``.
+        ``reason`` of a ``stop``, ``latch`` of an ``acknowledge``.
 
     Returns
     -------
@@ -37,12 +39,12 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
     Raises
     ------
     UserError
-        If there is no answer in time.
+        If there is no answer in time, or the server refuses.
     """
     context = zmq.Context()
     try:
         socket = context.socket(zmq.DEALER)
-        remote.connect(socket, remote.requests)
+        remote.connect(socket, remote.operators)
         socket.send(protocol.encode(kind, **fields))
         until = monotonic() + timeout
         while (remaining := until - monotonic()) > 0.0:
@@ -54,27 +56,31 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
                 continue
             if message["type"] == "status":
                 return message
+            if message["type"] == "refused":
+                raise UserError(f"the rig at {remote.requests} refuses: {message['reason']}")
     finally:
         context.destroy(linger=0)
     keys = ", without keys" if remote.keys is None else ", with these keys"
     raise UserError(
-        f"no answer within {timeout:g} s from {remote.requests}{keys}; is `ppy rig serve` running?"
+        f"no answer within {timeout:g} s from {remote.requests}{keys}; is `ppy rig serve` running,"
+        " or do the keys not match?"
     )
 
 
-def acknowledge(remote: Endpoint, timeout: float = 5.0) -> dict[str, Any]:
-    """Release the latch of the safe state, and wait until the rig can be used again.
+def stop(remote: Endpoint, reason: str, timeout: float = 2.0) -> dict[str, Any]:
+    """Stop the rig, and wait until its safe state is confirmed or known not to be reached.
 
     Parameters
     ----------
     remote : Endpoint
+    reason : str
     timeout : float
-        Longest wait, in s; a device that failed is opened again meanwhile.
+        Longest wait, in s.
 
     Returns
     -------
     dict of str to object
-        The message ``status``; its state is still ``safe`` if the rig could not be used in time.
+        The message ``status``; its state is still ``stopping`` if neither is known in time.
 
     Raises
     ------
@@ -82,10 +88,47 @@ def acknowledge(remote: Endpoint, timeout: float = 5.0) -> dict[str, Any]:
         If there is no answer in time.
     """
     until = monotonic() + timeout
-    answer = ask(remote, "acknowledge", timeout)
-    while answer["state"] == protocol.SAFE and monotonic() + _LOOK < until:
-        sleep(_LOOK)
-        answer = ask(remote, "status", max(_LOOK, until - monotonic()))
+    answer = ask(remote, "stop", timeout, reason=reason)
+    return _wait_while(remote, answer, lambda now: now["state"] == protocol.STOPPING, _SOON, until)
+
+
+def acknowledge(remote: Endpoint, latch: str, timeout: float = 5.0) -> dict[str, Any]:
+    """Release the latch of the safe state, and wait until the rig can be used again.
+
+    Parameters
+    ----------
+    remote : Endpoint
+    latch : str
+        Name of the latch that is meant; any other one stays closed.
+    timeout : float
+        Longest wait, in s; a device that failed is opened again meanwhile.
+
+    Returns
+    -------
+    dict of str to object
+        The message ``status``; it still has a latch if the rig could not be used in time.
+
+    Raises
+    ------
+    UserError
+        If there is no answer in time, or another latch is closed.
+    """
+    until = monotonic() + timeout
+    answer = ask(remote, "acknowledge", timeout, latch=latch)
+    return _wait_while(remote, answer, lambda now: now["latch"] == latch != "", _LOOK, until)
+
+
+def _wait_while(
+    remote: Endpoint,
+    answer: dict[str, Any],
+    waits: Callable[[Mapping[str, Any]], bool],
+    pause: float,
+    until: float,
+) -> dict[str, Any]:
+    """Ask for the status again and again as long as it is such that one has to wait."""
+    while waits(answer) and monotonic() + pause < until:
+        sleep(pause)
+        answer = ask(remote, "status", max(_PATIENCE, until - monotonic()))
     return answer
 
 
@@ -101,7 +144,11 @@ def summarise_status(answer: Mapping[str, Any]) -> str:
     -------
     str
     """
-    parts = [answer["state"] + (f": {answer['reason']}" if answer["reason"] else "")]
+    parts = [_summarise_state(answer) + (f": {answer['reason']}" if answer["reason"] else "")]
+    if answer["alarm"]:
+        parts.append(f"ALARM: {answer['alarm']}")
+    if answer["latch"]:
+        parts.append(f"latch {answer['latch']}")
     if answer["client"]:
         parts.append(f"client {answer['client']}")
     parts.append(
@@ -109,3 +156,13 @@ def summarise_status(answer: Mapping[str, Any]) -> str:
     )
     parts += [f"{number} {kind}" for kind, number in answer["counts"].items() if number]
     return "; ".join(parts)
+
+
+def _summarise_state(answer: Mapping[str, Any]) -> str:
+    state: str = answer["state"]
+    if state == protocol.NOT_REACHED:
+        return "THE SAFE STATE WAS NOT REACHED"
+    reached = answer["reached"]
+    if state == protocol.SAFE and reached is not None:
+        return f"{state} (reached after {1000 * reached:.0f} ms)"
+    return state

@@ -583,9 +583,25 @@ class StopCommand(ServerOptions, TimeoutOption, ReasonOption, JsonOption, total=
 class AcknowledgeCommand(ServerOptions, LongTimeoutOption, JsonOption, total=False):
     """Options of ``ppy rig acknowledge``."""
 
+    latch: Annotated[
+        str | None,
+        Option("Name of the latch that is meant, as status has it.", metavar="NAME"),
+    ]
+
 
 class StatusCommand(ServerOptions, TimeoutOption, JsonOption, total=False):
     """Options of ``ppy rig status``."""
+
+
+class CheckRigCommand(ServerOptions, total=False):
+    """Options of ``ppy rig check``."""
+
+    beyond_limits: Annotated[
+        bool,
+        Option(
+            "Also send commands beyond each limit, which a right server refuses.", default=False
+        ),
+    ]
 
 
 class RecordingOptions(TypedDict, total=False):
@@ -637,7 +653,9 @@ class BridgeCommand(TypedDict, total=False):
     credentials: Annotated[Path, Option(_KEY_FILE, default=REQUIRED, metavar="FILE")]
     port: Annotated[
         int,
-        Option("On this machine; telemetry is one higher.", default=PORT, least=1, most=65534),
+        Option(
+            "On this machine; the two above it are taken, too.", default=PORT, least=1, most=65533
+        ),
     ]
 
 
@@ -653,6 +671,13 @@ class KeysCommand(TypedDict, total=False):
     client: Annotated[
         str | None,
         Option("Make keys for one more client of the server there.", metavar="NAME"),
+    ]
+    role: Annotated[
+        str | None,
+        Option(
+            "What that client may: watch (and stop), command, or acknowledge (all there is).",
+            metavar="ROLE",
+        ),
     ]
 
 
@@ -696,7 +721,7 @@ class ServeCommand(TypedDict, total=False):
     ]
     endpoint: Annotated[
         str | None,
-        Option("Where to bind; telemetry is one port higher.", metavar=_ENDPOINT),
+        Option("Where to bind; the two ports above are taken, too.", metavar=_ENDPOINT),
     ]
     host: Annotated[
         str | None,
@@ -707,6 +732,10 @@ class ServeCommand(TypedDict, total=False):
     port: Annotated[int | None, Option("Port, 5570 if not given; 0 is any free one.", metavar="N")]
     keys: Annotated[Path | None, Option("Key file of the server, of ppy rig keys.", metavar="FILE")]
     log: Annotated[Path | None, Option("Add every line to this file, too.", metavar="FILE")]
+    state: Annotated[
+        Path | None,
+        Option("Keeps the latch of each device; default is the user's.", metavar="FOLDER"),
+    ]
     priority: Annotated[
         int | None,
         Option(

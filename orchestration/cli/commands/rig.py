@@ -12,6 +12,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import (
     AcknowledgeCommand,
     BridgeCommand,
+    CheckRigCommand,
     KeysCommand,
     RecordRigCommand,
     RigDemoCommand,
@@ -69,6 +70,7 @@ def serve(options: ServeCommand) -> None:
         port=default[1] if port is None else port,
         keys=options["keys"],
         log=options["log"],
+        state=options["state"],
         priority=options["priority"],
         cpu=options["cpu"],
         stuck_after=options["stuck_after"],
@@ -214,30 +216,46 @@ def _journal(live: Live, planned: RecordingPlan) -> Journal:
 @rig.command("stop")
 @command(StopCommand)
 def stop(options: StopCommand) -> None:
-    """Stop the rig at once: its safe state, until ppy rig acknowledge."""
-    from orchestration.rig import ask
+    """Stop the rig at once: its safe state, until ppy rig acknowledge.
 
-    reason = options["reason"]
-    answer = ask(_server(options), "stop", options["timeout"], reason=reason)
+    Waits until the safe state is confirmed; exit status 1 if it is not.
+    """
+    from fmus.rig_proxy import SAFE
+    from orchestration.rig import operator
+
+    answer = operator.stop(_server(options), options["reason"], options["timeout"])
     _show(answer, options["json"])
+    if answer["state"] != SAFE:
+        raise typer.Exit(1)
 
 
 @rig.command("acknowledge")
 @command(AcknowledgeCommand)
 def acknowledge(options: AcknowledgeCommand) -> None:
-    """Let the rig be used again after a safe state; the client has to connect anew."""
-    from orchestration.rig import operator
+    """Let the rig be used again after a safe state; the client has to connect anew.
 
-    answer = operator.acknowledge(_server(options), options["timeout"])
+    Shows what is acknowledged; exit status 1 if the rig cannot be used in time.
+    """
+    from orchestration.reporting import note
+    from orchestration.rig import ask, operator
+
+    remote = _server(options)
+    latch = options["latch"]
+    if latch is None:
+        before = ask(remote, "status", options["timeout"])
+        latch = before["latch"]
+        for text in filter(None, (before["reason"], before["alarm"])):
+            note(f"acknowledged: {text}")
+    answer = operator.acknowledge(remote, latch, options["timeout"])
     _show(answer, options["json"])
-    if answer["state"] == "safe":
+    if answer["latch"]:
         raise typer.Exit(1)
 
 
 @rig.command("status")
 @command(StatusCommand)
 def status(options: StatusCommand) -> None:
-    """Say how the rig is: idle, running or safe, who commands it, and what was dropped."""
+    """Say how the rig is: idle, running or latched, who commands it, and what was dropped."""
     from orchestration.rig import ask
 
     _show(ask(_server(options), "status", options["timeout"]), options["json"])
@@ -271,8 +289,14 @@ def keys(options: KeysCommand) -> None:
 
     folder = options["folder"]
     client = options["client"]
+    role = options["role"]
+    if client is None and role is not None:
+        raise UserError("--role: is of one more client; give its name with --client")
     if client is not None:
-        wrote(add_client(folder, client), "keys of the client; let nobody else read it")
+        wrote(
+            add_client(folder, client, role or "command"),
+            "keys of the client; let nobody else read it",
+        )
         note("a server that is running lets the client in when it has been started again")
         return
     server, first = make_keys(folder)
@@ -302,6 +326,20 @@ def bridge(options: BridgeCommand) -> None:
         carries = Bridge(remote, port, note)
         out.print(f"{local} is carried on to {remote.requests} (Ctrl-C ends it)")
         carries.run()
+
+
+@rig.command("check")
+@command(CheckRigCommand)
+def check(options: CheckRigCommand) -> None:
+    """Say rule by rule whether a server holds to the protocol, whoever wrote it.
+
+    Commands zero, stops the rig and releases it: only with an actuator that is switched off.
+    """
+    from orchestration.rig.conformance import check_server
+
+    verdicts = check_server(_server(options), options["beyond_limits"])
+    if any(verdict.holds is False for verdict in verdicts):
+        raise typer.Exit(1)
 
 
 @rig.command("demo")

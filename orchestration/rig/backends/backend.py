@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from orchestration.rig.signals import Limit
 
@@ -31,6 +33,27 @@ class Backend(ABC):
     inputs: Mapping[str, str]
     outputs: Mapping[str, str]
     limits: Mapping[str, Limit]
+
+    @classmethod
+    def devices(cls, **options: str) -> Sequence[str]:
+        """Return names of the devices that these options mean, and open none.
+
+        Of all servers on a machine one may have a device. A backend that can find the same device
+        under other options should say its name, such as its serial number or address; one that
+        commands nothing real has none.
+
+        Parameters
+        ----------
+        **options
+            As for making one.
+
+        Returns
+        -------
+        sequence of str
+            By default one name: the class, its file, and the options.
+        """
+        given = "".join(f" {key}={value}" for key, value in sorted(options.items()))
+        return [f"{Path(inspect.getfile(cls)).resolve()}:{cls.__qualname__}{given}"]
 
     @abstractmethod
     def read(self) -> Mapping[str, float]:

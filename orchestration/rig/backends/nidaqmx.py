@@ -42,6 +42,8 @@ _TERMINALS = {
 }
 # times the rig's watchdog, after which the device's acts: the rig's has to have failed first
 _LATER = 2.0
+_CALIBRATION = "thesis"
+_DEVICE = "Dev1"  # as NI MAX names the first one
 
 
 class NiDaqmx(Backend):
@@ -73,8 +75,8 @@ class NiDaqmx(Backend):
 
     def __init__(
         self,
-        calibration: str = "thesis",
-        device: str = "Dev1",
+        calibration: str = _CALIBRATION,
+        device: str = _DEVICE,
         timing: str = "auto",
         timeout: str = "1",
     ) -> None:
@@ -103,6 +105,16 @@ class NiDaqmx(Backend):
         except BaseException:
             self.close()
             raise
+
+    @classmethod
+    def devices(
+        cls, calibration: str = _CALIBRATION, device: str = _DEVICE, **options: str
+    ) -> list[str]:
+        """Return the device, and those of channels that have a device of their own."""
+        channels = read_calibration(calibration)
+        places = [one.place for one in (*channels.inputs.values(), *channels.outputs.values())]
+        named = {place.rpartition("/")[0] for place in places} - {""}
+        return sorted({f"NI device {name.lower()}" for name in (device, *named)})
 
     def _check(self, calibration: str, device: str) -> None:
         """Refuse signals of instruments, and a name that is not that of a device."""

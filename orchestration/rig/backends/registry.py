@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from fmus.kit import UserError, suggestion
 from orchestration.fmu import load_subclass, names_class
@@ -18,6 +19,7 @@ BACKENDS = {
 }
 """Name of a backend -> module and class; strings, so that listing them imports nothing."""
 
+Result = TypeVar("Result")
 _EXTRAS = {"nidaqmx": "nidaqmx", "pyvisa": "visa"}  # library -> extra that installs it
 
 
@@ -42,6 +44,43 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
         If there is no such backend, an option is unknown, missing or wrong, a library is not
         installed, or the device cannot be opened.
     """
+    cls = _class_with(spec, options)
+    backend = _called(spec, "cannot be opened", cls, options)
+    try:
+        _check(spec, backend)
+    except BaseException:
+        backend.close()
+        raise
+    return backend
+
+
+def device_names(spec: str, options: Mapping[str, str]) -> tuple[str, ...]:
+    """Return names of the devices that a backend would open.
+
+    Parameters
+    ----------
+    spec, options
+        As for :func:`open_backend`.
+
+    Returns
+    -------
+    tuple of str
+        Empty for a backend that commands nothing real.
+
+    Raises
+    ------
+    UserError
+        As for :func:`open_backend`, and if it does not say names.
+    """
+    cls = _class_with(spec, options)
+    names = tuple(_called(spec, "does not say its devices", cls.devices, options))
+    if not all(isinstance(name, str) for name in names):
+        raise UserError(f"backend {spec}: names of devices must be texts; it says {names!r}")
+    return names
+
+
+def _class_with(spec: str, options: Mapping[str, str]) -> type[Backend]:
+    """Return the class of a backend, if it has these options and needs no others."""
     cls = backend_class(spec)
     known = _options(cls)
     for name in options:
@@ -51,20 +90,20 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
     for name, parameter in known.items():
         if parameter.default is parameter.empty and name not in options:
             raise UserError(f"backend {spec}: option {name} is missing; write {name}=...")
+    return cls
+
+
+def _called(
+    spec: str, failure: str, function: Callable[..., Result], options: Mapping[str, str]
+) -> Result:
     try:
-        backend: Backend = cls(**options)
+        return function(**options)
     except UserError as error:
         raise UserError(f"backend {spec}: {error}") from error
     except Exception as error:  # whatever a backend of somebody else, or a driver, raises
         raise UserError(
-            f"backend {spec}: cannot be opened: {type(error).__name__}: {_line(error)}"
+            f"backend {spec}: {failure}: {type(error).__name__}: {_line(error)}"
         ) from error
-    try:
-        _check(spec, backend)
-    except BaseException:
-        backend.close()
-        raise
-    return backend
 
 
 def backend_class(spec: str) -> type[Backend]:

@@ -44,6 +44,11 @@ class Replay(Steppable):
         If the file cannot be read or lacks an output, or an option has a value that is not allowed.
     """
 
+    @classmethod
+    def devices(cls, **options: str) -> list[str]:
+        """Return an empty list: a record can be played back by any number of servers."""
+        return []
+
     def __init__(
         self,
         file: str,

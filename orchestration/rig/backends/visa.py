@@ -19,6 +19,7 @@ from orchestration.rig.calibration import Channel, Instrument, read_calibration
 from orchestration.rig.signals import commands
 
 _MOST_ERRORS = 20  # that an instrument keeps
+_CALIBRATION = "thesis_generator"
 
 
 class Visa(Backend):
@@ -38,7 +39,7 @@ class Visa(Backend):
         or reports an error.
     """
 
-    def __init__(self, calibration: str = "thesis_generator", library: str = "") -> None:
+    def __init__(self, calibration: str = _CALIBRATION, library: str = "") -> None:
         self._calibration = read_calibration(calibration)
         self._ins = self._calibration.inputs
         self._outs = self._calibration.outputs
@@ -64,6 +65,12 @@ class Visa(Backend):
         except BaseException:
             self.close()
             raise
+
+    @classmethod
+    def devices(cls, calibration: str = _CALIBRATION, **options: str) -> list[str]:
+        """Return the resources of the instruments."""
+        instruments = read_calibration(calibration).instruments
+        return sorted({f"VISA resource {one.resource.upper()}" for one in instruments.values()})
 
     def _open(self, name: str, instrument: Instrument, manager: pyvisa.ResourceManager) -> None:
         wait = round(1000 * instrument.timeout)

@@ -9,9 +9,15 @@ from math import isfinite
 from time import monotonic
 from typing import Any, NamedTuple
 
+import psutil
 import zmq
 
-from fmus.rig_proxy import REQUESTS, ProtocolError, decode
+from fmus.kit import UserError
+from fmus.rig_proxy import OPERATOR, REQUESTS, TELEMETRY, ProtocolError, decode
+from orchestration.rig.access import Peer, received
+from orchestration.rig.backends import device_names
+from orchestration.rig.server.device_lock import locked
+from orchestration.rig.server.latch_file import LatchKeeper, latch_keeper
 from orchestration.rig.server.lockstep import LockstepRig
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.real_time import RealTimeRig
@@ -22,16 +28,22 @@ from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import Sockets, opened
 
 _LONGEST_WAIT = 10  # ms for a message, before whatever else there is to do
-_AT_ONCE = 200  # messages that are taken before whatever else there is to do
+_AT_ONCE = 200  # messages of a socket that are taken before whatever else there is to do
+_LONGEST_TURN = 0.005  # s that they get for it: an operator's stop waits no longer for clients
 _TELEMETRY = 1 / 30  # s between two samples that are published, at least
 _SILENCE = 0.2  # s between two messages of telemetry, at most
-_LOOK = 0.1  # s between two looks at who was turned away, at least
+_LOOK = 0.1  # s between two looks at who was turned away, and at the memory, at least
+# bytes that a server may come to take; a thousand peers with full queues take a third of it. ZeroMQ
+# keeps what has arrived of a message until its last frame has, and a peer may never send that
+_MOST_MEMORY = 2**30
+_OF_OPERATORS = {kind: REQUESTS[kind] for kind in ("stop", "acknowledge", "status")}
+_OF_CLIENTS = {kind: fields for kind, fields in REQUESTS.items() if kind != "acknowledge"}
 
 
 class ReceivedMessage(NamedTuple):
-    """A message of a client, and ZeroMQ's name of the connection that it came by."""
+    """A message of a client, and its sender."""
 
-    peer: bytes
+    peer: Peer
     message: dict[str, Any]
 
 
@@ -60,28 +72,45 @@ def serve(settings: ServerSettings) -> int:
         If the server cannot start.
     """
     log = EventLog(settings.log)
+    devices = device_names(settings.backend, settings.options)
     try:
-        with received_signals() as signals, opened(settings, log.tell) as sockets:
-            rig: Rig = LockstepRig(settings) if settings.lockstep else RealTimeRig(settings)
+        with (
+            received_signals() as signals,
+            locked(devices),
+            opened(settings, log.tell) as sockets,
+        ):
+            keeper = latch_keeper(devices, settings.state, log.tell)
+            rig = _opened_rig(settings, keeper)
             trouble = "the server failed"
             try:
                 log.tell(_ready(settings, sockets, rig))
                 for note in rig.signals.notes:
                     log.tell(note)
-                Front(sockets, RequestHandler(rig, settings.period, log), log, signals).run()
+                handler = RequestHandler(rig, settings.period, log, keeper)
+                Front(sockets, handler, log, signals).run()
             finally:
                 trouble = rig.close()
                 if trouble:
                     log.tell(f"THE SAFE STATE WAS NOT REACHED: {trouble}")
                 else:
+                    keeper.end()
                     log.tell(f"ended, in the safe state: {signals.ending or 'the server failed'}")
     finally:
         log.close()
     return 1 if trouble else 0
 
 
+def _opened_rig(settings: ServerSettings, keeper: LatchKeeper) -> Rig:
+    """Open the rig; one that cannot be opened was not touched by this server."""
+    try:
+        return LockstepRig(settings) if settings.lockstep else RealTimeRig(settings)
+    except UserError:
+        keeper.end()
+        raise
+
+
 class Front:
-    """The loop around the two sockets of the server.
+    """The loop around the sockets of the server.
 
     Parameters
     ----------
@@ -101,7 +130,11 @@ class Front:
         self._looked = 0.0
         self._published = 0.0
         self._number = -1
-        sockets.requests.rcvtimeo = _LONGEST_WAIT
+        self._process = psutil.Process()
+        self._most_memory = self._process.memory_info().rss + _MOST_MEMORY
+        self._poller = zmq.Poller()
+        for socket in (sockets.operators, sockets.requests):
+            self._poller.register(socket, zmq.POLLIN)
 
     def run(self) -> None:
         """Serve until a signal ends it."""
@@ -120,36 +153,45 @@ class Front:
             if now - self._looked > _LOOK:
                 self._looked = now
                 self._count_turned_away()
+                self._watch_memory()
             collector.collect(now)
 
     def _take_messages(self) -> None:
-        """Answer all messages that have arrived.
+        """Answer the messages that have arrived, a bounded number; wait a moment for the first.
 
-        An exchange is held back until the last of them is read, for a newer one makes it useless.
+        Operators come first. An exchange is held back until the last message of clients is read,
+        for a newer one makes it useless.
         """
+        self._poller.poll(_LONGEST_WAIT)
+        operators = self._sockets.operators
+        for request in self._received(operators, _OF_OPERATORS):
+            self._answer(operators, request)
         held: ReceivedMessage | None = None
-        for received in self._received():
-            if received.message["type"] != "exchange":
-                self._answer(*received)
+        for request in self._received(self._sockets.requests, _OF_CLIENTS):
+            if request.message["type"] != "exchange":
+                self._answer(self._sockets.requests, request)
             elif held is None:
-                held = received
+                held = request
             else:
-                held = self._newer_exchange(held, received)
+                held = self._newer_exchange(held, request)
         if held is not None:
-            self._answer(*held)
+            self._answer(self._sockets.requests, held)
 
-    def _received(self) -> Iterator[ReceivedMessage]:
-        """Yield the messages that have arrived, a bounded number; wait a moment for the first."""
-        flags = 0
+    def _received(
+        self, socket: zmq.Socket[bytes], known: dict[str, dict[str, Any]]
+    ) -> Iterator[ReceivedMessage]:
+        """Yield the messages that have arrived at a socket, a bounded number in a bounded time."""
+        until = monotonic() + _LONGEST_TURN
         for _ in range(_AT_ONCE):
             try:
-                frames = self._sockets.requests.recv_multipart(flags)
+                peer, frames = received(socket)
             except zmq.Again:
                 return
-            flags = zmq.NOBLOCK
-            message = self._decoded(frames)
+            message = self._decoded(peer, frames, known)
             if message is not None:
-                yield ReceivedMessage(frames[0], message)
+                yield ReceivedMessage(peer, message)
+            if monotonic() > until:
+                return
 
     def _newer_exchange(self, held: ReceivedMessage, arrived: ReceivedMessage) -> ReceivedMessage:
         """Return the newer of two exchanges; the other is dropped, or answered if it still counts.
@@ -160,28 +202,34 @@ class Front:
         if overtaken and self._handler.supersedes(held.message, arrived.message):
             return held
         if not self._handler.supersedes(arrived.message, held.message):
-            self._answer(*held)
+            self._answer(self._sockets.requests, held)
         return arrived
 
-    def _decoded(self, frames: list[bytes]) -> dict[str, Any] | None:
+    def _decoded(
+        self, peer: Peer, frames: list[bytes], known: dict[str, dict[str, Any]]
+    ) -> dict[str, Any] | None:
+        if not peer.has_name:
+            self._handler.counts["turned away"] += 1
+            self._log.tell(f"dropped a message of a peer without a name at {peer}", "no name")
+            return None
         try:
-            if len(frames) != 2:
-                raise ProtocolError(f"a message of {len(frames) - 1} frames; it must be one")
-            message = decode(frames[1], REQUESTS)
+            if len(frames) != 1:
+                raise ProtocolError(f"a message of {len(frames)} frames; it must be one")
+            message = decode(frames[0], known)
             self._handler.check(message)
         except ProtocolError as error:
             self._handler.counts["malformed"] += 1
-            self._log.tell(f"dropped {error}", "malformed")
+            self._log.tell(f"dropped {error}, of {peer}", "malformed")
             return None
         return message
 
-    def _answer(self, peer: bytes, message: dict[str, Any]) -> None:
-        reply = self._handler.answer(peer, message)
+    def _answer(self, socket: zmq.Socket[bytes], request: ReceivedMessage) -> None:
+        reply = self._handler.answer(*request)
         if reply is not None:
             try:
-                self._sockets.requests.send_multipart([peer, reply], zmq.NOBLOCK)
+                socket.send_multipart([request.peer.connection, reply], zmq.NOBLOCK)
             except zmq.ZMQError as error:
-                self._log.tell(f"could not answer: {error}", "could not answer")
+                self._log.tell(f"no answer to {request.peer}: {error}", "could not answer")
 
     def _publish(self, now: float) -> None:
         if now - self._published < _TELEMETRY:
@@ -190,16 +238,26 @@ class Front:
         if number != self._number or now - self._published > _SILENCE:
             self._published = now
             self._number = number
-            self._sockets.telemetry.send(self._handler.telemetry(), zmq.NOBLOCK)
+            if not self._sockets.telemetry.publish(self._handler.telemetry()):
+                self._log.tell(
+                    "telemetry begins anew: somebody asked for many topics, and it has none",
+                    "topics",
+                )
 
     def _count_turned_away(self) -> None:
         number = self._sockets.turned_away()
         if number:
             self._handler.counts["turned away"] += number
             self._log.tell(
-                "a peer was turned away: it has no key, a wrong one, or speaks no ZeroMQ",
+                "a peer was turned away: it has no key, a wrong one, or does not speak ZMTP 3",
                 "turned away",
             )
+
+    def _watch_memory(self) -> None:
+        """End the server, latched, before a peer has filled the memory of the machine."""
+        if self._process.memory_info().rss > self._most_memory:
+            self._signals.ending = f"a peer filled {_MOST_MEMORY / 2**20:.0f} MiB of memory"
+            self._handler.stop(self._signals.ending)
 
 
 @contextmanager
@@ -252,9 +310,12 @@ def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
         items = [f"{name} [{unit}]{_limits(rig, name)}" for name, unit in units.items()]
         return ", ".join(items) or "nothing"
 
+    telemetry = sockets.endpoint(TELEMETRY)
+    operators = sockets.endpoint(OPERATOR)
     return (
-        f"ready: {sockets.endpoint} (telemetry {sockets.telemetry_endpoint}), {settings.backend},"
-        f" {pace}; commands {listed(signals.inputs)}; measures {listed(signals.outputs)}"
+        f"ready: {sockets.endpoint()} (telemetry {telemetry}, operators {operators}),"
+        f" {settings.backend}, {pace}; commands {listed(signals.inputs)}; measures"
+        f" {listed(signals.outputs)}"
     )
 
 

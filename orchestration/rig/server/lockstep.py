@@ -59,7 +59,6 @@ class LockstepRig:
         )
         self._values: list[float | None] = [None] * len(self.signals.outputs)
         self._taken = [0.0] * len(self.signals.outputs)
-        self._applied = (0.0,) * len(self.signals.inputs)
         self._safe()
         self._read()
 
@@ -69,10 +68,13 @@ class LockstepRig:
 
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input."""
-        self._applied = tuple(values)
+        self._guarded(lambda: self._write(tuple(values)))
+
+    def _write(self, values: tuple[float, ...]) -> None:
+        self._applied = values
         self._resting = None
         commands = dict(zip(self.signals.inputs, values, strict=True))
-        self._guarded(lambda: call("write()", self._backend.write, commands))
+        call("write()", self._backend.write, commands)
 
     def advance(self, step: float) -> None:
         """Let time pass with the commands held, then read.

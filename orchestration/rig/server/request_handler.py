@@ -1,4 +1,4 @@
-"""Request handler of the server: sessions, commands and the latch of the safe state.
+"""Request handler of the server: sessions and commands, and who may send which message.
 
 It gets and returns messages, and knows no socket.
 """
@@ -6,20 +6,29 @@ It gets and returns messages, and knows no socket.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from datetime import datetime
 from math import isfinite
 from time import monotonic
 from typing import Any
 
-from fmus.rig_proxy import IDLE, LOCKSTEP, RUNNING, SAFE, ProtocolError, encode
+from fmus.rig_proxy import IDLE, LOCKSTEP, RUNNING, ProtocolError, encode
+from orchestration.rig.access import Peer
 from orchestration.rig.safety import CommandFilter, stale
+from orchestration.rig.server.latch import Latch
+from orchestration.rig.server.latch_file import LatchKeeper
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.rig import Rig
-from orchestration.rig.server.session import Session, misfit, new_session
+from orchestration.rig.server.session import FIRST_COMMAND, Session, misfit, new_session
 
 _LONGEST_STEP = 60.0  # s, in lockstep: the emulated rig takes it in one go
 _LONGEST_REASON = 1000  # characters: names in it may be a stranger's
 _LONGEST_NAME = 40  # characters of a client's name in the log
+_ROLES = {
+    "connect": "command",
+    "exchange": "command",
+    "disconnect": "command",
+    "acknowledge": "acknowledge",
+}
+"""Role that a key needs for a message; every other one is for everybody who may connect."""
 
 
 class RequestHandler:
@@ -31,6 +40,8 @@ class RequestHandler:
     period : float
         Of its samples, in s.
     log : EventLog
+    keeper : LatchKeeper
+        Of the latch, over a restart.
 
     Attributes
     ----------
@@ -38,20 +49,19 @@ class RequestHandler:
         How many messages were dropped or refused, and deadlines missed.
     """
 
-    def __init__(self, rig: Rig, period: float, log: EventLog) -> None:
+    def __init__(self, rig: Rig, period: float, log: EventLog, keeper: LatchKeeper) -> None:
         self._rig = rig
         self._period = period
         self._log = log
         self._filter = CommandFilter(rig.signals.inputs, rig.signals.limits)
         self._session: Session | None = None
-        self._reason = ""  # why the rig is safe; empty while the latch is open
-        self._since = ""
-        self._opening = False  # the latch is to be opened as soon as the rig can be used
+        self._latch = Latch(rig, log, keeper)
+        self._rests_since = monotonic()  # when the rig was last ordered to rest without a latch
         self._refused: list[str] = []
         self.counts = dict.fromkeys(
             ("malformed", "late", "repeated", "stale", "refused", "turned away", "missed"), 0
         )
-        self._answers: dict[str, Callable[[bytes, Mapping[str, Any]], bytes | None]] = {
+        self._answers: dict[str, Callable[[Peer, Mapping[str, Any]], bytes | None]] = {
             "connect": self._connect,
             "exchange": self._exchange,
             "disconnect": self._disconnect,
@@ -89,13 +99,13 @@ class RequestHandler:
                 f"an exchange with step {message['step']:g} s; allowed are 0 to {_LONGEST_STEP:g} s"
             )
 
-    def answer(self, peer: bytes, message: Mapping[str, Any]) -> bytes | None:
-        """Carry out a message.
+    def answer(self, peer: Peer, message: Mapping[str, Any]) -> bytes | None:
+        """Carry out a message, if its sender's key is for it.
 
         Parameters
         ----------
-        peer : bytes
-            ZeroMQ's name of the connection it came by.
+        peer : Peer
+            The sender.
         message : Mapping
             One that was checked.
 
@@ -104,7 +114,13 @@ class RequestHandler:
         bytes or None
             The reply, if there is one.
         """
-        return self._answers[message["type"]](peer, message)
+        kind = message["type"]
+        needed = _ROLES.get(kind)
+        if needed is not None and not peer.holder.has_role(needed):
+            reason = f"the key of {peer.holder.name} is for {peer.holder.role}, not for {kind}"
+            self._log.tell(f"{kind} by {peer} refused: {reason}", "role")
+            return encode("refused", reason=reason)
+        return self._answers[kind](peer, message)
 
     def supersedes(self, message: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
         """Return True if a waiting exchange makes an earlier one useless, which is counted as late.
@@ -116,27 +132,20 @@ class RequestHandler:
         self.counts["late"] += 1
         return True
 
-    def _connect(self, peer: bytes, message: Mapping[str, Any]) -> bytes:
-        now = monotonic()
-        session = self._session
+    def _connect(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
         name = message["client"][:_LONGEST_NAME]
-        reason = misfit(message, self._rig.signals)
-        if self._reason:
-            reason = f"the rig is in its safe state since {self._since}: {self._reason}"
-        elif (
-            session is not None
-            and session.peer != peer
-            and not self._gives_way(session, message["client"], now)
-        ):
-            reason = f"the rig serves {session.client[:_LONGEST_NAME]}; one client at a time"
+        reason = misfit(message, self._rig.signals) or self._occupied(peer, message)
+        if self._latch.is_closed:
+            reason = self._latch.sentence()
         if reason:
-            self._log.tell(f"client {name} refused: {reason}", "client refused")
+            self._log.tell(f"client {name}, {peer}, refused: {reason}", "client refused")
             return encode("refused", reason=reason[:_LONGEST_REASON])
-        if session is None or session.peer != peer or session.sequence > 0:
+        session = self._session
+        if session is None or session.peer != peer.connection or session.sequence > 0:
             self._end_session("replaced")
-            session = new_session(message, self._rig.signals, peer, now)
+            session = new_session(message, self._rig.signals, peer.connection, monotonic())
             self._session = session
-            self._log.tell(f"client connected: {name}")
+            self._log.tell(f"client connected: {name}, {peer}")
         return encode(
             "accepted",
             session=session.key,
@@ -145,16 +154,20 @@ class RequestHandler:
             **self._sample(session),
         )
 
-    def _gives_way(self, session: Session, client: str, now: float) -> bool:
-        """Return True if a client may take over a session.
+    def _occupied(self, peer: Peer, message: Mapping[str, Any]) -> str:
+        """Return why another client keeps one from connecting; empty if none does.
 
-        Its own client may, if the answer to it was lost; in lockstep anybody may, if its client has
-        been silent.
+        In lockstep anybody may take the place of a client that has been silent.
         """
-        unheard = session.client == client and session.sequence == 0
-        return unheard or (self._rig.mode == LOCKSTEP and session.is_silent(now))
+        session = self._session
+        if session is None or session.may_be_taken_up(message, peer.connection):
+            return ""
+        if self._rig.mode == LOCKSTEP and session.is_silent(monotonic()):
+            return ""
+        other = "another " * (session.client == message["client"])
+        return f"the rig serves {other}{session.client[:_LONGEST_NAME]}; one client at a time"
 
-    def _exchange(self, peer: bytes, message: Mapping[str, Any]) -> bytes | None:
+    def _exchange(self, peer: Peer, message: Mapping[str, Any]) -> bytes | None:
         session = self._session
         if session is None or message["session"] != session.key:
             return encode(
@@ -163,11 +176,11 @@ class RequestHandler:
             )
         if session.repeats(message, self.counts):
             return None
-        session.sequence = message["sequence"]
-        session.peer = peer
-        session.heard = monotonic()
         refused = self._command(session, message)
-        if not self._reason:
+        session.sequence = message["sequence"]
+        session.peer = peer.connection
+        session.heard = monotonic()
+        if not self._latch.is_closed:
             self._rig.advance(message["step"])
             self._supervise()
         return encode(
@@ -176,8 +189,8 @@ class RequestHandler:
             sequence=session.sequence,
             sent=message["sent"],
             clock=self._rig.clock(),
-            state=SAFE if self._reason else RUNNING,
-            reason=self._reason,
+            state=self._state(),
+            reason=self._latch.reason,
             refused=refused,
             **self._sample(session),
         )
@@ -185,9 +198,11 @@ class RequestHandler:
     def _command(self, session: Session, message: Mapping[str, Any]) -> list[str]:
         """Carry out the commands of a new exchange, or return the reasons for refusing them."""
         now = self._rig.clock()
-        if self._reason:
-            return ["the rig is in its safe state"]
-        reason = stale(message["seen"], now, self._rig.watchdog) if self._rig.watchdog else ""
+        if self._latch.is_closed:
+            return [self._latch.sentence()]
+        # the first one answers `accepted`, before which a client may take its time
+        longest = self._rig.watchdog if session.sequence else FIRST_COMMAND
+        reason = stale(message["seen"], now, longest) if self._rig.watchdog else ""
         if reason:
             self.counts["stale"] += 1
             refused = [reason]
@@ -210,73 +225,75 @@ class RequestHandler:
         """
         return self._rig.watchdog or float(message["step"])
 
-    def _disconnect(self, peer: bytes, message: Mapping[str, Any]) -> bytes:
+    def _disconnect(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
         if self._session is not None and message["session"] == self._session.key:
             self._end_session("disconnected")
         return encode("disconnected")
 
-    def _stop(self, peer: bytes, message: Mapping[str, Any]) -> bytes:
-        self.stop(message["reason"][:200] or "somebody stopped it")
+    def _stop(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
+        self.stop(message["reason"][:200] or "somebody stopped it", f" (by {peer})")
         return self._status()
 
-    def _acknowledge(self, peer: bytes, message: Mapping[str, Any]) -> bytes:
-        if self._reason and not self._opening:
-            self._log.tell(f"acknowledged: {self._reason}")
+    def _acknowledge(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
+        was_closed = self._latch.is_closed
+        refusal = self._latch.acknowledge(message["latch"], str(peer))
+        if refusal:
+            return encode("refused", reason=refusal)
+        if was_closed and self._session is not None:
             self._end_session("over")
-            self._rig.release()
-            self._opening = True
-            self._supervise()
         return self._status()
 
     # -- what happens by itself
     # --------------------------------------------------------------------------------------
 
-    def stop(self, reason: str) -> None:
+    def stop(self, reason: str, detail: str = "") -> None:
         """Take the rig to its safe state in an emergency, latched.
 
         Parameters
         ----------
         reason : str
+        detail : str
+            For the log.
         """
-        self._latch(f"stopped: {reason}")
+        self._close_latch(f"stopped: {reason}", detail, "stopped again")
 
     def beat(self) -> None:
         """Show the processes of the rig that the front is alive."""
         self._rig.beat()
 
     def supervise(self) -> None:
-        """Notice what the rig has done by itself, and end a session that never began."""
+        """Notice what the rig has done by itself, and what it has not done."""
         self._supervise()
         session = self._session
-        if (
-            session is not None
-            and self._rig.mode != LOCKSTEP
-            and not self._reason
-            and session.never_began(monotonic())
-        ):
+        if self._latch.is_closed or self._rig.mode == LOCKSTEP:
+            self._rests_since = monotonic()
+            return
+        if session is not None and session.never_began(monotonic()):
             self._end_session("has commanded nothing, its session is over")
+        if session is None or session.accepted is None:
+            self._watch_rest()
 
     def _supervise(self) -> None:
         for reason in self._rig.troubles():
-            self._latch(reason)
-        if self._opening:
-            waiting = self._rig.opening()
-            self._reason = waiting
-            if not waiting:
-                self._opening = False
-                self._log.tell("ready again")
+            self._close_latch(reason)
+        for alarm in self._rig.alarms():
+            self._latch.raise_alarm(alarm)
+        self._latch.supervise()
 
-    def _latch(self, reason: str) -> None:
-        self._opening = False
-        if not self._reason:
-            self._since = datetime.now().strftime("%H:%M:%S")
-        self._reason = " ".join(reason.split())
-        self._filter.reset()
-        self._rig.go_safe()
+    def _watch_rest(self) -> None:
+        """Close the latch if the rig is not at rest where nobody commands it."""
+        now = monotonic()
+        if self._rig.safe_since() is not None:
+            self._rests_since = now
+        elif now - self._rests_since > self._rig.bound:
+            self._close_latch("the rig is not in its safe state, though nobody commands it")
+
+    def _close_latch(self, reason: str, detail: str = "", kind: str = "") -> None:
         age = ""
         if self._session is not None and self._session.accepted is not None:
             age = f" (last fresh command {self._rig.clock() - self._session.accepted:.3f} s ago)"
-        self._log.tell(f"SAFE STATE: {self._reason}{age}")
+        self._filter.reset()
+        self._latch.close(reason, detail + age, kind)
 
     def _end_session(self, how: str) -> None:
         if self._session is not None:
@@ -284,6 +301,7 @@ class RequestHandler:
             self._session = None
         self._filter.reset()
         self._rig.go_safe()
+        self._rests_since = monotonic()
 
     # -- what is answered and published
     # ----------------------------------------------------------------------------------------------
@@ -308,16 +326,17 @@ class RequestHandler:
             "ages": [ages[k] for k in session.wanted],
         }
 
+    def _state(self) -> str:
+        if self._latch.is_closed:
+            return self._latch.state
+        return IDLE if self._session is None else RUNNING
+
     def _who(self) -> dict[str, Any]:
-        state = IDLE if self._session is None else RUNNING
-        if self._reason:
-            state = SAFE
-        client = "" if self._session is None else self._session.client
         return {
-            "state": state,
-            "reason": self._reason,
+            "state": self._state(),
             "clock": self._rig.clock(),
-            "client": client,
+            "client": "" if self._session is None else self._session.client,
+            **self._latch.fields(),
         }
 
     def _status(self) -> bytes:
@@ -342,6 +361,11 @@ class RequestHandler:
             "telemetry",
             **self._who(),
             inputs=dict(zip(signals.inputs, state.applied, strict=True)),
+            read_back={
+                name: value
+                for name, value in zip(signals.inputs, state.read_back, strict=True)
+                if value is not None
+            },
             outputs=dict(zip(signals.outputs, state.values, strict=True)),
             ages=dict(zip(signals.outputs, state.ages(now), strict=True)),
             command_age=None if accepted is None else now - accepted,

@@ -10,7 +10,7 @@ from typing import Any
 from fmus.kit import suggestion
 from orchestration.rig.server.calls import BackendSignals
 
-_FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
+FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
 _SILENCE = 2.0  # s, in lockstep, after which another client may replace one that says nothing
 
 
@@ -22,6 +22,8 @@ class Session:
     ----------
     client : str
         Its name.
+    instance : str
+        Names the one FMU or program that connected: two may have the same name.
     peer : bytes
         ZeroMQ's name of its connection.
     commanded : list of int
@@ -41,6 +43,7 @@ class Session:
     """
 
     client: str
+    instance: str
     peer: bytes
     commanded: list[int]
     wanted: list[int]
@@ -63,7 +66,15 @@ class Session:
 
     def never_began(self, now: float) -> bool:
         """Return True if the client has commanded nothing for too long since it was accepted."""
-        return self.sequence == 0 and now - self.begun > _FIRST_COMMAND
+        return self.sequence == 0 and now - self.begun > FIRST_COMMAND
+
+    def may_be_taken_up(self, message: Mapping[str, Any], peer: bytes) -> bool:
+        """Return True if who connects is who has the session.
+
+        Its client may have missed the answer, and may connect anew on the connection that it has.
+        """
+        is_same = self.instance == message["instance"]
+        return is_same and (self.sequence == 0 or self.peer == peer)
 
     def is_silent(self, now: float) -> bool:
         """Return True if the client has said nothing for a while."""
@@ -117,9 +128,10 @@ def new_session(
     names = list(message["inputs"])
     outputs = list(signals.outputs)
     return Session(
-        message["client"],
-        peer,
-        [names.index(name) for name in signals.inputs],
-        [outputs.index(name) for name in message["outputs"]],
-        now,
+        client=message["client"],
+        instance=message["instance"],
+        peer=peer,
+        commanded=[names.index(name) for name in signals.inputs],
+        wanted=[outputs.index(name) for name in message["outputs"]],
+        begun=now,
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from fmus.kit import UserError
 from fmus.rig_proxy import PORT
+from orchestration.rig.endpoint import HIGHEST_PORT
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.02, 60.0)  # s
@@ -37,11 +38,14 @@ class ServerSettings:
     host : str
         Address to bind to.
     port : int
-        Of the requests; telemetry is one higher. Zero is any that is free.
+        Of the requests; telemetry is one higher, operators' requests are two. Zero is any that is
+        free.
     keys : Path or None
         Key file of the server.
     log : Path or None
         File that gets a copy of every line.
+    state : Path or None
+        Folder that keeps the latch of each device; default is the user's.
     priority : int or None
         Real-time priority of the process that has the device.
     cpu : int or None
@@ -65,6 +69,7 @@ class ServerSettings:
     port: int = PORT
     keys: Path | None = None
     log: Path | None = None
+    state: Path | None = None
     priority: int | None = None
     cpu: int | None = None
     stuck_after: int = 100
@@ -72,9 +77,9 @@ class ServerSettings:
     def __post_init__(self) -> None:
         _check_range("--rate", self.rate, *RATES, "Hz")
         _check_range("--watchdog", self.watchdog, *WATCHDOGS, "s")
-        if not 0 <= self.port <= 65534:
+        if not 0 <= self.port <= HIGHEST_PORT:
             raise UserError(
-                f"--port {self.port}: allowed are 1 to 65534, and 0 for any that is free"
+                f"--port {self.port}: allowed are 1 to {HIGHEST_PORT}, and 0 for any that is free"
             )
         if self.priority is not None and not 1 <= self.priority <= 99:
             raise UserError(f"--device-priority {self.priority}: allowed are 1 to 99")

@@ -1,31 +1,69 @@
-"""The two sockets of a server: their addresses, their keys, and their bounded queues."""
+"""The three sockets of a server: their addresses, who is let in, and what a peer may take."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from time import monotonic
 from typing import Any
 
 import zmq
-from zmq.auth.thread import ThreadAuthenticator
 from zmq.utils.monitor import parse_monitor_message
 
 from fmus.kit import UserError
-from fmus.rig_proxy import MAX_FRAME
+from fmus.rig_proxy import MAX_FRAME, OPERATOR, TELEMETRY
+from orchestration.rig.access import HANDSHAKE, access_control, guard_access
+from orchestration.rig.endpoint import HIGHEST_PORT
 from orchestration.rig.keys import ServerKeys, read_server_keys
 from orchestration.rig.server.settings import ServerSettings
+from orchestration.rig.server.telemetry import TelemetrySocket
 
 _LONGEST_QUEUE = 100  # messages in each direction, of each peer
-_HANDSHAKE = 2000  # ms that a peer has to say who it is
 # bytes; a larger message ends its connection, a smaller one is counted and reported
 _LARGEST = 16 * MAX_FRAME
-_TRIES = 20  # for two free ports that are neighbours
-_FAILED = (
-    zmq.EVENT_HANDSHAKE_FAILED_AUTH
-    | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
-    | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
-)
+# bytes; an operator's message is short, and many large ones would take the time of a stop
+_LARGEST_OF_OPERATORS = 4096
+# bytes; a subscriber says nothing but its handshake, which with keys is some 400, and no topic
+_LARGEST_OF_SUBSCRIBERS = 1024
+_TRIES = 20  # for three free ports in a row
+_HANDSHAKES = zmq.EVENT_ACCEPTED | zmq.EVENT_HANDSHAKE_SUCCEEDED
+
+
+class Handshakes:
+    """Count of the peers that connect to a socket and that do not get beyond the handshake.
+
+    Parameters
+    ----------
+    socket : zmq.Socket
+    clock : callable
+        Time in s that never jumps.
+    """
+
+    def __init__(self, socket: zmq.Socket[bytes], clock: Callable[[], float] = monotonic) -> None:
+        self._monitor = socket.get_monitor_socket(_HANDSHAKES)
+        self._clock = clock
+        self._accepted = 0
+        self._succeeded = 0
+        self._finished = 0  # of those accepted, whose handshake is over by now
+        self._looked = clock()
+        self._reported = 0
+
+    def failed(self) -> int:
+        """Return how many have failed since the last call, as far as that is certain."""
+        while self._monitor.poll(0):
+            event = parse_monitor_message(self._monitor.recv_multipart())["event"]
+            self._accepted += event == zmq.EVENT_ACCEPTED
+            self._succeeded += event == zmq.EVENT_HANDSHAKE_SUCCEEDED
+        now = self._clock()
+        if now - self._looked <= 2 * HANDSHAKE / 1000:
+            return 0
+        failed = max(0, self._finished - self._succeeded - self._reported)
+        self._reported += failed
+        self._finished = self._accepted
+        self._looked = now
+        return failed
 
 
 @dataclass
@@ -35,44 +73,42 @@ class Sockets:
     Attributes
     ----------
     requests : zmq.Socket
-        ROUTER.
-    telemetry : zmq.Socket
-        PUB.
-    endpoint, telemetry_endpoint : str
+        ROUTER, for clients.
+    telemetry : TelemetrySocket
+    operators : zmq.Socket
+        ROUTER, in a context of its own: whatever the others have to do, a stop does not wait.
+    host : str
+    port : int
+        Of `requests`.
     """
 
     requests: zmq.Socket[bytes]
-    telemetry: zmq.Socket[bytes]
-    endpoint: str
-    telemetry_endpoint: str
-    _monitor: zmq.Socket[bytes]
+    telemetry: TelemetrySocket
+    operators: zmq.Socket[bytes]
+    host: str
+    port: int
+    _handshakes: list[Handshakes] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._handshakes = [Handshakes(each) for each in (self.requests, self.operators)]
+
+    def endpoint(self, offset: int = 0) -> str:
+        """Return the address of the socket whose port is higher by `offset`."""
+        return f"tcp://{self.host}:{self.port + offset}"
 
     def turned_away(self) -> int:
         """Return how many peers were turned away since the last call.
 
-        They had no key or a wrong one, or did not speak ZeroMQ.
+        They had no key or a wrong one, or did not speak ZMTP 3.
         """
-        number = 0
-        while self._monitor.poll(0):
-            number += parse_monitor_message(self._monitor.recv_multipart())["event"] & _FAILED != 0
-        return number
-
-
-class _Allowed:
-    """Check of the keys that a server lets in, as ZeroMQ calls it."""
-
-    def __init__(self, keys: ServerKeys) -> None:
-        self._keys = {key.encode() for key in keys.clients}
-
-    def callback(self, domain: str, key: bytes) -> bool:
-        return key in self._keys
+        return sum(each.failed() for each in self._handshakes)
 
 
 @contextmanager
 def opened(
     settings: ServerSettings, warn: Callable[[str], None] = lambda text: None
 ) -> Iterator[Sockets]:
-    """Bind both sockets, and close them at the end, whatever is still in them.
+    """Bind the sockets, and close them at the end, whatever is still in them.
 
     Parameters
     ----------
@@ -90,69 +126,73 @@ def opened(
         If an address cannot be bound to, or the key file is none.
     """
     keys = None if settings.keys is None else read_server_keys(settings.keys, warn)
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    authenticator = ThreadAuthenticator(context)
-    made: list[zmq.Socket[bytes]] = []
-    try:
-        if keys is not None:
-            authenticator.start()
-            authenticator.configure_curve_callback("*", _Allowed(keys))
-        requests, port = _bound(context, settings, keys, made)
-        monitor = requests.get_monitor_socket(_FAILED)
-        made.append(monitor)
-        host = settings.host
-        yield Sockets(
-            requests, made[1], f"tcp://{host}:{port}", f"tcp://{host}:{port + 1}", monitor
-        )
-        requests.disable_monitor()
-    finally:
-        authenticator.stop()
-        for socket in made:
-            socket.close(linger=0)
-        context.destroy(linger=0)
+    _allow_most_descriptors()
+    with ExitStack() as stack:
+        contexts: Sequence[zmq.Context[zmq.Socket[bytes]]] = (zmq.Context(), zmq.Context())
+        for context in contexts:
+            stack.callback(context.destroy, linger=0)
+        stack.enter_context(access_control(contexts, None if keys is None else keys.clients))
+        sockets = _bound(contexts, settings, keys)
+        yield sockets
+
+
+def _allow_most_descriptors() -> None:
+    """Let this process have as many connections as the system allows it."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
 def _bound(
-    context: zmq.Context[zmq.Socket[bytes]],
+    contexts: Sequence[zmq.Context[zmq.Socket[bytes]]],
     settings: ServerSettings,
     keys: ServerKeys | None,
-    made: list[zmq.Socket[bytes]],
-) -> tuple[zmq.Socket[bytes], int]:
-    """Bind requests to the port and telemetry to the next; any two neighbours if the port is 0."""
+) -> Sockets:
+    """Bind requests to the port and the others to the next; any that are free if the port is 0."""
+    first, second = contexts
     for _ in range(_TRIES):
-        pair = [_socket(context, kind, keys) for kind in (zmq.ROUTER, zmq.PUB)]
-        made[:] = pair
+        requests = _socket(first, zmq.ROUTER, keys, _LARGEST)
+        operators = _socket(second, zmq.ROUTER, keys, _LARGEST_OF_OPERATORS)
         port = settings.port
         try:
-            pair[0].bind(f"tcp://{settings.host}:{port or '*'}")
-            port = int(pair[0].getsockopt_string(zmq.LAST_ENDPOINT).rpartition(":")[2])
-            pair[1].bind(f"tcp://{settings.host}:{port + 1}")
-            return pair[0], port
+            requests.bind(f"tcp://{settings.host}:{port or '*'}")
+            port = int(requests.getsockopt_string(zmq.LAST_ENDPOINT).rpartition(":")[2])
+            operators.bind(f"tcp://{settings.host}:{port + OPERATOR}")
+            telemetry = TelemetrySocket(
+                lambda: _socket(first, zmq.XPUB, keys, _LARGEST_OF_SUBSCRIBERS),
+                f"tcp://{settings.host}:{port + TELEMETRY}",
+            )
+            return Sockets(requests, telemetry, operators, settings.host, port)
         except (zmq.ZMQError, OverflowError) as error:
-            for socket in pair:
+            for socket in (requests, operators):
                 socket.close(linger=0)
             if settings.port:
                 raise UserError(_refusal(error, settings)) from error
-            if port < 65535 and getattr(error, "errno", 0) != zmq.EADDRINUSE:
+            if port <= HIGHEST_PORT and getattr(error, "errno", 0) != zmq.EADDRINUSE:
                 raise UserError(f"cannot bind to {settings.host}: {error}") from error
-    raise UserError(f"found no two free ports in a row on {settings.host}; choose one with --port")
+    raise UserError(f"no three free ports in a row on {settings.host}; choose one with --port")
 
 
 def _refusal(error: Exception, settings: ServerSettings) -> str:
     """Describe why the chosen ports cannot be had."""
-    place = f"port {settings.port} or {settings.port + 1} of {settings.host}"
+    place = f"one of ports {settings.port} to {settings.port + OPERATOR} of {settings.host}"
     if getattr(error, "errno", 0) == zmq.EADDRINUSE:
-        return f"{place} is in use, by another server perhaps; choose another one with --port"
+        return f"{place} is in use, by another server perhaps; choose others with --port"
     return f"cannot bind to {place}: {error}"
 
 
-def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int, keys: ServerKeys | None) -> Any:
+def _socket(
+    context: zmq.Context[zmq.Socket[bytes]], kind: int, keys: ServerKeys | None, largest: int
+) -> Any:
     socket = context.socket(kind)
+    guard_access(socket)
     socket.linger = 0
     socket.sndhwm = _LONGEST_QUEUE
     socket.rcvhwm = _LONGEST_QUEUE
-    socket.maxmsgsize = _LARGEST
-    socket.handshake_ivl = _HANDSHAKE
+    socket.maxmsgsize = largest
     socket.ipv6 = True
     if keys is not None:
         socket.curve_server = True

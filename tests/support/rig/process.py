@@ -77,6 +77,8 @@ class Server:
             command += ["--log", str(self._log)]
         if not {"--port", "--endpoint"} & set(command):
             command += ["--port", "0"]
+        if "--state" not in command:
+            command += ["--state", str(folder / "state")]
         self.process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -121,8 +123,10 @@ class Server:
         for line in self.lines:
             if part in line:
                 return line
+        errors = self.errors() if self.process.poll() is not None else ""
         raise AssertionError(
-            f"no line with {part!r} in {timeout:g} s; there were:\n" + "\n".join(self.lines)
+            f"no line with {part!r} in {timeout:g} s; there were:\n"
+            + "\n".join([*self.lines, errors])
         )
 
     def calls(self) -> list[Call]:

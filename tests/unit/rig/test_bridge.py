@@ -17,7 +17,9 @@ import zmq
 from orchestration.rig.bridge import Bridge
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.keys import add_client, make_keys
+from orchestration.rig.operator import acknowledge, stop
 from tests.support.command import refused
+from tests.support.rig.raw_peer import RawPeer, message, post, say, version_1, version_2
 from tests.support.rig.small_rig import SmallRig, free_port, small_rig_process
 
 pytestmark = pytest.mark.real_time
@@ -35,8 +37,8 @@ def plain():
     """Return a function that makes clients without keys."""
     context, clients = zmq.Context(), []
 
-    def client(port):
-        clients.append(Client(context, port))
+    def client(port, name=None):
+        clients.append(Client(context, port, name or f"client-{len(clients)}".encode()))
         return clients[-1]
 
     yield client
@@ -44,13 +46,14 @@ def plain():
 
 
 class Client:
-    def __init__(self, context, port):
+    def __init__(self, context, port, name):
         self.socket = context.socket(zmq.DEALER)
         self.socket.linger = 0
+        self.socket.routing_id = name
         self.socket.connect(f"tcp://127.0.0.1:{port}")
 
     def send(self, kind, **fields):
-        self.socket.send(json.dumps({"ppy": 1, "type": kind, **fields}).encode())
+        self.socket.send(json.dumps({"ppy": 2, "type": kind, **fields}).encode())
 
     def answer(self, within=PATIENCE):
         return json.loads(self.socket.recv()) if self.socket.poll(1000 * within) else None
@@ -100,6 +103,7 @@ class Carrying:
 
 
 CONNECT = {
+    "instance": "0123456789abcdef",
     "inputs": {"current": "A", "force": "N"},
     "outputs": {"voltage": "V", "displacement": "m"},
     "time": 0.0,
@@ -133,7 +137,7 @@ def test_a_plain_client_reaches_a_server_with_keys(keys, plain):
                 [],
             )
         assert client.ask("disconnect", session=accepted["session"]) == {
-            "ppy": 1,
+            "ppy": 2,
             "type": "disconnected",
         }
         assert [m["values"][0] for m in rig.of_type("exchange")] == [0.01 * k for k in range(1, 30)]
@@ -169,6 +173,35 @@ def test_clients_are_told_apart(keys, plain):
             assert client.answer(0.05) is None
 
 
+def test_an_operator_is_carried_to_the_operators_socket(keys):
+    with SmallRig(keys=keys[0]) as rig, Carrying(rig.port, keys[1]) as bridge:
+        remote = read_endpoint(f"tcp://127.0.0.1:{bridge.port}")
+        latch = stop(remote, "smoke", PATIENCE)["latch"]
+        assert latch == rig.latch
+        assert acknowledge(remote, latch, PATIENCE)["state"] == "idle"
+
+
+@pytest.mark.parametrize("offset", [0, 2], ids=["requests", "operators"])
+def test_what_is_no_client_of_the_protocol_reaches_no_server(keys, plain, offset):
+    """A page in a browser, peers of old versions, and a peer that has not said its name."""
+    with SmallRig(keys=keys[0]) as rig, Carrying(rig.port, keys[1]) as bridge:
+        port = bridge.port + offset
+        for kind, fields in {
+            "stop": {"reason": "page"},
+            "acknowledge": {"latch": ""},
+            "connect": {"client": "page", **CONNECT},
+            "status": {},
+        }.items():
+            body = message(kind, **fields)
+            for data in (post(body), version_1(b"ppy-1", body), version_2(b"ppy-1", body)):
+                assert not say(port, data).endswith(b"<open>")
+        with RawPeer(port, b"") as peer:
+            peer.send(message("stop", reason="unnamed"))
+            assert peer.receive(0.5) is None
+        assert rig.heard == []
+        assert plain(port).ask("status")["type"] == "status"
+
+
 def test_telemetry_is_carried_too(keys):
     with (
         SmallRig(keys=keys[0]) as rig,
@@ -191,7 +224,7 @@ def test_frames_that_the_protocol_does_not_allow_are_dropped(keys, plain):
         assert client.ask("status")["type"] == other.ask("status")["type"] == "status"
         padding = "x" * 65536
         client.send("stop", reason=padding)
-        client.socket.send_multipart([b"{}", b'{"ppy": 1, "type": "acknowledge"}'])
+        client.socket.send_multipart([b"{}", b'{"ppy": 2, "type": "stop", "reason": ""}'])
         assert other.ask("status")["type"] == "status"
         assert client.ask_until_answered("status")["type"] == "status"
         assert {message["type"] for message in rig.heard} == {"status"}
@@ -288,5 +321,6 @@ def test_only_the_loopback_address_listens(keys):
     finally:
         bridge.close()
     local = [row[1] for row in rows if row[3] == "0A"]
-    ours = [address for address in local if int(address.rsplit(":")[1], 16) in (port, port + 1)]
-    assert sorted(ours) == sorted(f"0100007F:{p:04X}" for p in (port, port + 1))
+    ports = range(port, port + 3)
+    ours = [address for address in local if int(address.rsplit(":")[1], 16) in ports]
+    assert sorted(ours) == sorted(f"0100007F:{p:04X}" for p in ports)

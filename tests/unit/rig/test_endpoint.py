@@ -1,9 +1,12 @@
 """Endpoints, as a server and as a client understand them."""
 
+import re
+
 import pytest
+import zmq
 
 from fmus.kit.errors import UserError
-from orchestration.rig.endpoint import parse_address, read_endpoint
+from orchestration.rig.endpoint import new_name, parse_address, read_endpoint
 
 
 @pytest.mark.parametrize(
@@ -27,11 +30,23 @@ def test_what_is_no_endpoint_is_none_for_either(text):
             read(text)
 
 
-@pytest.mark.parametrize("text", ["tcp://*:5570", "tcp://rig-pc:0", "tcp://rig-pc:65535"])
-def test_a_client_needs_one_host_and_two_ports(text):
-    with pytest.raises(UserError, match="with one host and a port from 1 to 65534"):
+@pytest.mark.parametrize("text", ["tcp://*:5570", "tcp://rig-pc:0", "tcp://rig-pc:65534"])
+def test_a_client_needs_one_host_and_three_ports(text):
+    with pytest.raises(UserError, match="with one host and a port from 1 to 65533"):
         read_endpoint(text)
 
 
-def test_telemetry_is_one_port_higher():
-    assert read_endpoint("tcp://[fe80::1%eth0]:5570").telemetry == "tcp://[fe80::1%eth0]:5571"
+def test_telemetry_and_operators_have_the_next_ports():
+    endpoint = read_endpoint("tcp://[fe80::1%eth0]:5570")
+    assert endpoint.telemetry == "tcp://[fe80::1%eth0]:5571"
+    assert endpoint.operators == "tcp://[fe80::1%eth0]:5572"
+
+
+def test_a_connection_has_a_name_that_no_other_one_has():
+    names = {new_name() for _ in range(1000)}
+    assert len(names) == 1000
+    assert all(re.fullmatch(rb"ppy-[0-9a-f]{16}", name) for name in names)
+    with zmq.Context() as context, context.socket(zmq.DEALER) as socket:
+        endpoint = read_endpoint("tcp://127.0.0.1:5999")
+        endpoint.connect(socket, endpoint.requests)
+        assert socket.routing_id.startswith(b"ppy-")

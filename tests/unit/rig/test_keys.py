@@ -11,7 +11,7 @@ import zmq
 
 from fmus.kit.errors import UserError
 from fmus.rig_proxy.credentials import read_client_keys
-from orchestration.rig.keys import add_client, make_keys, read_server_keys
+from orchestration.rig.keys import ROLES, KeyHolder, add_client, make_keys, read_server_keys
 from tests.support.command import here, posix, refused
 
 
@@ -24,7 +24,7 @@ def test_a_pair_for_the_server_and_one_for_its_client(tmp_path):
     server, client = read_server_keys(server_file), read_client_keys(client_file)
     assert public_of(server.secret_key) == server.public_key == client.server_key
     assert public_of(client.secret_key) == client.public_key
-    assert server.clients == (client.public_key,)
+    assert server.clients == {client.public_key: ("first-client", "acknowledge")}
     assert server.secret_key != client.secret_key
 
 
@@ -58,15 +58,17 @@ def test_a_file_that_others_can_read_is_told(tmp_path, mode):
 
 def test_one_more_client(tmp_path):
     server_file, first = make_keys(tmp_path)
-    second, third = add_client(tmp_path, "lab"), add_client(tmp_path, "my-2nd_PC")
+    second, third = add_client(tmp_path, "lab"), add_client(tmp_path, "my-2nd_PC", "watch")
     server, clients = (
         read_server_keys(server_file),
         [read_client_keys(path) for path in (first, second, third)],
     )
-    assert server.clients == tuple(client.public_key for client in clients)
+    assert server.clients == {
+        clients[0].public_key: ("first-client", "acknowledge"),
+        clients[1].public_key: ("lab", "command"),
+        clients[2].public_key: ("my-2nd_PC", "watch"),
+    }
     assert {client.server_key for client in clients} == {server.public_key}
-    assert "# lab" in server_file.read_text()
-    assert "# first client" in server_file.read_text()
     assert {path.name for path in tmp_path.iterdir()} == {
         "rig-server.toml",
         "rig-client.toml",
@@ -113,6 +115,20 @@ def test_names_that_are_no_file_names(tmp_path, name):
         add_client(tmp_path, name)
 
 
+def test_a_role_that_there_is_not(tmp_path):
+    make_keys(tmp_path)
+    before = contents(tmp_path)
+    with pytest.raises(UserError, match="--role 'root': there are watch, command, acknowledge"):
+        add_client(tmp_path, "lab", "root")
+    assert contents(tmp_path) == before
+
+
+def test_a_role_has_those_below_it():
+    holders = [KeyHolder("x", role) for role in ("", "watch", "command", "acknowledge")]
+    allowed = [[holder.has_role(role) for role in ROLES] for holder in holders]
+    assert allowed == [[False] * 3, [True, False, False], [True, True, False], [True] * 3]
+
+
 def test_a_client_needs_a_server(tmp_path):
     with pytest.raises(UserError, match="there is no such key file"):
         add_client(tmp_path, "lab")
@@ -123,7 +139,16 @@ GOOD = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"  # from the specification of Z
 
 @pytest.mark.parametrize(
     ("clients", "why"),
-    [("5", "clients must be"), ('["x"]', r"clients\[0\] has 1"), ("[5]", "must be a text")],
+    [
+        ("5", "clients must be"),
+        ('["x"]', r"clients\[0\] must be \{ key"),
+        ("[{}]", r"clients\[0\]: name None has to be 1 to 40"),
+        ('[{name = "a b"}]', r"name 'a b' has to be"),
+        ('[{name = "a"}]', "role None; there are watch, command, acknowledge"),
+        ('[{name = "a", role = "root"}]', "role 'root'; there are watch"),
+        ('[{name = "a", role = "watch"}]', r"clients\[0\]: key must be a text"),
+        ('[{name = "a", role = "watch", key = "x"}]', r"clients\[0\]: key has 1"),
+    ],
 )
 def test_clients_of_a_server_are_keys(tmp_path, clients, why):
     path = tmp_path / "server.toml"
@@ -142,6 +167,13 @@ def test_on_the_command_line(tmp_path):
     done = here("rig", "keys", "keys", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert here("rig", "keys", "keys", "--client", "lab", cwd=tmp_path).returncode == 0
-    assert len(read_server_keys(tmp_path / "keys" / "rig-server.toml").clients) == 2
+    assert here("rig", "keys", "keys", "--client", "page", "--role", "watch", cwd=tmp_path)
+    clients = read_server_keys(tmp_path / "keys" / "rig-server.toml").clients.values()
+    assert [tuple(holder) for holder in clients] == [
+        ("first-client", "acknowledge"),
+        ("lab", "command"),
+        ("page", "watch"),
+    ]
+    refused(tmp_path, "rig", "keys", "keys", "--role", "watch", parts=["--role", "--client"])
     refused(tmp_path, "rig", "keys", "keys", parts=["rig-server.toml", "not overwritten"])
     refused(tmp_path, "rig", "keys", "nowhere", "--client", "lab", parts=["rig-server.toml"])

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from orchestration.rig import signals
 from orchestration.rig.backends.backend import Backend, Limit, Steppable
+from tests.support.rig import backends
+from tests.support.rig.backends import Logged
 
 CALLS = ("read", "write", "safe", "close")
 
@@ -26,6 +30,13 @@ def test_a_rig_in_lockstep_needs_advance_besides():
     with pytest.raises(TypeError, match=r"\badvance\b"):
         made(Steppable, *CALLS)
     assert isinstance(made(Steppable, *CALLS, "advance"), Backend)
+
+
+def test_a_device_is_by_default_the_file_the_class_and_the_options():
+    (name,) = Logged.devices(rate="1", log="x")
+    assert name == f"{Path(backends.__file__).resolve()}:Logged log=x rate=1"
+    assert Logged.devices(log="x", rate="1") == [name]
+    assert Logged.devices(log="y", rate="1") != [name]
 
 
 def test_a_file_of_ones_own_has_limits_from_here():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+from pathlib import Path
 
 import pytest
 from nidaqmx.constants import TerminalConfiguration
@@ -14,7 +15,8 @@ from nidaqmx.error_codes import DAQmxErrors
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Backend
-from orchestration.rig.backends.registry import open_backend
+from orchestration.rig.backends.registry import device_names, open_backend
+from orchestration.rig.calibration import presets
 from tests.support.rig import daqmx
 
 ZERO = {"Dev1/ao0": 0.0, "Dev1/ao1": 0.0}
@@ -29,6 +31,18 @@ def device(monkeypatch: pytest.MonkeyPatch) -> daqmx.Device:
 
 def opened(**options: str) -> Backend:
     return open_backend("nidaqmx", options)
+
+
+def test_its_devices_are_that_of_the_option_and_those_of_channels(tmp_path: Path) -> None:
+    assert device_names("nidaqmx", {}) == ("NI device dev1",)
+    assert device_names("nidaqmx", {"device": "DEV2"}) == ("NI device dev2",)
+    text = presets()["thesis"].read_text(encoding="utf-8")
+    path = tmp_path / "rig.toml"
+    path.write_text(text.replace('"ao0"', '"cDAQ1Mod2/ao0"'), encoding="utf-8")
+    assert device_names("nidaqmx", {"calibration": str(path)}) == (
+        "NI device cdaq1mod2",
+        "NI device dev1",
+    )
 
 
 def test_volts_are_what_the_calibration_says(device: daqmx.Device) -> None:

@@ -13,7 +13,7 @@ from fmus import component
 from fmus.kit.errors import UserError
 from orchestration.rig import signals
 from orchestration.rig.backends.backend import Steppable
-from orchestration.rig.backends.registry import BACKENDS, backend_class, open_backend
+from orchestration.rig.backends.registry import BACKENDS, backend_class, device_names, open_backend
 
 OWN = """
 from orchestration.rig.backends.backend import Backend, Limit
@@ -174,3 +174,32 @@ def test_the_proxies_that_ship_find_their_signals(name: str, proxy: str) -> None
     measured = {v.name: v.unit for v in layout.outputs if f"{v.name}_age" in layout.names}
     assert len(measured) >= 4
     assert measured.items() <= {n: signals.UNITS[n] for n in chosen.outputs}.items()
+
+
+def test_devices_are_named_without_opening_any(tmp_path):
+    path = tmp_path / "lamp.py"
+    path.write_text(OWN)
+    assert device_names(f"{path}:Lamp", {"bulb": "broken"}) == (f"{path}:Lamp bulb=broken",)
+    for name in ("emulator", "replay"):
+        assert device_names(name, {"file": "none.csv"} if name == "replay" else {}) == ()
+    with pytest.raises(UserError, match="option bulb is missing"):
+        device_names(f"{path}:Lamp", {})
+    with pytest.raises(UserError, match="no option 'colr'"):
+        device_names(f"{path}:Lamp", {"bulb": "x", "colr": "x"})
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("raise OSError('no bus')", "does not say its devices: OSError: no bus"),
+        ("return [3]", r"names of devices must be texts; it says \(3,\)"),
+    ],
+)
+def test_devices_that_are_not_said_are_told(tmp_path, body, said):
+    path = tmp_path / "lamp.py"
+    method = (
+        f"    @classmethod\n    def devices(cls, **options):\n        {body}\n\n    def read(self)"
+    )
+    path.write_text(OWN.replace("    def read(self)", method))
+    with pytest.raises(UserError, match=said):
+        device_names(f"{path}:Lamp", {"bulb": "x"})

@@ -12,7 +12,7 @@ import pyvisa
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Backend
-from orchestration.rig.backends.registry import open_backend
+from orchestration.rig.backends.registry import device_names, open_backend
 from orchestration.rig.calibration import presets
 from tests.support import source
 
@@ -39,6 +39,15 @@ def changed(folder: Path, *changes: tuple[str, str]) -> Path:
     path = folder / "instruments.toml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def test_its_devices_are_the_resources_of_the_instruments() -> None:
+    named = (
+        "VISA resource GPIB0::22::INSTR",
+        "VISA resource USB0::0X0957::0X0407::MY44000000::INSTR",
+    )
+    assert device_names("visa", {}) == named
+    assert device_names("visa", {"calibration": "thesis_generator", "library": LIBRARY}) == named
 
 
 def offset(rig: Backend) -> float:

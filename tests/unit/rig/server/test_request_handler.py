@@ -13,8 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmus.rig_proxy.protocol import REPLIES, REQUESTS, ProtocolError, decode, encode
+from orchestration.rig.access import Peer
 from orchestration.rig.backends.backend import Limit
+from orchestration.rig.keys import KeyHolder
 from orchestration.rig.server.calls import BackendSignals
+from orchestration.rig.server.latch_file import LatchKeeper
 from orchestration.rig.server.request_handler import RequestHandler
 from orchestration.rig.server.rig import RigState
 
@@ -30,23 +33,32 @@ SIGNALS = BackendSignals(
 class SetRig:
     """A rig whose time the test sets."""
 
-    mode, watchdog, signals = "real-time", 0.2, SIGNALS
+    mode, watchdog, bound, signals = "real-time", 0.2, 0.3, SIGNALS
 
     def __init__(self) -> None:
         self.now = 100.0
         self.commands, self.resting, self.found, self.waiting = [], 0, [], ""
+        self.safe, self.alarming = 100.0, []
 
     def clock(self):
         return self.now
 
+    def beat(self):
+        pass
+
+    def safe_since(self):
+        return self.safe
+
     def apply(self, values, now):
         self.commands.append(tuple(values))
+        self.safe = None
 
     def advance(self, step):
         pass
 
     def go_safe(self):
         self.resting += 1
+        self.safe = self.now if self.safe is None else self.safe
 
     def release(self):
         pass
@@ -59,7 +71,11 @@ class SetRig:
         return found
 
     def state(self):
-        return RigState(1, (0.0, 0.0), (0.5, None), (self.now - 0.01, 0.0), 0)
+        return RigState(1, (0.0, 0.0), (None, 0.1), (0.5, None), (self.now - 0.01, 0.0), 0)
+
+    def alarms(self):
+        alarming, self.alarming = self.alarming, []
+        return alarming
 
     def close(self):
         return ""
@@ -80,20 +96,21 @@ class Trial:
 
     def __init__(self):
         self.rig, self.log = SetRig(), Told()
-        self.handler = RequestHandler(self.rig, 1 / 30, self.log)
-        self.session = ""
+        self.handler = RequestHandler(self.rig, 1 / 30, self.log, LatchKeeper())
+        self.session, self.holder = "", KeyHolder("lab", "acknowledge")
 
     def ask(self, kind, peer=b"a", **fields):
         message = decode(encode(kind, **fields), REQUESTS)
         self.handler.check(message)
-        reply = self.handler.answer(peer, message)
+        reply = self.handler.answer(Peer(peer, self.holder, "10.0.0.1"), message)
         return None if reply is None else decode(reply, REPLIES)
 
-    def connect(self, peer=b"a", client="a", inputs=None, outputs=None):
+    def connect(self, peer=b"a", client="a", inputs=None, outputs=None, instance="one"):
         answer = self.ask(
             "connect",
             peer,
             client=client,
+            instance=instance,
             time=0.0,
             inputs=inputs or SIGNALS.inputs,
             outputs=SIGNALS.outputs if outputs is None else outputs,
@@ -158,8 +175,9 @@ def test_a_command_is_carried_out_if_and_only_if_it_is_new_ours_fresh_and_within
         elif sequence <= newest:
             assert answer is None
         else:
+            longest = 0.2 if newest else 10.0  # s, for the first
             newest = sequence
-            good = seen <= trial.rig.now and trial.rig.now - seen <= 0.2 and -1.3 <= current <= 1.3
+            good = 0.0 <= trial.rig.now - seen <= longest and -1.3 <= current <= 1.3
             wanted += [(current, 1.0)] if good else []
             assert bool(answer["refused"]) != good
             assert (answer["sequence"], answer["state"]) == (sequence, "running")
@@ -184,20 +202,53 @@ def test_of_two_that_wait_only_the_newer_is_of_use(trial):
 
 
 def test_one_client_at_a_time(trial):
-    first = trial.connect(b"a", "a")["session"]
-    assert "serves a; one client at a time" in trial.connect(b"b", "b")["reason"]
+    first = trial.connect(b"a", "a", instance="one")["session"]
+    assert "serves a; one client at a time" in trial.connect(b"b", "b", instance="two")["reason"]
     trial.exchange(1)
-    assert "one client at a time" in trial.connect(b"b", "a")["reason"], "the same name is no proof"
-    assert trial.connect(b"a", "a")["session"] != first, "but the same connection is"
+    assert trial.connect(b"a", "a", instance="one")["session"] != first, "its own connection may"
     assert trial.exchange(1, session=first)["type"] == "refused"
+    trial.exchange(1)
+    again = trial.connect(b"b", "a", instance="one")
+    assert "one client at a time" in again["reason"], "it commands: no answer was lost"
     assert trial.ask("disconnect", session=trial.session)["type"] == "disconnected"
-    assert trial.connect(b"b", "b")["type"] == "accepted"
+    assert trial.connect(b"b", "b", instance="two")["type"] == "accepted"
+
+
+@pytest.mark.parametrize("exchanges", [0, 1], ids=["before", "after"])
+def test_another_of_the_same_name_is_refused_and_the_first_goes_on(trial, exchanges):
+    session = trial.connect(b"a", "rig_proxy", instance="one")["session"]
+    for number in range(exchanges):
+        trial.exchange(number + 1)
+    refused = trial.connect(b"b", "rig_proxy", instance="two")
+    assert refused["type"] == "refused"
+    assert "the rig serves another rig_proxy; one client at a time" in refused["reason"]
+    assert trial.exchange(exchanges + 1, session=session)["refused"] == []
+    assert any("rig_proxy" in line and "refused" in line for line in trial.log.lines)
 
 
 def test_a_client_that_missed_the_answer_may_connect_again(trial):
     first = trial.connect(b"a", "a")["session"]
     assert trial.connect(b"a", "a")["session"] == first, "a doubled message is the same session"
     assert trial.connect(b"b", "a")["session"] != first, "a new connection is a new one"
+
+
+def test_the_first_command_may_come_ten_seconds_after_the_answer_and_a_later_one_may_not(trial):
+    trial.connect()
+    accepted = trial.rig.now
+    trial.rig.now += 9.9
+    assert trial.exchange(1, seen=accepted)["refused"] == []
+    assert trial.rig.commands == [(0.5, 1.0)]
+    trial.rig.now += 0.3  # the watchdog time is 0.2 s
+    assert "under way" in trial.exchange(2, seen=trial.rig.now - 0.3)["refused"][0]
+
+
+def test_a_first_command_that_answers_nothing_that_was_said_is_refused(trial):
+    trial.connect()
+    seen = trial.rig.now
+    trial.rig.now += 10.1
+    assert trial.exchange(1, seen=seen)["refused"] != []
+    assert trial.exchange(2, seen=trial.rig.now + 1.0)["refused"] != []
+    assert trial.rig.commands == []
 
 
 def test_disconnecting_a_session_that_is_over_ends_no_other(trial):
@@ -227,35 +278,112 @@ def test_a_safe_state_is_kept_until_it_is_acknowledged(trial):
     assert trial.rig.resting > rests
     answer = trial.exchange(2)
     assert (answer["state"], answer["reason"]) == ("safe", "no fresh command for 0.2 s")
-    assert answer["refused"] == ["the rig is in its safe state"]
+    assert "the rig is in its safe state since " in answer["refused"][0]
     assert "in its safe state since" in trial.connect(b"b", "b")["reason"]
     assert trial.ask("disconnect", session=trial.session)["type"] == "disconnected"
-    assert trial.ask("status")["state"] == "safe", "the orderly end of a client opens no latch"
-    assert trial.ask("acknowledge")["state"] == "idle"
+    told = trial.ask("status")
+    assert told["state"] == "safe", "the orderly end of a client opens no latch"
+    assert trial.ask("acknowledge", latch=told["latch"])["state"] == "idle"
     assert trial.exchange(3)["type"] == "refused"
     assert trial.connect()["type"] == "accepted"
     assert trial.rig.commands == [(0.5, 1.0)]
 
 
+def test_a_late_acknowledgement_does_not_release_a_later_stop(trial):
+    first = trial.ask("stop", reason="smoke")["latch"]
+    second = trial.ask("stop", reason="smoke")["latch"]  # by another one, who sees more of it
+    assert first != second
+    answer = trial.ask("acknowledge", latch=first)
+    assert answer["type"] == "refused"
+    assert second in answer["reason"]
+    assert "stopped: smoke" in answer["reason"]
+    assert trial.ask("acknowledge", latch="")["type"] == "refused"
+    assert trial.ask("status")["latch"] == second
+    assert trial.ask("acknowledge", latch=second)["state"] == "idle"
+    assert trial.ask("acknowledge", latch=second)["state"] == "idle", "nothing is closed any more"
+
+
+def test_an_acknowledgement_of_nothing_ends_no_session(trial):
+    trial.connect()
+    trial.exchange(1)
+    assert trial.ask("acknowledge", latch="")["state"] == "running"
+    assert trial.exchange(2)["refused"] == []
+
+
 def test_an_acknowledgement_waits_for_the_device_and_is_void_when_that_fails(trial):
     trial.handler.stop("smoke")
     trial.rig.waiting = "the device is being opened"
-    assert trial.ask("acknowledge")["reason"] == "the device is being opened"
+    first = trial.ask("status")["latch"]
+    assert trial.ask("acknowledge", latch=first)["reason"] == "the device is being opened"
     assert trial.connect()["type"] == "refused"
     trial.rig.found = ["opening raised OSError"]
     trial.handler.supervise()
     trial.rig.waiting = ""
     trial.handler.supervise()
-    assert trial.ask("status")["reason"] == "opening raised OSError"
-    assert trial.ask("acknowledge")["state"] == "idle"
-    assert trial.ask("acknowledge")["state"] == "idle", "nothing to acknowledge is nothing wrong"
+    told = trial.ask("status")
+    assert told["reason"] == "opening raised OSError"
+    assert trial.ask("acknowledge", latch=told["latch"])["state"] == "idle"
+
+
+def test_a_rig_that_nobody_commands_and_that_is_not_at_rest_is_latched(trial, monkeypatch):
+    now = 50.0
+    monkeypatch.setattr("orchestration.rig.server.request_handler.monotonic", lambda: now)
+    trial.handler.supervise()
+    trial.rig.safe = None
+    now += 0.29
+    trial.handler.supervise()
+    assert trial.ask("status")["state"] == "idle"
+    now += 0.02  # the bound is 0.3 s
+    trial.handler.supervise()
+    told = trial.ask("status")
+    assert "not in its safe state, though nobody commands it" in told["reason"]
+    assert told["latch"]
+
+
+def test_an_alarm_holds_until_it_is_acknowledged_while_the_rig_goes_on(trial):
+    trial.connect()
+    trial.exchange(1)
+    trial.rig.alarming = ["voltage has not changed for 100 samples"]
+    trial.handler.supervise()
+    told = trial.ask("status")
+    assert (told["state"], told["alarm"]) == ("running", "voltage has not changed for 100 samples")
+    assert trial.ask("acknowledge", latch="")["alarm"] == ""
+    assert trial.exchange(2)["refused"] == []
+
+
+@pytest.mark.parametrize(
+    ("role", "allowed"),
+    [
+        ("watch", {"status", "stop"}),
+        ("command", {"status", "stop", "connect", "exchange", "disconnect"}),
+        ("acknowledge", {"status", "stop", "connect", "exchange", "disconnect", "acknowledge"}),
+        ("", {"status", "stop"}),
+    ],
+)
+def test_a_key_is_for_what_its_role_says(trial, role, allowed):
+    trial.connect(b"z", "z", instance="present")  # so that its session can be named
+    trial.holder = KeyHolder("page", role)
+    messages = {
+        "connect": {"client": "p", "instance": "i", "inputs": {}, "outputs": {}, "time": 0.0},
+        "exchange": {"session": trial.session, "sequence": 1, "sent": 0.0, "seen": 100.0}
+        | {"time": 0.0, "step": 0.02, "values": [0.5, 1.0]},
+        "disconnect": {"session": trial.session},
+        "status": {},
+        "stop": {"reason": "smoke"},
+        "acknowledge": {"latch": ""},
+    }
+    for kind, fields in messages.items():
+        answer = trial.ask(kind, b"p", **fields)
+        is_for_role = f"the key of page is for {role}, not for {kind}"
+        assert (answer.get("reason", "") != is_for_role) == (kind in allowed), kind
+    assert bool(trial.rig.commands) == ("exchange" in allowed)
 
 
 def test_after_a_rest_a_rate_counts_from_zero_and_no_pause_makes_it_slower(trial):
     trial.rig.signals = BackendSignals(
         SIGNALS.inputs, SIGNALS.outputs, {"current": Limit(rate=1.0)}
     )
-    trial.handler = RequestHandler(trial.rig, 1 / 30, trial.log)
+    trial.handler = RequestHandler(trial.rig, 1 / 30, trial.log, LatchKeeper())
     trial.connect()
     trial.rig.now += 100.0
     assert "faster than 1 A/s" in trial.exchange(1, [0.3, 0.0])["refused"][0]
@@ -263,7 +391,7 @@ def test_after_a_rest_a_rate_counts_from_zero_and_no_pause_makes_it_slower(trial
         "0.2 s, the watchdog time, is the longest that counts"
     )
     trial.rig.now += 0.05
-    assert trial.exchange(3, [0.25, 0.0])["refused"] != []
+    assert trial.exchange(3, [0.27, 0.0])["refused"] != []
     assert trial.exchange(4, [0.23, 0.0])["refused"] == []
 
 
@@ -275,6 +403,7 @@ def test_telemetry_and_status_are_of_the_protocol(trial):
     trial.rig.now += 0.05
     told = decode(trial.handler.telemetry(), REPLIES)
     assert told["inputs"] == {"current": 0.0, "force": 0.0}
+    assert told["read_back"] == {"force": 0.1}, "of what the device can tell"
     assert told["outputs"] == {"voltage": 0.5, "displacement": None}
     assert told["command_age"] == pytest.approx(0.05)
     assert "current 9 A is above 1.3 A; 1 A goes on" in told["refused"]

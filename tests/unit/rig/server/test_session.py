@@ -15,6 +15,7 @@ SIGNALS = BackendSignals(
 def message(inputs=None, outputs=None):
     return {
         "client": "lab",
+        "instance": "one",
         "inputs": {"current": "A", "force": "N"} if inputs is None else inputs,
         "outputs": {"charge": "C"} if outputs is None else outputs,
     }

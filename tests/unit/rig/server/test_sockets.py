@@ -1,18 +1,20 @@
-"""Claims: two neighbouring ports are bound, and with keys nobody is let in without one."""
+"""Claims: three ports in a row are bound, and with keys nobody is let in without one."""
 
 from __future__ import annotations
 
 import contextlib
+import socket as socket_of_the_system
 import time
 
 import pytest
 import zmq
 
 from fmus.kit import UserError
-from fmus.rig_proxy import read_client_keys
+from fmus.rig_proxy import OPERATOR, read_client_keys
 from orchestration.rig.keys import make_keys
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import opened
+from tests.support.rig.raw_peer import RawPeer, post, say, version_2
 
 pytestmark = pytest.mark.real_time
 
@@ -23,8 +25,8 @@ PATIENCE = 5000  # ms, for what takes some ten
 def client():
     context, made = zmq.Context(), []
 
-    def connected(endpoint, keys=None):
-        socket = context.socket(zmq.DEALER)
+    def connected(endpoint, keys=None, kind=zmq.DEALER):
+        socket = context.socket(kind)
         made.append(socket)
         if keys is not None:
             keys.unlock(socket)
@@ -42,40 +44,93 @@ def received(sockets) -> list[bytes]:
     return sockets.requests.recv_multipart()
 
 
-def test_a_free_port_has_its_neighbour_for_telemetry(client):
+def test_a_free_port_has_two_neighbours(client):
     with opened(ServerSettings("any", port=0)) as sockets:
-        ports = [
-            int(endpoint.rpartition(":")[2])
-            for endpoint in (sockets.endpoint, sockets.telemetry_endpoint)
-        ]
-        assert ports[1] == ports[0] + 1
-        socket = client(sockets.endpoint)
-        socket.send(b"hello")
-        peer, message = received(sockets)
-        assert message == b"hello"
-        sockets.requests.send_multipart([peer, b"welcome"])
-        assert socket.poll(PATIENCE)
-        assert socket.recv() == b"welcome"
+        for server, offset in ((sockets.requests, 0), (sockets.operators, 2)):
+            assert sockets.endpoint(offset) == f"tcp://127.0.0.1:{sockets.port + offset}"
+            socket = client(sockets.endpoint(offset))
+            socket.send(b"hello")
+            assert server.poll(PATIENCE)
+            peer, message = server.recv_multipart()
+            assert message == b"hello"
+            server.send_multipart([peer, b"welcome"])
+            assert socket.poll(PATIENCE)
+            assert socket.recv() == b"welcome"
+        watcher = client(sockets.endpoint(1), kind=zmq.SUB)
+        watcher.subscribe(b"")
+        until = time.monotonic() + PATIENCE / 1000
+        while not watcher.poll(20):
+            sockets.telemetry.publish(b"news")
+            assert time.monotonic() < until
+        assert sockets.requests.context is not sockets.operators.context
         assert sockets.turned_away() == 0
 
 
-@pytest.mark.parametrize("taken", [0, 1], ids=["requests", "telemetry"])
+@pytest.mark.parametrize("taken", [0, 1, 2], ids=["requests", "telemetry", "operators"])
 def test_a_port_in_use_is_told_with_what_to_do(taken):
-    with opened(ServerSettings("any", port=0)) as sockets:
-        port = int(sockets.endpoint.rpartition(":")[2]) + 1 - taken
-        free = port if taken else port - 1
+    with socket_of_the_system.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1] - taken
         with (
-            pytest.raises(UserError, match=rf"^port {free} or {free + 1} of .* choose another one"),
-            opened(ServerSettings("any", port=free)),
+            pytest.raises(
+                UserError, match=rf"^one of ports {port} to {port + 2} of .* choose other"
+            ),
+            opened(ServerSettings("any", port=port)),
         ):
             pass
 
 
 def test_ports_are_free_again_afterwards():
     with opened(ServerSettings("any", port=0)) as sockets:
-        port = int(sockets.endpoint.rpartition(":")[2])
+        port = sockets.port
     with opened(ServerSettings("any", port=port)) as sockets:
-        assert sockets.endpoint == f"tcp://127.0.0.1:{port}"
+        assert sockets.endpoint() == f"tcp://127.0.0.1:{port}"
+
+
+def test_the_server_may_have_as_many_connections_as_the_system_allows():
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
+    try:
+        with opened(ServerSettings("any", port=0)):
+            assert resource.getrlimit(resource.RLIMIT_NOFILE) == (before[1], before[1])
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+def test_those_who_do_not_get_beyond_the_handshake_are_counted(client):
+    """A browser, one of ZMTP 2, one that says nothing; and a client, who is not counted."""
+    with opened(ServerSettings("any", port=0)) as sockets:
+        for data in (post(b"stop"), version_2(b"ppy-1", b"stop"), b""):
+            say(sockets.port, data)
+        say(sockets.port + OPERATOR, post(b"stop"))
+        client(sockets.endpoint()).send(b"ours")
+        assert received(sockets)[1] == b"ours"
+        assert counted(sockets) == 4
+
+
+@pytest.mark.parametrize(("offset", "most"), [(0, 16 * 65536), (OPERATOR, 4096)])
+def test_a_message_that_is_much_too_large_ends_its_connection(offset, most):
+    with opened(ServerSettings("any", port=0)) as sockets:
+        with RawPeer(sockets.port + offset) as peer:
+            peer.send(b"x" * most)
+            socket = sockets.operators if offset else sockets.requests
+            assert socket.poll(PATIENCE)
+            socket.recv_multipart()
+            with contextlib.suppress(ConnectionError):
+                peer.send(b"x" * (most + 1))
+            assert peer.is_closed()
+        assert not socket.poll(50)
+
+
+def counted(sockets, least: int = 4) -> int:
+    """How many were turned away, as soon as there are enough."""
+    number, until = 0, time.monotonic() + PATIENCE / 1000
+    while number < least and time.monotonic() < until:
+        number += sockets.turned_away()
+        time.sleep(0.02)
+    return number
 
 
 def test_with_keys_a_known_client_is_let_in_and_others_are_counted(client, tmp_path):
@@ -84,15 +139,12 @@ def test_with_keys_a_known_client_is_let_in_and_others_are_counted(client, tmp_p
     stranger = read_client_keys(make_keys(tmp_path / "theirs")[1])
     wrong = type(own)(own.server_key, stranger.public_key, stranger.secret_key)
     with opened(ServerSettings("any", port=0, keys=server_file)) as sockets:
-        client(sockets.endpoint, own).send(b"ours")
+        client(sockets.endpoint(), own).send(b"ours")
         assert received(sockets)[1] == b"ours"
         assert sockets.turned_away() == 0
         for keys in (None, wrong):
             # a client that is turned away cannot send any more
             with contextlib.suppress(zmq.Again):
-                client(sockets.endpoint, keys).send(b"theirs", zmq.NOBLOCK)
-            until = time.monotonic() + PATIENCE / 1000
-            while not sockets.turned_away():
-                assert time.monotonic() < until
-                time.sleep(0.005)
+                client(sockets.endpoint(), keys).send(b"theirs", zmq.NOBLOCK)
+            assert counted(sockets, 1) >= 1
         assert not sockets.requests.poll(0)

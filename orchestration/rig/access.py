@@ -1,0 +1,162 @@
+"""Access to the sockets of a rig: who may connect, and who sent a message (ZAP, ZeroMQ's RFC 27).
+
+Every socket has a domain for which ZeroMQ asks, with keys or without: so it refuses whoever does
+not speak ZMTP 3, such as a browser, whose request it would take for a message of ZMTP 1 otherwise.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from threading import Event, Thread
+from typing import Any, NamedTuple
+
+import zmq
+from zmq.utils import z85
+
+from orchestration.rig.keys import ROLES, KeyHolder
+
+_DOMAIN = "rig"
+_HANDLER = "inproc://zeromq.zap.01"  # where ZeroMQ asks, in each of its contexts
+# ms that a peer has to say who it is; a handshake with keys takes some ten, on a slow network two
+# hundred, and whoever connects and says nothing holds a descriptor for as long
+HANDSHAKE = 500
+# ms between two questions to a peer whether it is there, and how long it may take to answer: a
+# connection that nobody is behind any more holds a descriptor for as long
+_HEARTBEAT = 1000
+_LONGEST_SILENCE = 3000
+_BACKLOG = 1000  # connections that wait to be accepted, while many come at once
+# s after which a thread lets another one have the interpreter: a handshake has some ten steps, and
+# each would wait for Python's five milliseconds where a flood of messages keeps the other one busy
+_SWITCH = 0.0005
+_LOOK = 100  # ms between two looks at whether the handler is to end
+_EVERYTHING = KeyHolder("", ROLES[-1])  # who connects without keys, which only this machine can
+_OF_IPV4 = "::ffff:"  # begins an address of IPv4 as a socket for both has it
+_MADE_UP = b"\0"  # begins a name that ZeroMQ made, for want of one that the peer said
+
+
+class Peer(NamedTuple):
+    """The sender of a message, as the handshake has established it.
+
+    Attributes
+    ----------
+    connection : bytes
+        The name (routing id) that it gave its connection.
+    holder : KeyHolder
+        Of the key that it proved to have.
+    address : str
+        Of its machine.
+    """
+
+    connection: bytes
+    holder: KeyHolder
+    address: str
+
+    @property
+    def has_name(self) -> bool:
+        """True if it said a name, as every client of the protocol does."""
+        return not self.connection.startswith(_MADE_UP)
+
+    def __str__(self) -> str:
+        if not self.holder.name:
+            return self.address
+        return f"{self.holder.name} ({self.holder.role}) at {self.address}"
+
+
+def received(socket: zmq.Socket[bytes]) -> tuple[Peer, list[bytes]]:
+    """Take a message from a ROUTER, without waiting.
+
+    Parameters
+    ----------
+    socket : zmq.Socket
+        With :func:`guard_access`.
+
+    Returns
+    -------
+    tuple of Peer and list of bytes
+        The sender, and the frames after its name.
+
+    Raises
+    ------
+    zmq.Again
+        If there is none.
+    """
+    connection, *frames = socket.recv_multipart(zmq.NOBLOCK, copy=False)
+    about = frames[-1] if frames else connection
+    role, _, name = _property(about, "User-Id").partition(" ")
+    address = _property(about, "Peer-Address").removeprefix(_OF_IPV4)
+    peer = Peer(connection.bytes, KeyHolder(name, role), address)
+    return peer, [frame.bytes for frame in frames]
+
+
+def _property(frame: zmq.Frame, name: str) -> str:
+    """Return what ZeroMQ knows of the sender of a frame; empty if it knows nothing."""
+    try:
+        return str(frame.get(name))
+    except zmq.ZMQError:
+        return ""
+
+
+def guard_access(socket: Any) -> None:
+    """Let nobody connect to a socket whom the handler of its context does not let in.
+
+    Nor does a connection stay on which nobody answers. To be called before the socket is bound.
+    """
+    socket.zap_domain = _DOMAIN.encode()
+    socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
+    socket.handshake_ivl = HANDSHAKE
+    socket.heartbeat_ivl = _HEARTBEAT
+    socket.heartbeat_timeout = _LONGEST_SILENCE
+    socket.backlog = _BACKLOG
+
+
+@contextmanager
+def access_control(
+    contexts: Sequence[zmq.Context[zmq.Socket[bytes]]],
+    holders: Mapping[str, KeyHolder] | None = None,
+) -> Iterator[None]:
+    """Answer ZeroMQ's questions whether a peer may connect, in a thread, while the context lasts.
+
+    Parameters
+    ----------
+    contexts : sequence of zmq.Context
+        Whose sockets are guarded; none of them is bound yet.
+    holders : Mapping of str to KeyHolder, optional
+        Who may connect, by public key in Z85; by default everybody, as there are no keys.
+    """
+    known = None if holders is None else {z85.decode(key): one for key, one in holders.items()}
+    sockets = [context.socket(zmq.REP) for context in contexts]
+    for socket in sockets:
+        socket.linger = 0
+        socket.bind(_HANDLER)
+    ending = Event()
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH)
+    thread = Thread(target=_answer, args=(sockets, known, ending), daemon=True, name="access")
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+        sys.setswitchinterval(before)
+        for socket in sockets:
+            socket.close()
+
+
+def _answer(
+    sockets: Sequence[zmq.Socket[bytes]], known: Mapping[bytes, KeyHolder] | None, ending: Event
+) -> None:
+    """Answer one question of each context in turn: a flood at one does not hold up the others."""
+    poller = zmq.Poller()
+    for socket in sockets:
+        poller.register(socket, zmq.POLLIN)
+    while not ending.is_set():
+        for socket, _ in poller.poll(_LOOK):
+            version, number, _, _, _, _, *credentials = socket.recv_multipart()
+            holder = _EVERYTHING if known is None else known.get(b"".join(credentials))
+            status = (b"400", b"no such key", b"")
+            if holder is not None:
+                status = (b"200", b"OK", f"{holder.role} {holder.name}".encode())
+            socket.send_multipart([version, number, *status, b""])

@@ -1,0 +1,207 @@
+"""Latch of the safe state: closed by whatever stops the rig, opened by who names it.
+
+It says no more than is known: that the rig is on its way to the safe state, that it is confirmed to
+be there, or that this was not confirmed in time, which is an alarm until somebody acknowledges it.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from secrets import token_hex
+from time import monotonic
+from typing import Any
+
+from fmus.rig_proxy import NOT_REACHED, SAFE, STOPPING
+from orchestration.rig.server.latch_file import LatchKeeper, LatchRecord
+from orchestration.rig.server.log import EventLog
+from orchestration.rig.server.rig import Rig
+
+_LONGEST_REASON = 1000  # characters: names in it may be a stranger's
+_UNCONFIRMED = "the safe state is not confirmed yet"
+_SENTENCES = {
+    STOPPING: "the rig is on its way to its safe state",
+    SAFE: "the rig is in its safe state",
+    NOT_REACHED: "THE SAFE STATE OF THE RIG WAS NOT REACHED",
+}
+
+
+class Latch:
+    """The latch of a rig.
+
+    Parameters
+    ----------
+    rig : Rig
+    log : EventLog
+    keeper : LatchKeeper
+        Keeps it over a restart of the server.
+
+    Attributes
+    ----------
+    name : str
+        Of the present latch; empty while it is open.
+    reason : str
+        Why it is closed, or what its opening waits for.
+    state : str
+        ``stopping``, ``safe`` or ``not reached`` while it is closed.
+    reached : float or None
+        How long the safe state took from when the latch was closed, s.
+    alarm : str
+        What an operator has to know until it is acknowledged.
+    """
+
+    def __init__(self, rig: Rig, log: EventLog, keeper: LatchKeeper) -> None:
+        self._rig = rig
+        self._log = log
+        self._keeper = keeper
+        self._open()
+        held = keeper.held
+        if held is not None:
+            self._close(held)
+            self._log.tell(
+                f"LATCHED since {held.since}, before this start: {held.reason}; ppy rig acknowledge"
+                " releases it"
+            )
+            self._confirm()
+
+    def _open(self) -> None:
+        self.name = ""
+        self.reason = ""
+        self.alarm = ""
+        self.state = SAFE
+        self.reached: float | None = None
+        self._since = ""  # wall time
+        self._cause = ""  # that it was closed for
+        self._closed = 0.0  # when, s of the rig's clock
+        self._lacking = 0.0  # since when there has been no confirmation, s that never jump
+        self._is_opening = False
+
+    @property
+    def is_closed(self) -> bool:
+        """True while the rig must not be commanded."""
+        return bool(self.name)
+
+    def close(self, reason: str, detail: str = "", kind: str = "") -> None:
+        """Order the safe state and keep the rig there.
+
+        Every call makes another latch, which an acknowledgement of the one before does not open.
+
+        Parameters
+        ----------
+        reason : str
+        detail : str
+            For the log.
+        kind : str
+            Of the line in the log, where the latch is closed already: of a kind there may be many.
+        """
+        self._rig.go_safe()
+        reason = " ".join(reason.split())[:_LONGEST_REASON]
+        kind = kind if self.is_closed else ""
+        since = datetime.now().isoformat(" ", "seconds")
+        self._close(LatchRecord(token_hex(8), reason, self.alarm, since))
+        self._keep()
+        self._log.tell(f"SAFE STATE: {reason}{detail}", kind)
+        self._confirm()
+
+    def _close(self, record: LatchRecord) -> None:
+        if not self.is_closed:  # else what is known of the safe state stays true
+            self.state = STOPPING
+            self.reached = None
+            self._closed = self._rig.clock()
+            self._lacking = monotonic()
+        self.name = record.name
+        self.reason = self._cause = record.reason
+        self.alarm = record.alarm
+        self._since = record.since
+        self._is_opening = False
+
+    def _keep(self) -> None:
+        record = LatchRecord(self.name, self._cause, self.alarm, self._since)
+        self._keeper.keep(record if self.is_closed else None)
+
+    def acknowledge(self, name: str, who: str) -> str:
+        """Open the latch as soon as the rig can be used and its safe state is confirmed.
+
+        An alarm without a latch is over with it as well.
+
+        Parameters
+        ----------
+        name : str
+            Of the latch that is meant; empty for an alarm without one.
+        who : str
+            For the log.
+
+        Returns
+        -------
+        str
+            The reason for which it is refused; empty if it is not.
+        """
+        if name != self.name and self.is_closed:
+            refusal = f"the present latch is {self.name} ({self._cause}), not {name[:40]!r}"
+            self._log.tell(f"acknowledgement by {who} refused: {refusal}", "not acknowledged")
+            return refusal
+        if not self.is_closed:
+            if self.alarm and not name:
+                self._log.tell(f"alarm acknowledged by {who}: {self.alarm}")
+                self.alarm = ""
+        elif not self._is_opening:
+            self._log.tell(f"latch {name} acknowledged by {who}: {self._cause}")
+            self._rig.release()
+            self._is_opening = True
+            self.supervise()
+        return ""
+
+    def raise_alarm(self, alarm: str) -> None:
+        """Note what an operator has to know until it is acknowledged, though the rig goes on."""
+        self.alarm = " ".join(alarm.split())[:_LONGEST_REASON]
+        self._log.tell(f"ALARM: {self.alarm}")
+        self._keep()
+
+    def supervise(self) -> None:
+        """Look whether the safe state is confirmed, and open what was acknowledged."""
+        if not self.is_closed:
+            return
+        self._confirm()
+        if not self._is_opening:
+            return
+        self.reason = self._rig.opening() or ("" if self.state == SAFE else _UNCONFIRMED)
+        if not self.reason:
+            self._open()
+            self._keep()
+            self._log.tell("ready again")
+
+    def _confirm(self) -> None:
+        now = monotonic()
+        since = self._rig.safe_since()
+        if since is not None:
+            self._lacking = now  # a confirmation that is lost has as much time to come back
+            if self.state != SAFE:
+                self.state = SAFE
+                self.reached = max(0.0, since - self._closed)
+                self._log.tell(f"safe, reached after {_duration(self.reached)}", "safe")
+        elif now - self._lacking <= self._rig.bound:
+            self.state = STOPPING
+        elif self.state != NOT_REACHED:
+            self.state = NOT_REACHED
+            self.reached = None
+            self.alarm = (
+                f"THE SAFE STATE WAS NOT REACHED within {_duration(self._rig.bound)}: {self._cause}"
+            )
+            self._log.tell(f"{self.alarm}; see to the rig itself", "not reached")
+            self._keep()
+
+    def sentence(self) -> str:
+        """Return how the rig is, and why, in a sentence."""
+        return f"{_SENTENCES[self.state]} since {self._since}: {self.reason}"[:_LONGEST_REASON]
+
+    def fields(self) -> dict[str, Any]:
+        """Return what status and telemetry say of the latch."""
+        return {
+            "reason": self.reason,
+            "latch": self.name,
+            "reached": self.reached,
+            "alarm": self.alarm,
+        }
+
+
+def _duration(seconds: float) -> str:
+    return f"{1000 * seconds:.0f} ms" if seconds < 1 else f"{seconds:.1f} s"

@@ -1,0 +1,208 @@
+"""File that keeps the latch of a device over a restart of its server, and over a loss of power.
+
+While a server has the device, its file says so. Whoever finds that it still does knows that the
+server did not end in order, and so that nobody can say how it left the device.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from hashlib import sha256
+from pathlib import Path
+from queue import Empty, Full, Queue
+from secrets import token_hex
+from threading import Thread
+from typing import NamedTuple
+
+import platformdirs
+
+from fmus.kit import UserError, files
+
+_LONGEST_END = 2.0  # s that the disk gets for the last write at the end of a server
+
+
+class LatchRecord(NamedTuple):
+    """A latch as it is kept.
+
+    Attributes
+    ----------
+    name : str
+    reason : str
+    alarm : str
+        Empty if there is none.
+    since : str
+        Wall time.
+    """
+
+    name: str
+    reason: str
+    alarm: str
+    since: str
+
+
+class LatchKeeper:
+    """Keeper of a latch that is not kept: for a rig without a device.
+
+    Attributes
+    ----------
+    held : LatchRecord or None
+        The latch that was closed when the server started.
+    """
+
+    held: LatchRecord | None = None
+
+    def keep(self, record: LatchRecord | None) -> None:
+        """Keep a latch, or that it is open."""
+
+    def end(self) -> None:
+        """Note that the server ended in order, with the latch as it is."""
+
+
+class LatchFiles(LatchKeeper):
+    """Keeper of the latch of a server's devices, in one file each.
+
+    A thread writes: whoever stops the rig does not wait for a disk. Until the latch is written the
+    file says that the server is not at its end, which latches the next one as well.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    tell : callable
+        Called with a line if the disk fails.
+
+    Raises
+    ------
+    UserError
+        If a file cannot be read or written.
+    """
+
+    def __init__(self, paths: Sequence[Path], tell: Callable[[str], None]) -> None:
+        self._paths = paths
+        self._tell = tell
+        self.held = next(filter(None, map(_read, paths)), None)
+        try:
+            self._write(self.held, serving=True)
+        except OSError as error:
+            raise UserError(
+                f"the latch cannot be kept in {paths[0].parent}: {error.strerror}; choose another"
+                " folder with --state"
+            ) from error
+        self._newest: Queue[LatchRecord | None] = Queue(1)
+        self._kept = self.held
+        self._ending = False
+        self._writer = Thread(target=self._write_newest, daemon=True, name="latch")
+        self._writer.start()
+
+    def keep(self, record: LatchRecord | None) -> None:
+        """Keep a latch, or that it is open."""
+        self._kept = record
+        while True:
+            try:
+                self._newest.put_nowait(record)
+                return
+            except Full:
+                self._forget_newest()
+
+    def _forget_newest(self) -> None:
+        try:
+            self._newest.get_nowait()
+        except Empty:
+            return
+
+    def _write_newest(self) -> None:
+        while True:
+            record = self._newest.get()
+            if self._ending:
+                return
+            self._try_to_write(record, serving=True)
+
+    def _try_to_write(self, record: LatchRecord | None, serving: bool) -> None:
+        try:
+            self._write(record, serving)
+        except OSError as error:
+            self._tell(
+                f"THE LATCH IS NOT KEPT in {self._paths[0].parent}: {error.strerror}; the next"
+                " server of this device is latched in any case"
+            )
+
+    def _write(self, record: LatchRecord | None, serving: bool) -> None:
+        server = f"process {os.getpid()}" if serving else ""
+        fields = None if record is None else record._asdict()
+        text = json.dumps({"server": server, "latch": fields}, indent=1)
+        for path in self._paths:
+            files.put(path, text.encode(), mode=0o600)
+
+    def end(self) -> None:
+        """Note that the server ended in order, with the latch as it is."""
+        self._ending = True
+        self.keep(self._kept)
+        self._writer.join(_LONGEST_END)
+        if not self._writer.is_alive():
+            self._try_to_write(self._kept, serving=False)
+
+
+def _read(path: Path) -> LatchRecord | None:
+    """Return the latch that a file holds.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read.
+    """
+    now = datetime.now().isoformat(" ", "seconds")
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8"))
+        latch = fields["latch"]
+        record = None if latch is None else LatchRecord(**latch)
+        server = fields["server"]
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise UserError(f"the latch cannot be read: {path}: {error.strerror}") from error
+    except (ValueError, TypeError, KeyError):
+        return LatchRecord(token_hex(8), f"{path} is damaged, so nobody knows", "", now)
+    if record is None and server:
+        reason = f"the server before this one ({server}) did not end in order"
+        return LatchRecord(token_hex(8), reason, "", now)
+    return record
+
+
+def latch_keeper(
+    devices: Sequence[str], folder: Path | None, tell: Callable[[str], None]
+) -> LatchKeeper:
+    """Return the keeper of the latch of devices, and note that a server has them from now on.
+
+    Parameters
+    ----------
+    devices : sequence of str
+        None for a rig that is not real: then nothing is kept.
+    folder : Path or None
+        Made if it is not there; None is the user's folder for the state of programs.
+    tell : callable
+        Called with a line if the disk fails later.
+
+    Returns
+    -------
+    LatchKeeper
+
+    Raises
+    ------
+    UserError
+        If the folder or a file in it cannot be used.
+    """
+    if not devices:
+        return LatchKeeper()
+    place = folder or Path(platformdirs.user_state_dir("ppy-rig", appauthor=False))
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--state {place}: {error.strerror}") from error
+    return LatchFiles([place / f"{digest(device)}.json" for device in devices], tell)
+
+
+def digest(device: str) -> str:
+    """Return a name for the files of a device, of letters and digits."""
+    return sha256(device.encode()).hexdigest()[:16]

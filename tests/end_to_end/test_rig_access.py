@@ -1,0 +1,168 @@
+"""Claims: neither a web page nor a peer of another protocol stops, releases or connects anything at
+a server, and a key lets its holder do what its role says.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import zmq
+
+from fmus.rig_proxy import LinkError, read_client_keys
+from fmus.rig_proxy.link import Link
+from orchestration.rig.endpoint import read_endpoint
+from orchestration.rig.keys import add_client, make_keys
+from orchestration.rig.operator import acknowledge, ask, stop
+from tests.support.browser import chromium
+from tests.support.command import here
+from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
+from tests.support.rig.process import Server
+from tests.support.rig.raw_peer import (
+    RawPeer,
+    message,
+    post,
+    say,
+    smuggled,
+    version_1,
+    version_2,
+)
+
+pytestmark = [pytest.mark.timeout(120), pytest.mark.real_time]
+
+PORTS = range(3)  # requests, telemetry, operators
+FETCH = """Promise.all(%s.map(([port, body]) => fetch(`http://127.0.0.1:${port}/`, {
+  method: "POST", mode: "no-cors", body: new Uint8Array(body) }).then(() => 1, () => 0)))"""
+
+
+def messages(latch: str, session: str) -> list[bytes]:
+    """Every message of the protocol, each with what it would need to be carried out."""
+    signals = {"inputs": INPUTS, "outputs": OUTPUTS}
+    exchange = {"session": session, "sequence": 9, "sent": 0.0, "seen": time.monotonic()}
+    return [
+        message("acknowledge", latch=latch),
+        message("connect", client="page", instance="page", time=0.0, **signals),
+        message("exchange", time=0.0, step=0.1, values=[1.0, 1.0], **exchange),
+        message("disconnect", session=session),
+        message("stop", reason="page"),
+        message("status"),
+    ]
+
+
+def test_a_page_and_peers_of_other_protocols_reach_nothing(tmp_path):
+    with Server(tmp_path) as server:
+        remote = read_endpoint(server.wait_ready())
+        port = int(server.endpoint.rpartition(":")[2])
+        latch = stop(remote, "smoke")["latch"]
+        before = [call.what for call in server.calls()]
+        for body in messages(latch, ""):
+            whole = [version_1(b"ppy-1", body), version_2(b"ppy-1", body), post(body)]
+            for offset in PORTS:
+                for data in [*whole, *map(post, smuggled(body))]:
+                    assert not say(port + offset, data).endswith(b"<open>")
+                if offset != 1:
+                    with RawPeer(port + offset, b"") as peer:
+                        peer.send(body)
+                        assert peer.receive(0.05) is None
+        told = ask(remote, "status")
+        assert (told["latch"], told["state"], told["reason"]) == (latch, "safe", "stopped: smoke")
+        assert [call.what for call in server.calls()] == before
+        with RawPeer(port + 2, b"ppy-12") as peer:  # which has said its name
+            peer.send(message("status"), message("status"))
+            assert peer.receive(0.2) is None, "a message of two frames is none"
+            assert peer.ask("status") == {
+                **told,
+                "clock": pytest.approx(told["clock"], abs=5.0),
+            } | {"counts": pytest.approx(peer.ask("status")["counts"])}
+        server.wait_line("a peer was turned away")
+        server.wait_line("a peer without a name")
+
+
+def test_a_page_in_a_browser_stops_and_releases_nothing(tmp_path, browser):
+    """What the page sends arrives: the server turns it away and counts it."""
+    with Server(tmp_path) as server, chromium(browser, tmp_path / "profile") as tab:
+        remote = read_endpoint(server.wait_ready())
+        port = int(server.endpoint.rpartition(":")[2])
+        driver = Driver(server.endpoint).start()
+        session = driver._link.session
+        attempts = [
+            [port + offset, list(data)]
+            for body in messages("", session)
+            for offset in PORTS
+            for data in (body, *smuggled(body))
+        ]
+        tab.open("about:blank", 800)
+        tab.run(FETCH % json.dumps(attempts))
+        driver.wait(10)
+        told = ask(remote, "status")
+        assert (told["state"], told["client"]) == ("running", "driver")
+        until = time.monotonic() + 10.0
+        # the browser has a few connections at a time, and tries each again that is reset
+        while ask(remote, "status")["counts"]["turned away"] < 2 * len(messages("", "")):
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        latch = stop(remote, "smoke")["latch"]
+        attempts = [
+            [port + offset, list(data)]
+            for offset in PORTS
+            for data in smuggled(message("acknowledge", latch=latch))
+        ]
+        tab.run(FETCH % json.dumps(attempts))
+        assert ask(remote, "status")["latch"] == latch
+        driver.stop()
+
+
+def test_a_key_is_for_what_its_role_says_and_the_log_says_whose_it_was(tmp_path):
+    folder = tmp_path / "keys"
+    server_file, boss = make_keys(folder)
+    lab = add_client(folder, "lab", "command")
+    page = add_client(folder, "page", "watch")
+    with Server(tmp_path, "Logged", "--keys", server_file) as server:
+        endpoint = server.wait_ready()
+        watcher = Link(endpoint, INPUTS, OUTPUTS, page, "curious")
+        with pytest.raises(LinkError, match="the key of page is for watch, not for connect"):
+            watcher.connect(0.0, 5.0)
+        watcher.close()
+        driver = Driver(endpoint, credentials=lab).start()
+        server.wait_line("client connected: driver, lab (command) at 127.0.0.1")
+        remotes = {file: read_endpoint(endpoint, file) for file in (boss, lab, page)}
+        assert ask(remotes[page], "status")["state"] == "running"
+        with zmq.Context() as context, context.socket(zmq.SUB) as watcher:
+            remotes[page].connect(watcher, remotes[page].telemetry)
+            watcher.subscribe(b"")
+            assert watcher.poll(5000)
+            assert json.loads(watcher.recv())["client"] == "driver"
+        latch = stop(remotes[page], "smoke")["latch"]
+        server.wait_line("SAFE STATE: stopped: smoke (by page (watch) at 127.0.0.1)")
+        for file, name in ((page, "page"), (lab, "lab")):
+            done = here(
+                "rig", "acknowledge", "--endpoint", endpoint, "--credentials", file, cwd=tmp_path
+            )
+            assert done.returncode == 2
+            assert f"the key of {name} is for" in done.stderr
+        assert acknowledge(remotes[boss], latch)["state"] == "idle"
+        server.wait_line(f"latch {latch} acknowledged by first-client (acknowledge) at 127.0.0.1")
+        driver.stop()
+        # the same peer without a key, or with one of another server
+        assert read_client_keys(boss).server_key
+        port = int(endpoint.rpartition(":")[2])
+        for offset in (0, 2):
+            with pytest.raises((OSError, AssertionError)):
+                RawPeer(port + offset)
+
+
+def test_the_log_is_opened_to_be_added_to(tmp_path):
+    with Server(tmp_path, "Logged", "--log", tmp_path / "rig.log") as server:
+        server.wait_ready()
+        flags = []
+        for link in Path("/proc", str(server.process.pid), "fd").glob("*"):
+            if os.path.realpath(link) == str(tmp_path / "rig.log"):
+                text = (link.parents[1] / "fdinfo" / link.name).read_text()
+                flags.append(int(text.split("flags:")[1].split()[0], 8))
+    if sys.platform == "linux":
+        assert len(flags) == 1
+        assert flags[0] & os.O_APPEND

@@ -1,0 +1,147 @@
+"""Hostile peers of a server on this machine, in a process of their own, and how long a stop takes
+beside them.
+
+``python -m tests.support.rig.floods KIND PORT`` floods a port for a bounded time;
+:func:`stop_times` measures.
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from itertools import count
+
+import zmq
+
+from orchestration.rig.endpoint import Endpoint
+from orchestration.rig.operator import ask
+from tests.support.rig.raw_peer import RawPeer, frame, message
+
+LONGEST = 60.0  # s that a flood lasts
+CONNECTIONS = 1004
+STRANGERS = 200  # handshakes in a second
+PEERS = 4  # that send as fast as they can
+
+
+def idle(port: int, until: float) -> None:
+    """Hold connections on which nothing is said, and make those anew that are closed."""
+    held: list[socket.socket] = []
+    while time.monotonic() < until:
+        while len(held) < CONNECTIONS:
+            held.append(socket.create_connection(("127.0.0.1", port)))
+            held[-1].setblocking(False)
+        _started()
+        time.sleep(0.05)
+        for connection in list(held):
+            with suppress(BlockingIOError, OSError):
+                if connection.recv(100):
+                    continue
+                connection.close()
+            if connection.fileno() < 0:
+                held.remove(connection)
+
+
+def silent(port: int, until: float) -> None:
+    """Hold connections of peers that have said their name and say no more."""
+    held = []
+    for k in range(CONNECTIONS):
+        with suppress(OSError):
+            held.append(RawPeer(port, b"silent-%d" % k))
+    _started()
+    time.sleep(max(0.0, until - time.monotonic()))
+
+
+def strangers(port: int, until: float) -> None:
+    """Begin handshakes with keys that the server does not know."""
+    public, _ = zmq.curve_keypair()
+    with zmq.Context() as context:
+        sockets: list[zmq.Socket[bytes]] = []
+        for k in count():
+            if time.monotonic() > until:
+                break
+            stranger = context.socket(zmq.DEALER)
+            stranger.linger = 0
+            stranger.reconnect_ivl = -1
+            stranger.curve_serverkey = SERVER_KEY or public
+            stranger.curve_publickey, stranger.curve_secretkey = zmq.curve_keypair()
+            stranger.connect(f"tcp://127.0.0.1:{port}")
+            sockets.append(stranger)
+            if len(sockets) > STRANGERS // 2:
+                sockets.pop(0).close()
+            if k == 20:
+                _started()
+            time.sleep(1 / STRANGERS)
+        context.destroy(linger=0)
+
+
+def _sent(bodies: Callable[[int], bytes]) -> Callable[[int, float], None]:
+    def flood(port: int, until: float) -> None:
+        peers = [RawPeer(port, b"flood-%d" % k) for k in range(PEERS)]
+        chunks = [b"".join(frame(bodies(k)) for _ in range(50)) for k in range(PEERS)]
+        waiting = [b""] * PEERS
+        for peer in peers:
+            peer._socket.setblocking(False)
+        _started()
+        while time.monotonic() < until:
+            for k, peer in enumerate(peers):
+                waiting[k] = waiting[k] or chunks[k]
+                with suppress(BlockingIOError):
+                    waiting[k] = waiting[k][peer._socket.send(waiting[k]) :]
+                with suppress(BlockingIOError):
+                    peer._socket.recv(1 << 20)
+
+    return flood
+
+
+SERVER_KEY = sys.argv[3].encode() if len(sys.argv) > 3 and __name__ == "__main__" else b""
+_CONNECT = {"inputs": {"current": "A", "force": "N"}, "outputs": {}, "time": 0.0}
+FLOODS: dict[str, Callable[[int, float], None]] = {
+    "idle": idle,
+    "silent": silent,
+    "strangers": strangers,
+    "status": _sent(lambda k: message("status")),
+    "malformed": _sent(lambda k: b"{" * 3000),
+    "large": _sent(lambda k: b"{" * 60000),
+    "connect": _sent(lambda k: message("connect", client="x", instance=f"{k}", **_CONNECT)),
+    "stop": _sent(lambda k: message("stop", reason=f"{k}")),
+}
+
+
+def _started() -> None:
+    with suppress(BrokenPipeError):
+        print("started", flush=True)
+
+
+@contextmanager
+def flooded(kind: str, port: int, server_key: str = "") -> Iterator[None]:
+    """Flood a port while the context lasts."""
+    command = [sys.executable, "-m", "tests.support.rig.floods", kind, str(port)]
+    if server_key:
+        command.append(server_key)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "started\n"
+            yield
+            assert process.poll() is None, "the flood has ended"
+        finally:
+            process.kill()
+
+
+def stop_times(remote: Endpoint, number: int) -> list[float]:
+    """How long each of some stops takes until its answer, s, on a connection of its own."""
+    times = []
+    for k in range(number):
+        begun = time.monotonic()
+        ask(remote, "stop", 5.0, reason=f"stop {k}")
+        times.append(time.monotonic() - begun)
+        time.sleep(0.02)
+    return sorted(times)
+
+
+if __name__ == "__main__":
+    FLOODS[sys.argv[1]](int(sys.argv[2]), time.monotonic() + LONGEST)

@@ -1,0 +1,188 @@
+"""Latch of the safe state: it says no more than is known, and opens for who names it."""
+
+from __future__ import annotations
+
+import pytest
+
+from orchestration.rig.server import latch as module
+from orchestration.rig.server.latch import Latch
+from orchestration.rig.server.latch_file import LatchKeeper, LatchRecord
+
+
+class Rig:
+    """A rig whose safe state the test confirms, with a bound of 0.3 s."""
+
+    bound = 0.3
+
+    def __init__(self):
+        self.now, self.safe, self.orders, self.released, self.waiting = 1000.0, None, 0, 0, ""
+
+    def clock(self):
+        return self.now
+
+    def go_safe(self):
+        self.orders += 1
+
+    def safe_since(self):
+        return self.safe
+
+    def release(self):
+        self.released += 1
+
+    def opening(self):
+        return self.waiting
+
+
+class Log:
+    def __init__(self):
+        self.lines = []
+
+    def tell(self, text, kind=""):
+        self.lines.append(text)
+
+
+class Keeper(LatchKeeper):
+    def __init__(self, held=None):
+        self.held, self.kept = held, []
+
+    def keep(self, record):
+        self.kept.append(record)
+
+
+class Trial:
+    """A latch whose clocks the test sets, both in step."""
+
+    def __init__(self, held=None):
+        self.rig, self.log, self.keeper = Rig(), Log(), Keeper(held)
+        self.latch = Latch(self.rig, self.log, self.keeper)
+
+    def after(self, seconds):
+        self.rig.now += seconds
+        self.latch.supervise()
+        return self.latch.state
+
+
+@pytest.fixture
+def trial(monkeypatch):
+    made = Trial()
+    monkeypatch.setattr(module, "monotonic", lambda: made.rig.now)
+    return made
+
+
+def test_safe_is_said_when_it_is_confirmed_and_not_before(trial):
+    trial.latch.close("stopped: smoke")
+    assert trial.rig.orders == 1
+    assert trial.latch.state == "stopping"
+    assert trial.after(0.02) == "stopping"
+    assert trial.latch.reached is None
+    trial.rig.safe = 1000.012
+    assert trial.after(0.01) == "safe"
+    assert trial.latch.reached == pytest.approx(0.012)
+    assert trial.log.lines == ["SAFE STATE: stopped: smoke", "safe, reached after 12 ms"]
+    assert trial.latch.alarm == ""
+
+
+def test_a_rig_that_is_safe_already_is_safe_at_once(trial):
+    trial.rig.safe = 990.0
+    trial.latch.close("the device failed")
+    assert (trial.latch.state, trial.latch.reached) == ("safe", 0.0)
+
+
+def test_a_safe_state_that_is_not_confirmed_in_time_is_an_alarm_that_stays(trial):
+    trial.latch.close("stopped: smoke")
+    assert trial.after(0.29) == "stopping"
+    assert trial.after(0.02) == "not reached"
+    alarm = "THE SAFE STATE WAS NOT REACHED within 300 ms: stopped: smoke"
+    assert trial.latch.alarm == alarm
+    assert any(line.startswith(alarm) for line in trial.log.lines)
+    assert trial.latch.sentence().startswith("THE SAFE STATE OF THE RIG WAS NOT REACHED since ")
+    trial.rig.safe = 1004.2
+    assert trial.after(4.0) == "safe"
+    assert trial.latch.reached == pytest.approx(4.2)
+    assert trial.latch.alarm == alarm
+    assert trial.log.lines[-1] == "safe, reached after 4.2 s"
+    assert trial.keeper.kept[-1].alarm == alarm
+
+
+def test_a_confirmation_that_is_lost_is_not_told_any_more(trial):
+    trial.rig.safe = 1000.0
+    trial.latch.close("stopped: smoke")
+    trial.rig.safe = None
+    assert trial.after(0.1) == "stopping"
+    assert trial.after(0.3) == "not reached"
+    assert trial.latch.reached is None
+
+
+def test_further_stops_do_not_put_off_the_alarm(trial):
+    trial.latch.close("stopped: smoke")
+    for k in range(5):
+        trial.rig.now += 0.1
+        trial.latch.close(f"stopped: {k}")
+    assert trial.latch.state == "not reached"
+    assert trial.rig.orders == 6
+
+
+def test_it_opens_for_its_name_alone(trial):
+    trial.rig.safe = 1000.0
+    trial.latch.close("stopped: smoke")
+    first = trial.latch.name
+    trial.latch.close("stopped: smoke")
+    assert first != trial.latch.name
+    refusal = trial.latch.acknowledge(first, "lab")
+    assert trial.latch.name in refusal
+    assert trial.rig.released == 0
+    assert trial.latch.acknowledge(trial.latch.name, "lab") == ""
+    assert not trial.latch.is_closed
+    assert trial.rig.released == 1
+    assert [record and record.reason for record in trial.keeper.kept] == [
+        "stopped: smoke",
+        "stopped: smoke",
+        None,
+    ]
+
+
+def test_nothing_opens_before_the_safe_state_is_confirmed(trial):
+    trial.latch.close("stopped: smoke")
+    trial.after(0.4)
+    assert trial.latch.acknowledge(trial.latch.name, "lab") == ""
+    assert trial.latch.is_closed
+    assert trial.latch.reason == "the safe state is not confirmed yet"
+    trial.rig.safe, trial.rig.waiting = 1000.5, "the device is being opened"
+    trial.after(0.1)
+    assert trial.latch.reason == "the device is being opened"
+    trial.rig.waiting = ""
+    trial.after(0.1)
+    assert not trial.latch.is_closed
+    assert trial.latch.alarm == ""
+
+
+def test_what_stops_the_rig_while_it_opens_holds_it(trial):
+    trial.rig.safe, trial.rig.waiting = 1000.0, "the device is being opened"
+    trial.latch.close("stopped: smoke")
+    first = trial.latch.name
+    trial.latch.acknowledge(first, "lab")
+    trial.latch.close("stopped: fire")
+    trial.rig.waiting = ""
+    trial.after(0.1)
+    assert trial.latch.is_closed
+    assert trial.latch.name != first
+    assert trial.latch.reason == "stopped: fire"
+
+
+def test_a_latch_that_was_kept_is_closed_from_the_start(monkeypatch):
+    held = LatchRecord("0123456789abcdef", "stopped: smoke", "look at it", "2026-01-02 03:04:05")
+    trial = Trial(held)
+    monkeypatch.setattr(module, "monotonic", lambda: trial.rig.now)
+    assert trial.latch.is_closed
+    assert (trial.latch.name, trial.latch.alarm) == ("0123456789abcdef", "look at it")
+    assert "before this start: stopped: smoke" in trial.log.lines[0]
+    trial.rig.safe = 999.0
+    assert trial.after(0.01) == "safe"
+    trial.latch.acknowledge("0123456789abcdef", "lab")
+    assert not trial.latch.is_closed
+
+
+def test_what_a_stranger_gives_for_a_reason_is_one_bounded_line(trial):
+    trial.latch.close("stopped:\n" + "x" * 5000)
+    assert "\n" not in trial.latch.reason
+    assert len(trial.latch.reason) == 1000
