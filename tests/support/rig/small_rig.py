@@ -60,17 +60,18 @@ def gains(inputs: Mapping[str, float], now: float) -> dict[str, float]:
 
 
 def free_port() -> int:
-    """A port that is free, and so is the one above it."""
+    """A port that is free, and so are the two above it."""
     for _ in range(100):
-        with socket.socket() as first, socket.socket() as second:
+        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
             first.bind(("127.0.0.1", 0))
             port = first.getsockname()[1]
             try:
                 second.bind(("127.0.0.1", port + 1))
+                third.bind(("127.0.0.1", port + 2))
             except (OSError, OverflowError):
                 continue
             return int(port)
-    raise RuntimeError("no two free ports")
+    raise RuntimeError("no three free ports")
 
 
 class SmallRig:
@@ -78,8 +79,8 @@ class SmallRig:
 
     `heard` is every request, `applied` every pair of a clock and the inputs that were applied from
     then on. A test may set `answers`, `publishes`, `measures` to False, or change `state`,
-    `reason`, `client`, `period`, at any time; what is in `then`, by number, is done before that
-    exchange is answered.
+    `reason`, `latch`, `alarm`, `client`, `period`, at any time; what is in `then`, by number, is
+    done before that exchange is answered.
     """
 
     def __init__(
@@ -99,6 +100,7 @@ class SmallRig:
         self.plant, self.inputs, self.outputs, self.limits = plant, inputs, outputs, limits
         self.period, self.watchdog, self.keys, self.mode = period, watchdog, keys, mode
         self.state, self.reason, self.client, self.session = "idle", "", "", ""
+        self.latch, self.alarm, self.instance = "", "", ""
         self.answers = self.publishes = self.measures = True
         self.heard: list[dict[str, Any]] = []
         self.then: dict[int, Callable[[], object]] = {}
@@ -106,7 +108,8 @@ class SmallRig:
         self._commands = dict.fromkeys(inputs, 0.0)
         self._order: tuple[list[str], list[str]] = ([], [])
         self._values: dict[str, float | None] = dict.fromkeys(outputs)
-        self._measured, self._fresh, self._last = 0.0, 0.0, 0
+        self._measured, self._last = 0.0, 0
+        self._fresh: float | None = None  # when the newest command of the session came
         self._ends, self._ready = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -124,9 +127,9 @@ class SmallRig:
         """Requests of a type."""
         return [message for message in list(self.heard) if message["type"] == kind]
 
-    def safe(self, reason: str) -> None:
-        """Go to the safe state."""
-        self.state, self.reason = "safe", reason
+    def safe(self, reason: str, state: str = "safe") -> None:
+        """Go to the safe state, or stay on the way to it."""
+        self.state, self.reason, self.latch = state, reason, f"latch-{time.monotonic():.6f}"
         self._commands = dict.fromkeys(self.inputs, 0.0)
 
     # --- what runs in the thread
@@ -135,18 +138,22 @@ class SmallRig:
     def _run(self) -> None:
         context, authenticator = zmq.Context(), None
         router, publisher = context.socket(zmq.ROUTER), context.socket(zmq.PUB)
+        operators = context.socket(zmq.ROUTER)
         if self.keys is not None:
             table = tomllib.loads(self.keys.read_text())
             authenticator = ThreadAuthenticator(context)
             authenticator.start()
             authenticator.configure_curve_callback("*", _Allowed(table["clients"]))
-            for each in (router, publisher):
+            for each in (router, publisher, operators):
                 each.curve_server = True
                 each.curve_publickey = table["public_key"].encode()
                 each.curve_secretkey = table["secret_key"].encode()
-        for each, port in ((router, self.port), (publisher, self.port + 1)):
+        for offset, each in enumerate((router, publisher, operators)):
             each.linger = 0
-            each.bind(f"tcp://127.0.0.1:{port}")
+            each.bind(f"tcp://127.0.0.1:{self.port + offset}")
+        poller = zmq.Poller()
+        poller.register(router, zmq.POLLIN)
+        poller.register(operators, zmq.POLLIN)
         self._ready.set()
         following = time.monotonic()
         while not self._ends.is_set():
@@ -154,8 +161,8 @@ class SmallRig:
             if now >= following:
                 following = max(following + self.period, now)
                 self._sample(publisher, now)
-            if router.poll(max(0, min(20, math.ceil(1000.0 * (following - now))))):
-                self._answer(router, router.recv_multipart())
+            for each, _ in poller.poll(max(0, min(20, math.ceil(1000.0 * (following - now))))):
+                self._answer(each, each.recv_multipart())
         if authenticator is not None:
             authenticator.stop()
         context.destroy(linger=0)
@@ -163,6 +170,7 @@ class SmallRig:
     def _sample(self, publisher: Any, now: float) -> None:
         if (
             self.state == "running"
+            and self._fresh is not None
             and now - self._fresh > self.watchdog
             and self.mode == "real-time"
         ):
@@ -176,26 +184,26 @@ class SmallRig:
 
     def _publish(self, publisher: Any, now: float) -> None:
         message = {
-            "ppy": 1,
+            "ppy": 2,
             "type": "telemetry",
-            "clock": now,
-            "state": self.state,
-            "reason": self.reason,
-            "client": self.client,
+            **self._state(),
             "inputs": self._commands,
+            "read_back": {},
             "outputs": self._values,
             "ages": dict.fromkeys(self.outputs, now - self._measured),
-            "command_age": now - self._fresh,
+            "command_age": None if self._fresh is None else now - self._fresh,
             "refused": [],
         }
         publisher.send(json.dumps(message).encode())
 
     def _answer(self, router: Any, frames: list[bytes]) -> None:
+        if frames[0].startswith(b"\0"):
+            return  # a peer that has not said its name
         message = json.loads(frames[-1])
         self.heard.append(message)
         reply = getattr(self, f"_{message['type']}")(message)
         if self.answers and reply is not None:
-            router.send_multipart([frames[0], json.dumps({"ppy": 1, **reply}).encode()])
+            router.send_multipart([frames[0], json.dumps({"ppy": 2, **reply}).encode()])
 
     def _about(self) -> dict[str, Any]:
         return {
@@ -203,6 +211,17 @@ class SmallRig:
             "period": self.period,
             "watchdog": self.watchdog,
             "limits": self.limits,
+        }
+
+    def _state(self) -> dict[str, Any]:
+        return {
+            "state": self.state,
+            "reason": self.reason,
+            "latch": self.latch,
+            "reached": 0.01 if self.state == "safe" else None,
+            "alarm": self.alarm,
+            "clock": time.monotonic(),
+            "client": self.client,
         }
 
     def _newest(self, now: float) -> dict[str, Any]:
@@ -214,20 +233,18 @@ class SmallRig:
 
     def _connect(self, message: dict[str, Any]) -> dict[str, Any]:
         wanted = (message["inputs"], message["outputs"])
-        if self.state != "idle":
+        if self.latch:
             return {"type": "refused", "reason": f"the rig is {self.state}: {self.reason}"}
+        if self.session and self.instance != message["instance"]:
+            return {"type": "refused", "reason": f"the rig serves {self.client}"}
         if wanted[0] != dict(self.inputs) or any(
             self.outputs.get(n) != u for n, u in wanted[1].items()
         ):
             return {"type": "refused", "reason": "other signals or units"}
         self._order = (list(wanted[0]), list(wanted[1]))
-        now = self._fresh = time.monotonic()
-        self.state, self.client, self.session, self._last = (
-            "running",
-            message["client"],
-            f"{now:.6f}",
-            0,
-        )
+        now = time.monotonic()
+        self.state, self.client, self.session = "running", message["client"], f"{now:.6f}"
+        self.instance, self._fresh, self._last = message["instance"], None, 0
         return {"type": "accepted", "session": self.session, **self._about(), **self._newest(now)}
 
     def _exchange(self, message: dict[str, Any]) -> dict[str, Any] | None:
@@ -260,7 +277,7 @@ class SmallRig:
 
     def _disconnect(self, message: dict[str, Any]) -> dict[str, Any]:
         if message["session"] == self.session:
-            self.session, self.client = "", ""
+            self.session, self.client, self.instance = "", "", ""
             self.state = "idle" if self.state == "running" else self.state
             self._commands = dict.fromkeys(self.inputs, 0.0)
         return {"type": "disconnected"}
@@ -270,16 +287,16 @@ class SmallRig:
         return self._status(message)
 
     def _acknowledge(self, message: dict[str, Any]) -> dict[str, Any]:
+        if message["latch"] != self.latch:
+            return {"type": "refused", "reason": f"the present latch is {self.latch!r}"}
         self.state, self.reason, self.session, self.client = "idle", "", "", ""
+        self.latch, self.alarm, self.instance = "", "", ""
         return self._status(message)
 
     def _status(self, message: dict[str, Any]) -> dict[str, Any]:
         return {
             "type": "status",
-            "state": self.state,
-            "reason": self.reason,
-            "clock": time.monotonic(),
-            "client": self.client,
+            **self._state(),
             "inputs": self.inputs,
             "outputs": self.outputs,
             **self._about(),

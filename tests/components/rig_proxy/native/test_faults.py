@@ -85,12 +85,12 @@ GARBAGE = [
     b"{",
     b"null",
     b"[" * 60000,
-    b'{"ppy":1,"type":"sample"}',
+    b'{"ppy":2,"type":"sample"}',
     b"\xff" * 500,
     b"x" * 65536,
     b"y" * 100000,
     b"y" * 200000,
-    b'{"ppy":1,"type":"sample","values":[1e999]}',
+    b'{"ppy":2,"type":"sample","values":[1e999]}',
     b'"' + b"\\u0000" * 1000 + b'"',
 ]
 
@@ -124,7 +124,7 @@ def test_garbage_among_the_replies_is_passed_over(engine):
         {"state": None},
         {"refused": "no"},
         {"refused": [1]},
-        {"ppy": 2},
+        {"ppy": 3},
         {"type": "telemetry"},
     ],
 )

@@ -35,9 +35,10 @@ def test_a_session_has_the_messages_of_the_protocol(engine):
     connect, *exchanges, disconnect = rig.requests
     units = {v.name: v.unit for v in RigProxy.layout.outputs}
     assert connect == {
-        "ppy": 1,
+        "ppy": 2,
         "type": "connect",
         "client": "rig_proxy",
+        "instance": connect["instance"],
         "inputs": {"current": "A", "force": "N"},
         "outputs": {name: units[name] for name in MEASURED},
         "time": 2.0,
@@ -49,7 +50,7 @@ def test_a_session_has_the_messages_of_the_protocol(engine):
     seen = [e["seen"] for e in exchanges]
     assert seen == sorted(seen)
     assert seen[0] > 1000.0  # the rig's clock, not ours
-    assert disconnect == {"ppy": 1, "type": "disconnect", "session": "session-1"}
+    assert disconnect == {"ppy": 2, "type": "disconnect", "session": "session-1"}
 
 
 def test_values_are_those_of_the_end_of_the_step_and_ages_of_now(engine):
