@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import count
 from math import ceil, inf
 from pathlib import Path
 from secrets import token_hex
@@ -20,6 +21,7 @@ from .credentials import read_client_keys
 
 FAREWELL = 0.2  # s, that a disconnect waits for its answer
 NEVER = -1e9  # s, our clock: some thirty years before the computer was switched on
+_connections = count(1)
 _QUEUE = 16  # messages on their way, in either direction
 _MOST = 1000  # messages that are looked at in one call
 
@@ -94,7 +96,6 @@ class Link:
         self.asked = self.answered = NEVER
         self.trip = 0.0
         self._instance = instance or token_hex(8)
-        self._connections = 0
         self._keys = None if credentials is None else read_client_keys(credentials)
         self._sequence, self._newest, self._seen = 0, 0, 0.0
         self._context = zmq.Context()
@@ -253,7 +254,6 @@ class Link:
 
         Each has a name of its own, for a server may keep that of a connection for a while.
         """
-        self._connections += 1
         if self._socket is not None:
             self._socket.close(linger=0)
         self._socket = socket = self._context.socket(zmq.DEALER)
@@ -263,7 +263,7 @@ class Link:
         socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
-        socket.routing_id = f"ppy-{self._instance}-{self._connections}".encode()
+        socket.routing_id = f"ppy-{self._instance}-{next(_connections)}".encode()
         if self._keys is not None:
             self._keys.unlock(socket)
         try:

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from tests.contract.raw import ERROR, OK, WARNING, Instance, instance
-from tests.support.rig.proxies import OUTPUTS, actuator_rig, connected
+from tests.support.rig.proxies import OUTPUTS, actuator_rig, answered, connected
 
 pytestmark = pytest.mark.real_time
 
@@ -128,7 +128,7 @@ def test_silence_fails_within_the_timeout(one):
 def test_a_server_in_the_place_of_a_killed_one_gets_no_command(one):
     """Whoever has seen to the rig after the crash has it at rest until somebody wants otherwise."""
     with actuator_rig() as rig:
-        connected(one, rig, FAST | {"current": 1.0}, on_stale="hold").step(STEP)
+        answered(connected(one, rig, FAST | {"current": 1.0}, on_stale="hold"), voltage=0.6)
         port = rig.port
     step_until(one, LOST)
     with actuator_rig(port=port) as rig:

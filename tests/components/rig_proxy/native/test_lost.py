@@ -201,14 +201,13 @@ def test_every_instance_and_every_connection_has_a_name_of_its_own(driver):
                 started(engine, endpoint)
                 engine.call("terminate")
         engine.close()
-        first, second = {r["instance"] for r in rig.requests if r["type"] == "connect"}, rig.peers
-        assert len(first) == 1
-        assert re.fullmatch("[0-9a-f]{16}", instance := first.pop())
-        assert len(second) == 2
-        assert all(peer.startswith(f"ppy-{instance}".encode()) for peer in second)
-        instances.add(instance)
-        names |= second
+        assert len(rig.peers) == 2
+        for peer in rig.peers:
+            assert re.fullmatch(rb"ppy-[0-9a-f]{16}-\d+", peer)
+        instances |= {r["instance"] for r in rig.requests if r["type"] == "connect"}
+        names |= rig.peers
     assert len(instances) == 2
+    assert {name[4:20].decode() for name in names} == instances
     assert len(names) == 4
 
 
