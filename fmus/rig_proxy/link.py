@@ -95,6 +95,7 @@ class Link:
         self.accepted: Mapping[str, Any] = {}
         self.asked = self.answered = NEVER
         self.trip = 0.0
+        self._overtaken: Mapping[str, Any] | None = None  # an answer to an exchange before
         self._instance = instance or token_hex(8)
         self._keys = None if credentials is None else read_client_keys(credentials)
         self._sequence, self._newest, self._seen = 0, 0, 0.0
@@ -197,6 +198,7 @@ class Link:
             If the server does not know the session any more.
         """
         self._sequence += 1
+        self._overtaken = None
         sent = monotonic()
         self.asked = min(self.asked, sent)
         self._send(
@@ -212,11 +214,12 @@ class Link:
         for message in self._samples(monotonic() + timeout):
             if message["sequence"] == self._sequence:
                 return message
+            self._overtaken = message
         return None
 
     def late(self) -> Mapping[str, Any] | None:
-        """Take what has arrived without waiting, and return the newest sample among it, if any."""
-        newest = None
+        """Return the newest sample that answers no exchange any more, without waiting for any."""
+        newest, self._overtaken = self._overtaken, None
         for message in self._samples(monotonic()):
             newest = message
         return newest

@@ -186,6 +186,8 @@ class ProxySlave:
             ends = sent >= due - _ROUNDING
             until = min(sent + deadline, last if ends else due)
             answered = self._exchange(link, time, step, until - sent)
+            if not answered:
+                self._receive(link.late)
             if ends:
                 return answered
             sleep(max(0.0, min(due - monotonic(), wait)))

@@ -186,6 +186,12 @@ def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked):
         assert link.late() is None
         time.sleep(0.8)
         assert link.round_trip_time > 0.8, "no answer is no fast one"
+        timer = threading.Timer(0.05, answer, (2, 2.0))
+        timer.start()
+        assert link.exchange([0.0, 0.0], 0.2, 0.1, 0.3) is None
+        timer.join()
+        assert link.late()["values"][0] == 2.0, "though it came while another was waited for"
+        assert link.late() is None
     finally:
         context.destroy(linger=0)
 
