@@ -175,10 +175,7 @@ class ProxySlave:
 
     def _reach(self, link: Link, time: float, step: float, last: float) -> bool:
         """Exchange until the step is due; return whether an answer of that moment is there."""
-        if self._begin is None:
-            # what a master does before its first step takes no time of the rig
-            self._begin = monotonic() - (time - self._start)
-        due = self._begin + (time + step - self._start)
+        due = self._due(time - self._start, step)
         deadline = self._value("deadline")
         wait = self._rig["watchdog"] * _AWAKE
         while True:
@@ -191,6 +188,18 @@ class ProxySlave:
             if ends:
                 return answered
             sleep(max(0.0, min(due - monotonic(), wait)))
+
+    def _due(self, begin: float, step: float) -> float:
+        """Return when a step ends that begins some time after the start of the simulation, s.
+
+        What a master does before its first step takes no time of the rig; nor is a delay of a step
+        or more made up for: what is measured would be as old as ever in a time that goes faster,
+        and a loop over it diverges.
+        """
+        now = monotonic()
+        if self._begin is None or now >= self._begin + begin + step:
+            self._begin = now - begin
+        return self._begin + begin + step
 
     def _exchange(self, link: Link, time: float, step: float, timeout: float) -> bool:
         """Exchange once, unless the session is over; return whether an answer came."""

@@ -55,7 +55,9 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
         return None
     lag = RealTime.lag if options["lag"] is None else options["lag"]
     missed = options["missed"] or RealTime.missed
-    pace = RealTime(missed, lag, None, options["processor"], options["priority"])
+    pace = RealTime(
+        missed, lag, processor=options["processor"], priority=options["priority"]
+    )
     return Live(pace, None if out is None else out.with_name(out.name + JOURNAL))
 
 

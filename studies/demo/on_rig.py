@@ -101,7 +101,7 @@ def run(out: Path, seed: int) -> Path:
             side_by_side(endpoint, extended),
             time,
             _inputs(time, seed),
-            real_time=RealTime(),
+            real_time=RealTime(makes_up=False),
             feedthrough=False,  # all are read at the end of a step, as the rig can only be
             progress=lambda done: tell.done(done, time.size),
         )

@@ -36,12 +36,18 @@ static bool reach(Engine *engine, double time, double step, double due, double l
     }
 }
 
+/* When a step ends. What a master does before its first step takes no time of the rig; nor is a delay of a step or more
+   made up for: what is measured would be as old as ever in a time that goes faster, and a loop over it diverges. */
+static double due_time(Engine *engine, double time, double step, double entry) {
+    double begin = time - engine->start_time;
+    if (isnan(engine->origin) || entry >= engine->origin + begin + step)
+        engine->origin = entry - begin;
+    return engine->origin + begin + step;
+}
+
 static bool step_in_real_time(Engine *engine, double time, double step, Message message) {
     double entry = clock_now(), last = entry + communication_timeout(engine);
-    double due;
-    if (isnan(engine->origin)) /* what a master does before its first step takes no time of the rig */
-        engine->origin = entry - (time - engine->start_time);
-    due = fmin(engine->origin + (time + step - engine->start_time), last);
+    double due = fmin(due_time(engine, time, step, entry), last);
     if (!reach(engine, time, step, due, last))
         engine->missed += 1.0;
     return publish(engine, message);

@@ -299,6 +299,18 @@ def test_a_fast_master_is_slowed_to_the_rigs_clock(one):
         assert 0.3 - 0.005 < time.monotonic() - begin < 0.8
 
 
+def test_a_simulation_that_is_late_by_steps_does_not_race(one):
+    """Its values would be as old as ever in a time that goes faster."""
+    with actuator_rig() as rig:
+        connected(one, rig)
+        one.step(STEP)
+        time.sleep(0.3)
+        begin = time.monotonic()
+        for _ in range(10):
+            one.step(STEP)
+        assert time.monotonic() - begin > 10 * STEP - 1e-3
+
+
 def test_in_lockstep_nobody_waits_for_a_clock_and_silence_is_an_error(one):
     with actuator_rig(mode="lockstep") as rig:
         connected(one, rig, FAST | {"communication_timeout": 0.3}, on_stale="hold")
