@@ -217,6 +217,23 @@ class Link:
             self._overtaken = message
         return None
 
+    def status(self, timeout: float) -> Mapping[str, Any] | None:
+        """Ask how the rig is, which commands nothing.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait for the answer, in s.
+
+        Returns
+        -------
+        Mapping of str to object or None
+            The message ``status``; None if it did not come in time.
+        """
+        self._send("status")
+        answers = self._answers(monotonic() + timeout)
+        return next((message for message in answers if message["type"] == "status"), None)
+
     def late(self) -> Mapping[str, Any] | None:
         """Return the newest sample that answers no exchange any more, without waiting for any."""
         newest, self._overtaken = self._overtaken, None
