@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 from fmus.kit import UserError
@@ -43,6 +44,7 @@ class Endpoint:
         """
         bound_queues(socket)
         socket.ipv6 = True
+        socket.routing_id = f"ppy-{token_hex(8)}".encode()
         socket.reconnect_ivl = 100  # ms
         socket.reconnect_ivl_max = 500  # ms
         socket.heartbeat_ivl = _HEARTBEAT
