@@ -303,13 +303,7 @@ def test_a_fused_system_is_not_run_in_real_time(folder):
 
 
 def test_a_rig_that_is_not_there_is_told_in_a_line(folder):
-    nowhere = [
-        "--set",
-        "proxy.endpoint=tcp://127.0.0.1:9",
-        "--set",
-        "proxy.communication_timeout=0.3",
-    ]
-    parts = ["proxy: ", "no answer within 0.3 s from tcp://127.0.0.1:9", "ppy rig serve"]
+    parts = ["no answer within 2 s from tcp://127.0.0.1:9", "ppy rig serve"]
     refused(
         folder,
         "run",
@@ -319,7 +313,8 @@ def test_a_rig_that_is_not_there_is_told_in_a_line(folder):
         "--real-time",
         "--out",
         "run.nc",
-        *nowhere,
+        "--set",
+        "proxy.endpoint=tcp://127.0.0.1:9",
         parts=parts,
     )
     assert not (folder / "run.nc.part.csv").exists()
