@@ -91,7 +91,7 @@ def _admit(
     from fmus.rig_proxy import Link
     from orchestration.master import realtime_priority
     from orchestration.reporting import note
-    from orchestration.rig import check_punctuality, measure_punctuality
+    from orchestration.rig import check_response_times, measure_response_times
 
     longest = pace.lag
     for rig in rigs:
@@ -100,10 +100,10 @@ def _admit(
             closing(Link(rig.endpoint, {}, {}, keys, "ppy run")) as link,
             realtime_priority(pace.processor, pace.priority),
         ):
-            measured = measure_punctuality(link, step)
+            measured = measure_response_times(link, step)
         if measured is None:  # the rig waits for us
             continue
-        check_punctuality(measured, rig.endpoint)
+        check_response_times(measured, rig.endpoint)
         longest = min(longest, measured.longest_pause) if lag is None else lag
         note(
             f"this machine holds {1.0 / step:.4g} Hz with the rig at {rig.endpoint}: answers come"

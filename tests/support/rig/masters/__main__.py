@@ -53,9 +53,12 @@ def page(cases: list[tuple[str, str, str, Observed]]) -> str:
 def _cells(seen: Observed) -> list[str]:
     if seen.refused:
         return ["does not begin", "", "", "", "", "0"]
+    fresh = seen.looks_fresh()
     failed = [k for k, row in enumerate(seen.after, 1) if row.error]
     did = f"is told of an error in step {failed[0]}" if failed else "steps on"
     last = seen.after[-1]
+    if not last.charge:
+        return [did, LINK_STATES[last.link_state], "never", "never", "", str(len(fresh))]
     trusted = [row.understated for row in (*seen.before, *seen.after) if not row.error]
     states = dict.fromkeys(LINK_STATES[row.link_state] for row in seen.after)
     return [
@@ -64,7 +67,7 @@ def _cells(seen: Observed) -> list[str]:
         f"{last.charge_age:.2f} s",
         f"{last.clock - last.charge:.2f} s",
         f"{1e3 * max(0.0, *trusted):.0f} ms",
-        str(len(seen.looks_fresh())),
+        str(len(fresh)),
     ]
 
 

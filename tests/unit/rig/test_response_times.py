@@ -11,7 +11,11 @@ import pytest
 
 from fmus.kit import UserError
 from fmus.rig_proxy.link import Link
-from orchestration.rig.punctuality import Punctuality, check_punctuality, measure_punctuality
+from orchestration.rig.response_times import (
+    ResponseTimes,
+    check_response_times,
+    measure_response_times,
+)
 from tests.support.rig.small_rig import SmallRig, free_port
 
 THOUSAND = 1e-3 * np.arange(1, 1001)  # delays of 1 ms to 1 s, evenly
@@ -32,7 +36,7 @@ class Slow:
 
 
 def test_quantiles_are_delays_that_were_seen():
-    measured = Punctuality(0.01, THOUSAND, 0.2)
+    measured = ResponseTimes(0.01, THOUSAND, 0.2)
     found = [measured.quantile(share) for share in (0.5, 0.99, 0.999, 1.0)]
     assert found == pytest.approx([0.5, 0.99, 0.999, 1.0])
     assert str(measured) == "p50 500 ms, p99 990 ms, p99.9 999 ms, max 1e+03 ms"
@@ -42,13 +46,13 @@ def test_quantiles_are_delays_that_were_seen():
 @pytest.mark.parametrize(("late", "held"), [(1, True), (2, False)])
 def test_one_answer_in_a_thousand_may_be_late(late, held):
     delays = np.sort(np.concatenate([np.full(1000 - late, 5e-4), np.full(late, 9e-3)]))
-    measured = Punctuality(1e-3, delays, 0.2)
+    measured = ResponseTimes(1e-3, delays, 0.2)
     assert measured.holds(1e-3) == held
     if held:
-        check_punctuality(measured, "tcp://rig:5570")
+        check_response_times(measured, "tcp://rig:5570")
         return
     with pytest.raises(UserError) as refused:
-        check_punctuality(measured, "tcp://rig:5570")
+        check_response_times(measured, "tcp://rig:5570")
     text = str(refused.value)
     assert "does not hold 1000 Hz with the rig at tcp://rig:5570" in text
     assert "p99.9 9 ms" in text
@@ -59,10 +63,10 @@ def test_one_answer_in_a_thousand_may_be_late(late, held):
 @pytest.mark.real_time(limit=0.02)
 def test_a_delay_is_from_when_an_answer_was_due():
     rig = Slow(0.002, 0.03)
-    measured = measure_punctuality(rig, 0.05)
-    assert measured.delays.size == 20
-    assert measured.delays[:10] == pytest.approx(0.002, abs=0.01)
-    assert measured.delays[10:] == pytest.approx(0.03, abs=0.01)
+    measured = measure_response_times(rig, 0.05)
+    assert measured.times.size == 20
+    assert measured.times[:10] == pytest.approx(0.002, abs=0.01)
+    assert measured.times[10:] == pytest.approx(0.03, abs=0.01)
     assert 0.9 < rig.asked[-1] - rig.asked[0] < 1.3
     assert measured.watchdog == 0.2
 
@@ -70,7 +74,7 @@ def test_a_delay_is_from_when_an_answer_was_due():
 @pytest.mark.real_time(limit=0.1)
 def test_a_rig_slower_than_the_rate_is_found_late():
     """Nothing of the backlog is forgotten: the last of fifty is late by all of it."""
-    measured = measure_punctuality(Slow(0.03), 0.02)
+    measured = measure_response_times(Slow(0.03), 0.02)
     assert measured.quantile(1.0) == pytest.approx(50 * 0.03 - 49 * 0.02, abs=0.1)
     assert not measured.holds(0.02)
 
@@ -78,22 +82,22 @@ def test_a_rig_slower_than_the_rate_is_found_late():
 def test_a_rig_is_asked_and_nothing_moves():
     with SmallRig() as rig:
         link = Link(rig.endpoint, {}, {})
-        measured = measure_punctuality(link, 0.02)
+        measured = measure_response_times(link, 0.02)
         link.close()
-    assert measured.delays.size == 50
+    assert measured.times.size == 50
     assert {message["type"] for message in rig.heard} == {"status"}
     assert rig.state == "idle"
 
 
-def test_a_rig_that_waits_for_its_client_needs_no_punctuality():
+def test_a_rig_that_waits_for_its_client_is_never_too_slow():
     with SmallRig(mode="lockstep") as rig:
         link = Link(rig.endpoint, {}, {})
-        assert measure_punctuality(link, 1e-3) is None
+        assert measure_response_times(link, 1e-3) is None
         link.close()
 
 
 def test_nobody_there():
     link = Link(f"tcp://127.0.0.1:{free_port()}", {}, {})
     with pytest.raises(UserError, match=r"no answer within 2 s .*, or do the keys not match\?"):
-        measure_punctuality(link, 0.1)
+        measure_response_times(link, 0.1)
     link.close()

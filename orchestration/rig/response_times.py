@@ -1,4 +1,4 @@
-"""Punctuality of this machine and a rig's server at a rate, measured before a run begins."""
+"""Response times of a rig to this machine at a rate, measured before a run begins."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ RATES = (1000, 500, 300, 200, 100, 50, 30, 20, 10)  # Hz; what is said to hold i
 
 
 @dataclass(frozen=True)
-class Punctuality:
-    """The delays of exchanges with a rig that were due at even times.
+class ResponseTimes:
+    """The response times of a rig that was asked at even times.
 
     Attributes
     ----------
     step : float
         In s, between two of them.
-    delays : ndarray, shape (n,)
+    times : ndarray, shape (n,)
         From when each was due to its answer, in s, ascending.
     watchdog : float
         Of the rig, s.
     """
 
     step: float
-    delays: Array
+    times: Array
     watchdog: float
 
     def quantile(self, share: float) -> float:
-        """Return the delay that a share of the exchanges did not exceed, s."""
-        return float(np.quantile(self.delays, share, method="inverted_cdf"))
+        """Return the time that a share of the answers did not exceed, s."""
+        return float(np.quantile(self.times, share, method="inverted_cdf"))
 
     def holds(self, step: float) -> bool:
         """Return whether answers are there within a step, but for one in a thousand."""
@@ -56,7 +56,7 @@ class Punctuality:
         return ", ".join(f"{name} {1e3 * self.quantile(q):.3g} ms" for name, q in shares.items())
 
 
-def measure_punctuality(link: Link, step: float) -> Punctuality | None:
+def measure_response_times(link: Link, step: float) -> ResponseTimes | None:
     """Ask a rig for its status at even times for a second; nothing moves.
 
     Parameters
@@ -68,8 +68,8 @@ def measure_punctuality(link: Link, step: float) -> Punctuality | None:
 
     Returns
     -------
-    Punctuality or None
-        None if the rig waits for its client, so that nobody can be late.
+    ResponseTimes or None
+        None if the rig waits for its client, for which every time is the right one.
 
     Raises
     ------
@@ -80,22 +80,22 @@ def measure_punctuality(link: Link, step: float) -> Punctuality | None:
     if first["mode"] == LOCKSTEP:
         return None
     interval = min(step, _SLOWEST)
-    delays = np.empty(max(2, round(_LASTS / interval)))
+    times = np.empty(max(2, round(_LASTS / interval)))
     begin = perf_counter() + interval
-    for k in range(delays.size):
+    for k in range(times.size):
         due = begin + k * interval
         sleep(max(0.0, due - perf_counter()))
         _asked(link, _OPENING)
-        delays[k] = perf_counter() - due
-    return Punctuality(step, np.sort(delays), first["watchdog"])
+        times[k] = perf_counter() - due
+    return ResponseTimes(step, np.sort(times), first["watchdog"])
 
 
-def check_punctuality(measured: Punctuality, endpoint: str) -> None:
+def check_response_times(measured: ResponseTimes, endpoint: str) -> None:
     """Refuse a run that this machine does not hold.
 
     Parameters
     ----------
-    measured : Punctuality
+    measured : ResponseTimes
     endpoint : str
         Of the rig's server.
 
