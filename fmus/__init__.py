@@ -25,6 +25,8 @@ PROXIES = {
     "rig_proxy": "rig_proxy.model:RigProxy",
     "rig_proxy_length_driven": "rig_proxy.model:RigProxyLengthDriven",
     "rig_proxy_bench": "rig_proxy.model:RigProxyBench",
+    "rig_proxy_thesis": "rig_proxy.model:RigProxyThesis",
+    "rig_proxy_thesis_generator": "rig_proxy.model:RigProxyThesisGenerator",
 }
 MODELS = COMPONENTS | PROXIES
 

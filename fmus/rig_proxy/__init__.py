@@ -28,7 +28,7 @@ from .protocol import (
 from .proxy import LINK_STATES
 
 if TYPE_CHECKING:
-    from .link import Link, LinkError
+    from .link import Link, LinkError, describe_latch
 
 __all__ = [
     "ENDPOINT",
@@ -52,6 +52,7 @@ __all__ = [
     "ProtocolError",
     "checked",
     "decode",
+    "describe_latch",
     "encode",
     "key",
     "protocol",
@@ -62,7 +63,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Load what speaks to a rig when it is first used: ZeroMQ takes its time."""
-    if name not in ("Link", "LinkError"):
+    if name not in ("Link", "LinkError", "describe_latch"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from . import link
 

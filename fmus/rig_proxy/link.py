@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from math import ceil
+from itertools import count
+from math import ceil, inf
 from pathlib import Path
 from secrets import token_hex
 from time import monotonic
@@ -19,8 +20,23 @@ from . import protocol
 from .credentials import read_client_keys
 
 FAREWELL = 0.2  # s, that a disconnect waits for its answer
+NEVER = -1e9  # s, our clock: some thirty years before the computer was switched on
+_connections = count(1)
 _QUEUE = 16  # messages on their way, in either direction
 _MOST = 1000  # messages that are looked at in one call
+
+
+_LATCHED = {
+    protocol.STOPPING: "is on the way to its safe state",
+    protocol.SAFE: "is in its safe state",
+    protocol.NOT_REACHED: "HAS NOT REACHED ITS SAFE STATE AND MAY STILL BE ENERGISED",
+}
+
+
+def describe_latch(reply: Mapping[str, Any]) -> str:
+    """Return what a reply says of the latch of its rig; empty if there is none."""
+    phrase = _LATCHED.get(reply.get("state", ""))
+    return f"the rig {phrase}: {reply['reason']}" if phrase else ""
 
 
 class LinkError(UserError):
@@ -28,7 +44,7 @@ class LinkError(UserError):
 
 
 class Link:
-    """A session with a rig's server.
+    """A session with a rig's server. One that is over is not begun again unless by `connect`.
 
     Parameters
     ----------
@@ -40,6 +56,8 @@ class Link:
         The client's keys (``ppy rig keys``); default is no encryption.
     client : str
         Who this is, for the server's log.
+    instance : str, optional
+        16 hexadecimal digits that nobody else has; default random ones.
 
     Raises
     ------
@@ -51,8 +69,12 @@ class Link:
     accepted : Mapping
         What the server said when it accepted the session: its clock, mode, period, watchdog and
         limits.
-    round_trip_time : float
-        Of the newest answer, in s.
+    asked : float
+        Our clock when the oldest exchange without an answer was sent; infinite if all have one.
+    answered : float
+        Our clock at the newest answer.
+    trip : float
+        From its question to it, s.
     """
 
     def __init__(
@@ -62,6 +84,7 @@ class Link:
         outputs: Mapping[str, str],
         credentials: Path | None = None,
         client: str = "ppy",
+        instance: str | None = None,
     ):
         self.endpoint, self.inputs, self.outputs, self.client = (
             endpoint,
@@ -71,7 +94,10 @@ class Link:
         )
         self._instance = token_hex(8)
         self.accepted: Mapping[str, Any] = {}
-        self.round_trip_time = 0.0
+        self.asked = self.answered = NEVER
+        self.trip = 0.0
+        self._overtaken: Mapping[str, Any] | None = None  # an answer to an exchange before
+        self._instance = instance or token_hex(8)
         self._keys = None if credentials is None else read_client_keys(credentials)
         self._sequence, self._newest, self._seen = 0, 0, 0.0
         self._context = zmq.Context()
@@ -87,6 +113,16 @@ class Link:
     def session(self) -> str:
         """Name that the server gave the session; empty without one."""
         return str(self.accepted.get("session", ""))
+
+    @property
+    def is_open(self) -> bool:
+        """True until it is closed."""
+        return self._socket is not None
+
+    @property
+    def round_trip_time(self) -> float:
+        """From the sending of an exchange to its answer, s; without one, the time since."""
+        return max(self.trip, monotonic() - self.asked)
 
     def connect(self, time: float, timeout: float) -> Mapping[str, Any]:
         """Begin a session.
@@ -108,9 +144,10 @@ class Link:
         LinkError
             If nobody answers, or the server refuses.
         """
-        self.accepted = {}
+        self._leave()
         if self._used:
             self._open()
+        sent = monotonic()
         self._send(
             "connect",
             client=self.client,
@@ -126,11 +163,14 @@ class Link:
                 self.accepted = message
                 self._sequence = self._newest = 0
                 self._seen = message["clock"]
+                self.answered = monotonic()
+                self.asked = inf
+                self.trip = self.answered - sent
                 return message
         keys = ", without keys" if self._keys is None else ", with these keys"
         raise LinkError(
             f"no answer within {timeout:g} s from {self.endpoint}{keys}; is `ppy rig serve`"
-            " running?"
+            " running, or do the keys not match?"
         )
 
     def exchange(
@@ -159,11 +199,14 @@ class Link:
             If the server does not know the session any more.
         """
         self._sequence += 1
+        self._overtaken = None
+        sent = monotonic()
+        self.asked = min(self.asked, sent)
         self._send(
             "exchange",
             session=self.session,
             sequence=self._sequence,
-            sent=monotonic(),
+            sent=sent,
             seen=self._seen,
             time=time,
             step=step,
@@ -172,11 +215,29 @@ class Link:
         for message in self._samples(monotonic() + timeout):
             if message["sequence"] == self._sequence:
                 return message
+            self._overtaken = message
         return None
 
+    def status(self, timeout: float) -> Mapping[str, Any] | None:
+        """Ask how the rig is, which commands nothing.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait for the answer, in s.
+
+        Returns
+        -------
+        Mapping of str to object or None
+            The message ``status``; None if it did not come in time.
+        """
+        self._send("status")
+        answers = self._answers(monotonic() + timeout)
+        return next((message for message in answers if message["type"] == "status"), None)
+
     def late(self) -> Mapping[str, Any] | None:
-        """Take what has arrived without waiting, and return the newest sample among it, if any."""
-        newest = None
+        """Return the newest sample that answers no exchange any more, without waiting for any."""
+        newest, self._overtaken = self._overtaken, None
         for message in self._samples(monotonic()):
             newest = message
         return newest
@@ -191,11 +252,11 @@ class Link:
         """
         if self.session and self._socket is not None:
             self._send("disconnect", session=self.session)
-            self.accepted = {}
+            self._leave()
             for message in self._answers(monotonic() + longest):
                 if message["type"] in ("disconnected", "refused"):
                     break
-        self.accepted = {}
+        self._leave()
 
     def close(self) -> None:
         """Let go of the sockets; what was not sent yet is dropped."""
@@ -204,8 +265,16 @@ class Link:
             self._socket = None
         self._context.destroy(linger=0)
 
+    def _leave(self) -> None:
+        """Have no session: no answer can come from now on, and the newest is growing old."""
+        self.accepted = {}
+        self.asked = min(self.asked, self.answered)
+
     def _open(self) -> None:
-        """Open a new socket: nothing that was under way on an old one can reach it."""
+        """Open a new socket: nothing that was under way on an old one can reach it.
+
+        Each has a name of its own, for a server may keep that of a connection for a while.
+        """
         if self._socket is not None:
             self._socket.close(linger=0)
         self._socket = socket = self._context.socket(zmq.DEALER)
@@ -216,6 +285,7 @@ class Link:
         socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
+        socket.routing_id = f"ppy-{self._instance}-{next(_connections)}".encode()
         if self._keys is not None:
             self._keys.unlock(socket)
         try:
@@ -251,8 +321,8 @@ class Link:
             If the server does not know the session any more.
         """
         for message in self._answers(until):
-            if message["type"] == "refused":
-                self.accepted = {}
+            if message["type"] == "refused" and self.session:
+                self._leave()
                 raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
             if (
                 message["type"] != "sample"
@@ -261,8 +331,11 @@ class Link:
             ):
                 continue
             if self._newest < message["sequence"] <= self._sequence:
+                sent = message["sent"]
                 self._newest, self._seen = message["sequence"], max(self._seen, message["clock"])
-                self.round_trip_time = monotonic() - message["sent"]
+                self.answered = monotonic()
+                self.asked = inf if self._newest == self._sequence else max(self.asked, sent)
+                self.trip = self.answered - sent
                 yield message
 
     def _has_all(self, message: Mapping[str, Any]) -> bool:

@@ -1,5 +1,5 @@
 """The proxies that ship: their signals are those of the component, or the system, whose place they
-take.
+take, or of a calibration that ships.
 
 What a rig of one's own measures is declared in the same way, in a file of one's own::
 
@@ -67,3 +67,26 @@ class RigProxyBench(Proxy):
     voltage = Measured("V", doc="voltage across the actuator")
     position = Measured("m", nominal=1e-3, display="mm", doc="position of the coil")
     force_measured = Measured("N", doc="force as the computer reads it")
+
+
+class RigProxyThesis(Proxy):
+    """The analyzer of the thesis without its force loop: what the calibration thesis describes."""
+
+    name = "rig_proxy_thesis"
+
+    current = Input("A", doc="current into the actuator")
+    force = Input("N", doc="force of the voice coil, open loop")
+    force_measured = Measured("N", doc="force at the load cell")
+    displacement = Measured("m", nominal=1e-3, display="mm", doc="position of the coil")
+    voltage = Measured("V", doc="voltage across the actuator")
+
+
+class RigProxyThesisGenerator(Proxy):
+    """The actuator behind a function generator and a galvanostat: what the calibration
+    thesis_generator describes.
+    """
+
+    name = "rig_proxy_thesis_generator"
+
+    current = Input("A", doc="current into the actuator")
+    voltage = Measured("V", doc="voltage across the actuator")

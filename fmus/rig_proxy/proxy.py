@@ -126,7 +126,7 @@ def _link() -> dict[str, Any]:
     outputs = {
         "round_trip_time": OutputDeclaration(
             unit="s",
-            doc="from the sending of a command to its answer",
+            doc="from the sending of a command to its answer; without one, the time since",
             law=_unlawful,
             min=0.0,
             nominal=1e-3,

@@ -7,15 +7,16 @@ is. All waits together stay below ``communication_timeout``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import inf
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from secrets import token_hex
 from time import monotonic, sleep
 from typing import Any
 
 from ..kit import Component, UserError, describe_error
-from .link import FAREWELL, Link, LinkError
-from .protocol import LOCKSTEP, SAFE
+from .link import FAREWELL, NEVER, Link, LinkError, describe_latch
+from .protocol import LOCKSTEP
 from .proxy import AGE, CONNECTED, FAIL, HOLD, LOST, REFUSED, STALE
 
 _TEXT_SIZE = 512  # bytes, of fmi2/engine.h
@@ -48,51 +49,54 @@ class ProxySlave:
         self._outputs = {v.name: v.unit for v in outputs}
         self._first_input = len(layout.parameters)
         self._internals = len(layout.names)
+        self._instance = token_hex(8)
         self._link: Link | None = None
         self._warning: str | None = None
         self._rig: Mapping[str, Any] = {}  # what it said when it accepted the session
-        self._begin: float | None = (
-            None  # our clock at the start of the simulation; it runs from the first step on
-        )
-        self._start = self._heard = (
-            0.0  # simulation time at the start; our clock at the last answer
-        )
-        self._taken = [0.0] * len(
-            outputs
-        )  # our clock when each value was taken, at the latest that it can have been
+        # our clock at the start of the simulation; it runs from the first step on
+        self._begin: float | None = None
+        self._start = 0.0  # simulation time
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin with nothing of a run before."""
+        self._values = dict.fromkeys(self._outputs, 0.0)
+        # our clock when each value was measured, at the earliest that it can have been
+        self._born = dict.fromkeys(self._outputs, NEVER)
+        self._missed = 0
+        self._refusing = False
 
     def initialize(self) -> str | None:
         """Connect to the rig; a message means that it cannot be used."""
         try:
             self.terminate()
+            self._forget()
             self._check_parameters()
             keys = self._text("credentials")
-            self._link = Link(
+            self._link = link = Link(
                 self._text("endpoint"),
                 self._inputs,
                 self._outputs,
                 Path(keys) if keys else None,
                 self._cls.name,
+                self._instance,
             )
             self._start = self._memory[self._internals + _START_TIME]
-            self._connect(self._start, self._value("communication_timeout"))
             self._begin = None
-            missing = [
-                name
-                for name, value in zip(self._outputs, self._rig["values"], strict=True)
-                if value is None
-            ]
+            self._rig = link.connect(self._start, self._value("communication_timeout"))
+            self._take(self._rig)
+            missing = [name for name, born in self._born.items() if born == NEVER]
             if missing:
                 raise UserError(f"the rig has no value of {missing[0]}")
-            self._set("missed_deadlines", 0.0)
-            self._look(CONNECTED)
+            self._publish()
         except BaseException as error:
-            self._drop()
+            self.terminate()
             return describe_error(error)
         return None
 
     def evaluate(self, time: float) -> str | None:
-        """Leave the outputs as the last step has left them."""
+        """Write what was measured, and how old it is now."""
+        self._write_outputs()
         return None
 
     def differentiate(self, time: float) -> str | None:
@@ -116,15 +120,14 @@ class ProxySlave:
         last = monotonic() + timeout
         try:
             self._warning = None
-            if self._link is None:
+            if self._link is None or not self._link.is_open:
                 raise UserError("there is no link to the rig")
             if step > timeout:
                 raise UserError(
                     f"a step of {step:g} s is longer than communication_timeout, {timeout:g} s"
                 )
-            if not self._link.session:
-                self._again(time)
-            self._look(self._make(time, step, last))
+            self._make(self._link, time, step, last)
+            self._publish()
         except BaseException as error:
             text = describe_error(error)
             self._end(last - monotonic())  # a rig that nobody steers any more is to be at zero
@@ -146,54 +149,84 @@ class ProxySlave:
         finally:
             self._memory.release()
 
+    def _end(self, longest: float) -> None:
+        """End the session in order, and wait no longer than that (s) for the rig to say so."""
+        if self._link is not None:
+            try:
+                self._link.disconnect(max(0.0, min(longest, FAREWELL)))
+            finally:
+                self._link.close()
+
     # --- one step
     # ----------------------------------------------------------------------------------------------
 
-    def _make(self, time: float, step: float, last: float) -> int:
-        """Make one step, which ends before a time of our clock; return the state of the link."""
-        assert self._link is not None
-        lockstep = self._rig["mode"] == LOCKSTEP
-        timeout, deadline = self._value("communication_timeout"), self._value("deadline")
-        if (
-            self._begin is None
-        ):  # what a master does between initialization and its first step takes no time of the rig
-            self._begin = monotonic() - (time - self._start)
-        due = -inf if lockstep else self._begin + (time + step - self._start)
-        if late := self._link.late():
-            self._take(late)
+    def _make(self, link: Link, time: float, step: float, last: float) -> None:
+        """Make one step, which ends before a time of our clock."""
+        self._refusing = False
+        self._receive(link.late)
+        if self._rig["mode"] == LOCKSTEP:
+            if not self._exchange(link, time, step, last - monotonic()):
+                timeout = self._value("communication_timeout")
+                raise LinkError(
+                    f"no answer within {timeout:g} s: the rig's time and ours are apart"
+                )
+        elif not self._reach(link, time, step, last):
+            self._missed += 1
+
+    def _reach(self, link: Link, time: float, step: float, last: float) -> bool:
+        """Exchange until the step is due; return whether an answer of that moment is there."""
+        due = self._due(time - self._start, step)
+        deadline = self._value("deadline")
         wait = self._rig["watchdog"] * _AWAKE
         while True:
             sent = monotonic()
             ends = sent >= due - _ROUNDING
-            until = last if lockstep else min(sent + deadline, last if ends else due)
-            answer = self._exchange(time, step, until - sent)
-            if answer is not None:
-                self._take(answer)
+            until = min(sent + deadline, last if ends else due)
+            answered = self._exchange(link, time, step, until - sent)
+            if not answered:
+                self._receive(link.late)
             if ends:
-                break
+                return answered
             sleep(max(0.0, min(due - monotonic(), wait)))
-        if answer is None:
-            if lockstep:
-                raise LinkError(
-                    f"no answer within {timeout:g} s: the rig's time and ours are apart"
-                )
-            self._set("missed_deadlines", self._value("missed_deadlines") + 1.0)
-            return LOST if monotonic() - self._heard > timeout else CONNECTED
-        return REFUSED if answer["refused"] else CONNECTED
 
-    def _exchange(self, time: float, step: float, timeout: float) -> Mapping[str, Any] | None:
-        """Exchange once; without a session there is no answer until the link is made again."""
-        assert self._link is not None
-        if not self._link.session:
-            return None
+    def _due(self, begin: float, step: float) -> float:
+        """Return when a step ends that begins some time after the start of the simulation, s.
+
+        What a master does before its first step takes no time of the rig; nor is a delay of a step
+        or more made up for: what is measured would be as old as ever in a time that goes faster,
+        and a loop over it diverges.
+        """
+        now = monotonic()
+        if self._begin is None or now >= self._begin + begin + step:
+            self._begin = now - begin
+        return self._begin + begin + step
+
+    def _exchange(self, link: Link, time: float, step: float, timeout: float) -> bool:
+        """Exchange once, unless the session is over; return whether an answer came."""
+        if not link.session:
+            return False
         first = self._first_input
         values = self._memory[first : first + len(self._inputs)].tolist()
+        return self._receive(partial(link.exchange, values, time, step, timeout))
+
+    def _receive(self, answer: Callable[[], Mapping[str, Any] | None]) -> bool:
+        """Take an answer; return whether there was one.
+
+        Raises
+        ------
+        LinkError
+            If the rig has ended the session, and the FMU is to fail then.
+        """
         try:
-            return self._link.exchange(values, time, step, timeout)
-        except LinkError:
-            if self._text("on_stale") == FAIL:
+            sample = answer()
+        except LinkError as error:
+            if self._text("on_stale") == FAIL or self._rig["mode"] == LOCKSTEP:
                 raise
-            return None
+            self._warning = str(error)
+            return False
+        if sample is not None:
+            self._take(sample)
+        return sample is not None
 
     def _take(self, sample: Mapping[str, Any]) -> None:
         """Take the values of a sample; one that is missing is held and goes on growing older.
@@ -201,85 +234,69 @@ class ProxySlave:
         Raises
         ------
         UserError
-            If the rig is in its safe state.
+            If the rig is latched.
         """
         assert self._link is not None
-        self._heard = now = monotonic()
-        trip = self._link.round_trip_time
-        for index, (name, value, age) in enumerate(
-            zip(self._outputs, sample["values"], sample["ages"], strict=True)
-        ):
+        measured = self._link.answered - self._link.trip
+        for name, value, age in zip(self._outputs, sample["values"], sample["ages"], strict=True):
             if value is not None and age is not None:
-                self._set(name, float(value))
-                self._taken[index] = now - age - trip
-        self._set("round_trip_time", trip)
-        if sample.get("state") == SAFE:
-            raise UserError(f"the rig is in its safe state: {sample['reason']}")
-        if (
-            sample.get("refused") and self._value("link_state") != REFUSED
-        ):  # told once, when it begins
-            self._warning = f"refused by the rig: {sample['refused'][0]}"
+                self._values[name] = float(value)
+                self._born[name] = measured - max(0.0, age)  # it cannot be older than that
+        if latch := describe_latch(sample):
+            raise UserError(latch)
+        refused = sample.get("refused")
+        self._refusing = bool(refused)
+        if refused and self._value("link_state") != REFUSED:  # told once, when it begins
+            self._warning = f"refused by the rig: {refused[0]}"
 
-    def _look(self, state: int) -> None:
-        """Bring ages and the state of the link up to date.
+    # --- outputs
+    # ----------------------------------------------------------------------------------------------
+
+    def _write_outputs(self) -> None:
+        """Write values, ages and the state of the link, as they are now."""
+        now = monotonic()
+        for name, value in self._values.items():
+            self._set(name, value)
+            self._set(AGE.format(name), now - self._born[name])
+        trip = now - NEVER if self._link is None else self._link.round_trip_time
+        self._set("round_trip_time", trip)
+        self._set("missed_deadlines", self._missed)
+        self._set("link_state", self._link_state(now))
+
+    def _publish(self) -> None:
+        """Write the outputs at the end of a step.
 
         Raises
         ------
         UserError
             If a value is too old, or the link is lost, and the FMU is to fail then.
         """
-        now, oldest, limit, fails = (
-            monotonic(),
-            0.0,
-            self._value("max_age"),
-            self._text("on_stale") == FAIL,
-        )
-        for name, taken in zip(self._outputs, self._taken, strict=True):
-            age = max(0.0, now - taken)
-            self._set(AGE.format(name), age)
-            oldest = max(oldest, age)
-            if age > limit and fails:
-                raise UserError(f"{name} is {age:.3g} s old; max_age is {limit:g} s")
-        if state == LOST and fails:
-            raise UserError(f"no answer from the rig for {now - self._heard:.3g} s")
-        self._set("link_state", float(max(state, STALE) if oldest > limit else state))
-        if state == LOST:
+        self._write_outputs()
+        if self._text("on_stale") != FAIL:
+            return
+        now = monotonic()
+        oldest = min(self._born, key=self._born.__getitem__)
+        age = now - self._born[oldest]
+        limit = self._value("max_age")
+        if age > limit:
+            raise UserError(f"{oldest} is {age:.3g} s old; max_age is {limit:g} s")
+        if self._is_lost(now):
             assert self._link is not None
-            self._link.accepted = {}  # connect anew with the next step
+            raise UserError(f"no answer from the rig for {now - self._link.answered:.3g} s")
 
-    # --- the link
-    # ----------------------------------------------------------------------------------------------
+    def _is_lost(self, now: float) -> bool:
+        """Return whether the session is over, or the rig has been silent for too long."""
+        link = self._link
+        if link is None or not link.session:
+            return True
+        return now - link.answered > self._value("communication_timeout")
 
-    def _connect(self, time: float, timeout: float) -> None:
-        assert self._link is not None
-        sent = monotonic()
-        accepted = self._link.connect(time, timeout)
-        self._link.round_trip_time = monotonic() - sent
-        self._rig = accepted
-        self._take({**accepted, "state": "", "refused": []})
-
-    def _again(self, time: float) -> None:
-        """Try once to connect anew."""
-        try:
-            self._connect(time, self._value("deadline"))
-        except LinkError as error:
-            if self._value("link_state") != LOST:
-                self._warning = str(error)
-        else:
-            self._begin = None  # nobody shall race to make up for the time without a link
-
-    def _end(self, longest: float) -> None:
-        """End the session in order, and wait no longer than that (s) for the rig to say so."""
-        if self._link is not None:
-            try:
-                self._link.disconnect(max(0.0, min(longest, FAREWELL)))
-            finally:
-                self._drop()
-
-    def _drop(self) -> None:
-        if self._link is not None:
-            self._link.close()
-            self._link = None
+    def _link_state(self, now: float) -> int:
+        if self._is_lost(now):
+            return LOST
+        if now - min(self._born.values()) > self._value("max_age"):
+            return STALE
+        return REFUSED if self._refusing else CONNECTED
 
     # --- memory
     # ----------------------------------------------------------------------------------------------

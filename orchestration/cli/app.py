@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fmus.kit import UserError
+from orchestration.cli.real_time import IncompleteRecord
 
 _HELP = (
     "Components of a polypyrrole artificial-muscle rig as FMUs: build, run, compare with measured"
@@ -213,7 +214,7 @@ def main() -> None:
     except Exception as error:
         if os.environ.get("PPY_DEBUG") and not _is_expected(error):
             raise
-        _fail(_message(error))
+        _fail(_message(error), 1 if isinstance(error, IncompleteRecord) else 2)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -240,9 +241,9 @@ def _message(error: Exception) -> str:
     )
 
 
-def _fail(message: str) -> NoReturn:
+def _fail(message: str, status: int = 2) -> NoReturn:
     print("error: " + " ".join(message.split()), file=sys.stderr)
-    sys.exit(2)
+    sys.exit(status)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -17,12 +18,17 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.cli.options import RealTimeOptions
-    from orchestration.experiment import Live, Moment
+    from orchestration.experiment import Live, Moment, RigEnd
+    from orchestration.master import RealTime
     from orchestration.reporting import BackgroundWriter
 
 JOURNAL = ".part.csv"  # behind the name of the result
 _ON_TERMINAL = 0.2  # s between two lines
 _ELSEWHERE = 5.0
+
+
+class IncompleteRecord(UserError):
+    """A record that was kept, and is not all that was to be recorded."""
 
 
 def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
@@ -55,8 +61,56 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
         return None
     lag = RealTime.lag if options["lag"] is None else options["lag"]
     missed = options["missed"] or RealTime.missed
-    pace = RealTime(missed, lag, None, options["processor"], options["priority"])
-    return Live(pace, None if out is None else out.with_name(out.name + JOURNAL))
+    pace = RealTime(missed, lag, processor=options["processor"], priority=options["priority"])
+    journal = None if out is None else out.with_name(out.name + JOURNAL)
+    return Live(pace, partial(_admit, lag=options["lag"]), journal)
+
+
+def _admit(
+    pace: RealTime, rigs: Sequence[RigEnd], step: float, lag: float | None = None
+) -> RealTime:
+    """Measure what this machine holds with rigs, and return how a run keeps pace with them.
+
+    Parameters
+    ----------
+    pace : RealTime
+        As it was asked for.
+    rigs : sequence of RigEnd
+    step : float
+        In s.
+    lag : float, optional
+        Longest pause, s; default half the shortest watchdog, so that a run ends before its rig.
+
+    Raises
+    ------
+    UserError
+        If a rig does not answer, or the machine does not hold the rate.
+    """
+    from dataclasses import replace
+
+    from fmus.rig_proxy import Link
+    from orchestration.master import realtime_priority
+    from orchestration.reporting import note
+    from orchestration.rig import check_response_times, measure_response_times
+
+    longest = pace.lag
+    for rig in rigs:
+        keys = Path(rig.credentials) if rig.credentials else None
+        with (
+            closing(Link(rig.endpoint, {}, {}, keys, "ppy run")) as link,
+            realtime_priority(pace.processor, pace.priority),
+        ):
+            measured = measure_response_times(link, step)
+        if measured is None:  # the rig waits for us
+            continue
+        check_response_times(measured, rig.endpoint)
+        longest = min(longest, measured.longest_pause) if lag is None else lag
+        note(
+            f"this machine holds {1.0 / step:.4g} Hz with the rig at {rig.endpoint}: answers come"
+            f" {measured} after they are due; a pause of more than {longest:.3g} s ends the run,"
+            " and the rig goes to zero"
+        )
+    return replace(pace, makes_up=not rigs, lag=longest)
 
 
 def status(moment: Moment) -> str:

@@ -6,6 +6,7 @@ from .execution import run as run
 from .library import shipped as shipped
 from .live import Live as Live
 from .live import Moment as Moment
+from .live import RigEnd as RigEnd
 from .model import Experiment as Experiment
 from .model import checked as checked
 from .model import parse as parse

@@ -11,7 +11,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
-from orchestration.experiment.live import Follower, Live, link_outputs
+from orchestration.experiment.live import Follower, Live, admitted, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, subject
@@ -88,6 +88,8 @@ def run(
             experiment = _with_links_recorded(experiment, on, where)
         prepared = prepare(experiment, on, where, note)
         fits(_first_point(prepared))
+        if live is not None:
+            live = admitted(live, prepared)
         ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
     if ran.time.size == 0:
         raise KeyboardInterrupt

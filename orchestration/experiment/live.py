@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from fmus.kit import UserError
+from fmus.rig_proxy import LINK_STATES
 from orchestration.experiment.preparation import Preparation
 from orchestration.master import RealTime
 from orchestration.records import Journal
@@ -15,6 +17,11 @@ _LINK = (
     "round_trip_time",
     "missed_deadlines",
 )  # outputs of a proxy, beside the `_age` of every value
+# by link_state: what leaves a loop open over a rig, while its models go on without it
+_OPEN = {
+    LINK_STATES.index("commands refused"): "the rig refuses a command",
+    LINK_STATES.index("lost"): "the link to the rig is lost",
+}
 
 
 @dataclass(frozen=True)
@@ -44,12 +51,34 @@ class Moment:
 
 
 @dataclass(frozen=True)
+class RigEnd:
+    """What a proxy is told of its rig.
+
+    Attributes
+    ----------
+    endpoint, credentials : str
+        As the parameters of the proxy have them.
+    """
+
+    endpoint: str
+    credentials: str
+
+
+def _as_asked(pace: RealTime, rigs: Sequence[RigEnd], step: float) -> RealTime:
+    """Return a pace as it is."""
+    return pace
+
+
+@dataclass(frozen=True)
 class Live:
     """Options of a run in real time.
 
     Attributes
     ----------
     pace : RealTime
+    admit : callable
+        Called before anything moves with the pace, the ends of all rigs and the step in s; returns
+        the pace that is kept, or raises `UserError` where the machine cannot hold it.
     journal : Path or None
         File that takes what is recorded until the result is written; it must not be there yet.
     look : callable
@@ -57,6 +86,7 @@ class Live:
     """
 
     pace: RealTime = field(default_factory=RealTime)
+    admit: Callable[[RealTime, Sequence[RigEnd], float], RealTime] = _as_asked
     journal: Path | None = None
     look: Callable[[Moment], None] = lambda moment: None
 
@@ -65,6 +95,29 @@ def link_outputs(outputs: Collection[str]) -> list[str]:
     """List outputs that describe a link to a rig: the age of every value, and the link's own."""
     last = {name: name.rpartition(".")[2] for name in outputs}
     return [name for name, own in last.items() if own.endswith("_age") or own in _LINK]
+
+
+def rig_ends(prepared: Preparation) -> list[RigEnd]:
+    """List the rigs that the proxies of an experiment ask."""
+    on = prepared.on
+    prefixes = [
+        name.removesuffix(_LINK[0]) for name in on.outputs if name.rpartition(".")[2] == _LINK[0]
+    ]
+
+    def text(name: str) -> str:
+        return str(prepared.settings.get(name, on.parameters[name].text))
+
+    return [
+        RigEnd(text(f"{prefix}endpoint"), text(f"{prefix}credentials"))
+        for prefix in prefixes
+        if {f"{prefix}endpoint", f"{prefix}credentials"} <= on.parameters.keys()
+    ]
+
+
+def admitted(live: Live, prepared: Preparation) -> Live:
+    """Return options with the pace that is kept; UserError where the machine cannot hold it."""
+    step = float(prepared.time[1] - prepared.time[0])
+    return replace(live, pace=live.admit(live.pace, rig_ends(prepared), step))
 
 
 class Follower:
@@ -93,7 +146,13 @@ class Follower:
         self.pace = replace(live.pace, watch=self._watch)
 
     def _watch(self, k: int, values: Sequence[float], lag: float, missed: int) -> None:
-        """Put a point into the journal, and tell how the run is doing."""
+        """Put a point into the journal, and tell how the run is doing.
+
+        Raises
+        ------
+        UserError
+            If the loop over a rig is open: the run is to end, and the rig to go to zero.
+        """
         trouble = ""
         if self._journal is not None:
             row = [column[k] for column in self._inputs] + [
@@ -103,6 +162,9 @@ class Follower:
             trouble = self._journal.error
         link = {name: values[place] for name, place in self._link.items()}
         self._look(Moment(self._time[k], self._time[-1], lag, missed, link, trouble))
+        for name, value in link.items():
+            if name.endswith(_LINK[0]) and value in _OPEN:
+                raise UserError(f"{name} at {self._time[k]:.10g} s: {_OPEN[int(value)]}")
 
     def close(self) -> None:
         """Bring what is in the journal to the disk."""

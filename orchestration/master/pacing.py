@@ -41,6 +41,10 @@ class RealTime:
     allowance : float, optional
         Seconds by which a point may be reached late before its deadline counts as missed; default
         the step before it.
+    makes_up : bool
+        Whether a run that is late by more than allowed hurries until it is on time again. With a
+        rig it must not: what is measured would be as old as ever in a time that goes faster, and a
+        loop that closes over it diverges.
     processor : int, optional
         The only processor to run on, where the system permits that.
     priority : bool
@@ -59,6 +63,7 @@ class RealTime:
     missed: str = "warn"
     lag: float = 1.0
     allowance: float | None = None
+    makes_up: bool = True
     processor: int | None = None
     priority: bool = False
     watch: Watch = _ignore
@@ -169,6 +174,8 @@ class Pacer:
         if lag <= allowance:
             return
         self._missed += 1
+        if not self._settings.makes_up:
+            self._start += lag
         point = f"{self._points[k]:.10g} s"
         if lag > self._settings.lag:
             raise UserError(

@@ -8,6 +8,9 @@ from .keys import add_client as add_client
 from .keys import make_keys as make_keys
 from .operator import ask as ask
 from .operator import summarise_status as summarise_status
+from .response_times import ResponseTimes as ResponseTimes
+from .response_times import check_response_times as check_response_times
+from .response_times import measure_response_times as measure_response_times
 from .shutdown import on_termination as on_termination
 from .shutdown import until_interrupted as until_interrupted
 from .signals import INPUT_RANGES as INPUT_RANGES

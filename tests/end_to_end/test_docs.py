@@ -227,7 +227,13 @@ def test_the_rig_of_the_readme_is_in_the_loop(tmp_path: Path) -> None:
     with Server(
         tmp_path, "emulator", *serve.removeprefix("ppy rig serve").split(), *patient
     ) as server:
-        run(f"{loop} --set duration=1s --set proxy.endpoint={server.wait_ready()}", tmp_path)
+        command = f"{loop} --set duration=1s --set proxy.endpoint={server.wait_ready()}"
+        try:
+            run(command, tmp_path)
+        except AssertionError as error:
+            if not_held := re.search("this machine does not hold .*", str(error)):
+                pytest.skip(not_held[0])
+            raise
 
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=str)

@@ -22,10 +22,15 @@ static fmi2Status evaluation_failed(const Instance *instance, const char *messag
     return report(instance, refused(instance), "evaluation at t = %.10g s failed: %s", instance->now.time, message);
 }
 
+/* Whether outputs change by themselves: how old the values of a rig are goes on when a run has failed or is over. */
+static bool outlives_its_run(const Instance *instance) {
+    return !model_restorable && ((int)instance->now.mode & (FAILED | TERMINATED)) != 0;
+}
+
 fmi2Status refresh_outputs(Instance *instance) {
     Message message;
     message[0] = 0; /* not = "", which would clear all of it at every step */
-    if (instance->now.outputs_outdated == 0.0)
+    if (instance->now.outputs_outdated == 0.0 && !outlives_its_run(instance))
         return fmi2OK;
     if (!engine_evaluate(instance->engine, instance->now.time, message))
         return evaluation_failed(instance, message);

@@ -103,8 +103,18 @@ static Opening await_ready(Wire *wire, double until, Message message) {
     return absent(wire);
 }
 
-Opening wire_open(Wire *wire, const Address *address, double until, Message message) {
-    static const unsigned char ready[] = "\5READY\13Socket-Type\0\0\0\6DEALER\10Identity\0\0\0";
+static bool put_ready(Wire *wire, const char *name) {
+    static const char begin[] = "\5READY\13Socket-Type\0\0\0\6DEALER\10Identity\0\0";
+    enum { BEGIN = sizeof begin }; /* its last 0 is the third of the four bytes of a length */
+    unsigned char ready[BEGIN + 1 + NAME_SIZE];
+    size_t size = strlen(name);
+    memcpy(ready, begin, BEGIN);
+    ready[BEGIN] = (unsigned char)size;
+    memcpy(ready + BEGIN + 1, name, size);
+    return wire_put_frame(wire, FLAG_COMMAND, ready, BEGIN + 1 + size);
+}
+
+Opening wire_open(Wire *wire, const Address *address, const char *name, double until, Message message) {
     unsigned char ours[GREETING];
     Opening opening;
     wire_close(wire);
@@ -121,9 +131,7 @@ Opening wire_open(Wire *wire, const Address *address, double until, Message mess
     if ((opening = check_version(wire, until, message)) != WIRE_OPEN ||
         (opening = check_mechanism(wire, until, message)) != WIRE_OPEN)
         return opening;
-    /* The last 0 of the text is the last byte of the length of an empty identity. */
-    if (!wire_put(wire, ours + FIRST_PART, GREETING - FIRST_PART) ||
-        !wire_put_frame(wire, FLAG_COMMAND, ready, sizeof ready))
+    if (!wire_put(wire, ours + FIRST_PART, GREETING - FIRST_PART) || !put_ready(wire, name))
         return absent(wire);
     return await_ready(wire, until, message);
 }

@@ -4,11 +4,47 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum { AT_ONCE = 1000 }; /* replies taken in a row after the time is up: those that are there, but no flood */
 
 static const double BETWEEN_ATTEMPTS = 0.05; /* s */
+static const double NEVER = -1e9;            /* our clock: some thirty years before the computer was switched on */
+
+/* ---- names -------------------------------------------------------------------------------------- */
+
+#ifdef _WIN32
+static bool draw(unsigned *number) { return rand_s(number) == 0; }
+#else
+static bool draw(unsigned *number) {
+    FILE *source = fopen("/dev/urandom", "rb");
+    bool is_drawn = source != NULL && fread(number, sizeof *number, 1, source) == 1;
+    if (source != NULL)
+        fclose(source);
+    return is_drawn;
+}
+#endif
+
+bool link_name(Link *link) {
+    unsigned first, second;
+    if (!draw(&first) || !draw(&second))
+        return false;
+    snprintf(link->instance, INSTANCE_SIZE, "%08x%08x", first & 0xffffffffu, second & 0xffffffffu);
+    return true;
+}
+
+void link_forget(Link *link) {
+    link->state = RIG_RUNNING;
+    link->refusing = false;
+    link->refusal[0] = link->reason[0] = '\0';
+    link->round_trip = 0.0;
+    link->answered = link->asked = NEVER;
+    for (int i = 0; i < MEASURED; i++) {
+        link->values[i] = 0.0;
+        link->born[i] = NEVER;
+    }
+}
 
 /* ---- replies ------------------------------------------------------------------------------------ */
 
@@ -33,9 +69,10 @@ static bool is_newer(const Link *link, const Reply *reply) {
 
 static void take_sample(Link *link, const Reply *reply) {
     link->taken = reply->sequence;
+    link->asked = link->taken == link->sequence ? INFINITY : fmax(link->asked, reply->sent);
     take_values(link, reply, clock_now() - reply->sent);
-    link->safe = reply->safe;
-    if (reply->safe)
+    link->state = reply->state;
+    if (reply->state != RIG_RUNNING)
         memcpy(link->reason, reply->reason, sizeof link->reason);
     link->refusing = reply->refusals > 0;
     if (link->refusing && link->refusal[0] == '\0')
@@ -52,18 +89,24 @@ static Arrival receive(Link *link, double until) {
     return arrival;
 }
 
+/* No answer can come from now on, and none that came is the newest for long. */
+static void leave_session(Link *link) {
+    link->in_session = false;
+    link->asked = fmin(link->asked, link->answered);
+}
+
 bool link_listen(Link *link, double until, uint64_t first) {
     for (int taken = 0; taken < AT_ONCE || clock_now() < until; taken++) {
         if (!link->in_session || receive(link, until) != WIRE_FRAME)
             break;
         if (link->reply.kind == REPLY_REFUSED) { /* the server knows the session no more, as after a restart */
-            link->in_session = false;
+            leave_session(link);
             memcpy(link->reason, link->reply.reason, sizeof link->reason);
         }
         if (link->reply.kind != REPLY_SAMPLE || !is_newer(link, &link->reply))
             continue;
         take_sample(link, &link->reply);
-        if (first > 0 && link->taken >= first)
+        if (link->state != RIG_RUNNING || (first > 0 && link->taken >= first))
             return true;
     }
     if (first == 0)
@@ -86,11 +129,9 @@ bool link_exchange(Link *link, double time, double step, const double *inputs) {
     Writer message = writer(link);
     if (!link->in_session)
         return false;
-    write_exchange(&message, &link->session, link->sequence + 1, clock_now(), link->seen, time, step, inputs);
-    if (!post(link, &message))
-        return false;
-    link->sequence++;
-    return true;
+    link->asked = fmin(link->asked, clock_now()); /* also where it does not get through */
+    write_exchange(&message, &link->session, ++link->sequence, clock_now(), link->seen, time, step, inputs);
+    return post(link, &message);
 }
 
 /* ---- opening and closing ------------------------------------------------------------------------ */
@@ -99,8 +140,7 @@ static void begin_session(Link *link, double sent) {
     link->session = link->reply;
     link->in_session = true;
     link->sequence = link->taken = 0;
-    link->safe = link->refusing = false;
-    link->reason[0] = '\0';
+    link->asked = INFINITY;
     take_values(link, &link->reply, clock_now() - sent);
 }
 
@@ -108,7 +148,7 @@ static void begin_session(Link *link, double sent) {
 static Opening negotiate(Link *link, double time, double until, Message message) {
     Writer request = writer(link);
     double sent = clock_now();
-    write_connect(&request, time, link->measured);
+    write_connect(&request, link->instance, time, link->measured);
     if (request.full) {
         snprintf(message, MESSAGE_SIZE, "the names of all signals need more than the %d bytes of a message", FRAME_MOST);
         return WIRE_UNFIT;
@@ -131,23 +171,34 @@ static Opening negotiate(Link *link, double time, double until, Message message)
     return WIRE_ABSENT;
 }
 
-/* One attempt. A session that has not been ended goes on over a new connection; the rig says if it knows it no more. */
+/* A server may keep the name of a connection that broke for a while, so that every connection has a name of its own. */
+static Opening open_wire(Link *link, double until, Message message) {
+    char name[NAME_SIZE];
+    snprintf(name, sizeof name, "ppy-%s-%u", link->instance, ++link->connections);
+    return wire_open(&link->wire, &link->address, name, until, message);
+}
+
 static Opening attempt(Link *link, double time, double until, Message message) {
-    Opening opening = wire_is_open(&link->wire) ? WIRE_OPEN : wire_open(&link->wire, &link->address, until, message);
-    if (opening == WIRE_OPEN && !link->in_session)
+    Opening opening = open_wire(link, until, message);
+    if (opening == WIRE_OPEN)
         opening = negotiate(link, time, until, message);
     if (opening != WIRE_OPEN)
         wire_close(&link->wire);
     return opening;
 }
 
-bool link_open(Link *link, double time, double until, bool patient, Message message) {
+bool link_open(Link *link, double time, double until, Message message) {
     Opening opening;
     message[0] = '\0';
-    while ((opening = attempt(link, time, until, message)) == WIRE_ABSENT && patient &&
-           clock_now() + BETWEEN_ATTEMPTS < until)
+    while ((opening = attempt(link, time, until, message)) == WIRE_ABSENT && clock_now() + BETWEEN_ATTEMPTS < until)
         clock_sleep(clock_now() + BETWEEN_ATTEMPTS);
     return opening == WIRE_OPEN;
+}
+
+void link_mend(Link *link, double until, Message message) {
+    if (link->in_session && !wire_is_open(&link->wire) && open_wire(link, until, message) != WIRE_OPEN &&
+        message[0] == '\0')
+        snprintf(message, MESSAGE_SIZE, "no answer from %s", link->endpoint);
 }
 
 void link_close(Link *link, double seconds) {
@@ -159,6 +210,7 @@ void link_close(Link *link, double seconds) {
             while (receive(link, until) == WIRE_FRAME && link->reply.kind != REPLY_DISCONNECTED && clock_now() < until)
                 continue;
     }
-    link->in_session = false;
+    if (link->in_session)
+        leave_session(link);
     wire_close(&link->wire);
 }

@@ -37,10 +37,12 @@ static void write_session(Writer *writer, const char *session) {
     write_text(writer, session);
 }
 
-void write_connect(Writer *writer, double time, const int measured[MEASURED + 1]) {
+void write_connect(Writer *writer, const char *instance, double time, const int measured[MEASURED + 1]) {
     begin_message(writer, "connect");
     write_plain(writer, ",\"client\":");
     write_text(writer, model_name);
+    write_plain(writer, ",\"instance\":");
+    write_text(writer, instance);
     write_plain(writer, ",\"inputs\":{");
     for (int i = 0; i < MODEL_INPUTS; i++)
         write_unit(writer, FIRST_INPUT + i, i == 0);
@@ -163,13 +165,20 @@ static bool read_accepted(Json message, Reply *reply) {
            read_values(message, "values", reply->values) && read_values(message, "ages", reply->ages);
 }
 
-static bool read_sample(Json message, Reply *reply) {
+static bool read_state(Json message, Reply *reply) {
     char state[32];
-    reply->kind = REPLY_SAMPLE;
     if (!read_word(message, "state", state, sizeof state))
         return false;
-    reply->safe = strcmp(state, "safe") == 0;
-    return read_word(message, "session", reply->session, sizeof reply->session) &&
+    reply->state = strcmp(state, "stopping") == 0      ? RIG_STOPPING
+                   : strcmp(state, "safe") == 0        ? RIG_SAFE
+                   : strcmp(state, "not reached") == 0 ? RIG_NOT_REACHED
+                                                       : RIG_RUNNING;
+    return true;
+}
+
+static bool read_sample(Json message, Reply *reply) {
+    reply->kind = REPLY_SAMPLE;
+    return read_state(message, reply) && read_word(message, "session", reply->session, sizeof reply->session) &&
            read_count(message, "sequence", &reply->sequence) && read_number(message, "sent", &reply->sent) &&
            read_number(message, "clock", &reply->clock) && read_sentence(message, "reason", reply->reason) &&
            read_refusals(message, reply) && read_values(message, "values", reply->values) &&

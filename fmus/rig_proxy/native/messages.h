@@ -10,13 +10,17 @@ enum { MEASURED = (MODEL_OUTPUTS - 3) / 2, PROTOCOL_VERSION = 2, SESSION_SIZE = 
 
 typedef enum { REPLY_NONE, REPLY_ACCEPTED, REPLY_REFUSED, REPLY_SAMPLE, REPLY_DISCONNECTED, REPLY_FOREIGN } ReplyKind;
 
+/* Of a rig in session; but for RUNNING, which stands for idle too, a latch holds it. */
+typedef enum { RIG_RUNNING, RIG_STOPPING, RIG_SAFE, RIG_NOT_REACHED } RigState;
+
 typedef struct {
     ReplyKind kind;  /* NONE is what is no reply, or malformed; FOREIGN one of another version */
     double version;  /* of a FOREIGN one */
     char session[SESSION_SIZE];
     uint64_t sequence;
     double sent, clock, period, watchdog;
-    bool lockstep, safe;
+    bool lockstep;
+    RigState state;
     char reason[SENTENCE_SIZE];
     int refusals;
     char refusal[SENTENCE_SIZE];                   /* the first */
@@ -26,9 +30,9 @@ typedef struct {
 /* What a frame says; every field that the protocol has for its kind must be there and of the right type. */
 static void reply_read(const char *frame, size_t size, Reply *reply);
 
-/* `measured` are the indices of the measured values, `inputs` the commands, in the order of the model. A writer that is
-   full after this must not be sent. */
-static void write_connect(Writer *writer, double time, const int measured[MEASURED + 1]);
+/* `instance` names who connects, `measured` are the indices of the measured values, `inputs` the commands, in the order
+   of the model. A writer that is full after this must not be sent. */
+static void write_connect(Writer *writer, const char *instance, double time, const int measured[MEASURED + 1]);
 static void write_exchange(Writer *writer, const Reply *session, uint64_t sequence, double sent, double seen, double time,
                            double step, const double *inputs);
 static void write_disconnect(Writer *writer, const char *session);

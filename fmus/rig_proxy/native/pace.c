@@ -12,22 +12,6 @@ static bool send_inputs(Engine *engine, double time, double step) {
     return link_exchange(&engine->link, time, step, engine->memory + FIRST_INPUT);
 }
 
-/* Connects anew where that is needed: the connection broke, the rig ended the session, or has been silent for too long.
-   A session that is neither ended nor given up goes on over the new connection. */
-static void restore(Engine *engine, double time, double until, Message message) {
-    Link *link = &engine->link;
-    bool is_new = engine->lost || !link->in_session;
-    if (is_new)
-        link_close(link, 0.0); /* nothing that was under way on the old connection can reach the new one */
-    else if (wire_is_open(&link->wire))
-        return;
-    if (!link_open(link, time, until, false, message)) {
-        if (message[0] == '\0')
-            snprintf(message, MESSAGE_SIZE, "no answer from %s", link->endpoint);
-    } else if (is_new) /* nobody shall race to make up for the time without a link */
-        engine->origin = clock_now() - (time - engine->start_time);
-}
-
 /* Exchanges until the step is `due` and an answer of that moment is there: true, or false if it is missing at the end,
    which is `deadline` after the due time, but never after `last`. */
 static bool reach(Engine *engine, double time, double step, double due, double last) {
@@ -52,15 +36,18 @@ static bool reach(Engine *engine, double time, double step, double due, double l
     }
 }
 
+/* When a step ends. What a master does before its first step takes no time of the rig; nor is a delay of a step or more
+   made up for: what is measured would be as old as ever in a time that goes faster, and a loop over it diverges. */
+static double due_time(Engine *engine, double time, double step, double entry) {
+    double begin = time - engine->start_time;
+    if (isnan(engine->origin) || entry >= engine->origin + begin + step)
+        engine->origin = entry - begin;
+    return engine->origin + begin + step;
+}
+
 static bool step_in_real_time(Engine *engine, double time, double step, Message message) {
     double entry = clock_now(), last = entry + communication_timeout(engine);
-    double due;
-    if (isnan(engine->origin)) /* what a master does before its first step takes no time of the rig */
-        engine->origin = entry - (time - engine->start_time);
-    engine->link.refusing = false;
-    link_listen(&engine->link, 0.0, 0); /* what came since the last step */
-    restore(engine, time, fmin(entry + deadline(engine), last), message);
-    due = fmin(engine->origin + (time + step - engine->start_time), last);
+    double due = fmin(due_time(engine, time, step, entry), last);
     if (!reach(engine, time, step, due, last))
         engine->missed += 1.0;
     return publish(engine, message);
@@ -87,6 +74,10 @@ bool make_step(Engine *engine, double time, double step, Message message) {
                  communication_timeout(engine));
         return false;
     }
+    engine->link.refusing = false;
+    if (link_listen(&engine->link, 0.0, 0)) /* what came since the last step says that the rig is latched */
+        return publish(engine, message);
+    link_mend(&engine->link, clock_now() + deadline(engine), message);
     return engine->link.session.lockstep ? step_in_lockstep(engine, time, step, message)
                                          : step_in_real_time(engine, time, step, message);
 }

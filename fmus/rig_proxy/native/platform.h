@@ -3,6 +3,7 @@
 #define PLATFORM_H
 
 #ifdef _WIN32
+#define _CRT_RAND_S /* rand_s, which has its numbers from the system */
 #ifndef WIN32_LEAN_AND_MEAN
 #define WIN32_LEAN_AND_MEAN
 #endif

@@ -70,6 +70,12 @@ Engine *engine_create(double *memory, const TextValue *texts, const char *resour
     engine->memory = memory;
     engine->texts = texts;
     engine->link.wire.socket = NO_SOCKET;
+    link_forget(&engine->link);
+    if (!link_name(&engine->link)) {
+        snprintf(message, MESSAGE_SIZE, "the system gives no random numbers");
+        engine_free(engine);
+        return NULL;
+    }
     if (!find_variables(engine, message)) {
         engine_free(engine);
         return NULL;
@@ -95,26 +101,21 @@ void engine_free(Engine *engine) {
 
 /* A run begins: nothing is left of the one before. */
 static void forget(Engine *engine) {
-    Link *link = &engine->link;
-    link->safe = link->refusing = false;
-    link->refusal[0] = link->reason[0] = '\0';
-    engine->lost = false;
+    link_forget(&engine->link);
     engine->missed = 0.0;
-    for (int i = 0; i < MEASURED; i++)
-        link->values[i] = NAN;
 }
 
 static bool connect_to_rig(Engine *engine, Message message) {
     double timeout = communication_timeout(engine);
     Link *link = &engine->link;
-    if (!link_open(link, engine->start_time, clock_now() + timeout, true, message)) {
+    if (!link_open(link, engine->start_time, clock_now() + timeout, message)) {
         if (message[0] == '\0')
             snprintf(message, MESSAGE_SIZE, "no answer within %.10g s from %s; is `ppy rig serve` running?", timeout,
                      link->endpoint);
         return false;
     }
     for (int i = 0; i < MEASURED; i++)
-        if (!isfinite(link->values[i])) {
+        if (!isfinite(link->session.values[i])) {
             snprintf(message, MESSAGE_SIZE, "the rig has no value of %s", model_variables[link->measured[i]].name);
             return false;
         }
@@ -157,12 +158,12 @@ bool engine_advance(Engine *engine, double time, double step, Message message) {
     return false;
 }
 
-/* ---- laws, of which there are none: outputs are those of the end of the step ---------------------- */
+/* ---- laws, of which there are none: outputs are what was measured, and how old it is now ---------------- */
 
 bool engine_evaluate(Engine *engine, double time, Message message) {
-    (void)engine;
     (void)time;
     (void)message;
+    write_outputs(engine);
     return true;
 }
 

@@ -13,7 +13,6 @@ struct Engine {
 
     Link link;
     bool running;      /* from initialization to termination */
-    bool lost;         /* at the end of the step before */
     double origin;     /* our clock at the start time of the simulation */
     double start_time; /* s */
     double missed;     /* steps without an answer by their deadline */
@@ -25,8 +24,11 @@ static bool find_variables(Engine *engine, Message message);
 /* Commands the rig for a step and waits for its end (pace.c). False with a message if the simulation cannot go on. */
 static bool make_step(Engine *engine, double time, double step, Message message);
 
-/* Writes values, ages and the state of the link to the outputs (outputs.c). False with a message if the values may not
-   be used, or true with one that is a warning. */
+/* Writes values, ages and the state of the link, as they are now, to the outputs (outputs.c). */
+static void write_outputs(Engine *engine);
+
+/* The same at the end of a step. False with a message if the values may not be used, or true with one that is a
+   warning. */
 static bool publish(Engine *engine, Message message);
 
 /* Values of the parameters, in s. */

@@ -8,7 +8,8 @@
 enum {
     FRAME_MOST = 65536,  /* bytes of a frame that is taken; a longer one is passed over */
     HEADER_MOST = 9,     /* flags and length */
-    COMMAND_MOST = 512   /* READY needs some 50 bytes; a longer command is nothing we have to know */
+    NAME_SIZE = 48,      /* with the terminating zero */
+    COMMAND_MOST = 512   /* READY needs some 90 bytes; a longer command is nothing we have to know */
 };
 enum { FLAG_MORE = 1, FLAG_LONG = 2, FLAG_COMMAND = 4 };
 
@@ -34,8 +35,8 @@ typedef enum { WIRE_FRAME, WIRE_SILENT, WIRE_BROKEN } Arrival;
 static bool wire_is_open(const Wire *wire);
 static void wire_close(Wire *wire);
 
-/* Connects and shakes hands by `until` (clock_now). */
-static Opening wire_open(Wire *wire, const Address *address, double until, Message message);
+/* Connects and shakes hands by `until` (clock_now); `name` is what the connection calls itself (its routing id). */
+static Opening wire_open(Wire *wire, const Address *address, const char *name, double until, Message message);
 
 /* Gives a frame to the system, or keeps what does not go through for later. False if the connection is broken (and then
    closed), or so congested that an older frame is not through yet: a newer one must not queue up behind it. */

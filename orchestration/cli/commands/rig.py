@@ -23,7 +23,7 @@ from orchestration.cli.commands.options import (
     WatchCommand,
 )
 from orchestration.cli.outputs import SIGNALS, STANDARD_OUTPUT, Outputs, write_json
-from orchestration.cli.real_time import JOURNAL, keep, status_line
+from orchestration.cli.real_time import JOURNAL, IncompleteRecord, keep, status_line
 
 if TYPE_CHECKING:
     import xarray
@@ -149,7 +149,9 @@ def _refuse_what_failed(data: xarray.Dataset, planned: RecordingPlan, out: Path,
     Raises
     ------
     UserError
-        If it holds no measured value, or the run failed.
+        If it holds no measured value.
+    IncompleteRecord
+        If the run failed, or rows lack a value.
     KeyboardInterrupt
         If the run was interrupted.
     """
@@ -161,9 +163,11 @@ def _refuse_what_failed(data: xarray.Dataset, planned: RecordingPlan, out: Path,
             " (--max-age)"
         )
     if "failure" in data.attrs:
-        raise UserError(f"{data.attrs['failure']}; {out} holds {held}")
-    if not data.attrs["complete"]:
+        raise IncompleteRecord(f"{data.attrs['failure']}; {out} holds {held}")
+    if data.time.size < planned.time.size:
         raise KeyboardInterrupt
+    if gaps := data.attrs["gaps"]:
+        raise IncompleteRecord(f"{gaps} of {data.time.size} rows lack a value; {out} holds {held}")
 
 
 def _drive(

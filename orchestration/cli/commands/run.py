@@ -15,7 +15,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import RunCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
-from orchestration.cli.real_time import keep, live_run, status_line
+from orchestration.cli.real_time import IncompleteRecord, keep, live_run, status_line
 
 if TYPE_CHECKING:
     import xarray
@@ -43,7 +43,7 @@ def run(options: RunCommand) -> None:
     with standard_output_for(options["json"]), ctrl_c_watch:
         data, reproduced = _run(experiment, options, live)
     if "failure" in data.attrs:
-        raise UserError(data.attrs["failure"])
+        raise (UserError if live is None else IncompleteRecord)(data.attrs["failure"])
     if not data.attrs["complete"]:  # it was interrupted, and what was computed is stored
         raise KeyboardInterrupt
     if not reproduced:

@@ -47,23 +47,26 @@ def dataset(
     -------
     xarray.Dataset
         Inputs, outputs and the ages of outputs over time, with the attributes of results of ``ppy
-        run``, as far as there are any without a model.
+        run``, as far as there are any without a model. Complete is what has every value of every
+        row; ``gaps`` is the number of rows that do not.
     """
     count = len(recorded.inputs)
-    columns = np.hstack([recorded.inputs, recorded.outputs, recorded.ages]).T
+    rows = np.hstack([recorded.inputs, recorded.outputs, recorded.ages])
+    gaps = int(np.isnan(rows).any(axis=1).sum())
     about = (
         about_experiment(planned.experiment, where)
         | about_pace(recorded.pacing)
         | _about_rig(planned, endpoint)
     )
     about |= {
-        "complete": int(count == planned.time.size and not recorded.failure),
+        "complete": int(count == planned.time.size and not recorded.failure and not gaps),
+        "gaps": gaps,
         "over": about["over"] if about["over"] in units(planned) else "time",
         "wall_time": float(planned.time[count - 1]),
     }
     if recorded.failure:
         about["failure"] = recorded.failure
-    values = dict(zip(units(planned), columns, strict=True))
+    values = dict(zip(units(planned), rows.T, strict=True))
     return results.dataset(
         planned.time[:count], values, _signals(planned), set(planned.inputs), about
     )

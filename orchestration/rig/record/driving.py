@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.rig_proxy import SAFE, Link, LinkError
+from fmus.rig_proxy import Link, LinkError, describe_latch
 from orchestration.experiment import Moment
 from orchestration.master import Interrupt, Pacer, Pacing, RealTime
 from orchestration.rig.record.planning import RecordingPlan
@@ -214,8 +214,8 @@ class _Drive:
             if silent > max(_SILENCE, self._plan.watchdog):
                 return f"no answer from {self._link.endpoint} for {silent:.1f} s"
             return ""
-        if sample["state"] == SAFE:
-            return f"the rig went to its safe state: {sample['reason']}"
+        if latch := describe_latch(sample):
+            return latch
         if sample["refused"]:
             return f"the rig refused a command: {sample['refused'][0]}"
         return ""
@@ -226,7 +226,7 @@ class _Drive:
         commands = self._commands[min(k, len(self._commands) - 1)]
         wait = max(_LEAST_WAIT, _WAITING * interval)
         sample = self._link.exchange(commands, point, interval, wait)
-        if sample is not None and (sample["state"] == SAFE or sample["refused"]):
+        if sample is not None and (describe_latch(sample) or sample["refused"]):
             return sample
         before = self._row
         if before is None or before.k != k:

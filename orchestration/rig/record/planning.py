@@ -12,7 +12,7 @@ import numpy as np
 from fmus import COMPONENTS, component
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
-from fmus.rig_proxy import LOCKSTEP, SAFE
+from fmus.rig_proxy import LOCKSTEP, describe_latch
 from orchestration.experiment import Experiment, points, stimulus_values
 
 _PER_WATCHDOG = 3  # exchanges in the time after which the rig stops without one
@@ -138,10 +138,8 @@ def _check_state(rig: Mapping[str, Any]) -> None:
         raise UserError(
             "the rig runs in lockstep, where time is the client's; a record needs one in real time"
         )
-    if rig["state"] == SAFE:
-        raise UserError(
-            f"the rig is in its safe state: {rig['reason']} (ppy rig acknowledge releases it)"
-        )
+    if latch := describe_latch(rig):
+        raise UserError(f"{latch} (ppy rig acknowledge releases it)")
     if rig["client"]:
         raise UserError(f"the rig has a client already: {rig['client']}")
     for key in ("period", "watchdog"):

@@ -84,10 +84,10 @@ def test_garbage_from_the_other_side_is_passed_over(linked):
         b"\xff\xfe",
         b"{}",
         b"[]",
-        b'{"ppy": 1}',
-        b'{"ppy": 2, "type": "accepted"}',
+        b'{"ppy": 2}',
+        b'{"ppy": 3, "type": "accepted"}',
         protocol.encode("disconnected"),
-        b'{"ppy":1,"type":"accepted","session":1}',
+        b'{"ppy":2,"type":"accepted","session":1}',
         b"[" * 50_000,
     ]
     context = zmq.Context()
@@ -177,10 +177,20 @@ def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked):
         time.sleep(0.05)
         assert link.late()["values"][0] == 1.0
         assert link.round_trip_time == pytest.approx(0.55, abs=0.2)
+        time.sleep(0.2)
+        assert link.round_trip_time == pytest.approx(0.55, abs=0.2), "all is answered"
         assert link.exchange([0.0, 0.0], 0.1, 0.1, 0.01) is None
         answer(1, 9.0)  # once more, after a newer one was asked for
         answer(7, 9.0)  # nobody has asked for that
         time.sleep(0.05)
+        assert link.late() is None
+        time.sleep(0.8)
+        assert link.round_trip_time > 0.8, "no answer is no fast one"
+        timer = threading.Timer(0.05, answer, (2, 2.0))
+        timer.start()
+        assert link.exchange([0.0, 0.0], 0.2, 0.1, 0.3) is None
+        timer.join()
+        assert link.late()["values"][0] == 2.0, "though it came while another was waited for"
         assert link.late() is None
     finally:
         context.destroy(linger=0)
@@ -188,7 +198,7 @@ def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked):
 
 def test_nobody_there(linked):
     begin = time.monotonic()
-    with pytest.raises(LinkError, match="is `ppy rig serve` running"):
+    with pytest.raises(LinkError, match="is `ppy rig serve` running, or do the keys not match"):
         linked(f"tcp://127.0.0.1:{free_port()}").connect(0.0, 0.2)
     assert time.monotonic() - begin < 1.0
 

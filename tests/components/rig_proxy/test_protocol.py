@@ -75,7 +75,7 @@ def messages(block: str) -> list[str]:
 
 def test_what_is_encoded_is_decoded():
     frame = protocol.encode("sample", **SAMPLE)
-    assert protocol.decode(frame, protocol.REPLIES) == {"ppy": 1, "type": "sample", **SAMPLE}
+    assert protocol.decode(frame, protocol.REPLIES) == {"ppy": 2, "type": "sample", **SAMPLE}
     assert b"\n" not in frame
 
 
@@ -93,7 +93,7 @@ def test_bytes_are_a_message_or_a_protocol_error(frame):
 @given(st.dictionaries(st.sampled_from(["ppy", "type", *SAMPLE]), anything))
 def test_objects_are_a_message_or_a_protocol_error(fields):
     refused(json.dumps(fields).encode())
-    refused(json.dumps({"ppy": 1, "type": "sample"} | fields).encode())
+    refused(json.dumps({"ppy": 2, "type": "sample"} | fields).encode())
 
 
 def refused(frame: bytes) -> None:
@@ -104,7 +104,7 @@ def refused(frame: bytes) -> None:
             said = str(error)
         else:
             said = ""
-            assert message["ppy"] == 1
+            assert message["ppy"] == 2
             assert set(known[message["type"]]) <= set(message)
         assert len(said) < 300
 
@@ -114,10 +114,10 @@ def refused(frame: bytes) -> None:
     [
         (b"x" * 70_000, "70000 bytes; 65536 are allowed"),
         (b"[1]", "no JSON object"),
-        (b'{"ppy": 2, "type": "stop", "reason": ""}', "version 2; this is version 1"),
-        (b'{"ppy": 1, "type": "shutdown"}', "type 'shutdown'; there are connect"),
-        (b'{"ppy": 1, "type": "stop"}', "stop whose reason is missing"),
-        (b'{"ppy": 1, "type": "stop", "reason": 3}', "stop whose reason is 3"),
+        (b'{"ppy": 3, "type": "stop", "reason": ""}', "version 3; this is version 2"),
+        (b'{"ppy": 2, "type": "shutdown"}', "type 'shutdown'; there are connect"),
+        (b'{"ppy": 2, "type": "stop"}', "stop whose reason is missing"),
+        (b'{"ppy": 2, "type": "stop", "reason": 3}', "stop whose reason is 3"),
         (b"[" * 60_000, "no JSON"),
     ],
 )
@@ -144,6 +144,6 @@ def test_the_reason_is_told(frame, said):
 def test_a_field_of_another_type_is_none(name, bad):
     with pytest.raises(protocol.ProtocolError, match=f"sample whose {name}"):
         protocol.decode(
-            json.dumps({"ppy": 1, "type": "sample"} | SAMPLE | {name: bad}).encode(),
+            json.dumps({"ppy": 2, "type": "sample"} | SAMPLE | {name: bad}).encode(),
             protocol.REPLIES,
         )

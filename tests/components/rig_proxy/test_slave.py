@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 
 import pytest
 
 from tests.contract.raw import ERROR, OK, WARNING, Instance, instance
-from tests.support.rig.proxies import OUTPUTS, actuator_rig, connected
+from tests.support.rig.proxies import OUTPUTS, actuator_rig, answered, connected
 
 pytestmark = pytest.mark.real_time
 
@@ -87,11 +88,11 @@ def test_silence_is_held_with_growing_age_then_stale_then_lost(one):
         one.step(STEP)
         assert time.monotonic() - begin < FAST["communication_timeout"]
         assert link(one)[0] > held
-        rig.answers, rig.state = True, "idle"  # a server that was started anew knows no session
-        rig.session = ""
+        rig.answers = True  # and the session lives on, for the watchdog is longer
         step_until(one, CONNECTED)
         one.step(STEP), one.step(STEP)
         assert one.get("voltage") == voltage
+        assert len(rig.of_type("connect")) == 1
 
 
 def test_the_clock_runs_from_the_first_step_on(one):
@@ -124,29 +125,112 @@ def test_silence_fails_within_the_timeout(one):
         one.do("fmi2Terminate")
 
 
-def test_a_killed_server_and_one_in_its_place(one):
+def test_a_server_in_the_place_of_a_killed_one_gets_no_command(one):
+    """Whoever has seen to the rig after the crash has it at rest until somebody wants otherwise."""
     with actuator_rig() as rig:
-        connected(one, rig, FAST | {"current": 1.0}, on_stale="hold").step(STEP)
+        answered(connected(one, rig, FAST | {"current": 1.0}, on_stale="hold"), voltage=0.6)
         port = rig.port
     step_until(one, LOST)
     with actuator_rig(port=port) as rig:
-        step_until(one, CONNECTED)
-        begin = time.monotonic()
-        one.step(STEP), one.step(STEP)
-        assert time.monotonic() - begin > 1.5 * STEP, (
-            "the simulation does not race to make up for what was lost"
-        )
+        for _ in range(20):
+            one.step(STEP)
+        age, _, state = link(one)
+        assert state == LOST
+        passed = time.monotonic() - one.get("charge")[0]
+        assert age == pytest.approx(passed, abs=0.1)
         assert one.get("voltage") == [pytest.approx(0.6)]
-        assert [m["type"] for m in rig.heard].count("connect") >= 1
+        assert rig.of_type("connect") == []
+        assert {current["current"] for _, current in rig.applied} == {0.0}
 
 
-def test_the_safe_state_is_an_error_with_its_reason(one):
+def test_a_session_that_was_taken_away_is_over_and_told_once(one):
+    with actuator_rig() as rig:
+        connected(one, rig, FAST | {"current": 1.0}, on_stale="hold").step(STEP)
+        rig.session = "another's"
+        for _ in range(5):
+            one.step(STEP)
+        assert link(one)[2] == LOST
+        refusals = [text for text in one.messages if "no such session" in text]
+        assert len(refusals) == 1
+        assert one.levels[one.messages.index(refusals[0])] == WARNING
+        assert len(rig.of_type("connect")) == 1
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        ("stopping", "on the way to its safe state: the emergency stop was pressed"),
+        ("safe", "in its safe state: the emergency stop was pressed"),
+        ("not reached", "HAS NOT REACHED ITS SAFE STATE AND MAY STILL BE ENERGISED: the emergency"),
+    ],
+)
+def test_a_latch_is_an_error_with_its_reason(one, state, said):
     with actuator_rig() as rig:
         connected(one, rig, FAST, on_stale="hold").step(STEP)
-        rig.safe("the emergency stop was pressed")
-        _, said = fails(one)
-        assert "safe state: the emergency stop was pressed" in said
+        rig.safe("the emergency stop was pressed", state)
+        assert said in fails(one)[1]
         assert one.call("fmi2DoStep", one.time, STEP, 1) == ERROR
+
+
+@pytest.mark.parametrize("how", ["silent", "latched", "dead", "terminated"])
+def test_what_a_host_reads_after_the_end_is_as_old_as_it_says(one, how):
+    """The rig's charge is the time at which it was measured."""
+    with actuator_rig() as rig:
+        connected(one, rig, FAST | {"current": 1.0}, on_stale="fail")
+        one.step(STEP), one.step(STEP)
+        if how == "silent":
+            rig.answers = False
+        elif how == "latched":
+            rig.safe("the emergency stop was pressed")
+        elif how == "terminated":
+            one.do("fmi2Terminate")
+        if how in ("silent", "latched"):
+            fails(one)
+    if how == "dead":
+        fails(one)
+    reads = []
+    for _ in range(3):
+        time.sleep(0.2)
+        reads.append(one.get("charge_age", "voltage_age", "round_trip_time"))
+        passed = time.monotonic() - one.get("charge")[0]
+        assert passed - 1e-3 <= reads[-1][0] <= passed + 0.1
+        assert one.get("link_state") == [LOST]
+    for first, second in itertools.pairwise(reads):
+        for before, after in zip(first, second, strict=True):
+            assert 0.2 <= after - before < 0.35
+
+
+def test_nothing_looks_fresh_before_there_is_anything(one):
+    one.do("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
+    one.do("fmi2EnterInitializationMode")
+    age, _, state = link(one)
+    assert state == LOST
+    assert age > 3.2e7, "a year at least"
+
+
+def test_a_second_instance_is_refused_and_the_first_goes_on(fmu, runtime):
+    with (
+        actuator_rig() as rig,
+        instance(fmu("rig_proxy", runtime)) as one,
+        instance(fmu("rig_proxy", runtime)) as other,
+    ):
+        connected(one, rig, FAST | {"current": 1.0})
+        with pytest.raises(AssertionError, match="the rig serves rig_proxy"):
+            connected(other, rig, FAST)
+        one.step(STEP), one.step(STEP)
+        assert link(one)[1:] == (0, CONNECTED)
+        first, second = (message["instance"] for message in rig.of_type("connect"))
+        assert first != second
+
+
+def test_a_first_command_may_come_later_than_the_watchdog(one):
+    """Masters that read their other members for a while before they begin."""
+    with actuator_rig(watchdog=0.2) as rig:
+        connected(one, rig, FAST | {"current": 1.0})
+        time.sleep(0.6)
+        one.step(STEP), one.step(STEP)
+        assert link(one)[2] == CONNECTED
+        assert one.get("voltage") == [pytest.approx(0.6)]
 
 
 def test_a_refused_command_is_a_warning_and_a_state(fmu, runtime):
@@ -197,18 +281,6 @@ def test_other_signals_and_units_are_refused_with_the_reason(one):
         connected(one, rig, FAST)
 
 
-def test_a_rig_that_is_taken_is_refused(fmu, runtime):
-    with (
-        actuator_rig() as rig,
-        instance(fmu("rig_proxy", runtime)) as one,
-        instance(fmu("rig_proxy", runtime)) as other,
-    ):
-        connected(one, rig, FAST)
-        with pytest.raises(AssertionError, match="refuses"):
-            connected(other, rig, FAST)
-        one.step(STEP)
-
-
 def test_a_long_step_does_not_trip_the_watchdog(one):
     with actuator_rig(watchdog=0.2) as rig:
         connected(one, rig, {"communication_timeout": 2.0, "current": 1.0})
@@ -225,6 +297,18 @@ def test_a_fast_master_is_slowed_to_the_rigs_clock(one):
         for _ in range(30):
             one.step(0.01)
         assert 0.3 - 0.005 < time.monotonic() - begin < 0.8
+
+
+def test_a_simulation_that_is_late_by_steps_does_not_race(one):
+    """Its values would be as old as ever in a time that goes faster."""
+    with actuator_rig() as rig:
+        connected(one, rig)
+        one.step(STEP)
+        time.sleep(0.3)
+        begin = time.monotonic()
+        for _ in range(10):
+            one.step(STEP)
+        assert time.monotonic() - begin > 10 * STEP - 1e-3
 
 
 def test_in_lockstep_nobody_waits_for_a_clock_and_silence_is_an_error(one):

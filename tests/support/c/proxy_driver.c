@@ -1,6 +1,6 @@
 /* Drives the engine of a rig proxy by lines on standard input, one answer per line; for tests of the engine alone.
  *
- *     set NAME VALUE | text NAME VALUE | initialize TIME | advance TIME STEP | terminate | free | create
+ *     set NAME VALUE | text NAME VALUE | initialize TIME | advance TIME STEP | evaluate TIME | terminate | free | create
  *         -> ok or error, message, seconds it took, outputs; separated by tabs
  *     burst STEP COUNT -> ok or error, message, seconds of the longest of so many steps, outputs
  *     locale NAME -> ok or error
@@ -66,6 +66,8 @@ static bool call(const char *command, const char *first, const char *second, Mes
         setlocale(LC_ALL, "C");
         return done;
     }
+    if (strcmp(command, "evaluate") == 0)
+        return engine_evaluate(engine, strtod(first, NULL), message);
     if (strcmp(command, "terminate") == 0)
         engine_terminate(engine);
     else if (strcmp(command, "free") == 0)
@@ -105,7 +107,7 @@ static void read_frame(const char *hexadecimal) {
     reply_read(frame, size, &reply);
     printf("%d\t%s\t%llu\t", (int)reply.kind, reply.session, (unsigned long long)reply.sequence);
     print_numbers((double[]){reply.sent, reply.clock, reply.period, reply.watchdog}, 4);
-    printf("\t%d\t%d\t%s\t%d\t%s\t", reply.lockstep, reply.safe, reply.reason, reply.refusals, reply.refusal);
+    printf("\t%d\t%d\t%s\t%d\t%s\t", reply.lockstep, reply.state, reply.reason, reply.refusals, reply.refusal);
     print_numbers(reply.values, MEASURED);
     printf("\t");
     print_numbers(reply.ages, MEASURED);

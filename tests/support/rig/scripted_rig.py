@@ -29,6 +29,8 @@ class ScriptedRig:
     ----------
     requests : list of dict
         All that came in.
+    peers : set of bytes
+        What those that sent them call themselves.
     answer, exchanged : callable
         Any request to replies, and an exchange of the present session; replaced by tests.
     """
@@ -36,6 +38,7 @@ class ScriptedRig:
     def __init__(self, outputs: int, mode: str = "real-time", watchdog: float = 0.2):
         self.outputs, self.mode, self.watchdog = outputs, mode, watchdog
         self.requests: list[Message] = []
+        self.peers: set[bytes] = set()
         self.sessions = 0
         self.integral, self.newest = 0.0, 0.0
         self.answer: Callable[[Message], list[Reply]] = self.replies
@@ -103,8 +106,8 @@ class ScriptedRig:
 
 
 def message(kind: str, **fields: Any) -> Message:
-    """A message of version 1."""
-    return {"ppy": 1, "type": kind, **fields}
+    """A message of version 2."""
+    return {"ppy": 2, "type": kind, **fields}
 
 
 @contextmanager
@@ -139,6 +142,7 @@ def _serve(rig: ScriptedRig, router: Any, over: threading.Event) -> None:
             peer, frame = router.recv_multipart()
             request = json.loads(frame)
             rig.requests.append(request)
+            rig.peers.add(peer)
             for delay, reply in rig.answer(request):
                 content = reply if isinstance(reply, bytes) else json.dumps(reply).encode()
                 heapq.heappush(waiting, (time.monotonic() + delay, next(count), peer, content))

@@ -13,14 +13,15 @@ import os
 import signal
 import threading
 from bisect import bisect_left
-from time import perf_counter
+from time import perf_counter, sleep
 
 import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.master import RealTime, Stopped, run
-from orchestration.master.pacing import EDGES
+from orchestration.master.interrupt import Interrupt
+from orchestration.master.pacing import EDGES, Pacer
 from orchestration.system import Member, System
 from tests.support.command import posix
 from tests.support.master.samples import build_member, ring
@@ -182,3 +183,22 @@ def test_what_is_not_allowed_is_noted(sleeper, monkeypatch):
 def test_settings_that_make_no_sense_are_refused(options, told):
     with pytest.raises(UserError, match=told):
         RealTime(**options)
+
+
+@pytest.mark.parametrize("makes_up", [True, False])
+def test_a_delay_is_made_up_for_unless_a_rig_waits_at_the_other_end(makes_up):
+    time = points(0.02, 0.4)
+    pacer = Pacer(RealTime(makes_up=makes_up), time.tolist(), Interrupt())
+    pacer.begin(())
+    sleep(0.2)
+    pacer.keep(1, ())
+    begin = perf_counter()
+    for k in range(2, 10):
+        pacer.keep(k, ())
+    passed = perf_counter() - begin
+    if makes_up:
+        assert passed < 0.02 + LATE
+        assert pacer.statistics().missed >= 7
+    else:
+        assert passed >= 8 * 0.02 - 1e-4
+    assert pacer.statistics().worst_lag >= 0.18

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fmus import PROXIES, component
 from fmus.kit.errors import UserError
 from orchestration.rig.calibration import Calibration, Channel, presets, read_calibration
 
@@ -337,3 +338,18 @@ def test_the_presets_sensors_resolve_what_the_thesis_says() -> None:
     )  # 20 mV, 1000 times
     assert rig.outputs["displacement"].measured(5.0) == pytest.approx(25.4e-3)  # half of the stroke
     assert all(math.isnan(channel.measured(10.0)) for channel in rig.outputs.values())
+
+
+@pytest.mark.parametrize("preset", sorted(presets()))
+def test_a_shipped_proxy_fits_to_every_shipped_calibration(preset: str) -> None:
+    """It commands all inputs of the rig, and asks for nothing that is not measured."""
+    inputs, outputs = read_calibration(preset).units
+    fitting = []
+    for name in PROXIES:
+        layout = component(name).layout
+        measured = {v.name: v.unit for v in layout.outputs if f"{v.name}_age" in layout.names}
+        if {
+            v.name: v.unit for v in layout.inputs
+        } == inputs and measured.items() <= outputs.items():
+            fitting.append(name)
+    assert f"rig_proxy_{preset}" in fitting

@@ -120,7 +120,7 @@ def test_the_port_of_the_telemetry(engine):
             message("refused", reason="the rig is in its safe state since 14:02:11"),
             "since 14:02:11",
         ),
-        ({"ppy": 2, "type": "accepted"}, "version 2 of the protocol, the proxy version 1"),
+        ({"ppy": 3, "type": "accepted"}, "version 3 of the protocol, the proxy version 2"),
         (
             ScriptedRig(COUNT).accepted(values=[0.0] * (COUNT - 1) + [None]),
             f"the rig has no value of {MEASURED[-1]}",

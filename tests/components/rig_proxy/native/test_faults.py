@@ -85,12 +85,12 @@ GARBAGE = [
     b"{",
     b"null",
     b"[" * 60000,
-    b'{"ppy":1,"type":"sample"}',
+    b'{"ppy":2,"type":"sample"}',
     b"\xff" * 500,
     b"x" * 65536,
     b"y" * 100000,
     b"y" * 200000,
-    b'{"ppy":1,"type":"sample","values":[1e999]}',
+    b'{"ppy":2,"type":"sample","values":[1e999]}',
     b'"' + b"\\u0000" * 1000 + b'"',
 ]
 
@@ -124,7 +124,7 @@ def test_garbage_among_the_replies_is_passed_over(engine):
         {"state": None},
         {"refused": "no"},
         {"refused": [1]},
-        {"ppy": 2},
+        {"ppy": 3},
         {"type": "telemetry"},
     ],
 )
@@ -230,6 +230,21 @@ def test_heartbeats_are_answered(engine):
             for answer in [engine.advance(0.5 * k, 0.5) for k in range(3)]
         )
     assert rig.sessions == 1
+
+
+@pytest.mark.parametrize("mode", ["real-time", "lockstep"])
+def test_a_connection_that_was_given_up_between_steps_is_mended(engine, mode):
+    """A master that pauses answers no PING; the session is as it was."""
+    rig = ScriptedRig(COUNT, mode=mode, watchdog=100.0)
+    with served(rig, heartbeat_ivl=30, heartbeat_timeout=100) as endpoint:
+        started(engine, endpoint, communication_timeout=2.0, deadline=0.5)
+        for k in range(2):
+            time.sleep(0.4)
+            answer = engine.advance(0.02 * k, 0.02)
+            assert answer.ok, answer.message
+            assert (answer["link_state"], answer["missed_deadlines"]) == (CONNECTED, 0.0)
+    assert rig.sessions == 1
+    assert len(rig.peers) == 3, "a connection each, under names of their own"
 
 
 def test_a_server_that_takes_nothing_does_not_block(engine):

@@ -4,7 +4,10 @@ within its bound.
 
 from __future__ import annotations
 
+import math
+import re
 import socket
+import time
 
 import pytest
 
@@ -19,6 +22,9 @@ from tests.support.rig.native_engine import (
     STALE,
     STEP,
     TIMEOUT,
+    TIMES,
+    Answer,
+    NativeEngine,
     started,
     steps,
 )
@@ -28,13 +34,14 @@ from tests.support.rig.scripted_rig import Reply, ScriptedRig, served
 pytestmark = pytest.mark.real_time
 
 COUNT = len(MEASURED)
+YEAR = 3.2e7  # s
 
 
 def silent(request: object) -> list[Reply]:
     return []
 
 
-def test_silence_is_stale_then_lost_and_then_found_again(engine):
+def test_silence_is_stale_then_lost_and_the_session_goes_on_where_it_still_lives(engine):
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
         started(engine, endpoint)
@@ -52,7 +59,7 @@ def test_silence_is_stale_then_lost_and_then_found_again(engine):
         again = steps(engine, 33, 5)[-1]
         assert (again["link_state"], again["voltage"]) == (CONNECTED, 0.25)
         assert again["voltage_age"] < MAX_AGE
-        assert rig.sessions == 2
+        assert rig.sessions == 1
 
 
 @pytest.mark.parametrize(
@@ -68,7 +75,17 @@ def test_silence_is_an_error_where_it_shall_be(engine, max_age, text):
     assert text in last.message
 
 
-def test_a_server_that_is_killed_and_back(engine):
+def assert_held(answers: list[Answer]) -> None:
+    """Steps go on with a value that grows older, and a link that is lost."""
+    assert all(answer.ok and answer["link_state"] == LOST for answer in answers)
+    assert {answer["voltage"] for answer in answers} == {0.25}
+    for name in ("voltage_age", "round_trip_time"):
+        values = [answer[name] for answer in answers]
+        assert values == sorted(values)
+        assert values[-1] > values[0] + 0.5 * STEP * (len(answers) - 1)
+
+
+def test_a_server_that_is_killed_and_back_gets_no_command(engine):
     with served(ScriptedRig(COUNT)) as endpoint:
         started(engine, endpoint)
         steps(engine, 0, 3)
@@ -80,37 +97,118 @@ def test_a_server_that_is_killed_and_back(engine):
     )  # the pace is kept without a rig, too
     back = ScriptedRig(COUNT)
     with served(back, endpoint):
-        assert steps(engine, 33, 5)[-1]["link_state"] == CONNECTED
-    assert back.said("connect")
+        answers = steps(engine, 33, 20)
+    assert_held(answers)
+    assert [a.message for a in answers if "refuses" in a.message] == [], "it was lost before"
+    assert not back.said("connect")
+    assert len(back.exchanges()) == 1, "which the server has refused"
 
 
 @pytest.mark.parametrize("on_stale", ["hold", "fail"])
-def test_a_server_that_has_forgotten_the_session(engine, on_stale):
+def test_a_session_that_the_server_has_forgotten_is_over(engine, on_stale):
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
         started(engine, endpoint, on_stale=on_stale)
         steps(engine, 0, 3)
         rig.sessions += 1
-        answers = steps(engine, 3, 3)
-    if on_stale == "fail":
-        assert "refuses: no such session" in answers[-1].message
-    else:
-        assert answers[-1]["link_state"] == CONNECTED
-        assert rig.sessions == 3
+        sent = len(rig.exchanges())
+        answers = steps(engine, 3, 10)
+        if on_stale == "fail":
+            assert "refuses: no such session" in answers[-1].message
+        else:
+            assert_held(answers)
+            assert ["refuses: no such session" in a.message for a in answers] == [True] + 9 * [
+                False
+            ]
+        assert len(rig.exchanges()) == sent + 1
+        assert [r["type"] for r in rig.requests].count("connect") == 1
 
 
-def test_the_safe_state_is_an_error(engine):
+@pytest.mark.parametrize(
+    ("state", "text"),
+    [
+        ("safe", "the rig is in its safe state: tension beyond 5 N"),
+        ("stopping", "the rig is on the way to its safe state: tension beyond 5 N"),
+        (
+            "not reached",
+            "the rig HAS NOT REACHED ITS SAFE STATE AND MAY STILL BE ENERGISED: tension beyond 5 N",
+        ),
+    ],
+)
+def test_a_latch_is_an_error(engine, state, text):
     rig = ScriptedRig(COUNT)
     with served(rig) as endpoint:
         started(engine, endpoint)
         rig.exchanged = lambda request: [
-            (0.0, rig.sample(request, state="safe", reason="tension beyond 5 N"))
+            (0.0, rig.sample(request, state=state, reason="tension beyond 5 N"))
         ]
-        answer = steps(engine, 0, 1)[0]
-    assert (answer.ok, answer.message) == (
-        False,
-        "the rig is in its safe state: tension beyond 5 N",
-    )
+        answer = engine.advance(0.0, 0.3)
+    assert (answer.ok, answer.message) == (False, text)
+    assert answer.seconds < LATE, "it is told at once, and not at the end of the step"
+
+
+@pytest.mark.parametrize("how", ["silent", "latched", "refused", "bad input", "terminated"])
+def test_what_is_read_after_the_end_is_as_old_as_it_says(engine, how):
+    """An error of a step, or the end of the run, leaves the last values and their true ages."""
+    rig = ScriptedRig(COUNT)
+    with served(rig) as endpoint:
+        started(engine, endpoint, on_stale="fail")
+        assert steps(engine, 0, 3)[-1]["voltage_age"] < MAX_AGE
+        newest = time.monotonic()
+        match how:
+            case "silent":
+                rig.answer = silent
+            case "latched":
+                rig.exchanged = lambda request: [
+                    (0.0, rig.sample(request, values=[0.5] * COUNT, state="safe"))
+                ]
+            case "refused":
+                rig.sessions += 1
+            case "bad input":
+                engine.set(current=math.nan)
+            case "terminated":
+                engine.call("terminate")
+        assert not steps(engine, 3, 20)[-1].ok
+        time.sleep(0.3)
+        first, taken = engine.read(), time.monotonic()
+        time.sleep(0.2)
+        second = engine.read()
+    assert first["voltage"] == second["voltage"] == (0.5 if how == "latched" else 0.25)
+    assert 0.3 <= first["voltage_age"] <= taken - newest + STEP + LATE
+    assert 0.3 <= first["round_trip_time"] <= taken - newest + STEP + LATE
+    for name in (*(f"{value}_age" for value in MEASURED), "round_trip_time"):
+        assert 0.2 <= second[name] - first[name] <= 0.2 + LATE
+    assert first["link_state"] == second["link_state"] == LOST
+
+
+def test_before_and_without_a_first_answer_nothing_looks_fresh(engine):
+    before = engine.read()
+    engine.set(**TIMES | {"endpoint": "tcp://127.0.0.1:1"})
+    assert not engine.initialize().ok
+    for read in (before, engine.read()):
+        assert read["link_state"] == LOST
+        assert min(read[f"{name}_age"] for name in MEASURED) > YEAR
+        assert read["round_trip_time"] > YEAR
+
+
+def test_every_instance_and_every_connection_has_a_name_of_its_own(driver):
+    instances, names = set(), set()
+    for _ in range(2):
+        rig = ScriptedRig(COUNT)
+        engine = NativeEngine(driver)
+        with served(rig) as endpoint:
+            for _ in range(2):
+                started(engine, endpoint)
+                engine.call("terminate")
+        engine.close()
+        assert len(rig.peers) == 2
+        for peer in rig.peers:
+            assert re.fullmatch(rb"ppy-[0-9a-f]{16}-\d+", peer)
+        instances |= {r["instance"] for r in rig.requests if r["type"] == "connect"}
+        names |= rig.peers
+    assert len(instances) == 2
+    assert {name[4:20].decode() for name in names} == instances
+    assert len(names) == 4
 
 
 def test_a_refused_command_is_told(engine):

@@ -19,6 +19,7 @@ from fmus.rig_proxy import protocol
 from tests.support.rig.native_engine import MEASURED, NativeEngine
 
 COUNT = len(MEASURED)
+STATES = ("running", "stopping", "safe", "not reached")
 KINDS = ("none", "accepted", "refused", "sample", "disconnected", "foreign")
 
 
@@ -32,7 +33,7 @@ def reader(driver: Path) -> Iterator[NativeEngine]:
 def read(reader: NativeEngine, frame: bytes) -> dict[str, Any]:
     """The fields that the engine has found, or {} if the frame is nothing to it."""
     fields = reader.line("frame", frame.hex()).split("\t")
-    kind, session, sequence, numbers, lockstep, safe, reason, refusals, refusal, values, ages = (
+    kind, session, sequence, numbers, lockstep, state, reason, refusals, refusal, values, ages = (
         fields
     )
     sent, clock, period, watchdog = map(float.fromhex, numbers.split(" "))
@@ -58,7 +59,7 @@ def read(reader: NativeEngine, frame: bytes) -> dict[str, Any]:
                 "clock": clock,
                 "values": listed[0],
                 "ages": listed[1],
-                "safe": safe == "1",
+                "state": STATES[int(state)],
                 "reason": reason,
                 "refusals": int(refusals),
                 "refusal": refusal if refusals != "0" else "",
@@ -98,7 +99,7 @@ def expected(message: dict[str, Any]) -> dict[str, Any]:
     fields |= {
         "sequence": message["sequence"],
         "sent": message["sent"],
-        "safe": message["state"] == "safe",
+        "state": message["state"],
     }
     refused = message["refused"]
     return fields | {
@@ -109,8 +110,8 @@ def expected(message: dict[str, Any]) -> dict[str, Any]:
 
 
 def assert_no_message(reader: NativeEngine, value: bytes) -> None:
-    assert read(reader, b'{"ppy":1,"type":"disconnected","x":1}')
-    assert not read(reader, b'{"ppy":1,"type":"disconnected","x":' + value + b"}")
+    assert read(reader, b'{"ppy":2,"type":"disconnected","x":1}')
+    assert not read(reader, b'{"ppy":2,"type":"disconnected","x":' + value + b"}")
 
 
 def same(found: dict[str, Any], wanted: dict[str, Any]) -> bool:
@@ -152,7 +153,7 @@ FIELDS = {
         "clock": NUMBER,
         "values": PRESENT,
         "ages": PRESENT,
-        "state": st.sampled_from(["running", "safe"]),
+        "state": st.sampled_from(STATES),
         "reason": st.text(max_size=700),
         "refused": st.lists(st.text(max_size=30), max_size=3),
     },
@@ -161,7 +162,7 @@ FIELDS = {
 }
 MESSAGES = st.sampled_from(sorted(FIELDS)).flatmap(
     lambda kind: st.builds(
-        lambda fields, extra: {**extra, "ppy": 1, "type": kind, **fields},
+        lambda fields, extra: {**extra, "ppy": 2, "type": kind, **fields},
         st.fixed_dictionaries(FIELDS[kind]),
         st.dictionaries(st.text(max_size=8), ANY, max_size=3),
     )
@@ -241,7 +242,7 @@ TOKENS = [
     b"\n",
     b"\t",
     b'"values":',
-    b'"ppy":2,',
+    b'"ppy":3,',
     b'"type":"sample",',
 ]
 EDITS = st.lists(
@@ -285,12 +286,12 @@ def test_a_mutated_message_is_read_as_python_reads_it_or_not_at_all(reader, mess
 @example(b"[" * 60000)
 @example(b'{"a":' * 12000)
 @example(b'"' + b"\\" * 4001)
-@example(b'{"ppy":1,"type":"refused","reason":"\\u123')
+@example(b'{"ppy":2,"type":"refused","reason":"\\u123')
 @example(b"1" * 60000)
 @example(b'{"ppy":' + b"1" * 60000 + b"}")
-@example(b'{"ppy":1,"type":"refused","reason":"' + b"\\ud800" * 5000 + b'"}')
-@example(b'{"ppy":1,"type":"refused","reason":"' + "\N{SNOWMAN}".encode() * 10000 + b'"}')
-@example(b'{"ppy":1,"type":"sample","values":[' + b"null," * 10000 + b"null]}")
+@example(b'{"ppy":2,"type":"refused","reason":"' + b"\\ud800" * 5000 + b'"}')
+@example(b'{"ppy":2,"type":"refused","reason":"' + "\N{SNOWMAN}".encode() * 10000 + b'"}')
+@example(b'{"ppy":2,"type":"sample","values":[' + b"null," * 10000 + b"null]}")
 def test_any_bytes_are_survived(reader, frame):
     found, wanted = read(reader, frame), strict(frame)
     assert not found or (wanted is not None and same(found, expected(wanted)))
@@ -356,7 +357,7 @@ def test_what_is_no_utf_8_is_no_message(reader, character):
 
 @pytest.mark.parametrize("depth", [31, 32])
 def test_nesting_has_a_limit(reader, depth):
-    frame = b'{"ppy":1,"type":"disconnected","x":' + b"[" * depth + b"]" * depth + b"}"
+    frame = b'{"ppy":2,"type":"disconnected","x":' + b"[" * depth + b"]" * depth + b"}"
     assert bool(read(reader, frame)) == (depth < 32)
 
 
@@ -364,7 +365,7 @@ def test_nesting_has_a_limit(reader, depth):
 @pytest.mark.parametrize("name", ["values", "ages"])
 def test_there_are_as_many_values_as_were_asked_for(reader, name, count):
     message = {
-        "ppy": 1,
+        "ppy": 2,
         "type": "sample",
         "session": "s",
         "sequence": 1,
@@ -390,7 +391,7 @@ def test_numbers_are_read_to_the_last_bit(reader):
         9007199254740993.0,
     ]
     message = {
-        "ppy": 1,
+        "ppy": 2,
         "type": "accepted",
         "session": "s",
         "mode": "lockstep",

@@ -54,7 +54,7 @@ def test_signals_stand_in_their_order_with_their_units(planned):
 @pytest.mark.parametrize(
     ("rows", "failure", "complete"), [(5, "", 1), (3, "", 0), (5, "lost", 0), (3, "lost", 0)]
 )
-def test_a_record_says_whether_it_is_complete(planned, rows, failure, complete):
+def test_a_record_says_whether_it_came_to_its_end(planned, rows, failure, complete):
     data = dataset(planned, recorded(rows, failure), "here", "tcp://127.0.0.1:5570")
     assert data.sizes["time"] == rows
     assert data.attrs["complete"] == complete
@@ -64,3 +64,13 @@ def test_a_record_says_whether_it_is_complete(planned, rows, failure, complete):
     for column, name in enumerate(NAMES):
         assert data[name].values.tolist() == [6.0 * row + column for row in range(rows)]
         assert data[name].attrs["units"] == units(planned)[name]
+
+
+@pytest.mark.parametrize("part", ["inputs", "outputs", "ages"])
+def test_a_row_that_lacks_a_value_is_a_gap_and_the_record_incomplete(planned, part):
+    run = recorded(5)
+    getattr(run, part)[[1, 3, 3], [0, 0, 1]] = np.nan  # three values in two rows
+    data = dataset(planned, run, "here", "tcp://127.0.0.1:5570")
+    assert (data.attrs["complete"], data.attrs["gaps"]) == (0, 2)
+    whole = dataset(planned, recorded(5), "here", "tcp://127.0.0.1:5570")
+    assert (whole.attrs["complete"], whole.attrs["gaps"]) == (1, 0)

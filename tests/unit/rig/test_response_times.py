@@ -1,0 +1,103 @@
+"""Claims: what a machine holds with a rig is measured by what the rig answers, and too little is
+refused in one line that says what would do.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from fmus.kit import UserError
+from fmus.rig_proxy.link import Link
+from orchestration.rig.response_times import (
+    ResponseTimes,
+    check_response_times,
+    measure_response_times,
+)
+from tests.support.rig.small_rig import SmallRig, free_port
+
+THOUSAND = 1e-3 * np.arange(1, 1001)  # delays of 1 ms to 1 s, evenly
+
+
+class Slow:
+    """A rig that takes a known time for every answer."""
+
+    endpoint = "tcp://127.0.0.1:5570"
+
+    def __init__(self, *delays: float):
+        self.delays, self.asked = delays, []
+
+    def status(self, timeout):
+        self.asked.append(time.monotonic())
+        time.sleep(self.delays[len(self.asked) % len(self.delays)])
+        return {"mode": "real-time", "watchdog": 0.2}
+
+
+def test_quantiles_are_delays_that_were_seen():
+    measured = ResponseTimes(0.01, THOUSAND, 0.2)
+    found = [measured.quantile(share) for share in (0.5, 0.99, 0.999, 1.0)]
+    assert found == pytest.approx([0.5, 0.99, 0.999, 1.0])
+    assert str(measured) == "p50 500 ms, p99 990 ms, p99.9 999 ms, max 1e+03 ms"
+    assert measured.longest_pause == 0.1
+
+
+@pytest.mark.parametrize(("late", "held"), [(1, True), (2, False)])
+def test_one_answer_in_a_thousand_may_be_late(late, held):
+    delays = np.sort(np.concatenate([np.full(1000 - late, 5e-4), np.full(late, 9e-3)]))
+    measured = ResponseTimes(1e-3, delays, 0.2)
+    assert measured.holds(1e-3) == held
+    if held:
+        check_response_times(measured, "tcp://rig:5570")
+        return
+    with pytest.raises(UserError) as refused:
+        check_response_times(measured, "tcp://rig:5570")
+    text = str(refused.value)
+    assert "does not hold 1000 Hz with the rig at tcp://rig:5570" in text
+    assert "p99.9 9 ms" in text
+    assert "it holds 100 Hz" in text
+    assert "\n" not in text
+
+
+@pytest.mark.real_time(limit=0.02)
+def test_a_delay_is_from_when_an_answer_was_due():
+    rig = Slow(0.002, 0.03)
+    measured = measure_response_times(rig, 0.05)
+    assert measured.times.size == 20
+    assert measured.times[:10] == pytest.approx(0.002, abs=0.01)
+    assert measured.times[10:] == pytest.approx(0.03, abs=0.01)
+    assert 0.9 < rig.asked[-1] - rig.asked[0] < 1.3
+    assert measured.watchdog == 0.2
+
+
+@pytest.mark.real_time(limit=0.1)
+def test_a_rig_slower_than_the_rate_is_found_late():
+    """Nothing of the backlog is forgotten: the last of fifty is late by all of it."""
+    measured = measure_response_times(Slow(0.03), 0.02)
+    assert measured.quantile(1.0) == pytest.approx(50 * 0.03 - 49 * 0.02, abs=0.1)
+    assert not measured.holds(0.02)
+
+
+def test_a_rig_is_asked_and_nothing_moves():
+    with SmallRig() as rig:
+        link = Link(rig.endpoint, {}, {})
+        measured = measure_response_times(link, 0.02)
+        link.close()
+    assert measured.times.size == 50
+    assert {message["type"] for message in rig.heard} == {"status"}
+    assert rig.state == "idle"
+
+
+def test_a_rig_that_waits_for_its_client_is_never_too_slow():
+    with SmallRig(mode="lockstep") as rig:
+        link = Link(rig.endpoint, {}, {})
+        assert measure_response_times(link, 1e-3) is None
+        link.close()
+
+
+def test_nobody_there():
+    link = Link(f"tcp://127.0.0.1:{free_port()}", {}, {})
+    with pytest.raises(UserError, match=r"no answer within 2 s .*, or do the keys not match\?"):
+        measure_response_times(link, 0.1)
+    link.close()
