@@ -31,6 +31,9 @@ LIMITS = {
     "voltage": {"min": -1.0, "max": 1.0, "rate": None},
 }
 
+OPERATORS = ("stop", "acknowledge", "status")  # what an operator may send
+ALL = ("connect", "exchange", "disconnect", "stop", "status")  # and a client
+
 LEVELS = """
 title = "Levels"
 component = "ppy_actuator"
@@ -60,17 +63,18 @@ def gains(inputs: Mapping[str, float], now: float) -> dict[str, float]:
 
 
 def free_port() -> int:
-    """A port that is free, and so is the one above it."""
+    """A port that is free, and so are the two above it."""
     for _ in range(100):
-        with socket.socket() as first, socket.socket() as second:
+        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
             first.bind(("127.0.0.1", 0))
             port = first.getsockname()[1]
             try:
                 second.bind(("127.0.0.1", port + 1))
+                third.bind(("127.0.0.1", port + 2))
             except (OSError, OverflowError):
                 continue
             return int(port)
-    raise RuntimeError("no two free ports")
+    raise RuntimeError("no three free ports")
 
 
 class SmallRig:
@@ -78,8 +82,10 @@ class SmallRig:
 
     `heard` is every request, `applied` every pair of a clock and the inputs that were applied from
     then on. A test may set `answers`, `publishes`, `measures` to False, or change `state`,
-    `reason`, `client`, `period`, at any time; what is in `then`, by number, is done before that
-    exchange is answered.
+    `reason`, `alarm`, `client`, `period`, at any time; what is in `then`, by number, is done before
+    that exchange is answered. The safe state takes `settling` s; where that is longer than `bound`,
+    it is `not reached`, and becomes `safe` late. Telemetry says of `unknown` inputs that nobody
+    knows them, and gives `read_back` as it is.
     """
 
     def __init__(
@@ -99,6 +105,12 @@ class SmallRig:
         self.plant, self.inputs, self.outputs, self.limits = plant, inputs, outputs, limits
         self.period, self.watchdog, self.keys, self.mode = period, watchdog, keys, mode
         self.state, self.reason, self.client, self.session = "idle", "", "", ""
+        self.latch, self.alarm, self.reached = "", "", None
+        self.settling, self.bound = 0.0, 0.2
+        self.unknown: set[str] = set()
+        self.read_back: dict[str, float | None] = {}
+        self.clock_ahead = 0.0  # s: of this rig's clock, which is nobody else's
+        self._latched = 0.0
         self.answers = self.publishes = self.measures = True
         self.heard: list[dict[str, Any]] = []
         self.then: dict[int, Callable[[], object]] = {}
@@ -125,9 +137,20 @@ class SmallRig:
         return [message for message in list(self.heard) if message["type"] == kind]
 
     def safe(self, reason: str) -> None:
-        """Go to the safe state."""
-        self.state, self.reason = "safe", reason
-        self._commands = dict.fromkeys(self.inputs, 0.0)
+        """Go to the safe state, latched."""
+        self._latched = time.monotonic()
+        self.latch, self.reason, self.reached = f"{self._latched:.6f}", reason, None
+        self.state = "stopping"
+        self._settle(self._latched)
+
+    def _settle(self, now: float) -> None:
+        """Go on towards the safe state."""
+        taken = now - self._latched
+        if taken >= self.settling:
+            self.state, self.reached = "safe", taken
+            self._commands = dict.fromkeys(self.inputs, 0.0)
+        elif taken > self.bound:
+            self.state, self.alarm = "not reached", f"not safe within {self.bound:g} s"
 
     # --- what runs in the thread
     # -------------------------------------------------------------------------------
@@ -135,18 +158,22 @@ class SmallRig:
     def _run(self) -> None:
         context, authenticator = zmq.Context(), None
         router, publisher = context.socket(zmq.ROUTER), context.socket(zmq.PUB)
+        operators = context.socket(zmq.ROUTER)
         if self.keys is not None:
             table = tomllib.loads(self.keys.read_text())
             authenticator = ThreadAuthenticator(context)
             authenticator.start()
             authenticator.configure_curve_callback("*", _Allowed(table["clients"]))
-            for each in (router, publisher):
+            for each in (router, publisher, operators):
                 each.curve_server = True
                 each.curve_publickey = table["public_key"].encode()
                 each.curve_secretkey = table["secret_key"].encode()
-        for each, port in ((router, self.port), (publisher, self.port + 1)):
+        for number, each in enumerate((router, publisher, operators)):
             each.linger = 0
-            each.bind(f"tcp://127.0.0.1:{port}")
+            each.bind(f"tcp://127.0.0.1:{self.port + number}")
+        poller = zmq.Poller()
+        poller.register(router, zmq.POLLIN)
+        poller.register(operators, zmq.POLLIN)
         self._ready.set()
         following = time.monotonic()
         while not self._ends.is_set():
@@ -154,8 +181,8 @@ class SmallRig:
             if now >= following:
                 following = max(following + self.period, now)
                 self._sample(publisher, now)
-            if router.poll(max(0, min(20, math.ceil(1000.0 * (following - now))))):
-                self._answer(router, router.recv_multipart())
+            for each, _ in poller.poll(max(0, min(20, math.ceil(1000.0 * (following - now))))):
+                self._answer(each, each.recv_multipart(), OPERATORS if each is operators else ALL)
         if authenticator is not None:
             authenticator.stop()
         context.destroy(linger=0)
@@ -167,6 +194,8 @@ class SmallRig:
             and self.mode == "real-time"
         ):
             self.safe(f"no command for {self.watchdog:g} s")
+        if self.state in ("stopping", "not reached"):
+            self._settle(now)
         if not self.applied or self.applied[-1][1] != self._commands:
             self.applied.append((now, dict(self._commands)))
         if self.measures:
@@ -176,13 +205,11 @@ class SmallRig:
 
     def _publish(self, publisher: Any, now: float) -> None:
         message = {
-            "ppy": 1,
+            "ppy": 2,
             "type": "telemetry",
-            "clock": now,
-            "state": self.state,
-            "reason": self.reason,
-            "client": self.client,
-            "inputs": self._commands,
+            **self._condition(now),
+            "inputs": {**self._commands, **dict.fromkeys(self.unknown)},
+            "read_back": self.read_back,
             "outputs": self._values,
             "ages": dict.fromkeys(self.outputs, now - self._measured),
             "command_age": now - self._fresh,
@@ -190,12 +217,14 @@ class SmallRig:
         }
         publisher.send(json.dumps(message).encode())
 
-    def _answer(self, router: Any, frames: list[bytes]) -> None:
+    def _answer(self, router: Any, frames: list[bytes], taken: tuple[str, ...]) -> None:
         message = json.loads(frames[-1])
+        if message["type"] not in taken:
+            return
         self.heard.append(message)
         reply = getattr(self, f"_{message['type']}")(message)
         if self.answers and reply is not None:
-            router.send_multipart([frames[0], json.dumps({"ppy": 1, **reply}).encode()])
+            router.send_multipart([frames[0], json.dumps({"ppy": 2, **reply}).encode()])
 
     def _about(self) -> dict[str, Any]:
         return {
@@ -205,12 +234,24 @@ class SmallRig:
             "limits": self.limits,
         }
 
+    def _condition(self, now: float) -> dict[str, Any]:
+        return {
+            "state": self.state,
+            "reason": self.reason,
+            "latch": self.latch,
+            "reached": self.reached,
+            "alarm": self.alarm,
+            "clock": now + self.clock_ahead,
+            "client": self.client,
+        }
+
     def _newest(self, now: float) -> dict[str, Any]:
         names = self._order[1]
         if self.mode == "lockstep":  # what follows a command at once is its client's to see
             self._values, self._measured = dict(self.plant(self._commands, now)), now
         age = [None if self._values[name] is None else now - self._measured for name in names]
-        return {"clock": now, "values": [self._values[name] for name in names], "ages": age}
+        clock = now + self.clock_ahead
+        return {"clock": clock, "values": [self._values[name] for name in names], "ages": age}
 
     def _connect(self, message: dict[str, Any]) -> dict[str, Any]:
         wanted = (message["inputs"], message["outputs"])
@@ -270,16 +311,16 @@ class SmallRig:
         return self._status(message)
 
     def _acknowledge(self, message: dict[str, Any]) -> dict[str, Any]:
+        if message["latch"] != self.latch:
+            return {"type": "refused", "reason": f"the present latch is {self.latch}"}
         self.state, self.reason, self.session, self.client = "idle", "", "", ""
+        self.latch, self.alarm, self.reached = "", "", None
         return self._status(message)
 
     def _status(self, message: dict[str, Any]) -> dict[str, Any]:
         return {
             "type": "status",
-            "state": self.state,
-            "reason": self.reason,
-            "clock": time.monotonic(),
-            "client": self.client,
+            **self._condition(time.monotonic()),
             "inputs": self.inputs,
             "outputs": self.outputs,
             **self._about(),
