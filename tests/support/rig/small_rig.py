@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 import tomllib
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -85,7 +86,7 @@ class SmallRig:
     `reason`, `alarm`, `client`, `period`, at any time; what is in `then`, by number, is done before
     that exchange is answered. The safe state takes `settling` s; where that is longer than `bound`,
     it is `not reached`, and becomes `safe` late. Telemetry says of `unknown` inputs that nobody
-    knows them, and gives `read_back` as it is.
+    knows them, gives `read_back` as it is, and is under way for `transit` s.
     """
 
     def __init__(
@@ -109,6 +110,8 @@ class SmallRig:
         self.settling, self.bound = 0.0, 0.2
         self.unknown: set[str] = set()
         self.read_back: dict[str, float | None] = {}
+        self.transit = 0.0  # s
+        self._under_way: deque[tuple[float, bytes]] = deque()
         self.clock_ahead = 0.0  # s: of this rig's clock, which is nobody else's
         self._latched = 0.0
         self.answers = self.publishes = self.measures = True
@@ -142,6 +145,11 @@ class SmallRig:
         self.latch, self.reason, self.reached = f"{self._latched:.6f}", reason, None
         self.state = "stopping"
         self._settle(self._latched)
+
+    def acknowledge(self) -> None:
+        """Release the latch, and clear the alarm."""
+        self.state, self.reason, self.session, self.client = "idle", "", "", ""
+        self.latch, self.alarm, self.reached = "", "", None
 
     def _settle(self, now: float) -> None:
         """Go on towards the safe state."""
@@ -215,7 +223,9 @@ class SmallRig:
             "command_age": now - self._fresh,
             "refused": [],
         }
-        publisher.send(json.dumps(message).encode())
+        self._under_way.append((now + self.transit, json.dumps(message).encode()))
+        while self._under_way and self._under_way[0][0] <= now:
+            publisher.send(self._under_way.popleft()[1])
 
     def _answer(self, router: Any, frames: list[bytes], taken: tuple[str, ...]) -> None:
         message = json.loads(frames[-1])
@@ -313,8 +323,7 @@ class SmallRig:
     def _acknowledge(self, message: dict[str, Any]) -> dict[str, Any]:
         if message["latch"] != self.latch:
             return {"type": "refused", "reason": f"the present latch is {self.latch}"}
-        self.state, self.reason, self.session, self.client = "idle", "", "", ""
-        self.latch, self.alarm, self.reached = "", "", None
+        self.acknowledge()
         return self._status(message)
 
     def _status(self, message: dict[str, Any]) -> dict[str, Any]:
