@@ -6,15 +6,17 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 from fmus.kit import UserError
-from fmus.rig_proxy import MAX_FRAME, ClientKeys, read_client_keys
+from fmus.rig_proxy import MAX_FRAME, OPERATOR, TELEMETRY, ClientKeys, read_client_keys
 
 _ADDRESS = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
 _LONGEST_QUEUE = 16  # messages: what a socket may hold for a peer that does not take them
 # ms; a peer that is silent for three of them is taken for dead, and connected to anew
 _HEARTBEAT = 500
+HIGHEST_PORT = 65535 - OPERATOR  # of requests
 
 
 @dataclass(frozen=True)
@@ -23,25 +25,31 @@ class Endpoint:
 
     Attributes
     ----------
-    requests, telemetry : str
-        ZeroMQ addresses of the server's ROUTER and its PUB, which is one port higher.
+    requests, telemetry, operators : str
+        ZeroMQ addresses of the server's ROUTER for clients, of its PUB one port higher, and of its
+        ROUTER for operators two ports higher.
     keys : ClientKeys or None
     """
 
     requests: str
     telemetry: str
+    operators: str
     keys: ClientKeys | None = None
 
-    def connect(self, socket: Any, address: str) -> None:
-        """Connect a ZeroMQ socket, with keys if there are any, and with bounded queues.
+    def connect(self, socket: Any, address: str, *, has_name: bool = True) -> None:
+        """Connect a ZeroMQ socket, with a name, with keys if there are any, and bounded queues.
 
         Parameters
         ----------
         socket : zmq.Socket
         address : str
-            `requests` or `telemetry`.
+            One of those above.
+        has_name : bool
+            False for a peer that a server has to turn away.
         """
         bound_queues(socket)
+        if has_name:
+            socket.routing_id = new_name()
         socket.ipv6 = True
         socket.reconnect_ivl = 100  # ms
         socket.reconnect_ivl_max = 500  # ms
@@ -50,6 +58,11 @@ class Endpoint:
         if self.keys is not None:
             self.keys.unlock(socket)
         socket.connect(address)
+
+
+def new_name() -> bytes:
+    """Return a name for a connection, which a server demands, and which no other one has."""
+    return f"ppy-{token_hex(8)}".encode()
 
 
 def bound_queues(socket: Any) -> None:
@@ -108,9 +121,11 @@ def read_endpoint(
         If the text is no endpoint, or the key file is none.
     """
     host, port = parse_address(text)
-    if "*" in host or not 1 <= port <= 65534:
+    if "*" in host or not 1 <= port <= HIGHEST_PORT:
         raise UserError(
-            f"--endpoint {text!r}: write tcp://HOST:PORT, with one host and a port from 1 to 65534"
+            f"--endpoint {text!r}: write tcp://HOST:PORT, with one host and a port from 1 to"
+            f" {HIGHEST_PORT}"
         )
     keys = None if credentials is None else read_client_keys(credentials, warn)
-    return Endpoint(text, f"tcp://{host}:{port + 1}", keys)
+    telemetry, operators = (f"tcp://{host}:{port + more}" for more in (TELEMETRY, OPERATOR))
+    return Endpoint(text, telemetry, operators, keys)

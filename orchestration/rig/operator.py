@@ -42,7 +42,7 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
     context = zmq.Context()
     try:
         socket = context.socket(zmq.DEALER)
-        remote.connect(socket, remote.requests)
+        remote.connect(socket, remote.operators)
         socket.send(protocol.encode(kind, **fields))
         until = monotonic() + timeout
         while (remaining := until - monotonic()) > 0.0:
