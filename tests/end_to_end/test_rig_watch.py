@@ -630,6 +630,8 @@ def test_with_twenty_tabs_all_are_fresh_and_stop_gets_through(tab, before, tmp_p
         stranger.open(watch.address, 1280)
         for each in (*tabs, stranger):
             until(lambda each=each: each.run(FRESH))
+        ask_themselves = [any("/stream?" in url for url in each.requests) for each in tabs]
+        assert ask_themselves == [bool(before)] * TABS  # or the worker does it for all
         took = time_to_the_server(rig, tabs[-1])
         print(f"stop reached the server after {1000 * took:.0f} ms")
         assert took < PRESSED
@@ -643,12 +645,24 @@ def test_with_twenty_tabs_all_are_fresh_and_stop_gets_through(tab, before, tmp_p
         assert [each.complaints for each in (*tabs, stranger)] == [[]] * (TABS + 1)
 
 
+def test_a_worker_that_does_not_answer_is_done_without(tab):
+    silent = "window.SharedWorker = class { port = new MessageChannel().port1 }"
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        many_tabs(tab, watch.address, 1, silent) as (alone,),
+    ):
+        until(lambda: text(alone, "state") == "idle")
+        press_stop(alone)
+        until(lambda: is_safe(alone))
+
+
 def test_a_stop_is_sent_although_the_tab_is_closed_at_once(tab):
     with SmallRig() as rig, watching(rig.port) as watch:
         leaving = tab.another()
         leaving.open(watch.address, 1280)
         until(lambda: text(leaving, "state") == "idle")
-        press_stop(leaving)
+        leaving.run("document.getElementById('stop').click(); location = 'about:blank'")
         leaving.close()
         until(lambda: rig.of_type("stop"), PRESSED)
 
