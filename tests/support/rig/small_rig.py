@@ -113,7 +113,7 @@ class SmallRig:
         self.transit = 0.0  # s
         self._under_way: deque[tuple[float, bytes]] = deque()
         self.clock_ahead = 0.0  # s: of this rig's clock, which is nobody else's
-        self._latched = 0.0
+        self._latched: float | None = None
         self.answers = self.publishes = self.measures = True
         self.heard: list[dict[str, Any]] = []
         self.then: dict[int, Callable[[], object]] = {}
@@ -141,19 +141,20 @@ class SmallRig:
 
     def safe(self, reason: str) -> None:
         """Go to the safe state, latched."""
-        self._latched = time.monotonic()
-        self.latch, self.reason, self.reached = f"{self._latched:.6f}", reason, None
+        now = self._latched = time.monotonic()
+        self.latch, self.reason, self.reached = f"{now:.6f}", reason, None
         self.state = "stopping"
-        self._settle(self._latched)
+        self._settle(now, now)
 
     def acknowledge(self) -> None:
         """Release the latch, and clear the alarm."""
         self.state, self.reason, self.session, self.client = "idle", "", "", ""
-        self.latch, self.alarm, self.reached = "", "", None
+        self.latch, self.alarm = "", ""
+        self.reached = self._latched = None
 
-    def _settle(self, now: float) -> None:
+    def _settle(self, now: float, latched: float) -> None:
         """Go on towards the safe state."""
-        taken = now - self._latched
+        taken = now - latched
         if taken >= self.settling:
             self.state, self.reached = "safe", taken
             self._commands = dict.fromkeys(self.inputs, 0.0)
@@ -202,8 +203,8 @@ class SmallRig:
             and self.mode == "real-time"
         ):
             self.safe(f"no command for {self.watchdog:g} s")
-        if self.state in ("stopping", "not reached"):
-            self._settle(now)
+        if self._latched is not None and self.state in ("stopping", "not reached"):
+            self._settle(now, self._latched)
         if not self.applied or self.applied[-1][1] != self._commands:
             self.applied.append((now, dict(self._commands)))
         if self.measures:
