@@ -64,7 +64,8 @@ export function show(samples, now, since, period) {
     const last = samples.at(-1);
     if (role === "inputs") showCommand(signal, last, since, old, how);
     else showMeasured(signal, last, since, old);
-    if (!document.hidden) draw(part.canvas, points, { now, limit, how, held: role === "inputs", gap: old, colours: colours[role] });
+    if (document.hidden) continue; // nobody sees a chart
+    draw(part.canvas, points, { now, limit, how, held: role === "inputs", gap: old, colours: colours[role] });
   }
 }
 

@@ -51,8 +51,8 @@ function take(update, asked) {
 
 // Another program answers, which does not know this page's stop button. Whoever has pressed it has to see that.
 function startAnew() {
+  if (!isStale && !press) location.reload();
   isStale = true;
-  if (!press) location.reload();
 }
 
 function receive(update, asked) {
