@@ -5,12 +5,14 @@ nothing but stop.
 from __future__ import annotations
 
 import http.client
+import http.server
 import os
 import re
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 
@@ -112,6 +114,10 @@ def until(condition, within=PATIENCE):
     return time.monotonic() - began, found
 
 
+def is_safe(tab):
+    return text(tab, "word") == "safe"
+
+
 def is_lost(tab):
     return tab.run(
         "document.getElementById('alarm')?.hidden === false && document.body.dataset.state ==="
@@ -146,7 +152,7 @@ def test_every_signal_with_unit_limits_and_age(tab):
                 "max 1.3 A",
             )
             assert (shown["displacement"]["low"], shown["displacement"]["high"]) == ("", "")
-            assert re.fullmatch(r"age \d+ ms", shown["voltage"]["age"])
+            assert re.fullmatch(r"age at most \d+ ms", shown["voltage"]["age"])
             assert {of["kind"] for of in shown.values()} == {"card"}
         assert tab.complaints == []
         assert {
@@ -215,7 +221,7 @@ def test_an_old_value_never_looks_fresh(tab):
         tab.open(watch.address, 1280)
         until(lambda: tab.run(SHOWN).get("voltage"))
         rig.measures = False
-        until(lambda: re.fullmatch(r"age \d\.\d s", tab.run(SHOWN)["voltage"]["age"]))
+        until(lambda: re.fullmatch(r"age at most \d\.\d s", tab.run(SHOWN)["voltage"]["age"]))
         assert tab.run(
             "document.querySelector('[data-signal=voltage] .age').classList.contains('old')"
         )
@@ -229,11 +235,11 @@ def test_state_and_reason_and_events(tab):
         tab.open(watch.address, 1280)
         until(lambda: text(tab, "state") == "idle")
         rig.safe("no command for 0.2 s")
-        until(lambda: text(tab, "state") == "safe state")
+        until(lambda: is_safe(tab))
         until(lambda: "no command for 0.2 s" in text(tab, "reason"))
-        assert "safe · no command for 0.2 s" in text(tab, "events")
+        assert "safe (reached after 0 ms) · no command for 0.2 s" in text(tab, "events")
         assert tab.run("document.getElementById('state').getAttribute('aria-live')") == "polite"
-        rig.state, rig.reason = "idle", ""
+        rig.acknowledge()
         until(lambda: text(tab, "state") == "idle")
         assert text(tab, "reason") == ""
 
@@ -252,7 +258,7 @@ def test_what_the_rig_says_is_text(tab):
         rig.state, rig.reason, rig.client = "safe", NASTY, NASTY
         with watching(rig.port) as watch:
             tab.open(watch.address, 1280)
-            until(lambda: text(tab, "state") == "safe state")
+            until(lambda: is_safe(tab))
             until(lambda: NASTY in tab.run(SHOWN))
             until(lambda: NASTY in text(tab, "reason"))
             until(lambda: text(tab, "client") == NASTY)
@@ -369,8 +375,8 @@ def test_stop_pressed_by_mouse_stops_the_rig(tab):
         for kind in ("mousePressed", "mouseReleased"):
             tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         until(lambda: rig.of_type("stop"))
-        until(lambda: text(tab, "pressed") == "Stopped: confirmed.")
-        until(lambda: text(tab, "state") == "safe state")
+        until(lambda: re.fullmatch(r"Safe: reached after \d+ ms\.", text(tab, "pressed")))
+        until(lambda: is_safe(tab))
         until(lambda: tab.run(SHOWN)["current"]["value"] == "0.000")
         (message,) = rig.of_type("stop")
         assert message["reason"] == "stop button of ppy rig watch"
@@ -388,8 +394,30 @@ def test_a_page_that_outlives_its_program_can_stop_again_with_the_next_one(tab):
             until(lambda: not is_lost(tab) and text(tab, "state") == "idle")
             until(lambda: tab.run("document.readyState") == "complete" and tab.run(SHOWN))
             tab.run("document.getElementById('stop').click()")
-            until(lambda: text(tab, "state") == "safe state")
+            until(lambda: is_safe(tab))
             assert len(rig.of_type("stop")) == 1
+
+
+def test_a_page_of_an_earlier_program_whose_stop_was_pressed_says_what_it_is(tab):
+    with SmallRig() as rig:
+        with watching(rig.port) as watch:
+            port = watch.address.rstrip("/").rsplit(":", 1)[1]
+            tab.open(watch.address, 1280)
+            until(lambda: text(tab, "state") == "idle")
+        press_stop(tab)
+        until(lambda: text(tab, "pressed").startswith("NOT CONFIRMED"))
+        with watching(rig.port, "--port", port):
+            until(lambda: "of an earlier ppy rig watch" in (text(tab, "alarm") or ""))
+            assert "reload it" in text(tab, "alarm")
+            press_stop(tab)  # with a token that the new program does not know
+            time.sleep(0.5)
+            assert text(tab, "pressed").startswith("NOT CONFIRMED")
+            assert "of an earlier ppy rig watch" in text(tab, "alarm")
+            assert rig.of_type("stop") == []
+            tab.call("Page.reload")
+            until(lambda: text(tab, "state") == "idle")
+            press_stop(tab)
+            until(lambda: is_safe(tab))
 
 
 def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
@@ -422,15 +450,16 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
             until(lambda: 0.2 < float(tab.run(SHOWN)["displacement"]["value"]) < 0.3)
             assert tab.run(SHOWN)["displacement"]["unit"] == "mm"
             time.sleep(1.0)  # ten rows
-            tab.run("document.getElementById('stop').click()")
-            until(lambda: text(tab, "state") == "safe state")
+            press_stop(tab)
+            until(lambda: re.fullmatch(r"safe \(reached after \d+ ms\)", text(tab, "state")))
+            assert re.fullmatch(r"Safe: reached after \d+ ms\.", text(tab, "pressed"))
             assert "stop button of ppy rig watch" in text(tab, "reason")
             until(lambda: tab.run(SHOWN)["force"]["value"] == "0.000")
             _, complaint = recording.communicate(timeout=60)
             server.process.kill()
             until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
         assert tab.complaints == []
-    assert recording.returncode == 2
+    assert recording.returncode == 1, complaint
     assert "safe state" in complaint.splitlines()[-1]
     assert "run.csv holds" in complaint.splitlines()[-1]
     assert len((tmp_path / "run.csv").read_text().splitlines()) > 5
@@ -444,7 +473,7 @@ def test_stop_is_the_first_that_the_keyboard_reaches(tab, width):
         press(tab, "Tab", 9)
         assert tab.run("document.activeElement.id") == "stop"
         press(tab, "Enter", 13, "\r")
-        until(lambda: text(tab, "state") == "safe state")
+        until(lambda: is_safe(tab))
         assert len(rig.of_type("stop")) == 1
 
 
@@ -459,14 +488,291 @@ def press(tab, key, code, character=None):
     tab.call("Input.dispatchKeyEvent", type="keyUp", **about)
 
 
-def test_a_stop_that_nobody_confirms_says_so(tab):
+def test_a_stop_that_nobody_confirms_says_so_and_one_whose_answer_is_lost_does_not(tab):
     with SmallRig() as rig, watching(rig.port) as watch:
         tab.open(watch.address, 1280)
         until(lambda: text(tab, "state") == "idle")
-        rig.answers = False
-        tab.run("document.getElementById('stop').click()")
-        until(lambda: "Not confirmed" in text(tab, "pressed"))
+        rig.answers = rig.publishes = False
+        press_stop(tab)
+        until(lambda: text(tab, "pressed").startswith("NOT CONFIRMED"))
+        assert "emergency stop at the rig" in text(tab, "pressed")
         assert rig.of_type("stop")  # it got through all the same
+        rig.publishes = True  # and so telemetry says
+        until(lambda: text(tab, "pressed").startswith("Safe"))
+
+
+def press_stop(tab):
+    tab.run("document.getElementById('stop').click()")
+
+
+# every text of the state and of the button, in order
+KEEP = """(() => { window.kept = [];
+  const keep = () => { const now = ["state", "pressed"].map(
+      id => document.getElementById(id).textContent);
+    if (JSON.stringify(window.kept.at(-1)) !== JSON.stringify(now)) window.kept.push(now) };
+  keep();
+  new MutationObserver(keep).observe(
+    document.body, { subtree: true, childList: true, characterData: true }) })()"""
+
+
+def test_safe_is_said_when_the_rig_is_and_not_before(tab):
+    """The safe state takes 600 ms, and the rig says so; no word of the page is earlier."""
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        Driver(rig.endpoint, lambda number: (0.5, 1.0)),
+    ):
+        rig.settling, rig.bound = 0.6, 5.0
+        tab.open(watch.address, 1280)
+        until(lambda: text(tab, "state") == "running")
+        tab.run(KEEP)
+        press_stop(tab)
+        until(lambda: text(tab, "state") == "stopping…")
+        assert text(tab, "pressed") == "Stopping…"
+        until(lambda: text(tab, "pressed").startswith("Safe"))
+        kept = tab.run("window.kept")
+        reached = f"reached after {1000 * rig.reached:.0f} ms"
+        assert kept[-1] == [f"safe ({reached})", f"Safe: {reached}."]
+        words = list(dict.fromkeys(word for word, _ in kept))
+        assert words == ["running", "stopping…", f"safe ({reached})"]
+        told = list(dict.fromkeys(pressed for _, pressed in kept))
+        assert told == ["", "Stopping…", f"Safe: {reached}."]
+        assert not any("onfirmed" in pressed for pressed in told)
+        assert tab.run("document.title") == "safe – rig"
+        rig.acknowledge()
+        until(lambda: text(tab, "state") == "idle" and text(tab, "pressed") == "")
+
+
+def test_a_safe_state_that_is_not_reached_is_an_alarm_until_it_is_acknowledged(tab):
+    with SmallRig() as rig, watching(rig.port) as watch:
+        rig.settling = 1e9
+        tab.open(watch.address, 1280)
+        until(lambda: text(tab, "state") == "idle")
+        assert tab.run("document.getElementById('alarm').hidden")
+        press_stop(tab)
+        until(lambda: text(tab, "state") == "NOT REACHED")
+        assert text(tab, "pressed") == "NOT REACHED: use the emergency stop at the rig."
+        assert "not safe within 0.2 s" in text(tab, "alarm")
+        assert tab.run("document.title").startswith("ALARM: NOT REACHED")
+        assert tab.run("document.getElementById('alarm').getAttribute('role')") == "alert"
+        red, green, blue = tab.run(f"{COLOURS}('#word')")[1]
+        assert red > 150 > 100 > max(green, blue)
+        rig.settling = 0.0  # late: safe now, but somebody has to know
+        until(lambda: is_safe(tab))
+        assert tab.run("document.title").startswith("ALARM")
+        assert "not safe within 0.2 s" in text(tab, "alarm")
+        rig.acknowledge()
+        until(lambda: tab.run("document.getElementById('alarm').hidden"))
+        assert tab.run("document.title") == "idle – rig"
+        assert text(tab, "pressed") == ""
+
+
+def test_an_alarm_is_shown_in_every_state_and_beside_a_lost_contact(tab):
+    with SmallRig() as rig, watching(rig.port) as watch:
+        tab.open(watch.address, 1280)
+        until(lambda: text(tab, "state") == "idle")
+        rig.alarm = "voltage has not moved for 200 samples"
+        until(lambda: rig.alarm in text(tab, "alarm"))
+        assert text(tab, "state") == "idle"
+        assert tab.run("document.title") == "ALARM: idle – rig"
+        rig.publishes = rig.answers = False
+        until(lambda: is_lost(tab))
+        assert rig.alarm in text(tab, "alarm")
+        assert "No contact" in text(tab, "alarm")
+        assert tab.run("document.title") == "ALARM: no contact – rig"
+
+
+# --- many tabs
+# --------------------------------------------------------------------------------------------------
+
+TABS = 20
+PRESSED = 1.0  # s in which a stop has reached the server, whatever else is open
+FRESH = """(() => { const age = document.querySelector("[data-signal=voltage] .age");
+  return document.body.dataset.state === "running" && !age.classList.contains("old")
+    && /^age at most \\d+ ms$/.test(age.textContent) })()"""
+
+
+@contextmanager
+def many_tabs(tab, address, count=TABS, before=""):
+    """More tabs of the same browser, with a script that runs before the page's own."""
+    tabs = [tab.another() for _ in range(count)]
+    try:
+        for each in tabs:
+            if before:
+                each.call("Page.addScriptToEvaluateOnNewDocument", source=before)
+            each.open(address, 1280)
+        yield tabs
+    finally:
+        for each in tabs:
+            each.close()
+
+
+def time_to_the_server(rig, tab):
+    """Press stop, and return how long the rig's server waited for it, in s."""
+    before = len(rig.of_type("stop"))
+    began = time.monotonic()
+    tab.call("Runtime.evaluate", expression="document.getElementById('stop').click()")
+    until(lambda: len(rig.of_type("stop")) > before)
+    return time.monotonic() - began
+
+
+@pytest.mark.parametrize("before", ["", "delete window.SharedWorker"])
+def test_with_twenty_tabs_all_are_fresh_and_stop_gets_through(tab, before, tmp_path, browser):
+    """Of one browser, which has six connections; and of a second one with a profile of its own,
+    which shares nothing with it.
+    """
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        Driver(rig.endpoint, lambda number: (0.5, 1.0), timeout=1.0),
+        many_tabs(tab, watch.address, before=before) as tabs,
+        chromium(browser, tmp_path / "another profile") as stranger,
+    ):
+        stranger.open(watch.address, 1280)
+        for each in (*tabs, stranger):
+            until(lambda each=each: each.run(FRESH))
+        ask_themselves = [any("/stream?" in url for url in each.requests) for each in tabs]
+        assert ask_themselves == [bool(before)] * TABS  # or the worker does it for all
+        took = time_to_the_server(rig, tabs[-1])
+        print(f"stop reached the server after {1000 * took:.0f} ms")
+        assert took < PRESSED
+        for each in (*tabs, stranger):
+            until(lambda each=each: is_safe(each))
+        until(lambda: text(tabs[-1], "pressed").startswith("Safe"))
+        rig.acknowledge()
+        for each in (*tabs, stranger):
+            until(lambda each=each: text(each, "state") == "idle")
+        assert time_to_the_server(rig, stranger) < PRESSED
+        assert [each.complaints for each in (*tabs, stranger)] == [[]] * (TABS + 1)
+
+
+def test_a_worker_that_does_not_answer_is_done_without(tab):
+    silent = "window.SharedWorker = class { port = new MessageChannel().port1 }"
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        many_tabs(tab, watch.address, 1, silent) as (alone,),
+    ):
+        until(lambda: text(alone, "state") == "idle")
+        press_stop(alone)
+        until(lambda: is_safe(alone))
+
+
+def test_a_stop_is_sent_although_the_tab_is_closed_at_once(tab):
+    with SmallRig() as rig, watching(rig.port) as watch:
+        leaving = tab.another()
+        leaving.open(watch.address, 1280)
+        until(lambda: text(leaving, "state") == "idle")
+        leaving.run("document.getElementById('stop').click(); location = 'about:blank'")
+        leaving.close()
+        until(lambda: rig.of_type("stop"), PRESSED)
+
+
+@pytest.mark.parametrize("state", ["hidden", "frozen"])
+def test_a_tab_that_was_away_is_fresh_again_and_can_stop(tab, state):
+    with SmallRig() as rig, watching(rig.port) as watch:
+        away = tab.another()
+        away.open(watch.address, 1280)
+        until(lambda: text(away, "state") == "idle")
+        if state == "frozen":
+            away.call("Page.setWebLifecycleState", state="frozen")
+        else:
+            tab.call("Page.bringToFront")
+        rig.safe("no command for 0.2 s")
+        time.sleep(1.5)
+        if state == "frozen":
+            away.call("Page.setWebLifecycleState", state="active")
+        else:
+            assert away.run("document.visibilityState") == "hidden"
+            assert away.run("document.title") == "safe – rig"  # all that is seen of it
+            away.call("Page.bringToFront")
+        until(lambda: is_safe(away) and not is_lost(away))
+        press_stop(away)
+        until(lambda: rig.of_type("stop"), PRESSED)
+        away.close()
+
+
+# --- ages
+# --------------------------------------------------------------------------------------------------
+
+AGE = """(() => { const text = document.querySelector("[data-signal=voltage] .age").textContent;
+  const found = /^age at most ([\\d.]+) (ms|s)$/.exec(text);
+  return found ? found[1] * (found[2] === "ms" ? 0.001 : 1) : null })()"""
+
+
+def test_an_age_has_the_way_of_the_sample_in_it_and_grows_when_contact_is_lost(tab):
+    """Samples are under way for 400 ms, and the rig's clock is not ours."""
+    with SmallRig() as rig, watching(rig.port) as watch:
+        rig.clock_ahead, rig.transit = -12345.6, 0.4
+        tab.open(watch.address, 1280)
+        until(lambda: tab.run(SHOWN).get("voltage") and tab.run(AGE))
+        time.sleep(1.0)
+        ages = [tab.run(AGE) for _ in range(20)]
+        assert min(ages) >= 0.4
+        assert sorted(ages)[10] < 0.4 + 0.35  # and a poll, a drawing, and a busy machine
+        rig.publishes = rig.answers = False
+        until(lambda: is_lost(tab))
+        before, began = tab.run(AGE), time.monotonic()
+        time.sleep(1.5)
+        assert tab.run(AGE) - before == pytest.approx(time.monotonic() - began, abs=0.2)
+        assert tab.run(SHOWN)["current"]["age"].startswith("last command, ")
+        watch.kill()
+        before, began = tab.run(AGE), time.monotonic()
+        time.sleep(1.5)
+        assert tab.run(AGE) - before == pytest.approx(time.monotonic() - began, abs=0.2)
+
+
+def test_an_age_that_nobody_knows_is_not_made_up(tab):
+    with SmallRig() as rig, watching(rig.port) as watch:
+        tab.open(watch.address, 1280)
+        until(lambda: tab.run(SHOWN).get("voltage") and tab.run(AGE) is not None)
+        rig.answers = False  # no round trip with the new clock
+        rig.clock_ahead = 1e6
+        until(lambda: tab.run(SHOWN)["voltage"]["age"] == "age –")
+        rig.answers = True
+        until(lambda: tab.run(AGE) is not None)
+
+
+def test_an_input_that_nobody_knows_and_one_that_the_device_has_otherwise(tab):
+    with (
+        SmallRig() as rig,
+        watching(rig.port) as watch,
+        Driver(rig.endpoint, lambda number: (0.5, 1.0)),
+    ):
+        rig.read_back = {"current": 0.51, "force": 1.0}
+        tab.open(watch.address, 1280)
+        until(lambda: tab.run(SHOWN).get("current", {}).get("value") == "0.500")
+        assert read_back(tab, "current") == ""  # within 2 % of the range
+        rig.read_back = {"current": -0.2, "force": 1.0}
+        until(lambda: read_back(tab, "current") == "the device has −0.200 A")
+        assert read_back(tab, "force") == ""
+        rig.unknown = {"current"}
+        until(lambda: tab.run(SHOWN)["current"]["value"] == "unknown")
+        assert tab.run(SHOWN)["current"]["unit"] == ""
+        assert read_back(tab, "current") == "the device has −0.200 A"
+        assert tab.run(SHOWN)["force"]["value"] == "1.000"
+
+
+def read_back(tab, signal):
+    return tab.run(f"document.querySelector('[data-signal={signal}] .read-back').textContent")
+
+
+def test_what_is_invisible_or_turns_the_text_around_is_written_out(tab):
+    turned = "gnp.\u202eexe\u200b\u2066"
+    units = {turned: "A"}
+    with SmallRig(inputs=units, limits={}, plant=lambda i, now: {}) as rig:
+        rig.state, rig.reason, rig.client, rig.alarm = "safe", turned, turned, turned
+        with watching(rig.port) as watch:
+            tab.open(watch.address, 1280)
+            shown = "gnp.[U+202E]exe[U+200B][U+2066]"
+            until(lambda: text(tab, "reason") == text(tab, "client") == shown)
+            until(lambda: shown in tab.run(SHOWN))
+            assert shown in text(tab, "alarm")
+            assert shown in text(tab, "events")
+            rig.state = f"odd {turned}"
+            until(lambda: shown in tab.run("document.title"))
+            everything = tab.run("document.title + document.documentElement.outerHTML")
+            assert not [c for c in everything if c in turned and not c.isprintable()]
 
 
 @pytest.mark.parametrize("width", [1280, 400])
@@ -488,7 +794,7 @@ def test_it_fits_and_can_be_read(tab, width, scheme):
         assert 0 <= top < top + high <= 900
         assert wide > 150
         for place in (
-            "#state",
+            "#word",
             "#stop",
             "#client",
             ".number",
@@ -554,8 +860,13 @@ def test_only_the_page_itself_can_stop(tmp_path):
             status, _, _ = ask(watch, "POST", path, sent, "")
             assert status in (403, 404), (path, sent)
         for host in ("evil.example", "127.0.0.1", "127.0.0.1:1", "", "localhost.evil.example"):
-            for path in ("/", "/stream", "/page.js"):
+            for path in ("/", "/stream?after=-1", "/page.js"):
                 assert ask(watch, "GET", path, {"Host": host})[0] == 403
+        for site in ("cross-site", "same-site"):
+            for path in ("/", "/stream?after=-1", "/page.js"):
+                assert ask(watch, "GET", path, {"Sec-Fetch-Site": site})[0] == 403
+            bad = {"X-Rig-Token": token, "Sec-Fetch-Site": site}
+            assert ask(watch, "POST", "/stop", bad, "")[0] == 403
         for method in ("PUT", "DELETE", "OPTIONS"):
             assert ask(watch, method, "/stop", {"X-Rig-Token": token})[0] == 501
         for path in (
@@ -569,6 +880,71 @@ def test_only_the_page_itself_can_stop(tmp_path):
         assert rig.of_type("stop") == []
         assert ask(watch, "POST", "/stop", {"X-Rig-Token": token, "Origin": own}, "")[0] == 200
         assert len(rig.of_type("stop")) == 1
+
+
+EMBEDDING = """<!DOCTYPE html><title>evil</title>
+<script src="{address}page.js" type="module"></script>
+<link rel="stylesheet" href="{address}page.css">
+<img src="{address}stream?after=-1"><iframe src="{address}"></iframe>
+<form method="post" action="{address}stop" target="frame"></form><iframe name="frame"></iframe>
+<script>
+document.forms[0].submit();
+const ask = (path, more) => fetch("{address}" + path, {{ mode: "no-cors", ...more }});
+const asked = [ask("stream?after=-1"), ask(""), ask("stop", {{ method: "POST" }})];
+Promise.allSettled(asked).then(() => {{ document.title = "done" }});
+</script>"""
+
+
+@contextmanager
+def foreign_site(address):
+    """A site at another port of this machine, whose page asks for everything of ours."""
+    content = EMBEDDING.format(address=address).encode()
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(content)
+
+        def log_message(self, *arguments):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}/"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def answers(tab, watch):
+    return [(url, status) for url, status in tab.statuses() if url.startswith(watch.address)]
+
+
+@pytest.mark.parametrize("kind", ["same-site", "cross-site"])
+def test_a_page_of_another_site_gets_nothing(tab, kind, tmp_path):
+    """Another port of this machine is the same site to a browser; a file is of no site at all."""
+    with SmallRig() as rig, watching(rig.port) as watch, foreign_site(watch.address) as site:
+        if kind == "cross-site":
+            (tmp_path / "evil.html").write_text(EMBEDDING.format(address=watch.address))
+            site = tmp_path / "evil.html"
+        tab.open(site, 1280)
+        until(lambda: tab.run("document.title") == "done")
+        until(lambda: tab.run("true") and len(answers(tab, watch)) == 8)
+        assert {status for _, status in answers(tab, watch)} == {403}
+        assert {url.removeprefix(watch.address) for url, _ in answers(tab, watch)} == {
+            "",
+            "page.js",
+            "page.css",
+            "stream?after=-1",
+            "stop",
+        }
+        assert rig.of_type("stop") == []
+        tab.open(watch.address, 1280)  # whoever types the address is served
+        until(lambda: text(tab, "state") == "idle")
 
 
 def test_rubbish_and_silence_do_not_hold_it_up():
@@ -597,7 +973,7 @@ def test_keys_are_used(tab, tmp_path):
             tab.open(watch.address, 1280)
             until(lambda: text(tab, "state") == "idle")
             tab.run("document.getElementById('stop').click()")
-            until(lambda: text(tab, "state") == "safe state")
+            until(lambda: is_safe(tab))
         before = len(rig.heard)
         with watching(rig.port) as watch:
             tab.open(watch.address, 1280)

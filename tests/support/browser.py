@@ -83,39 +83,85 @@ def measured(browser, folder, contents, width):
     return tuple(map(int, title.groups())), console
 
 
-class Tab:
-    """A page, and all that it said and asked for."""
+class Pipe:
+    """The two ends of a browser's pipe, and the tabs that are spoken to by them."""
 
     def __init__(self, read: int, write: int):
         self._read, self._write, self._buffer, self._count = read, write, b"", 0
-        self._session: str | None = None
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
-        self._loaded = 0
+        self.tabs: dict[str, Tab] = {}
 
-    def call(self, method: str, **parameters: Any) -> Any:
-        """Ask for something and wait for the answer."""
+    def call(self, method: str, session: str | None = None, **parameters: Any) -> Any:
+        """Ask for something and wait for the answer; what tabs say meanwhile is noted."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}
-        message |= {"sessionId": self._session} if self._session else {}
+        message |= {"sessionId": session} if session else {}
         os.write(self._write, json.dumps(message).encode() + b"\0")
         while (answer := self._next()).get("id") != self._count:
             self._note(answer)
         assert "error" not in answer, answer
         return answer["result"]
 
-    def attach(self) -> None:
-        """Begin to listen."""
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
-            "sessionId"
-        ]
+    def listen(self) -> None:
+        """Wait for something that a tab says."""
+        self._note(self._next())
+
+    def _note(self, event: dict[str, Any]) -> None:
+        tab = self.tabs.get(event.get("sessionId", ""))
+        if tab is not None:
+            tab.note(event)
+
+    def _next(self) -> dict[str, Any]:
+        until = time.monotonic() + _PATIENCE
+        while b"\0" not in self._buffer:
+            ready, _, _ = select.select([self._read], [], [], max(until - time.monotonic(), 0.0))
+            assert ready, "the browser does not answer"
+            more = os.read(self._read, 1 << 20)
+            assert more, "the browser has gone"
+            self._buffer += more
+        first, _, self._buffer = self._buffer.partition(b"\0")
+        found: dict[str, Any] = json.loads(first)
+        return found
+
+
+class Tab:
+    """A page, and all that it said, asked for and was answered with."""
+
+    def __init__(self, pipe: Pipe):
+        self._pipe = pipe
+        self._target = pipe.call("Target.createTarget", url="about:blank")["targetId"]
+        attached = pipe.call("Target.attachToTarget", targetId=self._target, flatten=True)
+        self._session = attached["sessionId"]
+        pipe.tabs[self._session] = self
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        self._urls: dict[str, str] = {}
+        self._statuses: dict[str, int] = {}
+        self._loaded = 0
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """Ask the page for something and wait for the answer."""
+        return self._pipe.call(method, self._session, **parameters)
+
+    def statuses(self) -> list[tuple[str, int]]:
+        """Addresses with how they were answered."""
+        found = self._statuses.items()  # which a browser may tell before the request itself
+        return [(self._urls[number], status) for number, status in found if number in self._urls]
+
+    def another(self) -> Tab:
+        """Open one more tab of the same browser."""
+        return Tab(self._pipe)
+
+    def close(self) -> None:
+        """Close the tab, as a user does."""
+        del self._pipe.tabs[self._session]
+        self._pipe.call("Target.closeTarget", targetId=self._target)
 
     def open(self, page: Path | str, width: int, height: int = 900) -> None:
         """Load a file or an address in a window of this size and wait until it stands."""
         mobile = width < 600
+        self.call("Page.bringToFront")  # nothing is drawn in a tab that is hidden
         self.call(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -127,8 +173,8 @@ class Tab:
         self._go(
             "about:blank"
         )  # what the page before still asks for is no complaint about this one
-        self.requests.clear()
-        self.complaints.clear()
+        for noted in (self.requests, self.complaints, self._urls, self._statuses):
+            noted.clear()
         self._go(page if isinstance(page, str) else page.absolute().as_uri())
         self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
@@ -136,7 +182,7 @@ class Tab:
         before = self._loaded
         self.call("Page.navigate", url=address)
         while self._loaded == before:
-            self._note(self._next())
+            self._pipe.listen()
 
     def run(self, script: str) -> Any:
         """Value of an expression in the page; a promise is waited for."""
@@ -151,22 +197,14 @@ class Tab:
         data = self.call("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
         file.write_bytes(base64.b64decode(data))
 
-    def _next(self) -> dict[str, Any]:
-        until = time.monotonic() + _PATIENCE
-        while b"\0" not in self._buffer:
-            ready, _, _ = select.select([self._read], [], [], max(until - time.monotonic(), 0.0))
-            assert ready, "the browser does not answer"
-            more = os.read(self._read, 1 << 20)
-            assert more, "the browser has gone"
-            self._buffer += more
-        first, _, self._buffer = self._buffer.partition(b"\0")
-        found: dict[str, Any] = json.loads(first)
-        return found
-
-    def _note(self, event: dict[str, Any]) -> None:
+    def note(self, event: dict[str, Any]) -> None:
+        """Note what the browser says of the page."""
         method, about = event.get("method"), event.get("params", {})
         if method == "Network.requestWillBeSent":
             self.requests.append(about["request"]["url"])
+            self._urls[about["requestId"]] = about["request"]["url"]
+        elif method == "Network.responseReceivedExtraInfo":  # also where the page does not get it
+            self._statuses[about["requestId"]] = about["statusCode"]
         elif method == "Runtime.exceptionThrown":
             self.complaints.append(str(about["exceptionDetails"]))
         elif method == "Runtime.consoleAPICalled" and about["type"] in (
@@ -207,11 +245,9 @@ def chromium(program: str, profile: Path) -> Iterator[Tab]:
     os.close(read)
     os.close(write)
     try:
-        tab = Tab(theirs[0], ours[1])
-        tab.attach()
-        yield tab
-        tab._session = None
-        tab.call("Browser.close")
+        pipe = Pipe(theirs[0], ours[1])
+        yield Tab(pipe)
+        pipe.call("Browser.close")
         process.wait(_PATIENCE)
     finally:
         process.kill()

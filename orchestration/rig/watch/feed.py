@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from itertools import islice
 from time import monotonic, time
-from typing import Any
+from typing import Any, NamedTuple
 
 import zmq
 
-from fmus.rig_proxy import REAL_TIME, protocol
+from fmus.rig_proxy import IDLE, LATCHED, LOCKSTEP, REAL_TIME, RUNNING, SAFE, protocol
 from orchestration.rig.endpoint import Endpoint
+from orchestration.rig.watch.transit import TransitBound
 
 MINUTE = 60.0  # s of samples that are kept for a page that is opened later
 # s without a sign of life after which contact is lost, so that a page says so within a second
@@ -31,30 +33,59 @@ _LONGEST = 500  # characters of a text
 _MOST = 64  # signals
 _OVERTAKEN = 1.0  # s on the rig's clock; a step back that is larger is another server's clock
 _ASKING = 0.3  # s between two requests for the status
+_UNANSWERED = 2.0  # s after which a request is given up, with its connection; as `ask` has it
 _LOOK = 0.1  # s between two looks at whether contact was lost
+_STATES = (IDLE, RUNNING, *LATCHED)
 _AT_ONCE = 200  # messages of one socket before the other has its turn
 _LONGEST_END = 5.0  # s that the listening thread has to end
+
+
+class Update(NamedTuple):
+    """What a page does not have yet.
+
+    Attributes
+    ----------
+    serial : int
+        Number of the newest item.
+    first : bool
+        True if `items` are all that a page needs that has none: it was just opened, or those that
+        it misses are not all kept any more.
+    items : list of dict
+    """
+
+    serial: int
+    first: bool
+    items: list[dict[str, Any]]
 
 
 class Feed:
     """Samples, events and state of a rig for pages; any thread may call it."""
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
-        self._items: deque[tuple[int, dict[str, Any]]] = deque(maxlen=_ITEMS)
+        self._lock = threading.Lock()
+        self._items: deque[dict[str, Any]] = deque(maxlen=_ITEMS)
         self._serial = 0
         self._rig: dict[str, Any] = {}
         self._samples: deque[dict[str, Any]] = deque(maxlen=_SAMPLES)
         self._events: deque[dict[str, Any]] = deque(maxlen=_EVENTS)
         self._contact = {"server": False, "samples": False}
-        self._state: tuple[str, str, str] | None = None
+        self._condition: dict[str, Any] = {}
+        self._transit = TransitBound()
         self._clock = -math.inf
         self._heard = -math.inf
         self._sampled = -math.inf
         self._refused: dict[str, float] = {}
 
-    def status(self, message: Mapping[str, Any]) -> None:
-        """Take a status of the server: what the rig is, and its state."""
+    def status(self, message: Mapping[str, Any], sent: float | None = None) -> None:
+        """Take a status of the server: what the rig is, and its state.
+
+        Parameters
+        ----------
+        message : Mapping
+        sent : float, optional
+            When its request was sent, in s of :func:`time.monotonic`; it bounds transit times.
+        """
+        now = monotonic()
         rig = {
             "mode": _text(message["mode"]),
             "period": message["period"],
@@ -63,8 +94,10 @@ class Feed:
             "outputs": _texts(message["outputs"]),
             "limits": {_text(name): _numbers(limit) for name, limit in _few(message["limits"])},
         }
-        with self._changed:
-            self._heard = monotonic()
+        with self._lock:
+            self._heard = now
+            if sent is not None:
+                self._transit.take_round_trip(sent, message["clock"], now)
             if rig != self._rig:
                 self._rig = rig
                 self._add({"kind": "rig", **rig})
@@ -79,13 +112,15 @@ class Feed:
             "kind": "sample",
             "at": now,
             "inputs": _numbers(message["inputs"]),
+            "read_back": _numbers(message["read_back"]),
             "outputs": _numbers(message["outputs"]),
             "ages": _numbers(message["ages"]),
             "command_age": _number(message.get("command_age")),
         }
-        with self._changed:
+        with self._lock:
             self._heard = now
             self._sampled = now
+            sample["transit"] = self._transit_time(message["clock"], now)
             self._samples.append(sample)
             self._add(sample)
             self._observe(message)
@@ -97,69 +132,82 @@ class Feed:
 
     def look(self) -> None:
         """Check whether contact was lost; to be called a few times a second."""
-        with self._changed:
+        with self._lock:
             self._judge()
 
     def event(self, kind: str, text: str) -> None:
         """Add an event for the pages."""
-        with self._changed:
+        with self._lock:
             self._event(kind, text)
 
-    def everything(self) -> tuple[int, list[dict[str, Any]]]:
-        """Return the number of the newest item, and what a page that was just opened needs."""
-        with self._changed:
-            first = monotonic() - MINUTE
-            items = [{"kind": "rig", **self._rig}] if self._rig else []
-            items += [{"kind": "contact", **self._contact}, *self._events]
-            items += [self._state_item(*self._state)] if self._state else []
-            items += [sample for sample in self._samples if sample["at"] >= first]
-            return self._serial, items
+    def condition(self) -> tuple[int, dict[str, Any]]:
+        """Return the number of the newest item, and the newest state of the rig; empty without."""
+        with self._lock:
+            return self._serial, self._condition
 
-    def since(self, serial: int, timeout: float) -> tuple[int, list[dict[str, Any]]]:
-        """Wait for items that are newer than a number.
+    def since(self, serial: int) -> Update:
+        """Return what a page needs that has all items up to a number.
 
         Parameters
         ----------
         serial : int
-            Of the newest one that the page has.
-        timeout : float
-            Longest wait, in s.
+            Of the newest one that the page has; -1 if it was just opened.
 
         Returns
         -------
-        tuple of int and list of dict
-            Number of the newest item, and the items; none if nothing happened.
+        Update
         """
-        with self._changed:
-            self._changed.wait_for(lambda: self._serial > serial, timeout)
-            return self._serial, [item for number, item in self._items if number > serial]
+        with self._lock:
+            missed = self._serial - serial
+            if not 0 <= missed <= len(self._items):
+                return Update(self._serial, True, self._everything())
+            newest = list(islice(reversed(self._items), missed))
+            return Update(self._serial, False, newest[::-1])
+
+    def _everything(self) -> list[dict[str, Any]]:
+        first = monotonic() - MINUTE
+        items = [{"kind": "rig", **self._rig}] if self._rig else []
+        items += [{"kind": "contact", **self._contact}, *self._events]
+        items += [self._condition] if self._condition else []
+        items += [sample for sample in self._samples if sample["at"] >= first]
+        return items
 
     def _add(self, item: dict[str, Any]) -> None:
         self._serial += 1
-        self._items.append((self._serial, item))
-        self._changed.notify_all()
+        self._items.append(item)
 
     def _event(self, kind: str, text: str) -> None:
-        event = {"kind": "event", "what": kind, "when": time(), "text": text[:_LONGEST]}
+        event = {"kind": "event", "what": kind, "when": time(), "text": _text(text)}
         self._events.append(event)
         self._add(event)
+
+    def _transit_time(self, clock: float, received: float) -> float | None:
+        """Return how long a sample was under way, at most, in s; None if nobody knows."""
+        if self._rig.get("mode") == LOCKSTEP:
+            return 0.0  # where the rig's time stands still meanwhile
+        return self._transit.transit_time(clock, received)
 
     def _observe(self, message: Mapping[str, Any]) -> None:
         """Take the rig's state, unless the message was overtaken on its way, and note a change."""
         if self._clock - _OVERTAKEN < message["clock"] < self._clock:
             return
         self._clock = message["clock"]
-        state = (_text(message["state"]), _text(message["reason"]), _text(message["client"]))
-        if state != self._state:
-            self._state = state
-            self._add(self._state_item(*state))
-            name, reason, client = state
-            parts = (name, reason, client and f"client {client}")
-            self._event(name, " · ".join(part for part in parts if part))
-
-    @staticmethod
-    def _state_item(state: str, reason: str, client: str) -> dict[str, Any]:
-        return {"kind": "state", "state": state, "reason": reason, "client": client}
+        condition = {
+            "kind": "state",
+            **{name: _text(message[name]) for name in ("state", "reason", "client", "latch")},
+            "reached": _number(message["reached"]),
+            "alarm": _text(message["alarm"]),
+        }
+        before = self._condition
+        if condition == before:
+            return
+        self._condition = condition
+        self._add(condition)
+        if condition["alarm"] and condition["alarm"] != before.get("alarm"):
+            self._event("alarm", f"ALARM: {condition['alarm']}")
+        if _summarise(condition) != _summarise(before):
+            kind = condition["state"] if condition["state"] in _STATES else "unknown"
+            self._event(kind, _summarise(condition))
 
     def _judge(self) -> None:
         """Note whether the server is in contact, and whether samples arrive."""
@@ -208,45 +256,100 @@ class Listener:
         self._thread.join(_LONGEST_END)
 
     def _run(self) -> None:
-        context = zmq.Context()
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         telemetry = context.socket(zmq.SUB)
-        requests = context.socket(zmq.DEALER)
-        requests.immediate = True  # no queue of requests for a server that is not there
         self._remote.connect(telemetry, self._remote.telemetry)
-        self._remote.connect(requests, self._remote.requests)
         telemetry.subscribe(b"")
-        poller = zmq.Poller()
-        next_request = monotonic()
-        for socket in (telemetry, requests):
-            poller.register(socket, zmq.POLLIN)
+        requests = _StatusRequests(context, self._remote)
         while not self._ends.is_set():
-            now = monotonic()
-            if now >= next_request:
-                next_request = now + _LOOK
-                with suppress(zmq.Again):  # not connected yet
-                    requests.send(protocol.encode("status"), zmq.DONTWAIT)
-                    next_request = now + _ASKING
-            for socket, _ in poller.poll(round(1000 * _LOOK)):
-                self._take(socket)
+            requests.send_due()
+            readable, _, _ = zmq.select([telemetry, requests.socket], [], [], _LOOK)
+            for socket in readable:
+                for message in _received(socket):
+                    self._take(message, requests)
             self._feed.look()
         context.destroy(linger=0)
 
-    def _take(self, socket: zmq.Socket[bytes]) -> None:
-        for _ in range(_AT_ONCE):
-            try:
-                frame = socket.recv(zmq.DONTWAIT)
-            except zmq.Again:
-                return
-            with suppress(protocol.ProtocolError):
-                message = protocol.decode(frame, protocol.REPLIES)
-                if message["type"] == "telemetry":
-                    self._feed.telemetry(message)
-                elif message["type"] == "status":
-                    self._feed.status(message)
+    def _take(self, message: dict[str, Any], requests: _StatusRequests) -> None:
+        if message["type"] == "telemetry":
+            self._feed.telemetry(message)
+        elif message["type"] == "status":
+            self._feed.status(message, requests.take_answer())
+
+
+class _StatusRequests:
+    """Requests for the status of a rig, one at a time, so that an answer belongs to the last one.
+
+    Parameters
+    ----------
+    context : zmq.Context
+    remote : Endpoint
+
+    Attributes
+    ----------
+    socket : zmq.Socket
+        That the answers come by; another one after a request that was not answered.
+    """
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], remote: Endpoint):
+        self._context = context
+        self._remote = remote
+        self._next = monotonic()
+        self._open()
+
+    def _open(self) -> None:
+        self.socket = self._context.socket(zmq.DEALER)
+        self.socket.immediate = True  # no queue of requests for a server that is not there
+        self._remote.connect(self.socket, self._remote.operators)
+        self._sent: float | None = None
+
+    def send_due(self) -> None:
+        """Send the next request, if it is time."""
+        now = monotonic()
+        if self._sent is not None and now - self._sent > _UNANSWERED:
+            self.socket.close(linger=0)
+            self._open()
+        if self._sent is None and now >= self._next:
+            self._next = now + _LOOK
+            with suppress(zmq.Again):  # not connected yet
+                self.socket.send(protocol.encode("status"), zmq.DONTWAIT)
+                self._sent = now
+                self._next = now + _ASKING
+
+    def take_answer(self) -> float | None:
+        """Return when the request was sent that has been answered now, in s."""
+        sent = self._sent
+        self._sent = None
+        return sent
+
+
+def _received(socket: zmq.Socket[bytes]) -> Iterator[dict[str, Any]]:
+    """Yield the messages that have arrived, a bounded number."""
+    for _ in range(_AT_ONCE):
+        try:
+            frame = socket.recv(zmq.DONTWAIT)
+        except zmq.Again:
+            return
+        with suppress(protocol.ProtocolError):
+            yield protocol.decode(frame, protocol.REPLIES)
+
+
+def _summarise(condition: Mapping[str, Any]) -> str:
+    """Summarise a state for the list of events."""
+    if not condition:
+        return ""
+    state = condition["state"]
+    if state == SAFE and condition["reached"] is not None:
+        state += f" (reached after {1000 * condition['reached']:.0f} ms)"
+    client = condition["client"]
+    parts = (state, condition["reason"], client and f"client {client}")
+    return " · ".join(part for part in parts if part)
 
 
 def _text(value: Any) -> str:
-    return str(value)[:_LONGEST]
+    """Return a text of bounded length in which nothing is invisible or turns its direction."""
+    characters = str(value)[:_LONGEST]
+    return "".join(c if c.isprintable() else f"[U+{ord(c):04X}]" for c in characters)[:_LONGEST]
 
 
 def _few(mapping: Mapping[Any, Any]) -> list[tuple[Any, Any]]:

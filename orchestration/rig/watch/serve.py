@@ -1,4 +1,4 @@
-"""HTTP server of the live page, on this machine alone: page, stream of events, stop button."""
+"""HTTP server of the live page, on this machine alone: page, stream of items, stop button."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import hmac
 import html
 import json
 import os
+import re
 import secrets
 import socketserver
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
@@ -21,15 +21,26 @@ from fmus.kit import UserError
 from orchestration.rig.watch.feed import Feed
 
 LOOPBACK = "127.0.0.1"
-_PAGES = 16  # that may be open at a time
-_PULSE = 0.25  # s: a page hears from us at least that often, and so notices when it does not
 _PATIENCE = 5.0  # s that a browser may take to send its request, or to take what it is sent
 _LARGEST = 4096  # bytes of a request beside its head; they are read and ignored
-_TYPES = {"page.css": "text/css", "page.js": "text/javascript", "chart.js": "text/javascript"}
+_WAITING = 128  # connections that wait to be taken, as when many tabs are opened at once
+_TYPES = {"css": "text/css", "js": "text/javascript"}
+_FILES = (
+    "page.css",
+    "page.js",
+    "cards.js",
+    "chart.js",
+    "elements.js",
+    "stream.js",
+    "worker.js",
+)
+# what a browser says made it send a request: the page itself, or its user; others say nothing
+_SITES = (None, "same-origin", "none")
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self'; "
+        "connect-src 'self'; "
         "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -61,6 +72,7 @@ class PageServer(ThreadingHTTPServer):
 
     daemon_threads = True
     block_on_close = False
+    request_queue_size = _WAITING
     allow_reuse_address = os.name != "nt"  # where it would let two programs have one port
 
     def __init__(self, port: int, name: str, feed: Feed, stop: Stop):
@@ -77,7 +89,6 @@ class PageServer(ThreadingHTTPServer):
         self.hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
         self.token = secrets.token_urlsafe(32)
         self.instance = secrets.token_hex(8)
-        self.pages = threading.BoundedSemaphore(_PAGES)
 
     @property
     def address(self) -> str:
@@ -101,14 +112,14 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         if not self._is_ours():
             return
-        path = self.path.partition("?")[0]
+        path, _, query = self.path.partition("?")
+        name = path.removeprefix("/")
         if path == "/":
             self._send(HTTPStatus.OK, "text/html", self._page())
         elif path == "/stream":
-            self._stream()
-        elif path.removeprefix("/") in _TYPES:
-            name = path.removeprefix("/")
-            self._send(HTTPStatus.OK, _TYPES[name], _file(name))
+            self._stream(query)
+        elif name in _FILES:
+            self._send(HTTPStatus.OK, _TYPES[name.rpartition(".")[2]], _file(name))
         else:
             self._send(HTTPStatus.NOT_FOUND, "text/plain", "there is no such page")
 
@@ -132,65 +143,53 @@ class _Handler(BaseHTTPRequestHandler):
         return page
 
     def _is_ours(self) -> bool:
-        """Refuse a request by another name, as a foreign site's name may lead to this machine."""
+        """Refuse a request of a foreign site, or by a name that a foreign site may choose."""
         origin = self.headers.get("Origin")
-        if self.headers.get("Host") in self.server.hosts and (
-            origin is None or origin.removeprefix("http://") in self.server.hosts
+        if (
+            self.headers.get("Host") in self.server.hosts
+            and (origin is None or origin.removeprefix("http://") in self.server.hosts)
+            and self.headers.get("Sec-Fetch-Site") in _SITES
         ):
             return True
         self._send(HTTPStatus.FORBIDDEN, "text/plain", "only from this machine, by its own name")
         return False
 
     def _stop(self) -> None:
+        feed = self.server.feed
         try:
             status = self.server.stop()
         except UserError as error:
-            self.server.feed.event("stop", f"stop pressed, not confirmed: {error}")
-            self._send_json(HTTPStatus.GATEWAY_TIMEOUT, {"confirmed": False, "error": str(error)})
+            feed.event("stop", f"stop pressed, no answer: {error}")
+            self._send_json(HTTPStatus.GATEWAY_TIMEOUT, {"error": str(error)})
             return
-        self.server.feed.status(status)
-        self.server.feed.event("stop", "stop pressed, confirmed by the rig's server")
-        self._send_json(HTTPStatus.OK, {"confirmed": True, "state": status["state"]})
+        feed.event("stop", "stop pressed, taken by the rig's server")
+        feed.status(status)
+        serial, condition = feed.condition()
+        self._send_json(HTTPStatus.OK, {**condition, "serial": serial})
 
-    def _stream(self) -> None:
-        if not self.server.pages.acquire(blocking=False):
-            self._send(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", "too many pages are open")
+    def _stream(self, query: str) -> None:
+        """Answer at once with what a page misses, so that no connection of a browser is held."""
+        after = re.fullmatch(r"after=(-1|\d{1,15})", query)
+        if after is None:
+            self._send(HTTPStatus.BAD_REQUEST, "text/plain", "write /stream?after=NUMBER")
             return
-        try:
-            self._head(HTTPStatus.OK, "text/event-stream")
-            self.wfile.write(b"retry: 500\n\n")
-            serial, items = self.server.feed.everything()
-            self._push(items, first=True)
-            while True:
-                serial, items = self.server.feed.since(serial, _PULSE)
-                self._push(items)
-        except OSError:
-            return  # the page was closed, or takes nothing any more
-        finally:
-            self.server.pages.release()
-
-    def _push(self, items: list[dict[str, Any]], first: bool = False) -> None:
-        about = {"now": monotonic(), "first": first, "instance": self.server.instance}
-        message = json.dumps({**about, "items": items}, allow_nan=False)
-        self.wfile.write(f"data: {message}\n\n".encode())
+        update = self.server.feed.since(int(after[1]))
+        about = {"now": monotonic(), "instance": self.server.instance}
+        self._send_json(HTTPStatus.OK, {**about, **update._asdict()})
 
     def _send_json(self, status: HTTPStatus, data: dict[str, Any]) -> None:
-        self._send(status, "application/json", json.dumps(data))
+        self._send(status, "application/json", json.dumps(data, allow_nan=False))
 
     def _send(self, status: HTTPStatus, kind: str, text: str) -> None:
         content = text.encode()
         with suppress(OSError):
-            self._head(status, kind, len(content))
+            self.send_response(status)
+            self.send_header("Content-Type", f"{kind}; charset=utf-8")
+            self.send_header("Content-Length", str(len(content)))
+            for name, value in _HEADERS.items():
+                self.send_header(name, value)
+            self.end_headers()
             self.wfile.write(content)
-
-    def _head(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", f"{kind}; charset=utf-8")
-        if length is not None:
-            self.send_header("Content-Length", str(length))
-        for name, value in _HEADERS.items():
-            self.send_header(name, value)
-        self.end_headers()
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing, for the terminal is the user's."""

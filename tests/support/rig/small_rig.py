@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 import tomllib
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +31,9 @@ LIMITS = {
     "force": {"min": 0.0, "max": 3.0, "rate": None},
     "voltage": {"min": -1.0, "max": 1.0, "rate": None},
 }
+
+OPERATORS = ("stop", "acknowledge", "status")  # what an operator may send
+ALL = ("connect", "exchange", "disconnect", "stop", "status")  # and a client
 
 LEVELS = """
 title = "Levels"
@@ -80,7 +84,9 @@ class SmallRig:
     `heard` is every request, `applied` every pair of a clock and the inputs that were applied from
     then on. A test may set `answers`, `publishes`, `measures` to False, or change `state`,
     `reason`, `latch`, `alarm`, `client`, `period`, at any time; what is in `then`, by number, is
-    done before that exchange is answered.
+    done before that exchange is answered. The safe state takes `settling` s; where that is longer
+    than `bound`, it is `not reached`, and becomes `safe` late. Telemetry says of `unknown` inputs
+    that nobody knows them, gives `read_back` as it is, and is under way for `transit` s.
     """
 
     def __init__(
@@ -100,7 +106,14 @@ class SmallRig:
         self.plant, self.inputs, self.outputs, self.limits = plant, inputs, outputs, limits
         self.period, self.watchdog, self.keys, self.mode = period, watchdog, keys, mode
         self.state, self.reason, self.client, self.session = "idle", "", "", ""
-        self.latch, self.alarm, self.instance = "", "", ""
+        self.latch, self.alarm, self.reached, self.instance = "", "", None, ""
+        self.settling, self.bound = 0.0, 0.2
+        self.unknown: set[str] = set()
+        self.read_back: dict[str, float | None] = {}
+        self.transit = 0.0  # s
+        self._under_way: deque[tuple[float, bytes]] = deque()
+        self.clock_ahead = 0.0  # s: of this rig's clock, which is nobody else's
+        self._latched: float | None = None
         self.answers = self.publishes = self.measures = True
         self.heard: list[dict[str, Any]] = []
         self.then: dict[int, Callable[[], object]] = {}
@@ -127,10 +140,27 @@ class SmallRig:
         """Requests of a type."""
         return [message for message in list(self.heard) if message["type"] == kind]
 
-    def safe(self, reason: str, state: str = "safe") -> None:
-        """Go to the safe state, or stay on the way to it."""
-        self.state, self.reason, self.latch = state, reason, f"latch-{time.monotonic():.6f}"
-        self._commands = dict.fromkeys(self.inputs, 0.0)
+    def safe(self, reason: str) -> None:
+        """Go to the safe state, latched."""
+        now = self._latched = time.monotonic()
+        self.latch, self.reason, self.reached = f"{now:.6f}", reason, None
+        self.state = "stopping"
+        self._settle(now, now)
+
+    def acknowledge(self) -> None:
+        """Release the latch, and clear the alarm."""
+        self.state, self.reason, self.session, self.client = "idle", "", "", ""
+        self.latch, self.alarm, self.instance = "", "", ""
+        self.reached = self._latched = None
+
+    def _settle(self, now: float, latched: float) -> None:
+        """Go on towards the safe state."""
+        taken = now - latched
+        if taken >= self.settling:
+            self.state, self.reached = "safe", taken
+            self._commands = dict.fromkeys(self.inputs, 0.0)
+        elif taken > self.bound:
+            self.state, self.alarm = "not reached", f"not safe within {self.bound:g} s"
 
     # --- what runs in the thread
     # -------------------------------------------------------------------------------
@@ -162,7 +192,7 @@ class SmallRig:
                 following = max(following + self.period, now)
                 self._sample(publisher, now)
             for each, _ in poller.poll(max(0, min(20, math.ceil(1000.0 * (following - now))))):
-                self._answer(each, each.recv_multipart())
+                self._answer(each, each.recv_multipart(), OPERATORS if each is operators else ALL)
         if authenticator is not None:
             authenticator.stop()
         context.destroy(linger=0)
@@ -175,6 +205,8 @@ class SmallRig:
             and self.mode == "real-time"
         ):
             self.safe(f"no command for {self.watchdog:g} s")
+        if self._latched is not None and self.state in ("stopping", "not reached"):
+            self._settle(now, self._latched)
         if not self.applied or self.applied[-1][1] != self._commands:
             self.applied.append((now, dict(self._commands)))
         if self.measures:
@@ -186,20 +218,24 @@ class SmallRig:
         message = {
             "ppy": 2,
             "type": "telemetry",
-            **self._state(),
-            "inputs": self._commands,
-            "read_back": {},
+            **self._condition(now),
+            "inputs": {**self._commands, **dict.fromkeys(self.unknown)},
+            "read_back": self.read_back,
             "outputs": self._values,
             "ages": dict.fromkeys(self.outputs, now - self._measured),
             "command_age": None if self._fresh is None else now - self._fresh,
             "refused": [],
         }
-        publisher.send(json.dumps(message).encode())
+        self._under_way.append((now + self.transit, json.dumps(message).encode()))
+        while self._under_way and self._under_way[0][0] <= now:
+            publisher.send(self._under_way.popleft()[1])
 
-    def _answer(self, router: Any, frames: list[bytes]) -> None:
+    def _answer(self, router: Any, frames: list[bytes], taken: tuple[str, ...]) -> None:
         if frames[0].startswith(b"\0"):
             return  # a peer that has not said its name
         message = json.loads(frames[-1])
+        if message["type"] not in taken:
+            return
         self.heard.append(message)
         reply = getattr(self, f"_{message['type']}")(message)
         if self.answers and reply is not None:
@@ -213,14 +249,14 @@ class SmallRig:
             "limits": self.limits,
         }
 
-    def _state(self) -> dict[str, Any]:
+    def _condition(self, now: float) -> dict[str, Any]:
         return {
             "state": self.state,
             "reason": self.reason,
             "latch": self.latch,
-            "reached": 0.01 if self.state == "safe" else None,
+            "reached": self.reached,
             "alarm": self.alarm,
-            "clock": time.monotonic(),
+            "clock": now + self.clock_ahead,
             "client": self.client,
         }
 
@@ -229,7 +265,8 @@ class SmallRig:
         if self.mode == "lockstep":  # what follows a command at once is its client's to see
             self._values, self._measured = dict(self.plant(self._commands, now)), now
         age = [None if self._values[name] is None else now - self._measured for name in names]
-        return {"clock": now, "values": [self._values[name] for name in names], "ages": age}
+        clock = now + self.clock_ahead
+        return {"clock": clock, "values": [self._values[name] for name in names], "ages": age}
 
     def _connect(self, message: dict[str, Any]) -> dict[str, Any]:
         wanted = (message["inputs"], message["outputs"])
@@ -289,14 +326,13 @@ class SmallRig:
     def _acknowledge(self, message: dict[str, Any]) -> dict[str, Any]:
         if message["latch"] != self.latch:
             return {"type": "refused", "reason": f"the present latch is {self.latch!r}"}
-        self.state, self.reason, self.session, self.client = "idle", "", "", ""
-        self.latch, self.alarm, self.instance = "", "", ""
+        self.acknowledge()
         return self._status(message)
 
     def _status(self, message: dict[str, Any]) -> dict[str, Any]:
         return {
             "type": "status",
-            **self._state(),
+            **self._condition(time.monotonic()),
             "inputs": self.inputs,
             "outputs": self.outputs,
             **self._about(),

@@ -3,7 +3,10 @@
 const WINDOW = 60;
 const PREFIXES = { "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M" };
 const PREFIXED = ["A", "V", "N", "m", "W", "J", "Pa", "s", "Hz", "C", "F", "ohm", "Ω"];
-const LEFT = 58, BOTTOM = 20, TOP = 6, RIGHT = 4;
+const LEFT = 58;
+const BOTTOM = 20;
+const TOP = 6;
+const RIGHT = 4;
 
 // How a signal is shown whose limits have a size and whose values were at most so large: factor, unit and decimals, so
 // that four digits of the limit are seen, and of much smaller values a digit or two more.
@@ -34,94 +37,116 @@ export function shortened(value, how) {
 }
 
 function ends(points, limit, held) {
-  let low = Infinity, high = -Infinity;
-  for (const [, value] of points) {
-    if (value !== null) { low = Math.min(low, value); high = Math.max(high, value); }
+  const values = points.map(([, value]) => value).filter(value => value !== null);
+  let low = limit.min ?? 0;
+  let high = limit.max ?? Math.max(1, low + 1);
+  if (values.length) {
+    low = values.reduce((least, value) => Math.min(least, value));
+    high = values.reduce((most, value) => Math.max(most, value));
   }
-  if (low > high) { low = limit.min ?? 0; high = limit.max ?? Math.max(1, low + 1); }
   const bounded = limit.min !== null && limit.max !== null;
   // a command is seen between its limits, and so is what moves over a good part of them
   if (bounded && (held || high - low >= 0.1 * (limit.max - limit.min))) {
-    low = Math.min(low, limit.min); high = Math.max(high, limit.max);
+    low = Math.min(low, limit.min);
+    high = Math.max(high, limit.max);
   }
   const size = bounded ? limit.max - limit.min : Math.max(Math.abs(low), Math.abs(high));
   const least = size > 0 ? 0.02 * size : 1;
-  if (high - low < least) { const middle = (high + low) / 2; low = middle - least / 2; high = middle + least / 2; }
-  const margin = 0.08 * (high - low);
-  return [low - margin, high + margin];
+  const middle = (high + low) / 2;
+  const half = Math.max(high - low, least) / 2;
+  const margin = 0.16 * half;
+  return [middle - half - margin, middle + half + margin];
 }
 
 function ticks(low, high, most) {
-  const rough = (high - low) / most, power = 10 ** Math.floor(Math.log10(rough));
-  const step = power * [1, 2, 5, 10].find(m => m * power >= rough);
-  const found = [];
-  for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
-  return { found, step };
+  const rough = (high - low) / most;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find(multiple => multiple * power >= rough);
+  const values = [];
+  for (let k = Math.ceil(low / step); k * step <= high; k++) values.push(k * step);
+  return { values, step };
 }
 
-// points: [[time, value or null], …] in order; now: the right edge; period: longest distance that is no gap
+// points: [[time, value or null], …] in order; now: the right edge; gap: longest distance of two that are joined
 export function draw(canvas, points, { now, limit, how, held, gap, colours }) {
-  const scale = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
-  if (!width) return;
-  if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
-    canvas.width = Math.round(width * scale);
-    canvas.height = Math.round(height * scale);
+  if (!canvas.clientWidth) return;
+  const pen = cleared(canvas);
+  const [low, high] = ends(points, limit, held);
+  const right = canvas.clientWidth - RIGHT;
+  const floor = canvas.clientHeight - BOTTOM;
+  const x = time => right - (now - time) / WINDOW * (right - LEFT);
+  const y = value => floor - (value - low) / (high - low) * (floor - TOP);
+  const area = { x, y, low, high, right, floor };
+
+  drawGrid(pen, area, now, how, colours);
+  shade(pen, limit.max, bound => bound < high, bound => [TOP, y(bound)], right, colours);
+  shade(pen, limit.min, bound => bound > low, bound => [y(bound), floor], right, colours);
+  pen.save();
+  pen.beginPath();
+  pen.rect(LEFT, 0, right - LEFT, floor + 1);
+  pen.clip();
+  drawSignal(pen, area, points, { now, held, gap, colours });
+  pen.restore();
+}
+
+function cleared(canvas) {
+  const scale = window.devicePixelRatio || 1;
+  const width = Math.round(canvas.clientWidth * scale);
+  const height = Math.round(canvas.clientHeight * scale);
+  if (canvas.width !== width || canvas.height !== height) {
+    canvas.width = width;
+    canvas.height = height;
   }
   const pen = canvas.getContext("2d");
   pen.setTransform(scale, 0, 0, scale, 0, 0);
-  pen.clearRect(0, 0, width, height);
-  const [low, high] = ends(points, limit, held);
-  const x = t => width - RIGHT - (now - t) / WINDOW * (width - LEFT - RIGHT);
-  const y = v => height - BOTTOM - (v - low) / (high - low) * (height - TOP - BOTTOM);
-  const floor = height - BOTTOM, right = width - RIGHT;
+  pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+  return pen;
+}
 
+function drawGrid(pen, { x, y, low, high, right, floor }, now, how, colours) {
   pen.font = "11px system-ui, sans-serif";
   pen.fillStyle = colours.muted;
   pen.strokeStyle = colours.grid;
   pen.lineWidth = 1;
   pen.textBaseline = "middle";
   pen.textAlign = "right";
-  const { found, step } = ticks(low, high, 6);
+  const { values, step } = ticks(low, high, 6);
   const decimals = Math.max(0, Math.min(9, -Math.floor(Math.log10(step * how.factor) + 1e-9)));
-  for (const tick of found) {
-    line(pen, LEFT, y(tick), right, y(tick));
-    pen.fillText(written(tick, how, decimals), LEFT - 6, y(tick));
+  for (const value of values) {
+    line(pen, LEFT, y(value), right, y(value));
+    pen.fillText(written(value, how, decimals), LEFT - 6, y(value));
   }
   pen.textBaseline = "alphabetic";
+  const alignments = { 60: "left", 0: "right" };
   for (const ago of [60, 45, 30, 15, 0]) {
     line(pen, x(now - ago), TOP, x(now - ago), floor);
-    pen.textAlign = ago === 60 ? "left" : ago === 0 ? "right" : "center";
-    pen.fillText(ago === 0 ? "now" : `−${ago} s`, x(now - ago), height - 5);
+    pen.textAlign = alignments[ago] ?? "center";
+    pen.fillText(ago === 0 ? "now" : `−${ago} s`, x(now - ago), floor + 15);
   }
-  shade(pen, limit.max, v => v < high, v => [TOP, y(v)], right, colours);
-  shade(pen, limit.min, v => v > low, v => [y(v), floor], right, colours);
+}
 
-  pen.save();
-  pen.beginPath();
-  pen.rect(LEFT, 0, right - LEFT, floor + 1);
-  pen.clip();
+function drawSignal(pen, { x, y }, points, { now, held, gap, colours }) {
   pen.strokeStyle = colours.signal;
+  pen.fillStyle = colours.signal;
   pen.lineWidth = 1.8;
   pen.lineJoin = "round";
   pen.beginPath();
   let last = null;
-  for (const [t, value] of points) {
-    if (value === null) { last = null; continue; }
-    if (last === null || t - last[0] > gap) pen.moveTo(x(t), y(value));
-    else {
-      if (held) pen.lineTo(x(t), y(last[1]));
-      pen.lineTo(x(t), y(value));
+  for (const [time, value] of points) {
+    if (value === null) {
+      last = null;
+      continue;
     }
-    last = [t, value];
+    if (last === null || time - last.time > gap) pen.moveTo(x(time), y(value));
+    else if (held) pen.lineTo(x(time), y(last.value));
+    pen.lineTo(x(time), y(value));
+    last = { time, value };
   }
   pen.stroke();
-  if (last !== null && now - last[0] < gap) {
-    pen.fillStyle = colours.signal;
-    pen.beginPath();
-    pen.arc(x(last[0]) - 2, y(last[1]), 3, 0, 7);
-    pen.fill();
-  }
-  pen.restore();
+  if (last === null || now - last.time >= gap) return;
+  pen.beginPath();
+  pen.arc(x(last.time) - 2, y(last.value), 3, 0, 7);
+  pen.fill();
 }
 
 function line(pen, x0, y0, x1, y1) {
@@ -133,7 +158,8 @@ function line(pen, x0, y0, x1, y1) {
 
 function shade(pen, limit, isSeen, span, right, colours) {
   if (limit === null || !isSeen(limit)) return;
-  const [from, to] = span(limit).map(v => Math.max(TOP, v)), edge = from === TOP ? to : from;
+  const [from, to] = span(limit).map(v => Math.max(TOP, v));
+  const edge = from === TOP ? to : from;
   pen.save();
   pen.globalAlpha = 0.16;
   pen.fillStyle = colours.forbidden;

@@ -1,228 +1,262 @@
 // Shows what `ppy rig watch` streams. Whatever comes from the rig is text and numbers, and never becomes HTML.
 
-import { draw, notation, shortened, written } from "./chart.js";
+import { build, show } from "./cards.js";
+import { duration, make, place, set } from "./elements.js";
+import { follow } from "./stream.js";
 
-const SILENCE = 800; // ms without a word from `ppy rig watch`, which sends something every 250
+const SILENCE = 0.8; // s without an answer of `ppy rig watch`
+const DRIFT = 1e-3; // s that the clocks of page and program may part in a second, as in transit.py
 const WINDOW = 60; // s
-const NEAR = 0.05; // of the span between the limits
+const FRAME = 60; // ms between two drawings
+const OVERDUE = 1000; // ms in which a stop is confirmed, unless something is wrong
+const GIVEN_UP = 4000; // ms that a stop may take, which waits 2 s for the rig's server
 const EVENTS = 100;
-const place = id => document.getElementById(id);
-const words = { idle: "idle", running: "running", safe: "safe state", unknown: "connecting", lost: "no contact" };
+const LABELS = new Map(Object.entries({
+  idle: "idle",
+  running: "running",
+  stopping: "stopping…",
+  safe: "safe",
+  "not reached": "NOT REACHED",
+  unknown: "connecting",
+}));
+const LATCHED = ["stopping", "safe", "not reached"];
+const EMERGENCY = "use the emergency stop at the rig";
+const meta = name => document.querySelector(`meta[name=${name}]`).content;
 
-let rig = null, samples = [], signals = new Map(), known = { state: "unknown", reason: "", client: "" };
-let contact = { server: false, samples: false }, heard = null, offset = null, everHeard = false;
+let rig = null;
+let samples = [];
+let condition = { state: "unknown", reason: "", client: "", latch: "", reached: null, alarm: "" };
+let contact = { server: false, samples: false };
+let offset = null; // of this page's clock from the one that samples are stamped with, s; it is no less
+let answered = null; // that clock when the newest answer was made
+let isStale = false; // this page is of a program before the one that answers
+let wasInContact = false;
+let press = null; // of the stop button, until the rig is released
+let newest = 0; // number of the newest item that the answer to it has
 const opened = performance.now();
 
-const clock = () => performance.now() / 1000 - offset; // the clock that samples are stamped with
-const meta = name => document.querySelector(`meta[name=${name}]`).content;
-const set = (element, text) => { if (element.textContent !== text) element.textContent = text; };
-
-function make(tag, name, ...children) {
-  const element = document.createElement(tag);
-  if (name) element.className = name;
-  element.append(...children);
-  return element;
-}
+const now = () => performance.now() / 1000;
+const clock = () => now() - offset; // never behind the one that samples are stamped with: ages are at most these
 
 // --- what is streamed ----------------------------------------------------------------------------------------------
 
-const source = new EventSource("/stream");
-source.onmessage = ({ data }) => {
-  const message = JSON.parse(data);
-  if (message.instance !== meta("rig-instance")) { // started again: it does not know this page's stop button
-    source.close();
-    location.reload();
-    return;
+function take(update, asked) {
+  if (update) {
+    if (update.instance !== meta("rig-instance")) startAnew();
+    else receive(update, asked / 1000);
   }
-  heard = performance.now();
-  if (message.first) {
+  check();
+  if (document.hidden) render(); // which is not animated
+}
+
+// Another program answers, which does not know this page's stop button. Whoever has pressed it has to see that.
+function startAnew() {
+  if (!isStale && !press) location.reload();
+  isStale = true;
+}
+
+function receive(update, asked) {
+  synchronise(asked - update.now, now() - update.now, update.now - (answered ?? update.now));
+  answered = update.now;
+  if (update.first) {
     samples = [];
-    offset = null;
     place("events").replaceChildren();
   }
-  const seen = heard / 1000 - message.now;
-  offset = offset === null ? seen : Math.min(offset + 1e-5, seen); // the quickest message is nearest the truth
-  for (const item of message.items) take[item.kind]?.(item);
-  check();
-};
+  for (const item of update.items) takers[item.kind](item, update.serial);
+}
 
-const take = {
+// The clock of the program was read after it was asked and before its answer came (Cristian, 1989).
+function synchronise(least, most, elapsed) {
+  const loosened = offset === null ? null : offset - DRIFT * Math.abs(elapsed);
+  const isConsistent = loosened !== null && least <= loosened && loosened <= most;
+  offset = isConsistent ? loosened : least;
+}
+
+const takers = {
   rig(item) {
     rig = item;
-    build();
+    build(rig);
   },
-  contact(item) { contact = item; if (item.server) everHeard = true; },
-  state(item) { known = item; },
-  event(item) { addEvent(item); },
+  contact(item) {
+    contact = item;
+    wasInContact ||= item.server;
+  },
+  state(item, serial) {
+    if (serial >= newest) condition = item;
+  },
   sample(item) {
     samples.push(item);
-    while (samples.length && samples[0].at < item.at - WINDOW - 1) samples.shift();
+    while (samples[0].at < item.at - WINDOW - 1) samples.shift();
+  },
+  event({ what, when, text }) {
+    const time = make("time", "", new Date(1000 * when).toLocaleTimeString([], { hour12: false }));
+    const isGood = what === "running" || /^(contact with|samples arrive)/.test(text);
+    const kind = isGood ? "good" : what.replaceAll(" ", "-");
+    place("events").prepend(make("li", kind, time, make("span", "", text)));
+    while (place("events").children.length > EVENTS) place("events").lastChild.remove();
   },
 };
 
-function addEvent({ what, when, text }) {
-  const time = make("time", "", new Date(1000 * when).toLocaleTimeString([], { hour12: false }));
-  const good = what === "running" || /^(contact with|samples arrive)/.test(text);
-  place("events").prepend(make("li", good ? "good" : what, time, make("span", "", text)));
-  while (place("events").children.length > EVENTS) place("events").lastChild.remove();
-}
+// --- alarms and state ----------------------------------------------------------------------------------------------
 
-// --- cards ---------------------------------------------------------------------------------------------------------
-
-function build() {
-  signals = new Map();
-  for (const role of ["inputs", "outputs"]) {
-    const cards = Object.entries(rig[role]).map(([name, unit]) => card(role, name, unit));
-    place(role).replaceChildren(...(cards.length ? cards : [make("p", "none", "none")]));
+// Whether what is shown is old, and why; null if it is not.
+function lostContact() {
+  if (isStale) {
+    return ["This page is of an earlier ppy rig watch.", `Its stop button does not work: reload it, or ${EMERGENCY}.`];
   }
-}
-
-function card(role, name, unit) {
-  const limit = { min: null, max: null, ...rig.limits[name] };
-  const part = {
-    value: make("span", "number", "–"), unit: make("span", "unit"), badge: make("span", "badge"),
-    bar: make("i"), mark: make("b"), low: make("span"), high: make("span"), age: make("p", "age"),
-    canvas: make("canvas"),
-  };
-  const gauge = make("div", "gauge", part.bar, part.mark);
-  gauge.hidden = limit.min === null || limit.max === null;
-  part.canvas.setAttribute("role", "img");
-  part.canvas.setAttribute("aria-label", `${name} over the last minute`);
-  const body = make("article", "card",
-    make("div", "top", make("h3", "", name), part.badge, make("div", "value", part.value, part.unit)),
-    gauge, make("div", "limits", part.low, part.high), part.canvas, part.age);
-  body.dataset.signal = name;
-  const size = Math.max(Math.abs(limit.min ?? 0), Math.abs(limit.max ?? 0));
-  signals.set(`${role}/${name}`, { role, name, unit, limit, size, part, body });
-  return body;
-}
-
-function judged(value, { min, max }) {
-  if (value === null) return "";
-  if ((min !== null && value < min) || (max !== null && value > max)) return "beyond";
-  const span = min !== null && max !== null ? max - min : Math.abs(max ?? min ?? 0);
-  const close = limit => limit !== null && limit !== 0 && Math.abs(value - limit) < NEAR * span; // 0 is at rest
-  return close(min) || close(max) ? "near" : "";
-}
-
-function duration(seconds) {
-  if (seconds === null || !(seconds >= 0)) return "–";
-  return seconds < 1 ? `${Math.round(1000 * seconds)} ms` : seconds < 100 ? `${seconds.toFixed(1)} s`
-    : `${Math.round(seconds)} s`;
-}
-
-function colours(role) {
-  const style = getComputedStyle(document.documentElement), of = name => style.getPropertyValue(`--${name}`).trim();
-  return { signal: of(role === "inputs" ? "command" : "measured"), muted: of("muted"), grid: of("grid"),
-    forbidden: of("forbidden") };
-}
-
-function show(signal, now, last, paint) {
-  const { role, name, unit, limit, part, body } = signal;
-  const points = samples.map(sample => [sample.at, sample[role][name] ?? null]);
-  const value = last ? last[role][name] ?? null : null;
-  const largest = points.reduce((most, [, v]) => Math.max(most, Math.abs(v ?? 0)), 0);
-  const how = notation(signal.size, largest, unit);
-  set(part.value, value === null ? "–" : written(value, how));
-  set(part.unit, how.unit);
-  const limits = { low: ["min", limit.min], high: ["max", limit.max] };
-  for (const [end, [word, bound]] of Object.entries(limits)) {
-    set(part[end], bound === null ? "" : `${word} ${shortened(bound, how)} ${how.unit}`);
+  const began = performance.now() - opened > 1000 * SILENCE;
+  if (answered === null ? began : clock() - answered > SILENCE) {
+    return ["ppy rig watch does not answer.",
+      `This page shows old values, and its stop button may not work: ${EMERGENCY}.`];
   }
-  const verdict = judged(value, limit);
-  body.className = `card ${verdict}`;
-  set(part.badge, { near: "near its limit", beyond: "beyond its limit" }[verdict] ?? "");
-  if (limit.min !== null && limit.max !== null && value !== null) {
-    const at = v => 100 * Math.min(1, Math.max(0, (v - limit.min) / (limit.max - limit.min)));
-    const zero = at(0), here = at(value);
-    part.bar.style.left = `${Math.min(zero, here)}%`;
-    part.bar.style.width = `${Math.abs(here - zero)}%`;
-    part.mark.style.left = `${here}%`;
+  if (answered !== null && !contact.server && (wasInContact || began)) {
+    return ["No contact with the rig’s server.",
+      `What is shown is old, and stop may not get through: ${EMERGENCY}.`];
   }
-  const waited = last ? now - last.at : null;
-  const age = last === null ? null : role === "inputs" ? waited : (last.ages[name] ?? null) === null ? null
-    : last.ages[name] + waited;
-  const old = Math.max(0.5, 3 * rig.period);
-  set(part.age, role === "inputs" ? "" : value === null ? "no value" : `age ${duration(age)}`);
-  part.age.classList.toggle("old", role === "outputs" && (age === null || age > old));
-  part.age.hidden = role === "inputs";
-  draw(part.canvas, points, { now, limit, how, held: role === "inputs", gap: old, colours: paint });
-}
-
-// --- contact, state and drawing ------------------------------------------------------------------------------------
-
-function alarm() {
-  const silent = performance.now() - (heard ?? opened);
-  if (silent > SILENCE) {
-    return ["ppy rig watch does not answer.", "This page shows old values, and its stop button may not work: use the "
-      + "emergency stop at the rig."];
-  }
-  if (heard !== null && !contact.server && (everHeard || performance.now() - opened > SILENCE)) {
-    return ["No contact with the rig’s server.", "What is shown is old, and stop may not get through. The rig’s own "
-      + "watchdog brings it to its safe state."];
-  }
-  if (heard !== null && contact.server && !contact.samples) {
+  if (answered !== null && contact.server && !contact.samples) {
     return ["No samples arrive.", "The server answers, but what is shown is old."];
   }
   return null;
 }
 
-function check() {
-  const found = alarm();
-  const state = found ? "lost" : known.state in words ? known.state : "unknown";
-  if (place("alarm").hidden !== !found) place("alarm").hidden = !found;
-  set(place("alarm-title"), found ? found[0] : "");
-  set(place("alarm-text"), found ? found[1] : "");
-  const last = samples.length && offset !== null ? clock() - samples[samples.length - 1].at : null;
-  set(place("alarm-since"), found && last !== null ? `Last sample ${last.toFixed(1)} s ago.` : "");
-  if (state !== "safe" && place("pressed").className === "done") place("pressed").textContent = "";
-  document.body.dataset.state = state;
-  set(place("state"), found && known.state !== "unknown" ? `no contact (was ${words[known.state] ?? "unknown"})`
-    : words[state]);
-  reason(state);
-  set(place("client"), known.client || "none");
-  document.title = `${words[state]} – rig`;
+// What the rig wants an operator to know, until it is acknowledged.
+function rigAlarm() {
+  if (condition.state === "not reached") {
+    const said = condition.alarm && ` The rig says: ${condition.alarm}.`;
+    return ["NOT REACHED: nobody knows that the rig is safe.", `Use the emergency stop at the rig.${said}`];
+  }
+  if (condition.alarm) return [`Alarm: ${condition.alarm}.`, "“ppy rig acknowledge” clears it."];
+  return null;
 }
 
-function reason(state) {
-  const text = state === "safe" ? known.reason : "";
-  if (place("reason").dataset.text === text) return;
-  place("reason").dataset.text = text;
-  const hint = state === "safe" ? [make("small", "", "latched; `ppy rig acknowledge` releases it")] : [];
-  place("reason").replaceChildren(text, ...hint);
+const label = () => LABELS.get(condition.state) ?? condition.state;
+
+// How long the safe state took; empty where there is none, or nobody knows.
+function reachedAfter() {
+  const isTimed = condition.state === "safe" && condition.reached !== null;
+  return isTimed ? `reached after ${duration(condition.reached)}` : "";
+}
+
+function check() {
+  const lost = lostContact();
+  const alarm = rigAlarm();
+  showAlarms([alarm, lost].filter(Boolean));
+  showAge(lost);
+  showState(lost);
+  showPress();
+  const isKnown = !lost || condition.state === "not reached"; // which stays true until somebody clears it
+  const words = [isKnown ? label() : "", lost ? "no contact" : ""].filter(Boolean);
+  document.title = `${alarm ? "ALARM: " : ""}${words.join(", ")} – rig`;
+  document.body.dataset.state = lost ? "lost" : condition.state.replaceAll(" ", "-");
+}
+
+function showAlarms(alarms) {
+  const element = place("alarm");
+  element.hidden = alarms.length === 0;
+  const text = JSON.stringify(alarms);
+  if (element.dataset.text === text) return;
+  element.dataset.text = text;
+  element.replaceChildren(...alarms.map(([title, more]) => make("p", "", make("strong", "", title), ` ${more}`)));
+}
+
+function showAge(lost) {
+  const last = samples.at(-1);
+  set(place("since"), lost && last && offset !== null ? `Last sample ${duration(ageOf(last))} ago.` : "");
+}
+
+function showState(lost) {
+  const was = condition.state === "unknown" ? "" : `was ${label()}`;
+  const more = lost ? was : reachedAfter();
+  set(place("word"), lost ? "no contact" : label());
+  set(place("more"), more && ` (${more})`);
+  set(place("client"), condition.client || "none");
+  set(place("reason"), isLatched() ? condition.reason : "");
+  const name = condition.latch && ` (${condition.latch})`;
+  set(place("hint"), isLatched() ? `latched${name}; “ppy rig acknowledge” releases it` : "");
+}
+
+// --- drawing -------------------------------------------------------------------------------------------------------
+
+// How long ago a sample was sent by the rig, s, at most; null if nobody knows.
+function ageOf(sample) {
+  return sample.transit === null ? null : sample.transit + Math.max(0, clock() - sample.at);
 }
 
 function render() {
-  check();
   if (!rig || offset === null) return;
-  const now = clock(), last = samples.length ? samples[samples.length - 1] : null;
-  const paints = { inputs: colours("inputs"), outputs: colours("outputs") };
-  for (const signal of signals.values()) show(signal, now, last, paints[signal.role]);
-  const age = last === null || last.command_age === null ? null : last.command_age + now - last.at;
-  set(place("command"), known.client ? duration(age) : "–");
-  const recent = samples.filter(sample => sample.at > now - 2).length / 2;
+  const last = samples.at(-1) ?? null;
+  const age = last && ageOf(last);
+  show(samples, clock(), age, rig.period);
+  const isCommanded = condition.client && last && last.command_age !== null && age !== null;
+  set(place("command"), isCommanded ? `${duration(last.command_age + age)} ago` : "–");
+  const recent = samples.filter(sample => sample.at > clock() - 2).length / 2;
   set(place("rate"), `${recent.toFixed(recent < 10 ? 1 : 0)} per s`);
+}
+
+let drawn = 0;
+
+function animate(time) {
+  requestAnimationFrame(animate);
+  if (time - drawn < FRAME) return;
+  drawn = time;
+  render();
 }
 
 // --- the one command -----------------------------------------------------------------------------------------------
 
-place("stop").addEventListener("click", async () => {
-  const told = place("pressed");
-  told.className = "";
-  told.textContent = "Stopping…";
+// The request outlives the page, so that it is sent although the tab is closed at once.
+async function stop() {
+  const pressed = { at: performance.now(), latch: condition.latch, isAnswered: false, wasLatched: false, failure: "" };
+  press = pressed;
+  check();
   try {
-    const answer = await fetch("/stop", { method: "POST", headers: { "X-Rig-Token": meta("rig-token") },
-      signal: AbortSignal.timeout(4000) });
-    const { confirmed } = await answer.json();
-    if (!confirmed) throw new Error("not confirmed");
-    told.textContent = "Stopped: confirmed.";
-    known = { ...known, state: "safe" };
-    told.className = "done";
+    const answer = await fetch("/stop", {
+      method: "POST",
+      headers: { "X-Rig-Token": meta("rig-token") },
+      keepalive: true,
+      priority: "high",
+      signal: AbortSignal.timeout(GIVEN_UP),
+    });
+    if (answer.status === 403) isStale = true;
+    if (!answer.ok) throw new Error("not taken");
+    const { serial, ...state } = await answer.json();
+    newest = serial;
+    condition = state;
+    pressed.isAnswered = true;
   } catch {
-    told.className = "bad";
-    told.textContent = "Not confirmed! Press again, or use the emergency stop at the rig.";
+    pressed.failure = `NOT CONFIRMED: press again, or ${EMERGENCY}.`;
   }
-});
+  check();
+}
 
+const isLatched = () => LATCHED.includes(condition.state);
+
+// Whether the state that is shown has come of the press.
+const isMeant = () => press.isAnswered || (isLatched() && condition.latch !== press.latch);
+
+// What became of the press, as the rig says it: it is never called done before the rig is safe.
+function outcome() {
+  if (!isMeant() && (press.failure || isStale)) return [press.failure || `NOT CONFIRMED: ${EMERGENCY}.`, "bad"];
+  if (condition.state === "not reached") return [`NOT REACHED: ${EMERGENCY}.`, "bad"];
+  if (isMeant() && condition.state === "safe") {
+    return [`Safe${reachedAfter() && ": "}${reachedAfter()}.`, "done"];
+  }
+  if (performance.now() - press.at > OVERDUE) return [`NOT CONFIRMED yet: press again, or ${EMERGENCY}.`, "bad"];
+  return ["Stopping…", ""];
+}
+
+function showPress() {
+  if (press?.wasLatched && !isLatched()) press = null; // released
+  if (press) press.wasLatched ||= isMeant() && isLatched();
+  const [text, kind] = press ? outcome() : ["", ""];
+  set(place("pressed"), text);
+  place("pressed").className = kind;
+}
+
+place("stop").addEventListener("click", stop);
+document.addEventListener("freeze", () => {
+  document.title = "not live – rig"; // until the browser lets this tab run again
+});
 setInterval(check, 100);
-setInterval(render, 60);
+requestAnimationFrame(animate);
+follow(meta("rig-instance"), take);

@@ -8,6 +8,7 @@ import json
 import re
 import socket
 import threading
+import time
 from contextlib import closing
 from http.client import HTTPConnection
 
@@ -18,8 +19,11 @@ from orchestration.rig.watch.feed import Feed
 from orchestration.rig.watch.serve import PageServer
 
 STATUS = {
-    "state": "safe state",
+    "state": "stopping",
     "reason": "stop pressed",
+    "latch": "a1",
+    "reached": None,
+    "alarm": "",
     "clock": 10.0,
     "client": "",
     "mode": "real-time",
@@ -66,7 +70,8 @@ def test_the_page_is_of_this_rig_and_takes_nothing_from_elsewhere(page):
     assert re.search(r'name="rig-token" content="(.+?)"', text)[1] == page.token
     assert "default-src 'none'" in headers["Content-Security-Policy"]
     assert headers["Cache-Control"] == "no-store"
-    for name, kind in (("page.css", "text/css"), ("chart.js", "text/javascript")):
+    assert "worker-src 'self'" in headers["Content-Security-Policy"]
+    for name, kind in (("page.css", "text/css"), ("worker.js", "text/javascript")):
         status, _, headers = ask(page, "GET", f"/{name}")
         assert (status, headers["Content-Type"]) == (200, f"{kind}; charset=utf-8")
 
@@ -76,14 +81,18 @@ def test_no_other_file_is_served(page, path):
     assert ask(page, "GET", path)[0] == 404
 
 
-def test_the_button_of_the_page_stops_the_rig_and_says_whether_that_is_confirmed(page):
+def test_the_button_of_the_page_stops_the_rig_and_says_how_far_that_is(page):
     own = {"X-Rig-Token": page.token, "Origin": page.address.rstrip("/")}
     status, text, _ = ask(page, "POST", "/stop", own)
-    assert (status, json.loads(text)) == (200, {"confirmed": True, "state": "safe state"})
+    answer = json.loads(text)
+    assert status == 200
+    assert (answer["state"], answer["reached"], answer["alarm"]) == ("stopping", None, "")
+    assert answer["serial"] == page.feed.since(-1).serial
     status, text, _ = ask(page, "POST", "/stop", own)
-    assert status == 504
-    assert json.loads(text) == {"confirmed": False, "error": "no answer within 1 s"}
+    assert (status, json.loads(text)) == (504, {"error": "no answer within 1 s"})
     assert page.stops == ["stop", "stop"]
+    told = [item["text"] for item in page.feed.since(-1).items if item["kind"] == "event"]
+    assert not any("confirmed" in text for text in told)
 
 
 @pytest.mark.parametrize(
@@ -102,26 +111,51 @@ def test_nobody_else_stops_it_and_nothing_else_is_commanded(page, headers, path,
     assert page.stops == []
 
 
-def test_another_name_of_this_machine_sees_nothing(page):
-    for path in ("/", "/stream", "/page.js"):
-        assert ask(page, "GET", path, {"Host": "evil.example"})[0] == 403
+EVERYTHING = ("/", "/stream?after=-1", "/page.js", "/worker.js", "/page.css", "/stop", "/none")
 
 
-def test_the_stream_begins_with_everything_and_goes_on(page):
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"},
+        {"Origin": "https://evil.example"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},  # another port of this machine
+        {"Sec-Fetch-Site": "anything"},
+    ],
+)
+def test_nothing_is_served_to_another_site(page, headers):
+    for path in EVERYTHING:
+        for method in ("GET", "POST"):
+            assert ask(page, method, path, {"X-Rig-Token": page.token, **headers})[0] == 403
+    assert page.stops == []
+
+
+def test_the_page_itself_its_user_and_other_programs_are_served(page):
+    for headers in ({}, {"Sec-Fetch-Site": "same-origin"}, {"Sec-Fetch-Site": "none"}):
+        for path in EVERYTHING[:5]:
+            assert ask(page, "GET", path, headers)[0] == 200
+
+
+def test_the_stream_is_answered_at_once_with_what_the_page_misses(page):
     page.feed.event("rig", "before")
-    with closing(HTTPConnection("127.0.0.1", page.port, timeout=5)) as connection:
-        connection.request("GET", "/stream")
-        answer = connection.getresponse()
-        assert answer.readline() == b"retry: 500\n"
-        answer.readline()
-        first = json.loads(answer.readline().removeprefix(b"data: "))
-        assert (first["first"], first["instance"]) == (True, page.instance)
-        assert "before" in json.dumps(first["items"])
-        answer.readline()
-        page.feed.event("rig", "after")
-        then = json.loads(answer.readline().removeprefix(b"data: "))
-        assert not then["first"]
-        assert "after" in json.dumps(then["items"])
+    first = json.loads(ask(page, "GET", "/stream?after=-1")[1])
+    assert (first["first"], first["instance"]) == (True, page.instance)
+    assert "before" in json.dumps(first["items"])
+    page.feed.event("rig", "after")
+    then = json.loads(ask(page, "GET", f"/stream?after={first['serial']}")[1])
+    assert not then["first"]
+    assert [item["text"] for item in then["items"]] == ["after"]
+    assert first["now"] <= then["now"] <= time.monotonic()
+    began = time.monotonic()
+    nothing = json.loads(ask(page, "GET", f"/stream?after={then['serial']}")[1])
+    assert nothing["items"] == []
+    assert time.monotonic() - began < 1.0
+
+
+@pytest.mark.parametrize("query", ["", "?after=", "?after=x", "?after=-2", "?after=1&b=2", "?a=1"])
+def test_a_stream_from_nowhere_is_refused(page, query):
+    assert ask(page, "GET", f"/stream{query}")[0] == 400
 
 
 def test_a_port_that_is_taken_is_told_with_what_to_do():
