@@ -79,6 +79,7 @@ class BadLink:
         self._context = zmq.Context()
         self._front = self._context.socket(zmq.ROUTER)
         self._front.linger = 0
+        self._front.router_handover = 1  # a client may come again under its name
         port = self._front.bind_to_random_port("tcp://127.0.0.1")
         self.endpoint = f"tcp://127.0.0.1:{port}"
         self._ending = threading.Event()
@@ -99,6 +100,7 @@ class BadLink:
                     if peer not in backs:
                         backs[peer] = back = self._context.socket(zmq.DEALER)
                         back.linger = 0
+                        back.routing_id = b"link-" + peer.hex().encode()
                         back.connect(self._server)
                         poller.register(back, zmq.POLLIN)
                     upward = True

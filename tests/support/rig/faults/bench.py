@@ -93,12 +93,16 @@ class Bench:
         self._open.close()
 
     def serve(self, backend: str = "Logged", *arguments: object, **more: Any) -> Server:
+        """Start a server, and wait until it is ready."""
+        self.launch(backend, *arguments, **more).wait_ready()
+        return self.server
+
+    def launch(self, backend: str = "Logged", *arguments: object, **more: Any) -> Server:
         """Start a server."""
         watchdog = ("--watchdog", self.watchdog)
         self.server = self._open.enter_context(
             Server(self.folder, backend, *watchdog, *arguments, **more)
         )
-        self.server.wait_ready()
         return self.server
 
     def connect(self, **more: Any) -> Driver:
@@ -141,10 +145,13 @@ class Bench:
         """Note the time to the safe state, which must be below watchdog time, one period and
         something more.
         """
-        self.measured, self.since = safe.time - start, since
-        self.bound = self.watchdog + PERIOD + more
-        assert self.measured < self.bound + self.allowance, (
-            f"{self.measured:.4f} s; below {self.bound:.4f} s is promised"
+        self.note(safe.time - start, self.watchdog + PERIOD + more, since)
+
+    def note(self, measured: float, bound: float, since: str) -> None:
+        """Note a time to the safe state, and what it must be below."""
+        self.measured, self.bound, self.since = measured, bound, since
+        assert measured < bound + self.allowance, (
+            f"{measured:.4f} s; below {bound:.4f} s is promised"
         )
 
     def measure_from_fresh(self, safe: Call, more: float = 0.0) -> None:
