@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -22,6 +22,7 @@ help:
 	@echo "make fuzz-models models and records drawn at random, diagnosed; SEED=N and CASES=N likewise"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
+	@echo "make hil-faults-all every combination of failures and signals, for three quarters of an hour"
 	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
 	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
@@ -78,6 +79,9 @@ soak: $(VENV)/installed-dev
 
 hil-faults: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.rig.faults
+
+hil-faults-all: $(VENV)/installed-dev
+	$(BIN)/python -m tests.support.rig.faults --all
 
 hil-latency: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.rig_latency

@@ -181,13 +181,17 @@ class Server:
             return False
 
     def roles(self) -> dict[str, int]:
-        """Process numbers of front, guard and device while all is well."""
+        """Process numbers of front, device, guard, and the guard that stands by, if all is well."""
         device = [call.process for call in self.calls() if call.what == "open"][-1]
-        guard = psutil.Process(device).ppid()
-        front = self.process.pid
-        if self.terminal is not None:
-            front = psutil.Process(guard).ppid()
-        return {"front": front, "guard": guard, "device": device}
+        guard = psutil.Process(device).parent()
+        assert guard is not None
+        front = guard.parent()
+        assert front is not None
+        standby = next(
+            child for child in front.children() if child != guard and _is_spawned(child.cmdline())
+        )
+        named = {"front": front, "guard": guard, "standby": standby}
+        return {"device": device, **{name: process.pid for name, process in named.items()}}
 
     def send(self, number: signal.Signals) -> None:
         """Send the front a signal, or all that is in the foreground of its terminal."""
@@ -228,3 +232,8 @@ class Server:
         for stream in (self.process.stdout, self.process.stderr):
             if stream is not None:
                 stream.close()
+
+
+def _is_spawned(command: list[str]) -> bool:
+    """Whether a process of Python's multiprocessing does our work, and is no helper of its own."""
+    return any("spawn_main" in part for part in command)

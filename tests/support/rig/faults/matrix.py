@@ -18,7 +18,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 
 from fmus.rig_proxy.link import Link, LinkError
@@ -30,6 +31,7 @@ PERIOD = 1 / 30  # s, of the server
 TREATMENTS = {
     "front": ("STOP", "KILL"),  # from outside a busy one is a stopped one
     "guard": ("STOP", "KILL"),
+    "standby": ("STOP", "KILL"),
     "device": ("STOP", "KILL", "hangs"),
 }
 SIGNALS = ("HUP", "INT", "QUIT", "TSTP", "TTIN", "TTOU", "USR1", "USR2", "TERM", "WINCH")
@@ -37,6 +39,7 @@ ENDING = ("HUP", "INT", "QUIT", "USR1", "TERM")  # what must end in the safe sta
 CLIENTS = ("idle", "commanding", "recording")
 ALARM = 0.5  # s, within which an alarm is promised where only hardware can help
 _COMMANDS = [0.8, 1.0]
+_SPANS = (0.0, 0.1, 1.0)  # shares of the longest: at once, before and after anybody may notice
 _SETTLING = 0.3  # s, of what is let go on again
 _EXPERIMENT = """
 component = "ppy_actuator"
@@ -75,6 +78,8 @@ class Combination:
     def kind(self) -> str:
         """What it is counted with."""
         processes = " and ".join(process for process, _ in self.faults)
+        if self.is_for_hardware:
+            return "all processes"
         return processes or f"SIG{self.signal} alone"
 
     @property
@@ -94,8 +99,10 @@ class Outcome:
     seconds : float
         From the last event before it to the safe state, or to the alarm; where it was served, from
         the end of the client.
+    exposure : float
+        From the first event that demands the safe state, in s.
     bound : float
-        What is promised of that, in s.
+        What is promised of `seconds`, in s.
     remark : str
         What is broken.
     """
@@ -103,12 +110,13 @@ class Outcome:
     combination: Combination
     result: str
     seconds: float
+    exposure: float
     bound: float
     remark: str = ""
 
 
 def all_combinations() -> list[Combination]:
-    """Every one, in order; those of all three processes without a signal."""
+    """Every one, in order; those of all processes without a signal."""
     single = [(process, how) for process, ways in TREATMENTS.items() for how in ways]
     faults: list[Faults] = [(), *((one,) for one in single)]
     faults += _of_different_processes(single, 2)
@@ -117,8 +125,8 @@ def all_combinations() -> list[Combination]:
         for chosen in itertools.product(faults, ("", *SIGNALS), CLIENTS)
         if chosen[0] or chosen[1]
     ]
-    all_three = itertools.product(_of_different_processes(single, 3), CLIENTS)
-    return crossed + [Combination(chosen, "", client) for chosen, client in all_three]
+    of_all = itertools.product(_of_different_processes(single, len(TREATMENTS)), CLIENTS)
+    return crossed + [Combination(chosen, "", client) for chosen, client in of_all]
 
 
 def _of_different_processes(single: list[tuple[str, str]], number: int) -> list[Faults]:
@@ -190,19 +198,23 @@ class _Trial:
         self._client = client
         self._allowance = allowance
         self._bound = bound_of(server, watchdog)
-        self._span = 1.5 * watchdog  # of all events
+        self._longest_span = 1.5 * watchdog  # of all events
         self._roles = server.roles()
         self._events: list[float] = []
+        self._demand = inf  # the first of them that demands the safe state
 
     def run(self, chance: random.Random) -> Outcome:
         acts = self._acts()
         chance.shuffle(acts)
+        span = self._longest_span * chance.choice(_SPANS)
+        times = sorted(chance.uniform(0.0, span) for _ in acts)
         begun = time.monotonic()
-        for due, act in zip(
-            sorted(chance.uniform(0.0, self._span) for _ in acts), acts, strict=True
-        ):
+        for due, (demands, act) in zip(times, acts, strict=True):
             time.sleep(max(0.0, begun + due - time.monotonic()))
-            self._events.append(time.monotonic())
+            now = time.monotonic()
+            self._events.append(now)
+            if demands:
+                self._demand = min(self._demand, now)
             with suppress(OSError):  # what it is for has ended by itself
                 act()
         time.sleep(self._bound + self._allowance)
@@ -213,11 +225,13 @@ class _Trial:
         self._let_go_on()
         return self._judged(noticed)
 
-    def _acts(self) -> list[Callable[[], object]]:
-        acts = [self._act(process, how) for process, how in self._combination.faults]
-        if self._combination.signal:
-            number = signal.Signals[f"SIG{self._combination.signal}"]
-            acts.append(lambda: self._server.send(number))
+    def _acts(self) -> list[tuple[bool, Callable[[], object]]]:
+        """What to do, and whether it demands the safe state."""
+        acts = [(True, self._act(process, how)) for process, how in self._combination.faults]
+        name = self._combination.signal
+        if name:
+            number = signal.Signals[f"SIG{name}"]
+            acts.append((name in ENDING, lambda: self._server.send(number)))
         return acts
 
     def _act(self, process: str, how: str) -> Callable[[], object]:
@@ -241,11 +255,12 @@ class _Trial:
 
     def _served(self) -> Outcome:
         """The watchdog must work as before."""
-        self._events = [time.monotonic()]
+        self._demand = time.monotonic()
+        self._events = [self._demand]
         self._client.vanish()
         time.sleep(self._bound + self._allowance)
         outcome = self._judged(None)
-        return Outcome(self._combination, "served", outcome.seconds, outcome.bound, outcome.remark)
+        return outcome if outcome.result == "BROKEN" else replace(outcome, result="served")
 
     def _judged(self, noticed: float | None) -> Outcome:
         calls = self._server.calls()
@@ -256,29 +271,32 @@ class _Trial:
             return self._outcome(
                 "BROKEN", 0.0, "a command was carried out by a rig that had failed"
             )
-        safe = next((call.time for call in calls if call.what == "safe" and call.time > last), None)
-        if safe is None:
-            return self._held(noticed)
+        safe = next((call.time for call in calls if call.what == "safe" and call.time > last), inf)
+        if safe == inf:
+            return self._held(noticed, "the output was held")
         events = [event for event in self._begun(calls) if event < safe]
         took = safe - max(events) if events else 0.0
         if took < self._bound + self._allowance:
-            return self._outcome("safe", took)
+            return self._outcome("safe", took, exposure=max(0.0, safe - self._demand))
         return self._held(noticed, f"safe after {took:.3f} s")
 
     def _begun(self, calls: list[Call]) -> list[float]:
         """When things happened; a call that never returns hangs from when it was called."""
         return [*self._events, *(call.time for call in calls if call.what.startswith("fault"))]
 
-    def _held(self, noticed: float | None, remark: str = "the output was held") -> Outcome:
+    def _held(self, noticed: float | None, remark: str) -> Outcome:
+        held = time.monotonic() - self._events[-1]
         if not self._combination.is_for_hardware:
-            return self._outcome("BROKEN", time.monotonic() - self._events[-1], remark)
+            return self._outcome("BROKEN", held, remark)
         if noticed is None or noticed - self._events[-1] > ALARM + self._allowance:
-            return self._outcome("BROKEN", 0.0, f"{remark}, and the client has no alarm: {noticed}")
+            return self._outcome("BROKEN", held, f"{remark}, without an alarm of the client")
         return self._outcome("alarm", max(0.0, noticed - self._events[-1]))
 
-    def _outcome(self, result: str, seconds: float, remark: str = "") -> Outcome:
+    def _outcome(
+        self, result: str, seconds: float, remark: str = "", exposure: float = 0.0
+    ) -> Outcome:
         bound = ALARM if result == "alarm" else self._bound
-        return Outcome(self._combination, result, seconds, bound, remark)
+        return Outcome(self._combination, result, seconds, exposure, bound, remark)
 
 
 def _last_command(calls: list[Call]) -> float | None:
