@@ -23,7 +23,7 @@ help:
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
 	@echo "make hil-faults-all every combination of failures and signals, for three quarters of an hour"
-	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
+	@echo "make soak       ten minutes at 100 Hz beside a hostile peer: memory and descriptors must stay flat; SECONDS=60 for a quick look"
 	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
 
@@ -75,7 +75,7 @@ hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output
 
 soak: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.rig_soak
+	$(BIN)/python -m benchmarks.rig_soak --seconds $(or $(SECONDS),600)
 
 hil-faults: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.rig.faults
