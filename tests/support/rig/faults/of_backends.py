@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import time
 
+from orchestration.rig import operator
+from orchestration.rig.endpoint import read_endpoint
 from tests.support.rig.faults.bench import Bench, fault
 from tests.support.rig.process import Server
 
@@ -288,10 +290,8 @@ def does_not_open_again(bench: Bench) -> None:
     pulled = bench.pull_trigger()
     bench.measure_from_written(bench.safe_after(pulled))
     server.wait_line("read() raised")
-    from orchestration.rig import operator
-    from orchestration.rig.endpoint import read_endpoint
-
-    answer = operator.acknowledge(read_endpoint(server.endpoint), 3.0)
+    latch = bench.status()["latch"]
+    answer = operator.acknowledge(read_endpoint(server.endpoint), latch, 3.0)
     assert answer["state"] == "safe", answer
     assert "read() raised" in answer["reason"], answer
     server.trigger.unlink()
