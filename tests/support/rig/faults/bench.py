@@ -179,10 +179,7 @@ class Bench:
         """The safe state must hold, say why, and refuse commands and clients, until it is
         acknowledged.
         """
-        until = time.monotonic() + 1.0  # the front hears of what the device did within 10 ms
-        while (status := self.status())["state"] != "safe" or part not in status["reason"]:
-            assert time.monotonic() < until, status
-            time.sleep(0.005)
+        self.wait_status(lambda status: status["state"] == "safe" and part in status["reason"])
         assert "in its safe state since" in refusal(self.server.endpoint)
         calls = self.server.calls()
         last = max(k for k, call in enumerate(calls) if call.what == "safe")
@@ -203,6 +200,14 @@ class Bench:
     def status(self) -> dict[str, Any]:
         """How the server says it is."""
         return operator.ask(read_endpoint(self.server.endpoint), "status", 5.0)
+
+    def wait_status(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Ask for the status until something is true of it, for 10 s at most."""
+        until = time.monotonic() + 10.0
+        while not holds(status := self.status()):
+            assert time.monotonic() < until, status
+            time.sleep(0.005)
+        return status
 
     def goes_on(self, exchanges: int = 10) -> None:
         """The client must be served as if nothing had happened."""
