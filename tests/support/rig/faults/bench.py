@@ -189,9 +189,8 @@ class Bench:
 
     def recovers(self) -> None:
         """After an acknowledgement a client must be served again."""
-        answer = operator.acknowledge(
-            read_endpoint(self.server.endpoint), self.status()["latch"], 15.0
-        )
+        latch = self.wait_status(lambda status: bool(status["latch"]))["latch"]
+        answer = operator.acknowledge(read_endpoint(self.server.endpoint), latch, 15.0)
         assert answer["state"] == "idle", answer
         driver = self.another(self.server.endpoint, client="after")
         assert driver.samples[-1]["state"] == "running"

@@ -451,8 +451,8 @@ def again_and_again(bench: Bench) -> None:
         os.kill(server.roles()["device" if number % 2 else "guard"], signal.SIGKILL)
         bench.measure_from_written(bench.safe_after(now))
         driver.stop(orderly=False)
-            bench.recovers()
-    _until(lambda: len(server.family()) == processes, "processes are left over")
+        bench.recovers()
+        _until(lambda: len(server.family()) == processes, "not as many processes as before")
     bench.observed = f"{processes} processes, as at the beginning"
 
 

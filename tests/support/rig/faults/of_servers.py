@@ -34,7 +34,7 @@ def never_starts(bench: Bench) -> None:
 
 @fault(
     "SIGKILL of the server, and back",
-    "the device goes safe by itself, no process is left; a new server is latched until acknowledged",
+    "safe by itself, no process is left; a new server is latched until it is acknowledged",
     quick=True,
 )
 def killed(bench: Bench) -> None:
