@@ -189,12 +189,13 @@ class Bench:
 
     def recovers(self) -> None:
         """After an acknowledgement a client must be served again."""
-        latch = self.wait_status(lambda status: bool(status["latch"]))["latch"]
+        latch = self.wait_status(lambda status: status["state"] == "safe")["latch"]
         answer = operator.acknowledge(read_endpoint(self.server.endpoint), latch, 15.0)
         assert answer["state"] == "idle", answer
         driver = self.another(self.server.endpoint, client="after")
         assert driver.samples[-1]["state"] == "running"
         assert driver.samples[-1]["values"][0] is not None
+        driver.stop()
 
     def status(self) -> dict[str, Any]:
         """How the server says it is."""

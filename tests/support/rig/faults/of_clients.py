@@ -119,7 +119,7 @@ def second_client(bench: Bench) -> None:
     bench.connect()
     assert "one client at a time" in refusal(bench.server.endpoint)
     bench.goes_on()
-    bench.server.wait_line("client another refused")
+    bench.server.wait_line("refused: the rig serves driver")
     bench.observed = "refused: one client at a time"
 
 
@@ -278,22 +278,17 @@ def replayed(bench: Bench) -> None:
     server = bench.serve()
     with Peer(server.endpoint) as peer:
         accepted = peer.connect("slow")
-        time.sleep(bench.watchdog + 0.05)
-        for seen, part in (
-            (accepted["clock"], "was under way for"),
-            (1e12, "more of the rig's time than there was"),
+        sample = peer.exchange(accepted["session"], 1, accepted["clock"], [0.0, 0.0])
+        time.sleep(bench.watchdog / 2)
+        again = peer.exchange(accepted["session"], 2, sample["clock"], [0.0, 0.0])
+        assert not again["refused"]
+        time.sleep(bench.watchdog / 2 + 0.02)
+        for sequence, seen, part in (
+            (3, sample["clock"], "was under way for"),
+            (4, 1e12, "more of the rig's time than there was"),
         ):
-            sample = peer.ask(
-                "exchange",
-                session=accepted["session"],
-                sequence=1 + int(seen > 1e9),
-                sent=0.0,
-                seen=seen,
-                time=0.0,
-                step=0.02,
-                values=[0.5, 1.0],
-            )
-            assert part in sample["refused"][0]
+            late = peer.exchange(accepted["session"], sequence, seen, [0.5, 1.0])
+            assert part in late["refused"][0]
         peer.ask("disconnect", session=accepted["session"])
-    assert not [call for call in server.calls() if call.what.startswith("write")]
+    assert not [call for call in server.calls() if call.what.startswith("write 0.5")]
     bench.observed = "refused, nothing was written"

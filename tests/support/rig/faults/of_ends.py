@@ -59,6 +59,7 @@ def dies_before_it_begins(bench: Bench) -> None:
         sent = time.monotonic()
         time.sleep(1.0)  # what the network does
         peer.exchange(accepted["session"], 1, accepted["clock"], [0.5, 1.0])
+    time.sleep(0.1)
     written = [c for c in server.calls() if c.time > sent and c.what.startswith("write")]
     if not written:
         bench.observed = "it was not carried out"
