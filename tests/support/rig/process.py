@@ -142,8 +142,10 @@ class Server:
         for line in self.lines:
             if part in line:
                 return line
+        errors = self.errors() if self.process.poll() is not None else ""
         raise AssertionError(
-            f"no line with {part!r} in {timeout:g} s; there were:\n" + "\n".join(self.lines)
+            f"no line with {part!r} in {timeout:g} s; there were:\n"
+            + "\n".join([*self.lines, errors])
         )
 
     def calls(self) -> list[Call]:
