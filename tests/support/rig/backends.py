@@ -62,14 +62,18 @@ class Logged(Backend):
     def _note(self, what: str) -> None:
         os.write(self._log, f"{time.monotonic()!r} {os.getpid()} {what}\n".encode())
 
-    def read(self) -> Mapping[str, float]:
+    def measured(self, commands: Mapping[str, float]) -> dict[str, float]:
+        """What is measured while something is commanded."""
         return {
-            "voltage": GAIN["voltage"] * self._commands["current"],
-            "displacement": GAIN["displacement"] * self._commands["force"],
+            "voltage": GAIN["voltage"] * commands["current"],
+            "displacement": GAIN["displacement"] * commands["force"],
         }
 
+    def read(self) -> Mapping[str, float]:
+        return self.measured(self._commands)
+
     def write(self, values: Mapping[str, float]) -> None:
-        self._note(f"write {values['current']!r} {values['force']!r}")
+        self._note(" ".join(["write", *(repr(values[name]) for name in self.inputs)]))
         self._hold(values)
 
     def safe(self) -> None:
@@ -194,3 +198,27 @@ class Threaded(Logged):
     def __init__(self, log: str) -> None:
         super().__init__(log)
         threading.Thread(target=time.sleep, args=(3600.0,)).start()
+
+
+class Actuator(Faulty):
+    """What the system hil_bench drives: an actuator that is a spring, whose length is commanded."""
+
+    STIFFNESS, RESISTANCE = 6300.0, 0.5  # N/m, ohm
+
+    inputs = {"current": "A", "length_change": "m"}
+    outputs = {
+        "voltage": "V",
+        "electrochemical_displacement": "m",
+        "mechanical_displacement": "m",
+        "charge": "C",
+        "tension": "N",
+    }
+
+    def __init__(self, log: str, trigger: str, where: str = "", how: str = "") -> None:
+        super().__init__(log, trigger, where, how)
+        self.limits = {"current": Limit(-1.3, 1.3), "length_change": Limit(-1e-3, 1e-3)}
+
+    def measured(self, commands: Mapping[str, float]) -> dict[str, float]:
+        tension = max(0.0, self.STIFFNESS * commands["length_change"])
+        voltage = self.RESISTANCE * commands["current"]
+        return dict.fromkeys(self.outputs, 0.0) | {"voltage": voltage, "tension": tension}

@@ -20,6 +20,7 @@ MODULES = (
     "of_backends",
     "of_operation",
     "of_attacks",
+    "of_runs",
 )
 
 

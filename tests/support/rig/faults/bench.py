@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,11 +75,14 @@ class Bench:
         Time to the safe state and what it has to be below, in s.
     since : str
         What it was measured from.
+    limits : sequence of (float, float)
+        Of what may be written.
     """
 
     def __init__(self, folder: Path, allowance: float = 0.0, watchdog: float = WATCHDOG) -> None:
         self.folder, self.allowance, self.watchdog = folder, allowance, watchdog
         self.observed, self.since = "", ""
+        self.limits: Sequence[tuple[float, float]] = LIMITS
         self.measured: float | None = None
         self.bound: float | None = None
         self._open = ExitStack()
@@ -226,7 +229,7 @@ class Bench:
         for call in self.server.calls() if hasattr(self, "server") else []:
             if call.what.startswith("write"):
                 for value, (low, high) in zip(
-                    map(float, call.what.split()[1:]), LIMITS, strict=True
+                    map(float, call.what.split()[1:]), self.limits, strict=True
                 ):
                     assert low <= value <= high, call
 
