@@ -203,7 +203,7 @@ class Threaded(Logged):
 class Actuator(Faulty):
     """What the system hil_bench drives: an actuator that is a spring, whose length is commanded."""
 
-    STIFFNESS, RESISTANCE = 6300.0, 0.5  # N/m, ohm
+    STIFFNESS, RESISTANCE = 200.0, 0.5  # N/m, ohm; soft: a loop over a bad cable stays stable
 
     inputs = {"current": "A", "length_change": "m"}
     outputs = {
@@ -216,7 +216,7 @@ class Actuator(Faulty):
 
     def __init__(self, log: str, trigger: str, where: str = "", how: str = "") -> None:
         super().__init__(log, trigger, where, how)
-        self.limits = {"current": Limit(-1.3, 1.3), "length_change": Limit(-1e-3, 1e-3)}
+        self.limits = {"current": Limit(-1.3, 1.3), "length_change": Limit(-0.02, 0.02)}
 
     def measured(self, commands: Mapping[str, float]) -> dict[str, float]:
         tension = max(0.0, self.STIFFNESS * commands["length_change"])

@@ -19,9 +19,9 @@ from tests.support.rig.peer import Peer, operators
 from tests.support.rig.process import ROOT, Server
 from tests.support.rig.terminal import Terminal
 
-_LIMITS = ((-1.3, 1.3), (-1e-3, 1e-3))  # of the commands of the actuator
+_LIMITS = ((-1.3, 1.3), (-0.02, 0.02))  # of the commands of the actuator
 _DURATION = 4.0  # s, of the run
-_SETTINGS = ("step=10ms", "master.rates.bench=100", "inputs.current.initial=0.4")
+_SETTINGS = ("step=20ms", "master.rates.bench=100", "inputs.current.initial=0.4")
 _ENDS = "safe; the run ends with one line that says why, and exit status 2"
 _GOES_ON = "the run goes on to its end, or the rig is safe and the run says why, with status 2"
 
@@ -30,7 +30,7 @@ def _serve(bench: Bench, where: str = "", how: str = "", **more: Any) -> Server:
     """Serve an actuator, one of whose calls fails when the trigger is pulled."""
     bench.limits = _LIMITS
     options = {"trigger": bench.folder / "trigger", "where": where, "how": how}
-    return bench.serve("Actuator", options=options, **more)
+    return bench.serve("Actuator", "--rate", 200, options=options, **more)
 
 
 def _run(bench: Bench, disturb: Callable[[], object]) -> subprocess.CompletedProcess[str]:
@@ -38,7 +38,7 @@ def _run(bench: Bench, disturb: Callable[[], object]) -> subprocess.CompletedPro
     server = bench.server
     bench.link = BadLink(server.endpoint, watchdog=bench.watchdog, limits=_LIMITS)
     command = [sys.executable, "-m", "orchestration.cli", "run", "hil_bench", "--runtime", "python"]
-    command += ["--real-time", "--lag", "20", "--out", "run.nc"]
+    command += ["--real-time", "--lag", "2", "--out", "run.nc"]
     settings = (f"proxy.endpoint={bench.link.endpoint}", f"duration={_DURATION:g}", *_SETTINGS)
     for setting in settings:
         command += ["--set", setting]
@@ -51,14 +51,23 @@ def _run(bench: Bench, disturb: Callable[[], object]) -> subprocess.CompletedPro
         text=True,
     ) as run:
         try:
-            server.wait_call("write 0.4", 0.0, 60.0)
-            time.sleep(0.5)
+            _wait_for_commands(server, run)
             disturb()
             output, errors = run.communicate(timeout=60.0)
         finally:
             run.kill()
             bench.link.close()
     return subprocess.CompletedProcess(command, run.returncode, output, errors)
+
+
+def _wait_for_commands(server: Server, run: subprocess.Popen[str]) -> None:
+    """Wait until the run has commanded for half a second."""
+    until = time.monotonic() + 60.0
+    while not any(call.what.startswith("write 0.4") for call in server.calls()):
+        assert run.poll() is None, f"the run ended before it began: {run.communicate()[1]}"
+        assert time.monotonic() < until, "the run does not begin"
+        time.sleep(0.01)
+    time.sleep(0.5)
 
 
 def _ends(bench: Bench, disturb: Callable[[], object]) -> None:
