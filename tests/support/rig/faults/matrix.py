@@ -83,6 +83,11 @@ class Combination:
         return processes or f"SIG{self.signal} alone"
 
     @property
+    def demands(self) -> bool:
+        """True if the rig must become safe; without its reserve it may serve on."""
+        return any(map(_demands, self.faults)) or self.signal in ENDING
+
+    @property
     def is_for_hardware(self) -> bool:
         """True if no process remains that could act."""
         return len(self.faults) == len(TREATMENTS)
@@ -227,7 +232,8 @@ class _Trial:
 
     def _acts(self) -> list[tuple[bool, Callable[[], object]]]:
         """What to do, and whether it demands the safe state."""
-        acts = [(True, self._act(process, how)) for process, how in self._combination.faults]
+        faults = self._combination.faults
+        acts = [(_demands(fault), self._act(*fault)) for fault in faults]
         name = self._combination.signal
         if name:
             number = signal.Signals[f"SIG{name}"]
@@ -247,8 +253,8 @@ class _Trial:
         time.sleep(_SETTLING)
 
     def _is_serving(self) -> bool:
-        """Whether the signal was one that nothing had to come of, and commands are carried out."""
-        if self._combination.faults or self._combination.signal in ENDING:
+        """Whether nothing had to come of what happened, and commands are carried out."""
+        if self._combination.demands:
             return False
         written = _last_command(self._server.calls())
         return written is not None and time.monotonic() - written < 2 * PERIOD + self._allowance
@@ -267,7 +273,7 @@ class _Trial:
         last = _last_command(calls)
         if last is None:
             return self._outcome("safe", 0.0)
-        if self._combination.client == "idle" and self._combination.faults:
+        if self._combination.client == "idle" and self._combination.demands:
             return self._outcome(
                 "BROKEN", 0.0, "a command was carried out by a rig that had failed"
             )
@@ -297,6 +303,11 @@ class _Trial:
     ) -> Outcome:
         bound = ALARM if result == "alarm" else self._bound
         return Outcome(self._combination, result, seconds, exposure, bound, remark)
+
+
+def _demands(fault: tuple[str, str]) -> bool:
+    """Whether a fault of a process demands the safe state."""
+    return fault[0] != "standby"
 
 
 def _last_command(calls: list[Call]) -> float | None:
