@@ -21,6 +21,7 @@ import zmq
 from fmus.rig_proxy.protocol import LATCHED, TELEMETRY, encode
 from tests.support.rig.driver import refusal
 from tests.support.rig.faults.bench import Bench, fault
+from tests.support.rig.faults.matrix import SIGNALS
 from tests.support.rig.peer import Peer, operators
 from tests.support.rig.process import ROOT
 from tests.support.rig.terminal import HOLD, Terminal
@@ -454,6 +455,32 @@ def again_and_again(bench: Bench) -> None:
         bench.recovers()
         _until(lambda: len(server.family()) == processes, "not as many processes as before")
     bench.observed = f"{processes} processes, as at the beginning"
+
+
+@fault(
+    "every signal of a terminal, to every process at once",
+    "each ends in the safe state in time, or is served on and safe when the client hangs",
+)
+def signals_to_all(bench: Bench) -> None:
+    longest = 0.0
+    for name in SIGNALS:
+        folder = bench.folder / name
+        folder.mkdir()
+        with Bench(folder, bench.allowance, bench.watchdog) as one:
+            server = one.serve()
+            one.connect()
+            now = time.monotonic()
+            for pid in server.family():
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.Signals[f"SIG{name}"])
+            time.sleep(one.promised)
+            one.driver.hang()
+            one.measure_from_written(one.safe_after(now))
+            assert one.measured is not None
+            longest = max(longest, one.measured)
+            bound = one.promised
+    bench.note(longest, bound, "last command carried out, the longest")
+    bench.observed = f"{', '.join(SIGNALS)}: safe, each"
 
 
 @fault("SIGKILL of all helpers that are none of the three", "served; safe when the client hangs")

@@ -35,6 +35,9 @@ Where a command may be under way, its client sent it earlier than the server was
 watchdog time at most, for older ones are refused as stale. From the client's side a command is
 therefore held for the watchdog time more than the server promises, and no longer.
 
+Loss, delay, doubling, damage and order of messages are those of a forwarder of the tests between
+client and server; it needs no rights and no `tc netem` of a network namespace.
+
 What no program can do: when every process of the server is stopped or killed at once, only hardware
 that needs a sign of life from the computer (a watchdog timer of the device, a relay that drops out)
 takes the current away. Whoever commands or records gets to know of it within {ALARM:g} s.
