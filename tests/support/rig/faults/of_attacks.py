@@ -185,19 +185,25 @@ def full_shared_memory(bench: Bench) -> None:
 
 
 @fault(
-    "the log is deleted with its folder, while the server runs",
-    "served on; a stop is answered, and safe",
+    "log and state are deleted with their folders, while the server runs",
+    "served on; a stop is safe at once, and holds over a restart",
 )
-def deleted_log(bench: Bench) -> None:
-    folder = bench.folder / "logs"
-    folder.mkdir()
-    server = bench.serve("Logged", "--log", folder / "server.log")
+def deleted_files(bench: Bench) -> None:
+    logs, state = bench.folder / "logs", bench.folder / "state"
+    logs.mkdir()
+    arguments = ("Logged", "--state", state, "--log")
+    server = bench.serve(*arguments, logs / "server.log")
     bench.connect()
-    shutil.rmtree(folder)
+    for folder in (logs, state):
+        shutil.rmtree(folder)
     bench.goes_on(20)
     _stop(bench)
-    assert server.process.poll() is None
-    bench.observed = "served on; stopped at once"
+    time.sleep(0.5)  # the disk gets its time
+    server.process.kill()
+    bench.all_ended(server.family())
+    bench.serve(*arguments, bench.folder / "other.log")
+    assert bench.status()["state"] in LATCHED, "released by a restart"
+    bench.observed = "served on; stopped at once; latched after the restart"
 
 
 @fault(
