@@ -22,8 +22,9 @@ from tests.support.rig.terminal import Terminal
 _LIMITS = ((-1.3, 1.3), (-0.02, 0.02))  # of the commands of the actuator
 _DURATION = 4.0  # s, of the run
 _SETTINGS = ("step=20ms", "master.rates.bench=100", "inputs.current.initial=0.4")
-_ENDS = "safe; the run ends with one line that says why, and exit status 2"
-_GOES_ON = "the run goes on to its end, or the rig is safe and the run says why, with status 2"
+_STARTS = 10  # of a run, at most
+_ENDS = "safe; the run ends with one line that says why, and an exit status that is not 0"
+_GOES_ON = "the run goes on to its end, or the rig is safe and the run says why"
 
 
 def _serve(bench: Bench, where: str = "", how: str = "", **more: Any) -> Server:
@@ -35,39 +36,41 @@ def _serve(bench: Bench, where: str = "", how: str = "", **more: Any) -> Server:
 
 def _run(bench: Bench, disturb: Callable[[], object]) -> subprocess.CompletedProcess[str]:
     """Run hil_bench, and let something happen in its course."""
-    server = bench.server
-    bench.link = BadLink(server.endpoint, watchdog=bench.watchdog, limits=_LIMITS)
+    bench.link = BadLink(bench.server.endpoint, watchdog=bench.watchdog, limits=_LIMITS)
+    run = _started(bench)
+    try:
+        time.sleep(0.5)
+        disturb()
+        output, errors = run.communicate(timeout=60.0)
+    finally:
+        run.kill()
+        bench.link.close()
+    return subprocess.CompletedProcess(run.args, run.returncode, output, errors)
+
+
+def _started(bench: Bench) -> subprocess.Popen[str]:
+    """Start a run, and wait until it commands; on a busy machine it may be refused at first."""
     command = [sys.executable, "-m", "orchestration.cli", "run", "hil_bench", "--runtime", "python"]
-    command += ["--real-time", "--lag", "2", "--out", "run.nc"]
+    command += ["--real-time", "--out", "run.nc"]
     settings = (f"proxy.endpoint={bench.link.endpoint}", f"duration={_DURATION:g}", *_SETTINGS)
     for setting in settings:
         command += ["--set", setting]
-    with subprocess.Popen(
-        command,
-        cwd=bench.folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as run:
-        try:
-            _wait_for_commands(server, run)
-            disturb()
-            output, errors = run.communicate(timeout=60.0)
-        finally:
-            run.kill()
-            bench.link.close()
-    return subprocess.CompletedProcess(command, run.returncode, output, errors)
-
-
-def _wait_for_commands(server: Server, run: subprocess.Popen[str]) -> None:
-    """Wait until the run has commanded for half a second."""
-    until = time.monotonic() + 60.0
-    while not any(call.what.startswith("write 0.4") for call in server.calls()):
-        assert run.poll() is None, f"the run ended before it began: {run.communicate()[1]}"
-        assert time.monotonic() < until, "the run does not begin"
-        time.sleep(0.01)
-    time.sleep(0.5)
+    for _ in range(_STARTS):
+        run = subprocess.Popen(
+            command,
+            cwd=bench.folder,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        while run.poll() is None:
+            if any(call.what.startswith("write 0.4") for call in bench.server.calls()):
+                return run
+            time.sleep(0.01)
+        _, errors = run.communicate()
+        assert "this machine does not hold" in errors, f"it ended before it began: {errors}"
+    raise AssertionError(f"this machine refuses to run it, {_STARTS} times")
 
 
 def _ends(bench: Bench, disturb: Callable[[], object]) -> None:
@@ -90,7 +93,7 @@ def _ends(bench: Bench, disturb: Callable[[], object]) -> None:
 
 def _says_why(bench: Bench, done: subprocess.CompletedProcess[str]) -> None:
     lines = done.stderr.strip().splitlines()
-    assert done.returncode == 2, f"exit status {done.returncode}; {lines[-1:]}"
+    assert done.returncode in (1, 2), f"exit status {done.returncode}; {lines[-1:]}"
     assert lines[-1].startswith("error: "), lines
     bench.observed = lines[-1].replace(str(bench.folder), "")
 
