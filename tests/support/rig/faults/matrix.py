@@ -39,6 +39,7 @@ ENDING = ("HUP", "INT", "QUIT", "USR1", "TERM")  # what must end in the safe sta
 CLIENTS = ("idle", "commanding", "recording")
 ALARM = 0.5  # s, within which an alarm is promised where only hardware can help
 _COMMANDS = [0.8, 1.0]
+_STARTS = 5  # of a trial, at most
 _SPANS = (0.0, 0.1, 1.0)  # shares of the longest: at once, before and after anybody may notice
 _SETTLING = 0.3  # s, of what is let go on again
 _EXPERIMENT = """
@@ -178,15 +179,32 @@ def trial(
     -------
     Outcome
     """
-    with ExitStack() as opened:
-        hang = {"trigger": folder / "trigger", "where": "read", "how": "hang", "times": 1}
-        server = opened.enter_context(
-            Server(folder, "Faulty", "--watchdog", watchdog, options=hang, terminal=Terminal())
-        )
-        server.wait_ready()
-        client = _CLIENTS[combination.client](server, folder)
-        opened.callback(client.close)
-        return _Trial(combination, server, client, watchdog, allowance).run(random.Random(seed))
+    for number in range(_STARTS):
+        place = folder / str(number)
+        place.mkdir()
+        with ExitStack() as opened:
+            try:
+                server, client = _started(opened, combination, place, watchdog)
+            except AssertionError:  # too busy a machine: the rig was safe before anything happened
+                continue
+            chance = random.Random(seed)
+            return _Trial(combination, server, client, watchdog, allowance).run(chance)
+    raise AssertionError(f"too busy a machine: nothing began, {_STARTS} times")
+
+
+def _started(
+    opened: ExitStack, combination: Combination, folder: Path, watchdog: float
+) -> tuple[Server, _Idle]:
+    """Start a server on a terminal of its own, and a client that commands if it is one that does."""
+    hang = {"trigger": folder / "trigger", "where": "read", "how": "hang", "times": 1}
+    server = opened.enter_context(
+        Server(folder, "Faulty", "--watchdog", watchdog, options=hang, terminal=Terminal())
+    )
+    server.wait_ready()
+    client = _CLIENTS[combination.client](server, folder)
+    opened.callback(client.close)
+    client.start()
+    return server, client
 
 
 class _Trial:
@@ -326,6 +344,9 @@ class _Idle:
     def __init__(self, server: Server, folder: Path) -> None:
         self._server = server
 
+    def start(self) -> None:
+        """Begin to command."""
+
     def insist(self) -> None:
         """Command, if that is possible."""
         link = Link(self._server.endpoint, INPUTS, OUTPUTS)
@@ -351,6 +372,8 @@ class _Commanding(_Idle):
 
     def __init__(self, server: Server, folder: Path) -> None:
         self._driver = Driver(server.endpoint, lambda number: _COMMANDS, reconnect=True)
+
+    def start(self) -> None:
         self._driver.start()
 
     def insist(self) -> None:
@@ -385,7 +408,10 @@ class _Recording(_Idle):
         self._lines: list[tuple[float, str]] = []
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        server.wait_call("write 0.8", 0.0)
+        self._server = server
+
+    def start(self) -> None:
+        self._server.wait_call("write 0.8", 0.0)
 
     def _read(self) -> None:
         assert self._process.stderr is not None
