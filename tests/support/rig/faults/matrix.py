@@ -195,7 +195,7 @@ def trial(
 def _started(
     opened: ExitStack, combination: Combination, folder: Path, watchdog: float
 ) -> tuple[Server, _Idle]:
-    """Start a server on a terminal of its own, and a client that commands if it is one that does."""
+    """Start a server on a terminal of its own, and the client, if there is one."""
     hang = {"trigger": folder / "trigger", "where": "read", "how": "hang", "times": 1}
     server = opened.enter_context(
         Server(folder, "Faulty", "--watchdog", watchdog, options=hang, terminal=Terminal())
