@@ -240,7 +240,8 @@ class _Trial:
                 self._demand = min(self._demand, now)
             with suppress(OSError):  # what it is for has ended by itself
                 act()
-        time.sleep(self._bound + self._allowance)
+        longest = ALARM if self._combination.is_for_hardware else self._bound
+        time.sleep(longest + self._allowance)
         self._client.insist()
         if self._is_serving():
             return self._served()
