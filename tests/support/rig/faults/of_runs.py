@@ -51,7 +51,7 @@ def _run(bench: Bench, disturb: Callable[[], object]) -> subprocess.CompletedPro
 def _started(bench: Bench) -> subprocess.Popen[str]:
     """Start a run, and wait until it commands; on a busy machine it may be refused at first."""
     command = [sys.executable, "-m", "orchestration.cli", "run", "hil_bench", "--runtime", "python"]
-    command += ["--real-time", "--out", "run.nc"]
+    command += ["--real-time", "--lag", "2", "--out", "run.nc"]
     settings = (f"proxy.endpoint={bench.link.endpoint}", f"duration={_DURATION:g}", *_SETTINGS)
     for setting in settings:
         command += ["--set", setting]
