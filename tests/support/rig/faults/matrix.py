@@ -243,6 +243,8 @@ class _Trial:
         longest = ALARM if self._combination.is_for_hardware else self._bound
         time.sleep(longest + self._allowance)
         self._client.insist()
+        if not self._combination.demands:
+            self._events.append(time.monotonic())  # who tried to command has gone
         if self._is_serving():
             return self._served()
         noticed = self._client.noticed(self._events[0])
