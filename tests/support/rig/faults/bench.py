@@ -288,7 +288,8 @@ def try_all(
                 bench.nothing_unsafe()
             except (AssertionError, UserError) as error:
                 is_met = False
-                bench.observed = " ".join(str(error).split())[:300]
+                first, _, _ = str(error).partition("\n")  # what follows is the log
+                bench.observed = first.replace(str(place), "")[:300]
         row = Row(kind, bench.observed, bench.measured, bench.since, bench.bound, is_met)
         rows.append(row)
         name, _, *seen, met = row.cells()
