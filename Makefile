@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults proxy-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark chromium clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -23,7 +23,8 @@ help:
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
 	@echo "make proxy-faults what masters read of a proxy whose rig fails"
-	@echo "make soak       ten minutes at 100 Hz: memory must stay flat"
+	@echo "make hil-faults-all every combination of failures and signals, for three quarters of an hour"
+	@echo "make soak       ten minutes at 100 Hz beside a hostile peer: memory and descriptors must stay flat; SECONDS=60 for a quick look"
 	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
 
@@ -75,13 +76,16 @@ hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output
 
 soak: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.rig_soak
+	$(BIN)/python -m benchmarks.rig_soak --seconds $(or $(SECONDS),600)
 
 proxy-faults: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.rig.masters
 
 hil-faults: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.rig.faults
+
+hil-faults-all: $(VENV)/installed-dev
+	$(BIN)/python -m tests.support.rig.faults --all
 
 hil-latency: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.rig_latency

@@ -1,8 +1,8 @@
 """Latency of a rig's server beside a bare ZeroMQ echo: ``python -m benchmarks.rig_latency``.
 
 A client sends at fixed times, to the server and to an echo in a process of its own, in turns whose
-order changes from one time to the next, so that both meet the same machine. A message is timed from
-sending it to having its answer.
+order changes from one time to the next, so that both meet the same machine, which is quiet or has
+other processes to run. A message is timed from sending it to having its answer.
 """
 
 from __future__ import annotations
@@ -10,8 +10,11 @@ from __future__ import annotations
 import argparse
 import gc
 import multiprocessing
+import subprocess
+import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -30,6 +33,7 @@ from .tables import Cell, Table, Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "rig-latency.md"
 RATES = (30, 100, 1000)  # Hz
+CROWDS = (0, 4)  # busy processes beside
 SERVER = "rig server"
 ECHO = "bare echo"
 TARGET = 2.0  # of the echo's p99
@@ -37,7 +41,9 @@ _PERCENTILES = (50.0, 99.0, 99.9)
 _PATIENCE = 1000  # ms for an answer
 
 
-def measure(seconds: float = 60.0, rates: Sequence[int] = RATES) -> Topic:
+def measure(
+    seconds: float = 60.0, rates: Sequence[int] = RATES, crowds: Sequence[int] = CROWDS
+) -> Topic:
     """Measure at several rates.
 
     Parameters
@@ -46,26 +52,22 @@ def measure(seconds: float = 60.0, rates: Sequence[int] = RATES) -> Topic:
         How long at each.
     rates : sequence of int
         Exchanges per second, and samples of the rig.
+    crowds : sequence of int
+        Numbers of busy processes beside.
 
     Returns
     -------
     Topic
     """
     rows: list[list[Cell]] = []
-    for rate in rates:
-        rows += _at(rate, seconds)
-    columns = [
-        "rate, Hz",
-        "who",
-        "exchanges",
-        *(f"p{p:g}, us" for p in _PERCENTILES),
-        "longest, us",
-    ]
-    columns += [
-        *(f"p{p:g}, ratio" for p in _PERCENTILES),
-        "client's deadlines missed",
-        "rig's deadlines missed",
-    ]
+    for crowd in crowds:
+        for rate in rates:
+            with _busy(crowd, 10.0 * seconds):
+                rows += [[crowd, *row] for row in _at(rate, seconds)]
+    columns = ["busy processes beside", "rate, Hz", "who", "exchanges"]
+    columns += [*(f"p{p:g}, us" for p in _PERCENTILES), "longest, us"]
+    columns += [f"p{p:g}, ratio" for p in _PERCENTILES]
+    columns += ["client's deadlines missed", "rig's deadlines missed"]
     return Topic(
         "Round trip of an exchange on loopback",
         [
@@ -77,6 +79,18 @@ def measure(seconds: float = 60.0, rates: Sequence[int] = RATES) -> Topic:
             Table(columns, rows),
         ],
     )
+
+
+@contextmanager
+def _busy(number: int, longest: float) -> Iterator[None]:
+    """Have busy processes run beside while the context lasts, for a bounded time in any case."""
+    command = f"import time\nuntil = time.monotonic() + {longest}\n"
+    command += "while time.monotonic() < until: pass"
+    with ExitStack() as beside:
+        for _ in range(number):
+            process = beside.enter_context(subprocess.Popen([sys.executable, "-c", command]))
+            beside.callback(process.kill)
+        yield
 
 
 def _echo(pipe: Any) -> None:
@@ -146,9 +160,11 @@ class _Client:
         for name, endpoint in ((SERVER, server), (ECHO, echo)):
             self._sockets[name] = socket = context.socket(zmq.DEALER)
             socket.linger = 0
+            socket.routing_id = b"latency"
             socket.rcvtimeo = _PATIENCE
             socket.connect(endpoint)
-        accepted = self.ask("connect", client="latency", inputs=INPUTS, outputs=OUTPUTS, time=0.0)
+        who = {"client": "latency", "instance": "latency"}
+        accepted = self.ask("connect", **who, inputs=INPUTS, outputs=OUTPUTS, time=0.0)
         self.session = accepted["session"]
         self._seen = accepted["clock"]
         self._sequence = 0

@@ -1,25 +1,29 @@
-"""Memory of a long session at 100 Hz, which must stay flat: ``python -m benchmarks.rig_soak``.
+"""Memory and descriptors of a long session at 100 Hz, which must stay flat.
 
-The native and the Python proxy, each at a served rig of its own, step in this process in turns;
-memory is that of this process and of all processes of both servers, read while they work.
+``python -m benchmarks.rig_soak``: the native and the Python proxy, each at a served rig of its own,
+step in this process in turns, while a hostile peer of its own does to each server what it can.
+Looked at are this process and all processes of both servers, while they work.
 """
 
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
 import numpy as np
+import psutil
 
 from fmus import component
 from fmus.kit.build.building import RUNTIMES, build_cached
 from orchestration.fmu.instance import Fmu
-from tests.support.rig.process import Server
+from tests.support.rig.process import ROOT, Server
 
 from . import machine
 from .tables import Table, Topic
@@ -40,11 +44,41 @@ def _settled(seconds: float) -> float:
     return min(_SETTLED, 0.3 * seconds)
 
 
-def _run(
-    proxies: Sequence[Fmu], processes: Mapping[str, Path], seconds: float
-) -> dict[str, list[float]]:
-    """Step both proxies at the rate; memory of every process in MB, once settled."""
-    seen: dict[str, list[float]] = {name: [] for name in processes}
+@dataclass
+class _Watched:
+    """A process, and what was seen of it once settled: MB of memory, and open descriptors."""
+
+    process: psutil.Process
+    memory: list[float] = field(default_factory=list)
+    descriptors: list[int] = field(default_factory=list)
+
+    def cells(self, name: str) -> list[str]:
+        """Return a row of the table."""
+        memory = [f"{self.memory[0]:.1f}", f"{self.memory[-1]:.1f}", f"{self.growth:+.2f}"]
+        return [name, *memory, f"{max(self.descriptors)}", f"{self.left_open:+d}"]
+
+    def look(self) -> None:
+        self.memory.append(self.process.memory_info().rss / 1e6)
+        self.descriptors.append(self.process.num_fds())
+
+    @property
+    def growth(self) -> float:
+        """Of memory, MB."""
+        return self.memory[-1] - self.memory[0]
+
+    @property
+    def left_open(self) -> int:
+        """Growth of descriptors; peers come and go, so the fewest of each half count."""
+        half = (len(self.descriptors) + 1) // 2
+        return min(self.descriptors[-half:]) - min(self.descriptors[:half])
+
+    @property
+    def is_flat(self) -> bool:
+        return self.growth <= _ALLOWED and self.left_open <= 0
+
+
+def _run(proxies: Sequence[Fmu], watched: Mapping[str, _Watched], seconds: float) -> None:
+    """Step both proxies at the rate, and look at every process once settled."""
     setters = [fmu.writer(["current", "force"]) for fmu in proxies]
     for fmu in proxies:
         fmu.start()
@@ -61,11 +95,22 @@ def _run(
             continue
         looked = now
         if now - begin >= settled:
-            for name, path in processes.items():
-                seen[name].append(int(path.read_text().split()[1]) * 4096 / 1e6)
+            for each in watched.values():
+                each.look()
             progress = f"{now - begin:.0f} s of {seconds:.0f} s"
             print(progress, end="\r", flush=True, file=sys.stderr)
-    return seen
+
+
+def _attacked(opened: ExitStack, seconds: float) -> Server:
+    """Start a server, and a hostile peer beside."""
+    folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="ppy-soak-")))
+    server = opened.enter_context(
+        Server(folder, "emulator", "--rate", RATE, "--watchdog", _WATCHDOG)
+    )
+    hostile = [sys.executable, "-m", "tests.support.rig.hostile", server.wait_ready()]
+    peer = opened.enter_context(subprocess.Popen([*hostile, str(seconds)], cwd=ROOT))
+    opened.callback(peer.kill)
+    return server
 
 
 def measure(seconds: float) -> tuple[Topic, bool]:
@@ -83,45 +128,31 @@ def measure(seconds: float) -> tuple[Topic, bool]:
     """
     steps = round(seconds * RATE)
     proxies: dict[str, Fmu] = {}
-    processes = {"the master with both proxies": Path("/proc/self/statm")}
+    watched = {"the master with both proxies": _Watched(psutil.Process())}
     with ExitStack() as opened:
         for runtime in RUNTIMES:
-            folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="ppy-soak-")))
-            server = opened.enter_context(
-                Server(folder, "emulator", "--rate", RATE, "--watchdog", _WATCHDOG)
-            )
-            endpoint = {"endpoint": server.wait_ready()}
+            server = _attacked(opened, seconds)
+            endpoint = {"endpoint": server.endpoint}
             fmu = Fmu(build_cached(component("rig_proxy"), runtime), endpoint, runtime)
             proxies[runtime] = opened.enter_context(fmu)
             for number, process in enumerate(sorted(server.family())):
                 name = f"server of the {runtime} proxy, process {number + 1}"
-                processes[name] = Path(f"/proc/{process}/statm")
-        seen = _run(list(proxies.values()), processes, seconds)
+                watched[name] = _Watched(psutil.Process(process))
+        _run(list(proxies.values()), watched, seconds)
         missed = {runtime: _missed(fmu) for runtime, fmu in proxies.items()}
-    growth = {name: memory[-1] - memory[0] for name, memory in seen.items()}
-    rows = [
-        [name, f"{memory[0]:.1f}", f"{memory[-1]:.1f}", f"{growth[name]:+.2f}"]
-        for name, memory in seen.items()
-    ]
     told = ", ".join(
         f"{count:.0f} of {steps} by the {runtime} one" for runtime, count in missed.items()
     )
-    table = Table(
-        [
-            "process",
-            f"MB after {_settled(seconds):.0f} s",
-            f"MB after {seconds:.0f} s",
-            "growth, MB",
-        ],
-        rows,
+    columns = ["process", f"MB after {_settled(seconds):.0f} s", f"MB after {seconds:.0f} s"]
+    columns += ["growth, MB", "descriptors at most", "growth of the fewest descriptors"]
+    text = (
+        f"{seconds:.0f} s at {RATE:g} Hz, beside a hostile peer at each server: malformed frames,"
+        " connections under ever new names, HTTP, greetings that are not finished, floods."
+        f" Deadlines missed: {told}. Allowed growth: {_ALLOWED:g} MB, and no descriptor."
     )
-    text = [
-        f"{seconds:.0f} s at {RATE:g} Hz. Deadlines missed: {told}. Allowed growth:"
-        f" {_ALLOWED:g} MB."
-    ]
-    return Topic("Memory of a long session", [*text, table]), all(
-        grown <= _ALLOWED for grown in growth.values()
-    )
+    table = Table(columns, [each.cells(name) for name, each in watched.items()])
+    flat = all(each.is_flat for each in watched.values())
+    return Topic("Memory and descriptors of a long session", [text, table]), flat
 
 
 def _missed(fmu: Fmu) -> float:

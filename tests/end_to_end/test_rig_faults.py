@@ -1,5 +1,5 @@
-"""Claims: whatever fails between client and rig ends as promised, in time, with nothing unsafe
-written and no hang.
+"""Claims: whatever fails between client and rig, alone or together with something else, ends as
+promised, in time, with nothing unsafe written and no hang.
 
 A part of the table that `make hil-faults` tries as a whole. On a machine that runs other tests
 besides, a process may wait for its turn for a tenth of a second: here the watchdog time is longer,
@@ -15,9 +15,23 @@ import pytest
 from tests.support.command import posix
 from tests.support.rig.faults import table
 from tests.support.rig.faults.bench import Bench, Fault
+from tests.support.rig.faults.matrix import Combination, drawn, trial
 
 WATCHDOG, ALLOWANCE = 0.5, 0.2  # s
 KINDS = table()
+COMBINATIONS = [
+    Combination((), "HUP", "commanding"),
+    Combination((), "TSTP", "commanding"),
+    Combination((), "QUIT", "recording"),
+    Combination((("guard", "STOP"), ("device", "STOP")), "", "commanding"),
+    Combination((("guard", "KILL"), ("device", "hangs")), "WINCH", "commanding"),
+    Combination((("front", "KILL"), ("guard", "STOP")), "", "commanding"),
+    Combination((("front", "STOP"), ("device", "KILL")), "INT", "idle"),
+]
+DRAWN = [
+    pytest.param(combination, seed, marks=pytest.mark.slow, id=f"{combination}-{seed}")
+    for seed, combination in enumerate(drawn(60, seed=2))
+]
 LIKE_OTHERS = {
     "every message doubled",
     "1 in 5 messages damaged",
@@ -49,8 +63,26 @@ def test_there_are_enough_kinds() -> None:
     assert len({kind.kind for kind in KINDS}) == len(KINDS) >= 40
 
 
+@pytest.mark.parametrize(
+    ("combination", "seed"),
+    [*(pytest.param(each, 1, id=str(each)) for each in COMBINATIONS), *DRAWN],
+)
+def test_failures_and_signals_together_end_safe(
+    combination: Combination, seed: int, tmp_path: Path
+) -> None:
+    outcome = trial(combination, tmp_path, seed, WATCHDOG, ALLOWANCE)
+    assert outcome.result != "BROKEN", outcome.remark
+
+
 def test_the_page_has_every_kind() -> None:
     page = (Path(__file__).parents[2] / "docs" / "hil-faults.md").read_text(encoding="utf-8")
-    rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ")][2:]
-    assert [row[0].removeprefix("| ") for row in rows] == [kind.kind for kind in KINDS]
-    assert {row[-1].removesuffix(" |") for row in rows} == {"yes"}
+    kinds, combinations = page.split("\n## Combinations")
+    rows = [line.split(" | ") for line in kinds.splitlines() if line.startswith("| ")]
+    named = [row[0].removeprefix("| ") for row in rows]
+    assert [name for name in named if name not in ("kind", "---")] == [k.kind for k in KINDS]
+    assert {row[-1].removesuffix(" |") for row in rows} == {"met", "---", "yes"}
+    head, _, *rows_of_combinations = [
+        line.split("|") for line in combinations.splitlines() if line.startswith("| ")
+    ]
+    broken = [cell.strip() for cell in head].index("BROKEN")
+    assert {row[broken].strip() for row in rows_of_combinations} == {""}

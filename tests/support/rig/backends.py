@@ -1,13 +1,15 @@
 """Backends that write down with monotonic times what they are told, and fail when a test asks for
 it.
 
-They stand for hardware that cannot exist here. A fault happens in every call from when the file
-`trigger` exists.
+They stand for hardware that cannot exist here, of the dangerous kind: what it was given last it
+holds, whichever process ends. A fault happens in every call from when the file `trigger` exists.
 """
 
 from __future__ import annotations
 
+import mmap
 import os
+import struct
 import threading
 import time
 from collections.abc import Mapping
@@ -20,8 +22,13 @@ from orchestration.rig.backends.backend import Backend, Limit, Steppable
 GAIN = {"voltage": 2.0, "displacement": 0.5}  # of the commands, see `Logged.read`
 
 
+_HELD = struct.Struct("<2d")  # both commands
+
+
 class Logged(Backend):
-    """Two commands, two measured values that follow them, and a log.
+    """Two commands that the hardware holds, two measured values that follow them, and a log.
+
+    The hardware is a file beside the log, mapped into memory: it outlives every process.
 
     Parameters
     ----------
@@ -41,29 +48,53 @@ class Logged(Backend):
             "voltage": Limit(-2.0, 2.0),
         }
         self._log = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-        self._commands = {"current": 0.0, "force": 0.0}
+        self._hardware = _mapped(log)
         self._note("open")
+
+    @property
+    def _commands(self) -> dict[str, float]:
+        """What the hardware holds."""
+        return dict(zip(self.inputs, _HELD.unpack_from(self._hardware), strict=True))
+
+    def _hold(self, values: Mapping[str, float]) -> None:
+        _HELD.pack_into(self._hardware, 0, *(values[name] for name in self.inputs))
 
     def _note(self, what: str) -> None:
         os.write(self._log, f"{time.monotonic()!r} {os.getpid()} {what}\n".encode())
 
-    def read(self) -> Mapping[str, float]:
+    def measured(self, commands: Mapping[str, float]) -> dict[str, float]:
+        """What is measured while something is commanded."""
         return {
-            "voltage": GAIN["voltage"] * self._commands["current"],
-            "displacement": GAIN["displacement"] * self._commands["force"],
+            "voltage": GAIN["voltage"] * commands["current"],
+            "displacement": GAIN["displacement"] * commands["force"],
         }
 
+    def read(self) -> Mapping[str, float]:
+        return self.measured(self._commands)
+
     def write(self, values: Mapping[str, float]) -> None:
-        self._note(f"write {values['current']!r} {values['force']!r}")
-        self._commands = dict(values)
+        self._note(" ".join(["write", *(repr(values[name]) for name in self.inputs)]))
+        self._hold(values)
 
     def safe(self) -> None:
-        self._note("safe")
-        self._commands = {"current": 0.0, "force": 0.0}
+        self._hold(dict.fromkeys(self.inputs, 0.0))
+        self._note("safe")  # after it: a process may be stopped in between
 
     def close(self) -> None:
         self._note("close")
         os.close(self._log)
+
+
+def _mapped(log: str) -> mmap.mmap:
+    """Return the hardware that belongs to a log; without a file it belongs to this process."""
+    if log == os.devnull:
+        return mmap.mmap(-1, _HELD.size)
+    file = os.open(f"{log}.held", os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        os.ftruncate(file, _HELD.size)
+        return mmap.mmap(file, _HELD.size)
+    finally:
+        os.close(file)
 
 
 class Stepped(Logged, Steppable):
@@ -88,11 +119,13 @@ class Faulty(Logged):
         Files.
     where : {"open", "read", "write", "safe", "close"}
     how : str
-        What happens there: `raise`, `refuse`, `exit`, `hang`, `die`, `slow`, `nan`, `beyond`,
-        `nothing`.
+        What happens there: `raise`, `refuse`, `exit`, `hang`, `die`, `slow`, `nan`, `alternate`,
+        `beyond`, `nothing`.
     times : str
         How often at most, over all processes: the log is counted.
     """
+
+    _reads = 0
 
     def __init__(
         self, log: str, trigger: str, where: str, how: str, times: str = "1000000"
@@ -129,7 +162,8 @@ class Faulty(Logged):
 
     def read(self) -> Mapping[str, float]:
         failed, values = self._fail("read"), dict(super().read())
-        if failed and self._how == "nan":
+        self._reads += 1
+        if failed and (self._how == "nan" or (self._how == "alternate" and self._reads % 2)):
             return dict.fromkeys(values, nan)
         if failed and self._how == "beyond":
             return {**values, "voltage": 2.5}
@@ -164,3 +198,27 @@ class Threaded(Logged):
     def __init__(self, log: str) -> None:
         super().__init__(log)
         threading.Thread(target=time.sleep, args=(3600.0,)).start()
+
+
+class Actuator(Faulty):
+    """What the system hil_bench drives: an actuator that is a spring, whose length is commanded."""
+
+    STIFFNESS, RESISTANCE = 200.0, 0.5  # N/m, ohm; soft: a loop over a bad cable stays stable
+
+    inputs = {"current": "A", "length_change": "m"}
+    outputs = {
+        "voltage": "V",
+        "electrochemical_displacement": "m",
+        "mechanical_displacement": "m",
+        "charge": "C",
+        "tension": "N",
+    }
+
+    def __init__(self, log: str, trigger: str, where: str = "", how: str = "") -> None:
+        super().__init__(log, trigger, where, how)
+        self.limits = {"current": Limit(-1.3, 1.3), "length_change": Limit(-0.02, 0.02)}
+
+    def measured(self, commands: Mapping[str, float]) -> dict[str, float]:
+        tension = max(0.0, self.STIFFNESS * commands["length_change"])
+        voltage = self.RESISTANCE * commands["current"]
+        return dict.fromkeys(self.outputs, 0.0) | {"voltage": voltage, "tension": tension}

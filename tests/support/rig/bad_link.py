@@ -14,7 +14,7 @@ import math
 import random
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import zmq
@@ -69,16 +69,24 @@ class BadLink:
         server, in s of the monotonic clock.
     """
 
-    def __init__(self, server: str, seed: int = 0, watchdog: float = 0.2) -> None:
+    def __init__(
+        self,
+        server: str,
+        seed: int = 0,
+        watchdog: float = 0.2,
+        limits: Sequence[tuple[float, float]] = LIMITS,
+    ) -> None:
         self.treatment: Treatment = clean
         self.fresh: list[float] = []
         self.carried = 0
         self._server, self._chance = server, random.Random(seed)
         self._watchdog = watchdog
+        self._limits = limits
         self._sequences: dict[str, int] = {}
         self._context = zmq.Context()
         self._front = self._context.socket(zmq.ROUTER)
         self._front.linger = 0
+        self._front.router_handover = 1  # a client may come again under its name
         port = self._front.bind_to_random_port("tcp://127.0.0.1")
         self.endpoint = f"tcp://127.0.0.1:{port}"
         self._ending = threading.Event()
@@ -99,6 +107,7 @@ class BadLink:
                     if peer not in backs:
                         backs[peer] = back = self._context.socket(zmq.DEALER)
                         back.linger = 0
+                        back.routing_id = b"link-" + peer.hex().encode()
                         back.connect(self._server)
                         poller.register(back, zmq.POLLIN)
                     upward = True
@@ -135,7 +144,8 @@ class BadLink:
             new = sequence > self._sequences.get(session, 0)
             new = new and now - message["seen"] <= self._watchdog
             fits = all(
-                low <= value <= high for value, (low, high) in zip(values, LIMITS, strict=True)
+                low <= value <= high
+                for value, (low, high) in zip(values, self._limits, strict=True)
             )
         except (ValueError, KeyError, TypeError):
             return False

@@ -43,6 +43,8 @@ class Driver:
     samples : list of dict
         Every answer.
     unanswered : int
+    silences : list of float
+        When an exchange or a connection was given up, in s of the monotonic clock.
     errors : list of str
     longest : float
         What the longest call took, in s.
@@ -60,6 +62,7 @@ class Driver:
         self.values, self._reconnect, self._timeout = values, reconnect, timeout
         self.samples: list[Mapping[str, Any]] = []
         self.errors: list[str] = []
+        self.silences: list[float] = []
         self.unanswered, self.longest, self.sessions = 0, 0.0, 0
         self._link = Link(endpoint, INPUTS, OUTPUTS, credentials, client)
         self._ending, self._thread = (
@@ -104,13 +107,16 @@ class Driver:
                     self.values(number), PERIOD * number, PERIOD, self._timeout
                 )
                 self.longest = max(self.longest, time.monotonic() - begun)
-                self.unanswered += sample is None
-                if sample is not None:
+                if sample is None:
+                    self.unanswered += 1
+                    self.silences.append(time.monotonic())
+                else:
                     self.samples.append(sample)
                 number, due = number + 1, max(due + PERIOD, time.monotonic() - 1.0)
                 self._ending.wait(max(0.0, due - time.monotonic()))
         except LinkError as error:
             self.errors.append(str(error))
+            self.silences.append(time.monotonic())
         return True
 
     def hang(self) -> None:

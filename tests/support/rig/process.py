@@ -4,6 +4,7 @@ backend was told.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -11,12 +12,20 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+import psutil
+
+if TYPE_CHECKING:
+    from tests.support.rig.terminal import Terminal  # needs POSIX
 
 BACKENDS = Path(__file__).with_name("backends.py")
 ROOT = Path(__file__).parents[3]
+_MARK = "PPY_TEST_SERVER"  # in the environment of all processes of a server
 _START = 30.0  # s, on a busy machine
 _END = 30.0
 
@@ -46,6 +55,10 @@ class Server:
     environment : dict, optional
     stdout : int
         Where else its lines go to; then they are read from its log file.
+    prefix : sequence of str
+        What runs the command; it must become it.
+    terminal : Terminal, optional
+        In whose foreground it runs; then its lines are read from its log file.
     """
 
     def __init__(
@@ -56,12 +69,17 @@ class Server:
         options: dict[str, object] | None = None,
         environment: dict[str, str] | None = None,
         stdout: int = subprocess.PIPE,
+        terminal: Terminal | None = None,
+        prefix: Sequence[str] = (),
     ) -> None:
+        self.terminal = terminal
+        self._mark = uuid4().hex
         self.trigger, self._calls = folder / "trigger", folder / "calls.log"
         spec, given = backend, options or {}
         if backend[0].isupper():
             spec, given = f"{BACKENDS}:{backend}", {"log": self._calls, **given}
         command = [
+            *prefix,
             sys.executable,
             "-m",
             "orchestration.cli",
@@ -72,6 +90,8 @@ class Server:
             *(text for key, value in given.items() for text in ("--option", f"{key}={value}")),
             *map(str, arguments),
         ]
+        if terminal is not None:
+            stdout = terminal.screen
         self._log = None if stdout == subprocess.PIPE else folder / "server.log"
         if self._log is not None:
             command += ["--log", str(self._log)]
@@ -80,14 +100,15 @@ class Server:
         if "--state" not in command:
             command += ["--state", str(folder / "state")]
         self.process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
+            command if terminal is None else terminal.command(command),
+            stdin=subprocess.DEVNULL if terminal is None else terminal.screen,
             stdout=stdout,
             stderr=subprocess.PIPE,
             text=True,
             encoding="utf-8",
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
+            env={**os.environ, "PYTHONPATH": str(ROOT), _MARK: self._mark, **(environment or {})},
+            start_new_session=terminal is not None,
         )
         self.lines: list[str] = []
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -153,23 +174,35 @@ class Server:
             time.sleep(0.005)
 
     def family(self) -> set[int]:
-        """All processes of the server, where the system tells."""
-        family = {self.process.pid}
-        found: dict[int, int] = {}
-        for stat in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                fields = stat.read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
-            if fields[0] != "Z":
-                found[int(stat.parent.name)] = int(fields[1])
-        while new := {pid for pid, parent in found.items() if parent in family} - family:
-            family |= new
-        return family
+        """All processes of the server, whoever is their parent by now."""
+        return {process.pid for process in psutil.process_iter() if self._is_ours(process)}
+
+    def _is_ours(self, process: psutil.Process) -> bool:
+        try:
+            alive = process.status() != psutil.STATUS_ZOMBIE
+            return alive and process.environ().get(_MARK) == self._mark
+        except psutil.Error:
+            return False
+
+    def roles(self) -> dict[str, int]:
+        """Process numbers of front, device, guard, and the guard that stands by, if all is well."""
+        device = [call.process for call in self.calls() if call.what == "open"][-1]
+        guard = psutil.Process(device).parent()
+        assert guard is not None
+        front = guard.parent()
+        assert front is not None
+        standby = next(
+            child for child in front.children() if child != guard and _is_spawned(child.cmdline())
+        )
+        named = {"front": front, "guard": guard, "standby": standby}
+        return {"device": device, **{name: process.pid for name, process in named.items()}}
 
     def send(self, number: signal.Signals) -> None:
-        """Send the front a signal."""
-        self.process.send_signal(number)
+        """Send the front a signal, or all that is in the foreground of its terminal."""
+        if self.terminal is None:
+            self.process.send_signal(number)
+        else:
+            self.terminal.send(number)
 
     def wait_end(self, timeout: float = _END) -> int:
         """Wait for its exit status."""
@@ -187,13 +220,24 @@ class Server:
 
     def __exit__(self, *_: Any) -> None:
         for stop in (self.process.terminate, self.process.kill):
-            if self.process.poll() is None:
+            if self.process.poll() is None and self.terminal is None:
                 stop()
                 try:
                     self.process.wait(_END)
                 except subprocess.TimeoutExpired:
                     continue
+        for left in self.family():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(left, signal.SIGKILL)
+        self.process.wait(_END)
         self._reader.join(5.0)
+        if self.terminal is not None:
+            self.terminal.close()
         for stream in (self.process.stdout, self.process.stderr):
             if stream is not None:
                 stream.close()
+
+
+def _is_spawned(command: list[str]) -> bool:
+    """Whether a process of Python's multiprocessing does our work, and is no helper of its own."""
+    return any("spawn_main" in part for part in command)

@@ -12,7 +12,16 @@ from importlib import import_module
 
 from .bench import KINDS, Fault
 
-MODULES = ("of_servers", "of_clients", "of_links", "of_backends", "of_operation")
+MODULES = (
+    "of_ends",
+    "of_servers",
+    "of_clients",
+    "of_links",
+    "of_backends",
+    "of_operation",
+    "of_attacks",
+    "of_runs",
+)
 
 
 def table() -> list[Fault]:

@@ -6,14 +6,12 @@ import json
 import subprocess
 import sys
 import time
-from typing import Any
 
-import zmq
-
-from fmus.rig_proxy.protocol import MAX_FRAME, encode
+from fmus.rig_proxy.protocol import MAX_FRAME, VERSION, encode
 from tests.support.rig.bad_link import BadLink
 from tests.support.rig.driver import INPUTS, OUTPUTS, refusal, usual
 from tests.support.rig.faults.bench import Bench, fault
+from tests.support.rig.peer import Peer
 from tests.support.rig.process import ROOT
 
 
@@ -61,7 +59,7 @@ def client_clock_jumps(bench: Bench) -> None:
     bench.serve()
     bench.connect()
     jumping = [time.monotonic() + jump for jump in (-1e6, 1e6, 0.0)]
-    with _Peer(bench.server.endpoint) as peer:
+    with Peer(bench.server.endpoint) as peer:
         for sent in jumping:
             assert peer.ask("status")["state"] == "running"
             peer.send(
@@ -76,8 +74,8 @@ def client_clock_jumps(bench: Bench) -> None:
             )
             assert peer.receive()["type"] == "refused"
     bench.driver.stop()
-    with _Peer(bench.server.endpoint) as peer:
-        accepted = peer.ask("connect", client="jumping", inputs=INPUTS, outputs=OUTPUTS, time=0.0)
+    with Peer(bench.server.endpoint) as peer:
+        accepted = peer.connect("jumping")
         seen = accepted["clock"]
         for sequence, sent in enumerate(30 * jumping, start=1):
             sample = peer.ask(
@@ -104,15 +102,13 @@ def client_clock_jumps(bench: Bench) -> None:
 def wrong_version(bench: Bench) -> None:
     bench.serve()
     bench.connect()
-    with _Peer(bench.server.endpoint) as peer:
+    with Peer(bench.server.endpoint) as peer:
         peer.socket.send(
-            encode("connect", client="x", inputs={}, outputs={}, time=0.0).replace(
-                b'"ppy":1', b'"ppy":2'
-            )
+            encode("status").replace(b'"ppy":%d' % VERSION, b'"ppy":%d' % (VERSION + 1))
         )
         assert peer.receive(0.2) is None
     bench.goes_on()
-    bench.server.wait_line("dropped protocol version 2; this is version 1")
+    bench.server.wait_line(f"dropped protocol version {VERSION + 1}; this is version {VERSION}")
     assert bench.status()["counts"]["malformed"] == 1
     bench.observed = "no answer, one line in the log, 1 malformed"
 
@@ -123,23 +119,20 @@ def second_client(bench: Bench) -> None:
     bench.connect()
     assert "one client at a time" in refusal(bench.server.endpoint)
     bench.goes_on()
-    bench.server.wait_line("client another refused")
+    bench.server.wait_line("refused: the rig serves driver")
     bench.observed = "refused: one client at a time"
 
 
 @fault("a client with other names or units", "refused, with the name and what the rig has")
 def misfits(bench: Bench) -> None:
     bench.serve()
-    with _Peer(bench.server.endpoint) as peer:
+    with Peer(bench.server.endpoint) as peer:
         wrong = [
             ({"current": "mA", "force": "N"}, OUTPUTS),
             ({"current": "A"}, OUTPUTS),
             (INPUTS, {"voltag": "V"}),
         ]
-        reasons = [
-            peer.ask("connect", client="x", inputs=i, outputs=o, time=0.0)["reason"]
-            for i, o in wrong
-        ]
+        reasons = [peer.connect("x", inputs, outputs)["reason"] for inputs, outputs in wrong]
     assert [
         "mA" in reasons[0],
         "force is missing" in reasons[1],
@@ -159,7 +152,7 @@ def malformed(bench: Bench) -> None:
     bench.connect()
     session = bench.driver.samples[-1]["session"]
     good = {
-        "ppy": 1,
+        "ppy": VERSION,
         "type": "exchange",
         "session": session,
         "sequence": 10**9,
@@ -175,11 +168,11 @@ def malformed(bench: Bench) -> None:
         b"\xff\xfe",
         b"[]",
         b"null",
-        b'{"ppy": 1}',
-        b'{"ppy": 1, "type": []}',
+        json.dumps({"ppy": VERSION}).encode(),
+        json.dumps({"ppy": VERSION, "type": []}).encode(),
         5000 * b"[",
-        b'{"ppy": 1, "type": "sample"}',
-        b'{"ppy":1,"type":"status"',
+        encode("sample"),
+        encode("status")[:-1],
         json.dumps({**good, "sent": 10**400}).encode(),
         *(
             json.dumps({**good, **bad}).encode()
@@ -195,7 +188,7 @@ def malformed(bench: Bench) -> None:
             )
         ),
     ]
-    with _Peer(bench.server.endpoint) as peer:
+    with Peer(bench.server.endpoint) as peer:
         peer.socket.sndhwm = 0
         for k in range(10_000):
             peer.socket.send(frames[k % len(frames)])
@@ -225,7 +218,7 @@ def _wait_for_malformed(bench: Bench, number: int, timeout: float = 20.0) -> Non
 def oversized(bench: Bench) -> None:
     bench.serve()
     bench.connect()
-    with _Peer(bench.server.endpoint) as peer:
+    with Peer(bench.server.endpoint) as peer:
         for size in (MAX_FRAME + 1, 1_000_000):
             peer.socket.send(b" " * size)
         _wait_for_malformed(bench, 2)
@@ -283,52 +276,19 @@ def too_fast(bench: Bench) -> None:
 @fault("a command that was under way for too long", "refused and reported as stale", quick=True)
 def replayed(bench: Bench) -> None:
     server = bench.serve()
-    with _Peer(server.endpoint) as peer:
-        accepted = peer.ask("connect", client="slow", inputs=INPUTS, outputs=OUTPUTS, time=0.0)
-        time.sleep(bench.watchdog + 0.05)
-        for seen, part in (
-            (accepted["clock"], "was under way for"),
-            (1e12, "more of the rig's time than there was"),
+    with Peer(server.endpoint) as peer:
+        accepted = peer.connect("slow")
+        sample = peer.exchange(accepted["session"], 1, accepted["clock"], [0.0, 0.0])
+        time.sleep(bench.watchdog / 2)
+        again = peer.exchange(accepted["session"], 2, sample["clock"], [0.0, 0.0])
+        assert not again["refused"]
+        time.sleep(bench.watchdog / 2 + 0.02)
+        for sequence, seen, part in (
+            (3, sample["clock"], "was under way for"),
+            (4, 1e12, "more of the rig's time than there was"),
         ):
-            sample = peer.ask(
-                "exchange",
-                session=accepted["session"],
-                sequence=1 + int(seen > 1e9),
-                sent=0.0,
-                seen=seen,
-                time=0.0,
-                step=0.02,
-                values=[0.5, 1.0],
-            )
-            assert part in sample["refused"][0]
+            late = peer.exchange(accepted["session"], sequence, seen, [0.5, 1.0])
+            assert part in late["refused"][0]
         peer.ask("disconnect", session=accepted["session"])
-    assert not [call for call in server.calls() if call.what.startswith("write")]
+    assert not [call for call in server.calls() if call.what.startswith("write 0.5")]
     bench.observed = "refused, nothing was written"
-
-
-class _Peer:
-    """Whoever sends what it likes."""
-
-    def __init__(self, endpoint: str) -> None:
-        self._context = zmq.Context()
-        self.socket = self._context.socket(zmq.DEALER)
-        self.socket.linger = 0
-        self.socket.connect(endpoint)
-
-    def send(self, kind: str, **fields: Any) -> None:
-        self.socket.send(encode(kind, **fields))
-
-    def receive(self, timeout: float = 5.0) -> Any:
-        return json.loads(self.socket.recv()) if self.socket.poll(1000 * timeout) else None
-
-    def ask(self, kind: str, **fields: Any) -> Any:
-        self.send(kind, **fields)
-        answer = self.receive()
-        assert answer is not None, f"no answer to {kind}"
-        return answer
-
-    def __enter__(self) -> _Peer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._context.destroy(linger=0)
