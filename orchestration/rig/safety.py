@@ -6,15 +6,12 @@ Nothing here reads a clock, a socket or a device; times come in as arguments.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from math import inf, isfinite, nan
+from math import inf, isfinite
 
 from orchestration.rig.signals import Limit
 
 # s by which messages of a steady client may come early: it is not refused then
 _EARLY = 0.01
-# of the range of a command, by which it changes much, and by which a device may round it
-_CHANGE = 0.01
 _ROUNDING = 1e-9  # of a rate limit: a ramp at the limit must not fail by the last bit of a time
 
 
@@ -176,109 +173,6 @@ def excess(
             f" {limit.rate:g} {unit}/s"
         )
     return ""
-
-
-class StuckMonitor:
-    """Monitor of measured values that stay the same, and of writes that the device ignores.
-
-    A sensor that shows the same number again and again while commands change is taken for stuck. So
-    is a command that the device, by its own word, does not have.
-
-    Parameters
-    ----------
-    signals : pair of Mapping of str to str
-        What is commanded and what is measured, and their units.
-    limits : Mapping of str to Limit
-        By signal.
-    samples : int
-        In a row, after which it is an alarm; 0 is never.
-    """
-
-    def __init__(
-        self,
-        signals: tuple[Mapping[str, str], Mapping[str, str]],
-        limits: Mapping[str, Limit],
-        samples: int,
-    ) -> None:
-        self._inputs, self._outputs = signals
-        self._much = [_CHANGE * _span(limits.get(name)) for name in self._inputs]
-        self._samples = samples
-        self._same = {name: _Run() for name in self._outputs}
-        self._ignored = dict.fromkeys(self._inputs, 0)
-
-    def check(
-        self,
-        applied: Sequence[float],
-        read_back: Sequence[float],
-        measured: Mapping[str, float],
-    ) -> list[str]:
-        """Check one sample.
-
-        Parameters
-        ----------
-        applied, read_back : sequence of float
-            What each input was given, and what the device says it has; NaN where it does not.
-        measured : Mapping of str to float
-            By output; NaN where there is none.
-
-        Returns
-        -------
-        list of str
-            Sentences about what became an alarm with this sample.
-        """
-        if not self._samples:
-            return []
-        alarms = []
-        for name, value in measured.items():
-            run = self._same[name]
-            run.add(value, applied)
-            if run.count == self._samples and (moved := self._moved(run)):
-                text = f"{name} has been {value:.6g} {self._outputs[name]} for {run.count} samples"
-                alarms.append(f"{text}, while {moved} changed: is its sensor stuck?")
-        for name, wanted, there, much in zip(
-            self._inputs, applied, read_back, self._much, strict=True
-        ):
-            is_ignored = abs(there - wanted) > much
-            self._ignored[name] = self._ignored[name] + 1 if is_ignored else 0
-            if self._ignored[name] == self._samples:
-                unit = self._inputs[name]
-                alarms.append(
-                    f"{name} was written as {wanted:.6g} {unit} in {self._samples} samples, and the"
-                    f" device has {there:.6g} {unit}"
-                )
-        return alarms
-
-    def _moved(self, run: _Run) -> str:
-        """Return the inputs that have changed by much since a value began to stay the same."""
-        spans = zip(self._inputs, run.least, run.most, self._much, strict=True)
-        return " and ".join(name for name, low, high, much in spans if high - low > much)
-
-
-@dataclass
-class _Run:
-    """A value that stays the same, and between what the inputs were meanwhile."""
-
-    value: float = nan
-    count: int = 0
-    least: tuple[float, ...] = ()
-    most: tuple[float, ...] = ()
-
-    def add(self, value: float, applied: Sequence[float]) -> None:
-        if value == self.value:
-            self.count += 1
-            self.least = tuple(map(min, self.least, applied))
-            self.most = tuple(map(max, self.most, applied))
-        else:
-            self.value = value
-            self.count = 1
-            self.least = self.most = tuple(applied)
-
-
-def _span(limit: Limit | None) -> float:
-    """Return how far a signal can change; 0 where nothing limits it."""
-    if limit is None or not isfinite(limit.max - limit.min):
-        return 0.0
-    return limit.max - limit.min
 
 
 class MeasurementMonitor:

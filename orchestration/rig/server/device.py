@@ -19,7 +19,7 @@ from time import monotonic, sleep
 from typing import Any
 
 from orchestration.rig.backends import open_backend
-from orchestration.rig.safety import MeasurementMonitor, SlewLimiter, StuckMonitor, expired
+from orchestration.rig.safety import MeasurementMonitor, SlewLimiter, expired
 from orchestration.rig.server.calls import (
     BackendError,
     BackendSignals,
@@ -45,6 +45,7 @@ from orchestration.rig.server.shared_memory import (
     unpack,
     write_text,
 )
+from orchestration.rig.stuck import StuckMonitor
 
 # s: while the device waits for its deadline it looks this often whether it is to go safe or to end
 _LOOK = 0.01
@@ -105,6 +106,7 @@ class Device:
         self._ending = False
         self._opened = False
         self._safe = 0.0  # since when, s; 0 if it is not
+        self._seen = 0  # number of the newest command
         self._lost = ""  # why nobody can watch over this process
         self._suspension = Suspension()
         self._slew = SlewLimiter((), {}, 0.0)
@@ -197,7 +199,9 @@ class Device:
             self._look_for_others(now)
         if self._ending:
             return _END
-        return self._shared.command.read() or _END
+        command = self._shared.command.read() or _END
+        self._seen = command.number
+        return command
 
     def _look_for_others(self, now: float) -> None:
         """Take note of an end, of a silent front or guard, and of a suspend of the computer."""
@@ -292,4 +296,5 @@ class Device:
         return call(name, function, *arguments)
 
     def _beat(self, where: str, now: float) -> None:
-        self._shared.beat.write(Beat(now, os.getpid(), self._opened, self._safe, where.encode()))
+        about = (self._opened, self._safe, where.encode(), self._seen)
+        self._shared.beat.write(Beat(now, os.getpid(), *about))

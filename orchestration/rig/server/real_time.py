@@ -67,6 +67,7 @@ class RealTimeRig:
         self._shared = SharedMemory(self._memory)
         self._command = Command()
         self._shared.command.write(self._command)
+        self._rests = 0  # number of the newest order to rest
         self._seen: dict[str, float] = {}
         self._guards: dict[int, Any] = {}  # processes by number
         self._failed = 0  # guards since the last acknowledgement
@@ -156,8 +157,9 @@ class RealTimeRig:
     def safe_since(self) -> float | None:
         """Return since when the rig is confirmed to be in its safe state; None while it is not.
 
-        The newest word counts, of the device or of a guard in its place. Of a device that shows no
-        sign of life nobody knows, unless it has ended.
+        The newest word counts, of the device or of a guard in its place. A device may be about to
+        carry out a command that came before the order to rest, until it has seen that. Of one that
+        shows no sign of life nobody knows, unless it has ended.
         """
         beat = self._shared.beat.read()
         rescue = self._shared.rescue.read()
@@ -166,7 +168,8 @@ class RealTimeRig:
         if beat is None or not beat.safe:
             return None
         is_over = read_text(beat.call) == device.ENDED
-        return beat.safe if is_over or self._hears_device() else None
+        is_heard = self._hears_device() and beat.seen >= self._rests
+        return beat.safe if is_over or is_heard else None
 
     def release(self) -> None:
         """Serve again: the device, if it is still there, or another one."""
@@ -177,8 +180,11 @@ class RealTimeRig:
             self._start_guard("")
 
     def _order(self, command: Command) -> None:
-        self._command = command
-        self._shared.command.write(command)
+        number = self._command.number + 1
+        if command.order == REST:
+            self._rests = number
+        self._command = command._replace(number=number)
+        self._shared.command.write(self._command)
 
     def opening(self) -> str:
         """Return the reason for which the rig cannot be used: its device is not open."""

@@ -32,14 +32,15 @@ OPENING, SERVING, GONE, RESCUING, RETIRED = range(5)
 class Command(NamedTuple):
     """The newest command, written by the front.
 
-    `acknowledged` counts acknowledgements: whoever tripped stays safe until the next. `accepted` is
-    when the newest command was accepted, `values` are packed.
+    `number` counts the commands. `acknowledged` counts acknowledgements: whoever tripped stays safe
+    until the next. `accepted` is when the newest command was accepted, `values` are packed.
     """
 
     order: int = REST
     acknowledged: int = 0
     accepted: float = 0.0
     values: bytes = b""
+    number: int = 0
 
 
 class Pulse(NamedTuple):
@@ -53,7 +54,8 @@ class Beat(NamedTuple):
     """A sign of life, written by the device before every call of the backend and before it sleeps.
 
     `call` is what it is about to do, `opened` whether it has read the backend once, `safe` since
-    when the rig is in its safe state, 0 if it is not.
+    when the rig is in its safe state, 0 if it is not; `seen` is the number of the newest command
+    that it has read.
     """
 
     time: float
@@ -61,6 +63,7 @@ class Beat(NamedTuple):
     opened: bool
     safe: float
     call: bytes
+    seen: int = 0
 
 
 class Sample(NamedTuple):
@@ -124,9 +127,9 @@ class Description(NamedTuple):
 
 Record = TypeVar("Record", bound=tuple[Any, ...])
 _LAYOUTS: dict[type, str] = {
-    Command: "<BQd" + _NUMBERS,
+    Command: "<BQd" + _NUMBERS + "Q",
     Pulse: "<dQ",
-    Beat: "<dQ?d16s",
+    Beat: "<dQ?d16sQ",
     Sample: "<QdQ" + 4 * _NUMBERS,
     Trip: f"<d??{_TEXT}s",
     Alarm: f"<d{_TEXT}s",

@@ -7,7 +7,14 @@ from time import monotonic
 
 from orchestration.rig.server.processes import Peer
 from orchestration.rig.server.settings import ServerSettings
-from orchestration.rig.server.shared_memory import RESCUING, RETIRED, Pulse, SharedMemory, Watch
+from orchestration.rig.server.shared_memory import (
+    OPENING,
+    RESCUING,
+    RETIRED,
+    Pulse,
+    SharedMemory,
+    Watch,
+)
 
 # s; a guard that hangs for longer in the backend ends itself, and the other takes its place
 LONGEST_ATTEMPT = 5.0
@@ -64,7 +71,8 @@ def longest_silence(at: int, settings: ServerSettings) -> float:
     Parameters
     ----------
     at : int
-        What it is at: in the driver itself it may be as long as an attempt takes.
+        What it is at. In the driver itself it may be as long as an attempt takes; and while the
+        device is opened, when nothing is commanded yet, a machine is busy.
     settings : ServerSettings
     """
-    return settings.silence + (LONGEST_ATTEMPT if at == RESCUING else 0.0)
+    return settings.silence + (LONGEST_ATTEMPT if at in (OPENING, RESCUING) else 0.0)

@@ -14,7 +14,6 @@ from orchestration.rig.safety import (
     CommandFilter,
     MeasurementMonitor,
     SlewLimiter,
-    StuckMonitor,
     expired,
     stale,
 )
@@ -138,49 +137,6 @@ def test_a_rate_counts_from_the_value_that_is_applied_not_from_one_that_was_refu
     assert commands.applied == (0.0,)
     assert commands.take([0.2], 1.3, 0.1), "at rest the rig is at zero"
     assert commands.take([0.1], 1.3, 0.1) == []
-
-
-def stuck(samples, read_back=nan, sensor=lambda k: 0.5, command=lambda k: 0.01 * k, after=10):
-    """Return at which samples there was an alarm, and the alarms."""
-    monitor = StuckMonitor(
-        ({"current": "A"}, {"voltage": "V"}), {"current": Limit(-1.0, 1.0)}, after
-    )
-    found = []
-    for k in range(samples):
-        there = read_back(k) if callable(read_back) else read_back
-        found += [(k, t) for t in monitor.check([command(k)], [there], {"voltage": sensor(k)})]
-    return found
-
-
-def test_a_value_that_stays_the_same_while_commands_change_is_an_alarm_once():
-    assert stuck(30) == [
-        (
-            9,
-            "voltage has been 0.5 V for 10 samples, while current changed: is its sensor stuck?",
-        )
-    ]
-
-
-@pytest.mark.parametrize(
-    "about",
-    [
-        {"sensor": lambda k: 0.5 + 1e-6 * (k % 9 == 0)},
-        {"command": lambda k: 0.9},  # nothing changes
-        {"command": lambda k: 0.015 * (k % 2)},  # by less than a hundredth of its range
-        {"sensor": lambda k: nan},  # none is there, which is told elsewhere
-        {"after": 0},
-        {"read_back": lambda k: 0.01 * k + 0.019, "sensor": lambda k: k},  # rounded
-    ],
-)
-def test_no_alarm(about):
-    assert stuck(30, **about) == []
-
-
-def test_a_write_that_the_device_ignores_is_an_alarm_once():
-    found = stuck(30, read_back=0.0, sensor=lambda k: k, command=lambda k: 0.5)
-    assert found == [
-        (9, "current was written as 0.5 A in 10 samples, and the device has 0 A"),
-    ]
 
 
 @given(st.lists(st.tuples(anything, durations), max_size=30))

@@ -90,7 +90,7 @@ def test_it_is_open_when_the_guard_says_so(rig, started):
     assert rig.bound == pytest.approx(0.2 + 0.01 + 0.25), "watchdog, period, opening it again"
     assert rig.signals == SIGNALS
     assert rig.opening() == ""
-    assert rig._shared.command.read() == Command()._replace(values=bytes(256))
+    assert rig._shared.command.read() == Command(values=bytes(256))
 
 
 def test_a_backend_that_does_not_open_is_an_error_with_its_reason(monkeypatch):
@@ -145,9 +145,9 @@ def test_reports_of_device_and_guard_are_told_once(rig):
     assert rig.troubles() == ["too hot"]
 
 
-def beat(rig, safe, age=0.0, call=b"sleep"):
+def beat(rig, safe, age=0.0, call=b"sleep", seen=1000):
     """Let the device show a sign of life."""
-    rig._shared.beat.write(Beat(time.monotonic() - age, 9, True, safe, call))
+    rig._shared.beat.write(Beat(time.monotonic() - age, 9, True, safe, call, seen))
 
 
 def sample(rig):
@@ -180,6 +180,17 @@ def test_the_newest_word_tells_since_when_the_rig_is_safe(rig, safe, age, call, 
         assert applied == (0.0, 0.0)
     else:
         assert applied == ((0.5, 2.0) if age == 0.0 else (None, None)), "unknown of a silent device"
+
+
+def test_a_device_that_has_not_seen_the_order_to_rest_is_not_safe(rig):
+    """It was at rest, and has read a command that it is about to carry out."""
+    rig.apply([0.5, 2.0], time.monotonic())
+    before = rig._shared.command.read().number
+    rig.go_safe()
+    beat(rig, safe=50.0, seen=before)
+    assert rig.safe_since() is None
+    beat(rig, safe=50.0, seen=before + 1)
+    assert rig.safe_since() == 50.0
 
 
 def test_alarms_are_told_once(rig):

@@ -16,6 +16,7 @@ from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     GONE,
+    OPENING,
     RESCUING,
     REST,
     RETIRED,
@@ -63,6 +64,7 @@ def stand_by(process, at, age, order=REST):
         (GONE, 5.0, "the guard shows no sign of life for 5"),
         (RESCUING, LONGEST_ATTEMPT - 1.0, ""),  # a driver may take its time
         (RESCUING, LONGEST_ATTEMPT + 1.0, "the guard shows no sign of life for 6"),
+        (OPENING, LONGEST_ATTEMPT - 1.0, ""),  # a machine is busy then
         (RETIRED, 5.0, ""),
         (SERVING, -60.0, ""),  # it shows them
     ],

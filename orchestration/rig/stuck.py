@@ -1,0 +1,186 @@
+"""Monitor of sensors that show the same number again and again, and of writes that are ignored.
+
+A number that stays the same says nothing by itself: a value that does not depend on what is
+commanded stays, and a converter shows the same step. It is held against what the sensor did before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite, nan
+
+from orchestration.rig.signals import Limit
+
+# of the range of a command, by which it changes much, and by which a device may round it
+_CHANGE = 0.01
+_NOISY = (
+    0.5  # of the samples in which nothing changed, that show another number than the one before
+)
+
+
+class StuckMonitor:
+    """Monitor of a rig's measured values and of what its device has.
+
+    Parameters
+    ----------
+    signals : pair of Mapping of str to str
+        What is commanded and what is measured, and their units.
+    limits : Mapping of str to Limit
+        By signal.
+    samples : int
+        In a row, after which it is an alarm; 0 is never.
+    """
+
+    def __init__(
+        self,
+        signals: tuple[Mapping[str, str], Mapping[str, str]],
+        limits: Mapping[str, Limit],
+        samples: int,
+    ) -> None:
+        self._inputs, self._outputs = signals
+        self._much = [_CHANGE * _span(limits.get(name)) for name in self._inputs]
+        self._samples = samples
+        self._sensors = {name: _Sensor(self._much, samples) for name in self._outputs}
+        self._ignored = dict.fromkeys(self._inputs, 0)
+
+    def check(
+        self,
+        applied: Sequence[float],
+        read_back: Sequence[float],
+        measured: Mapping[str, float],
+    ) -> list[str]:
+        """Check one sample.
+
+        Parameters
+        ----------
+        applied, read_back : sequence of float
+            What each input was given, and what the device says it has; NaN where it does not.
+        measured : Mapping of str to float
+            By output; NaN where there is none.
+
+        Returns
+        -------
+        list of str
+            Sentences about what became an alarm with this sample.
+        """
+        if not self._samples:
+            return []
+        alarms = []
+        for name, value in measured.items():
+            sensor = self._sensors[name]
+            sensor.add(value, tuple(applied))
+            missed = sensor.missed() if sensor.same == self._samples else ()
+            if missed:
+                inputs = " and ".join(list(self._inputs)[k] for k in sorted(missed))
+                shown = f"{value:.6g} {self._outputs[name]}"
+                alarms.append(
+                    f"{name} has been {shown} for {sensor.same} samples, while {inputs} changed: is"
+                    " its sensor stuck?"
+                )
+        return alarms + self._ignored_writes(applied, read_back)
+
+    def _ignored_writes(self, applied: Sequence[float], read_back: Sequence[float]) -> list[str]:
+        alarms = []
+        for name, wanted, there, much in zip(
+            self._inputs, applied, read_back, self._much, strict=True
+        ):
+            is_ignored = abs(there - wanted) > much
+            self._ignored[name] = self._ignored[name] + 1 if is_ignored else 0
+            if self._ignored[name] == self._samples:
+                unit = self._inputs[name]
+                alarms.append(
+                    f"{name} was written as {wanted:.6g} {unit} in {self._samples} samples, and the"
+                    f" device has {there:.6g} {unit}"
+                )
+        return alarms
+
+
+class _Sensor:
+    """What a sensor shows, and what it was seen to do.
+
+    Parameters
+    ----------
+    much : sequence of float
+        By which each input changes much.
+    samples : int
+        That are looked at together.
+
+    Attributes
+    ----------
+    same : int
+        Samples in a row with the present value.
+    """
+
+    def __init__(self, much: Sequence[float], samples: int) -> None:
+        self._much = much
+        self._samples = samples
+        self.same = 0
+        self._value = nan
+        self._applied: tuple[float, ...] = ()
+        self._meanwhile = _Span()  # of the inputs, while the value stayed the same
+        self._window = _Span()  # of the inputs, in samples that are looked at together
+        self._changes = 0  # of the value, in those
+        self._still = 0  # samples in which no input changed, and those of them with another value
+        self._noisy = 0
+        self._followed: set[frozenset[int]] = set()  # inputs that moved when the value did
+
+    def add(self, value: float, applied: tuple[float, ...]) -> None:
+        """Take note of a sample."""
+        is_new = value != self._value
+        if applied == self._applied:
+            self._still += 1
+            self._noisy += is_new
+        if is_new:
+            self._meanwhile = _Span()
+            self.same = 0
+        self.same += 1
+        self._meanwhile.add(applied)
+        self._window.add(applied)
+        self._changes += is_new and isfinite(self._value)
+        if self._window.count > self._samples:
+            moved = self._window.moved(self._much)
+            if moved and self._changes:
+                self._followed.add(moved)
+            self._window = _Span()
+            self._window.add(applied)  # from which the next change is one
+            self._changes = 0
+        self._value = value
+        self._applied = applied
+
+    def missed(self) -> frozenset[int]:
+        """Return the inputs that have moved without the value, which is out of its character.
+
+        A noisy sensor never stays the same for long. Another one has followed some of these inputs
+        before.
+        """
+        moved = self._meanwhile.moved(self._much)
+        is_noisy = self._still >= self._samples and self._noisy > _NOISY * self._still
+        if is_noisy or any(one <= moved for one in self._followed):
+            return moved
+        return frozenset()
+
+
+class _Span:
+    """Between what the inputs were in some samples."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._least: tuple[float, ...] = ()
+        self._most: tuple[float, ...] = ()
+
+    def add(self, applied: tuple[float, ...]) -> None:
+        self._least = tuple(map(min, self._least, applied)) if self.count else applied
+        self._most = tuple(map(max, self._most, applied)) if self.count else applied
+        self.count += 1
+
+    def moved(self, much: Sequence[float]) -> frozenset[int]:
+        """Return the inputs that have changed by much."""
+        spans = zip(self._least, self._most, much, strict=True)
+        return frozenset(k for k, (low, high, least) in enumerate(spans) if high - low > least)
+
+
+def _span(limit: Limit | None) -> float:
+    """Return how far a signal can change; 0 where nothing limits it."""
+    if limit is None or not isfinite(limit.max - limit.min):
+        return 0.0
+    return limit.max - limit.min
