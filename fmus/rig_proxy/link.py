@@ -92,7 +92,6 @@ class Link:
             dict(outputs),
             client,
         )
-        self._instance = token_hex(8)
         self.accepted: Mapping[str, Any] = {}
         self.asked = self.answered = NEVER
         self.trip = 0.0
@@ -280,7 +279,6 @@ class Link:
         self._socket = socket = self._context.socket(zmq.DEALER)
         for option in (zmq.SNDHWM, zmq.RCVHWM):
             socket.setsockopt(option, _QUEUE)
-        socket.setsockopt(zmq.ROUTING_ID, f"ppy-{token_hex(8)}".encode())
         socket.setsockopt(zmq.LINGER, 0)
         socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)

@@ -157,17 +157,18 @@ def test_a_session_that_was_taken_away_is_over_and_told_once(one):
 
 
 @pytest.mark.parametrize(
-    ("state", "said"),
+    ("settling", "bound", "said"),
     [
-        ("stopping", "on the way to its safe state: the emergency stop was pressed"),
-        ("safe", "in its safe state: the emergency stop was pressed"),
-        ("not reached", "HAS NOT REACHED ITS SAFE STATE AND MAY STILL BE ENERGISED: the emergency"),
+        (60.0, 60.0, "on the way to its safe state: the emergency stop was pressed"),
+        (0.0, 60.0, "in its safe state: the emergency stop was pressed"),
+        (60.0, -1.0, "HAS NOT REACHED ITS SAFE STATE AND MAY STILL BE ENERGISED: the emergency"),
     ],
 )
-def test_a_latch_is_an_error_with_its_reason(one, state, said):
+def test_a_latch_is_an_error_with_its_reason(one, settling, bound, said):
     with actuator_rig() as rig:
         connected(one, rig, FAST, on_stale="hold").step(STEP)
-        rig.safe("the emergency stop was pressed", state)
+        rig.settling, rig.bound = settling, bound
+        rig.safe("the emergency stop was pressed")
         assert said in fails(one)[1]
         assert one.call("fmi2DoStep", one.time, STEP, 1) == ERROR
 
