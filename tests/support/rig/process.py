@@ -222,6 +222,8 @@ class Server:
         for stop in (self.process.terminate, self.process.kill):
             if self.process.poll() is None and self.terminal is None:
                 stop()
+                if os.name == "posix":  # one that is stopped ends when it goes on
+                    self.process.send_signal(signal.SIGCONT)
                 try:
                     self.process.wait(_END)
                 except subprocess.TimeoutExpired:
