@@ -18,8 +18,8 @@ from fmus.kit import Component, Effect
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis as Diagnosis
-from orchestration.discrepancy.conclude import DiagnosisData, conclude
 from orchestration.discrepancy.conclude import Verdict as Verdict
+from orchestration.discrepancy.conclude import conclude
 from orchestration.discrepancy.data import (
     Dataset,
     DividedData,
@@ -30,6 +30,7 @@ from orchestration.discrepancy.data import (
     searched_stretch,
     stretch_notes,
 )
+from orchestration.discrepancy.final_model import DiagnosisData
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import has_structure
 from orchestration.discrepancy.selection import (
