@@ -53,7 +53,8 @@ from orchestration.discrepancy.selection import (
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
 
 _ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
-_NEARER = 0.97  # of the error with another unit, which a cause must leave at most to be named
+# of the error that a record read otherwise leaves, up to which causes must come to be named
+_NEARER = 0.97
 
 
 @dataclass(frozen=True)
@@ -350,11 +351,11 @@ def select(
         return _nothing_selected(fitted, [])
     is_copied = any(note.code is NoteCode.COPIED for note in fitted.record.parts.notes)
     notes = _misuse_notes(fitted) if mixed_up and not is_copied else []
-    is_unit = all(note.code is NoteCode.OTHER_UNIT for note in notes)
-    if not is_unit or is_copied or solver_error_notes(fitted.base):
+    is_ahead = any(note.code is NoteCode.MOVES_AHEAD for note in notes)
+    if is_copied or is_ahead or solver_error_notes(fitted.base):
         return _nothing_selected(fitted, notes)
     selected = _selected_causes(fitted, effects)
-    # a factor can be had of many parameters, and what bends them out of reason may be a cause
+    # read otherwise, a record may look better than with a model that lacks something
     return _nothing_selected(fitted, notes) if notes and not _nearer(selected, notes) else selected
 
 
@@ -366,7 +367,7 @@ def _nothing_selected(fitted: BaseFit, notes: list[Note]) -> SelectedEffects:
 
 
 def _nearer(selected: SelectedEffects, notes: Sequence[Note]) -> bool:
-    """Return whether a cause was selected that comes nearer to a record than another unit."""
+    """Return whether causes were selected that come nearer to a record than it read otherwise."""
     steps = selected.selection.steps
     if not steps:
         return False
