@@ -73,14 +73,23 @@ def test_another_unit_is_told_where_it_brings_parameters_to_reason(how, columns,
     assert wording.message(note) in wording.sentence(diagnosis)
 
 
-@pytest.mark.parametrize(("instead", "is_named"), [(0.2, True), (0.001, False)])
-def test_a_cause_that_comes_nearer_than_another_unit_is_named(monkeypatch, instead, is_named):
-    """Parameters may be bent to another unit's by what the model lacks, here dry friction."""
+@pytest.mark.parametrize(
+    ("code", "instead", "is_named"),
+    [
+        (NoteCode.OTHER_UNIT, 0.2, True),
+        (NoteCode.EXCHANGED, 0.2, True),
+        (NoteCode.EXCHANGED, 0.001, False),
+    ],
+)
+def test_a_cause_that_comes_nearer_than_another_reading_is_named(
+    monkeypatch, code, instead, is_named
+):
+    """A record may look misread because of what the model lacks, here dry friction."""
     facts = {"columns": "drive", "unit": "mm/s", "others": (), "share": 0.4, "instead": instead}
-    unit = Note(NoteCode.OTHER_UNIT, "", facts)
-    monkeypatch.setattr(whole_diagnosis, "mixed_up_columns", lambda search, base: [unit])
+    reading = Note(code, "", facts)
+    monkeypatch.setattr(whole_diagnosis, "mixed_up_columns", lambda search, base: [reading])
     diagnosis = diagnose(Motor, with_dry_friction(0.5), [FRICTION])
-    assert (unit in diagnosis.notes) is not is_named
+    assert (reading in diagnosis.notes) is not is_named
     assert bool(diagnosis.causes) is is_named
     assert (diagnosis.verdict is Verdict.UNEXPLAINED) is not is_named
 
