@@ -55,6 +55,7 @@ from orchestration.discrepancy.validation import ConfirmedSelection, confirm, er
 _ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
 # of the error that a record read otherwise leaves, up to which causes must come to be named
 _NEARER = 0.97
+_SCALES = (NoteCode.OTHER_UNIT, NoteCode.OTHER_SIGN)
 
 
 @dataclass(frozen=True)
@@ -367,9 +368,13 @@ def _nothing_selected(fitted: BaseFit, notes: list[Note]) -> SelectedEffects:
 
 
 def _nearer(selected: SelectedEffects, notes: Sequence[Note]) -> bool:
-    """Return whether causes were selected that come nearer to a record than it read otherwise."""
+    """Return whether causes were selected that come nearer to a record than it read otherwise.
+
+    A sensor's gain that does what another unit or sign does is that unit or sign.
+    """
     steps = selected.selection.steps
-    if not steps:
+    is_scaled = any(note.code in _SCALES for note in notes)
+    if not steps or (is_scaled and steps[0].chosen.effect.id == "sensor_gain"):
         return False
     least = min(note.facts["instead"] for note in notes)
     return free_run_error(steps[-1].chosen) < _NEARER * least

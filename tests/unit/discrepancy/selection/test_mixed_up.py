@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import Output
+from fmus.kit import Output, measurement_effects
 from orchestration.discrepancy import diagnosis as whole_diagnosis
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
@@ -92,6 +92,17 @@ def test_a_cause_that_comes_nearer_than_another_reading_is_named(
     assert (reading in diagnosis.notes) is not is_named
     assert bool(diagnosis.causes) is is_named
     assert (diagnosis.verdict is Verdict.UNEXPLAINED) is not is_named
+
+
+def test_a_gain_of_a_sensor_does_not_stand_for_a_sign(monkeypatch):
+    """However near it comes: with the sign changed, parameters are a specimen's, too."""
+    facts = {"columns": "shown", "others": (), "share": 0.9, "instead": 0.2}
+    sign = Note(NoteCode.OTHER_SIGN, "", facts)
+    monkeypatch.setattr(whole_diagnosis, "mixed_up_columns", lambda search, base: [sign])
+    gain = next(one for one in measurement_effects(Motor) if one.id == "sensor_gain")
+    diagnosis = diagnose(Motor, wired(shown_sign=-1.0), [gain])
+    assert sign in diagnosis.notes
+    assert diagnosis.causes == []
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.6])
