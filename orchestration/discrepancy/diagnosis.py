@@ -56,6 +56,8 @@ _ALIKE = 1.2  # times the least error, up to which explanations of a record cann
 # of the error that a record read otherwise leaves, up to which causes must come to be named
 _NEARER = 0.97
 _SCALES = (NoteCode.OTHER_UNIT, NoteCode.OTHER_SIGN)
+# readings by which outputs stay what they are: their errors can be held against those of causes
+_COLUMNS = (*_SCALES, NoteCode.EXCHANGED)
 
 
 @dataclass(frozen=True)
@@ -352,11 +354,11 @@ def select(
         return _nothing_selected(fitted, [])
     is_copied = any(note.code is NoteCode.COPIED for note in fitted.record.parts.notes)
     notes = _misuse_notes(fitted) if mixed_up and not is_copied else []
-    is_ahead = any(note.code is NoteCode.MOVES_AHEAD for note in notes)
-    if is_copied or is_ahead or solver_error_notes(fitted.base):
+    is_certain = any(note.code not in _COLUMNS for note in notes)
+    if is_copied or is_certain or solver_error_notes(fitted.base):
         return _nothing_selected(fitted, notes)
     selected = _selected_causes(fitted, effects)
-    # read otherwise, a record may look better than with a model that lacks something
+    # with other columns a record may look better than with a model that lacks something
     return _nothing_selected(fitted, notes) if notes and not _nearer(selected, notes) else selected
 
 
