@@ -18,8 +18,8 @@ from fmus.kit import Component, Effect
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis as Diagnosis
-from orchestration.discrepancy.conclude import DiagnosisData, conclude
 from orchestration.discrepancy.conclude import Verdict as Verdict
+from orchestration.discrepancy.conclude import conclude
 from orchestration.discrepancy.data import (
     Dataset,
     DividedData,
@@ -30,6 +30,7 @@ from orchestration.discrepancy.data import (
     searched_stretch,
     stretch_notes,
 )
+from orchestration.discrepancy.final_model import DiagnosisData
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.residuals import has_structure
 from orchestration.discrepancy.selection import (
@@ -52,7 +53,11 @@ from orchestration.discrepancy.selection import (
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
 
 _ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
-_NEARER = 0.97  # of the error with another unit, which a cause must leave at most to be named
+# of the error that a record read otherwise leaves, up to which causes must come to be named
+_NEARER = 0.97
+_SCALES = (NoteCode.OTHER_UNIT, NoteCode.OTHER_SIGN)
+# readings by which outputs stay what they are: their errors can be held against those of causes
+_COLUMNS = (*_SCALES, NoteCode.EXCHANGED)
 
 
 @dataclass(frozen=True)
@@ -349,11 +354,11 @@ def select(
         return _nothing_selected(fitted, [])
     is_copied = any(note.code is NoteCode.COPIED for note in fitted.record.parts.notes)
     notes = _misuse_notes(fitted) if mixed_up and not is_copied else []
-    is_unit = all(note.code is NoteCode.OTHER_UNIT for note in notes)
-    if not is_unit or is_copied or solver_error_notes(fitted.base):
+    is_certain = any(note.code not in _COLUMNS for note in notes)
+    if is_copied or is_certain or solver_error_notes(fitted.base):
         return _nothing_selected(fitted, notes)
     selected = _selected_causes(fitted, effects)
-    # a factor can be had of many parameters, and what bends them out of reason may be a cause
+    # with other columns a record may look better than with a model that lacks something
     return _nothing_selected(fitted, notes) if notes and not _nearer(selected, notes) else selected
 
 
@@ -365,9 +370,13 @@ def _nothing_selected(fitted: BaseFit, notes: list[Note]) -> SelectedEffects:
 
 
 def _nearer(selected: SelectedEffects, notes: Sequence[Note]) -> bool:
-    """Return whether a cause was selected that comes nearer to a record than another unit."""
+    """Return whether causes were selected that come nearer to a record than it read otherwise.
+
+    A sensor's gain that does what another unit or sign does is that unit or sign.
+    """
     steps = selected.selection.steps
-    if not steps:
+    is_scaled = any(note.code in _SCALES for note in notes)
+    if not steps or (is_scaled and steps[0].chosen.effect.id == "sensor_gain"):
         return False
     least = min(note.facts["instead"] for note in notes)
     return free_run_error(steps[-1].chosen) < _NEARER * least

@@ -16,7 +16,8 @@ from threadpoolctl import threadpool_limits
 from fmus.kit import Effect, effect_name, made_with
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
-from orchestration.discrepancy.conclude import Diagnosis, DiagnosisData, Verdict, conclude
+from orchestration.discrepancy.conclude import Diagnosis, Verdict, conclude
+from orchestration.discrepancy.final_model import DiagnosisData
 from orchestration.discrepancy.laws import (
     Correction,
     Entry,

@@ -12,6 +12,7 @@ from fmus.kit.generic import coulomb_friction
 from orchestration.discrepancy.data.dataset import Dataset
 
 STEP, COUNT, LAG = 0.1, 1500, 0.8
+SUBSTEPS = 50  # of Euler's, in a step
 
 
 class Motor(Component):
@@ -57,16 +58,20 @@ def wired(drive_sign=1.0, shown_sign=1.0, exchanged=False, noise=0.02, clock=1.0
     return Dataset(clock * STEP * np.arange(COUNT), {"drive": fed}, {"shown": measured})
 
 
-def with_dry_friction(force, noise=0.02, substeps=50):
-    """Return the record of a motor that dry friction of a force brakes too, by Euler's steps."""
+def with_dry_friction(force, width=0.02, drive=1.0, noise=0.02, wave=0.0):
+    """Return the record of a motor that dry friction, force tanh(speed / width), brakes too.
+
+    By Euler's steps. The drive is so many times that of `wired`; what is shown has noise, and a
+    wave that has no cause.
+    """
     record = wired()
-    drive = record.inputs["drive"]
-    step = STEP / substeps
+    fed = drive * record.inputs["drive"]
     speed = np.zeros(COUNT)
     for k in range(COUNT - 1):
         v = speed[k]
-        for _ in range(substeps):
-            v += step * (3.0 * drive[k] / LAG - v / LAG - force * np.tanh(v / 0.02))
+        for _ in range(SUBSTEPS):
+            v += STEP / SUBSTEPS * ((3.0 * fed[k] - v) / LAG - force * np.tanh(v / width))
         speed[k + 1] = v
-    shown = speed + noise * np.random.default_rng(6).standard_normal(COUNT)
-    return Dataset(record.time, record.inputs, {"shown": shown})
+    error = noise * np.random.default_rng(6).standard_normal(COUNT)
+    shown = speed + error + wave * np.sin(0.9 * record.time)
+    return Dataset(record.time, {"drive": fed}, {"shown": shown})

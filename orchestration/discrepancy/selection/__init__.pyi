@@ -11,6 +11,7 @@ from .input_noise import unfollowed_noise as unfollowed_noise
 from .input_noise import with_more_noise as with_more_noise
 from .intersample import Intersample as Intersample
 from .misfit import free_run_error as free_run_error
+from .misfit import pooled as pooled
 from .mixed_up import mixed_up_columns as mixed_up_columns
 from .output_clock import by_another_clock as by_another_clock
 from .pieces import pieced_together as pieced_together

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import Output
+from fmus.kit import Output, measurement_effects
 from orchestration.discrepancy import diagnosis as whole_diagnosis
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
@@ -73,16 +73,36 @@ def test_another_unit_is_told_where_it_brings_parameters_to_reason(how, columns,
     assert wording.message(note) in wording.sentence(diagnosis)
 
 
-@pytest.mark.parametrize(("instead", "is_named"), [(0.2, True), (0.001, False)])
-def test_a_cause_that_comes_nearer_than_another_unit_is_named(monkeypatch, instead, is_named):
-    """Parameters may be bent to another unit's by what the model lacks, here dry friction."""
+@pytest.mark.parametrize(
+    ("code", "instead", "is_named"),
+    [
+        (NoteCode.OTHER_UNIT, 0.2, True),
+        (NoteCode.EXCHANGED, 0.2, True),
+        (NoteCode.EXCHANGED, 0.001, False),
+    ],
+)
+def test_a_cause_that_comes_nearer_than_another_reading_is_named(
+    monkeypatch, code, instead, is_named
+):
+    """A record may look misread because of what the model lacks, here dry friction."""
     facts = {"columns": "drive", "unit": "mm/s", "others": (), "share": 0.4, "instead": instead}
-    unit = Note(NoteCode.OTHER_UNIT, "", facts)
-    monkeypatch.setattr(whole_diagnosis, "mixed_up_columns", lambda search, base: [unit])
+    reading = Note(code, "", facts)
+    monkeypatch.setattr(whole_diagnosis, "mixed_up_columns", lambda search, base: [reading])
     diagnosis = diagnose(Motor, with_dry_friction(0.5), [FRICTION])
-    assert (unit in diagnosis.notes) is not is_named
+    assert (reading in diagnosis.notes) is not is_named
     assert bool(diagnosis.causes) is is_named
     assert (diagnosis.verdict is Verdict.UNEXPLAINED) is not is_named
+
+
+def test_a_gain_of_a_sensor_does_not_stand_for_a_sign(monkeypatch):
+    """However near it comes: with the sign changed, parameters are a specimen's, too."""
+    facts = {"columns": "shown", "others": (), "share": 0.9, "instead": 0.2}
+    sign = Note(NoteCode.OTHER_SIGN, "", facts)
+    monkeypatch.setattr(whole_diagnosis, "mixed_up_columns", lambda search, base: [sign])
+    gain = next(one for one in measurement_effects(Motor) if one.id == "sensor_gain")
+    diagnosis = diagnose(Motor, wired(shown_sign=-1.0), [gain])
+    assert sign in diagnosis.notes
+    assert diagnosis.causes == []
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.6])
