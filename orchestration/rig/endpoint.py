@@ -51,7 +51,6 @@ class Endpoint:
         if has_name:
             socket.routing_id = new_name()
         socket.ipv6 = True
-        socket.routing_id = f"ppy-{token_hex(8)}".encode()
         socket.reconnect_ivl = 100  # ms
         socket.reconnect_ivl_max = 500  # ms
         socket.heartbeat_ivl = _HEARTBEAT
