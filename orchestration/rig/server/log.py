@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -46,7 +47,7 @@ class EventLog:
         self._destinations = [_Destination(sys.stdout)]
         if path is not None:
             try:
-                file = path.open("a", encoding="utf-8")
+                file = os.fdopen(_open_at_once(path), "a", encoding="utf-8")
             except OSError as error:
                 raise UserError(f"--log {path}: {error.strerror}") from error
             self._destinations.append(
@@ -127,3 +128,9 @@ class _Destination:
                 self._stream.flush()
         except (OSError, ValueError) as error:  # a full disk, a closed pipe
             self._failed(error)
+
+
+def _open_at_once(path: Path) -> int:
+    """Open a file to add to, or fail where a pipe has no reader, which would be waited for."""
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
+    return os.open(path, flags, 0o666)

@@ -10,6 +10,7 @@ import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.rig.server.log import EventLog
+from tests.support.command import posix
 
 pytestmark = pytest.mark.real_time
 
@@ -97,3 +98,11 @@ def test_a_place_that_takes_nothing_holds_nobody_up(monkeypatch):
 def test_a_file_that_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(UserError, match=r"--log .*: "):
         EventLog(tmp_path / "missing" / "rig.log")
+
+
+@posix
+def test_a_pipe_that_nobody_reads_is_refused_at_once(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(UserError, match=r"--log .*pipe: "):
+        EventLog(pipe)
