@@ -25,7 +25,7 @@ from .protocol import (
     decode,
     encode,
 )
-from .proxy import LINK_STATES
+from .proxy import LINK_STATES, LOST, REFUSED
 
 if TYPE_CHECKING:
     from .link import Link, LinkError, describe_latch
@@ -36,11 +36,13 @@ __all__ = [
     "LATCHED",
     "LINK_STATES",
     "LOCKSTEP",
+    "LOST",
     "MAX_FRAME",
     "NOT_REACHED",
     "OPERATOR",
     "PORT",
     "REAL_TIME",
+    "REFUSED",
     "REQUESTS",
     "RUNNING",
     "SAFE",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fmus.kit import UserError
-from fmus.rig_proxy import LINK_STATES
+from fmus.rig_proxy import LOST, REFUSED
 from orchestration.experiment.preparation import Preparation
 from orchestration.master import RealTime
 from orchestration.records import Journal
@@ -19,8 +19,8 @@ _LINK = (
 )  # outputs of a proxy, beside the `_age` of every value
 # by link_state: what leaves a loop open over a rig, while its models go on without it
 _OPEN = {
-    LINK_STATES.index("commands refused"): "the rig refuses a command",
-    LINK_STATES.index("lost"): "the link to the rig is lost",
+    REFUSED: "the rig refuses a command",
+    LOST: "the link to the rig is lost",
 }
 
 

@@ -20,7 +20,7 @@ from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import conclude as conclusion
 from orchestration.discrepancy import diagnosis as diagnosing
-from orchestration.discrepancy import pipeline
+from orchestration.discrepancy import final_model, pipeline
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import stretch
@@ -420,11 +420,11 @@ def not_validated(monkeypatch):
 @makes(NoteCode.MAY_BE_NEUTRAL)
 def may_be_neutral(monkeypatch):
     """Take an effect that is sure for one that is not, and that is not needed."""
-    monkeypatch.setattr(conclusion, "ACCEPT", np.inf)
+    monkeypatch.setattr(final_model, "ACCEPT", np.inf)
     monkeypatch.setattr(
-        conclusion, "undetermined_effects", lambda model, _: [*model.candidate.effects]
+        final_model, "undetermined_effects", lambda model, _: [*model.candidate.effects]
     )
-    monkeypatch.setattr(conclusion, "free_run_gain", lambda *arguments: FreeRunGain())
+    monkeypatch.setattr(final_model, "free_run_gain", lambda *arguments: FreeRunGain())
     return diagnose(Product, with_offset(), [OFFSET]).notes
 
 
