@@ -133,6 +133,7 @@ class LatchFiles(LatchKeeper):
         fields = None if record is None else record._asdict()
         text = json.dumps({"server": server, "latch": fields}, indent=1)
         for path in self._paths:
+            path.parent.mkdir(parents=True, exist_ok=True)  # somebody may have deleted it since
             files.put(path, text.encode(), mode=0o600)
 
     def end(self) -> None:

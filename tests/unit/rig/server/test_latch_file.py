@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import stat
 import subprocess
@@ -154,3 +155,14 @@ def test_a_write_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
     )
     latch_keeper(DEVICES[:1], tmp_path, print)
     assert steps == ["file", "rename", "folder"]
+
+
+def test_a_folder_that_somebody_deletes_is_made_again(tmp_path):
+    keeper = latch_keeper(DEVICES[:1], tmp_path / "state", print)
+    shutil.rmtree(tmp_path / "state")
+    keeper.keep(LatchRecord("name", "stopped: smoke", "", "now"))
+    until = time.monotonic() + 10.0
+    while not (tmp_path / "state").exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    keeper.end()
+    assert latch_keeper(DEVICES[:1], tmp_path / "state", print).held.reason == "stopped: smoke"
