@@ -22,12 +22,10 @@ KINDS = table()
 # Promises that the page shows as missed, each of them an open fault of the server or of the page's
 # measurement; whoever mends one takes it out.
 OPEN = {
-    "a client's first command is under way for a second, and the client is dead by then",
     "the front has no descriptors left",
-    "log and state are deleted with their folders, while the server runs",
     "SIGHUP by the server's terminal, while hil_bench runs",
 }
-OPEN_COMBINATIONS = {"all processes", "front"}
+OPEN_COMBINATIONS = {"all processes"}
 COMBINATIONS = [
     Combination((), "HUP", "commanding"),
     Combination((), "TSTP", "commanding"),
